@@ -1,0 +1,19 @@
+"""The arm on paper: what it is made of, in numbers that a user can measure."""
+
+from s2c2a.arm.files import arm_from_toml, arm_to_toml, load_arm, save_arm
+from s2c2a.arm.geometry import ArmGeometry
+from s2c2a.arm.presets import preset_names
+from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
+
+__all__ = [
+    "ArmGeometry",
+    "ArmSpec",
+    "Cable",
+    "Module",
+    "Motor",
+    "arm_from_toml",
+    "arm_to_toml",
+    "load_arm",
+    "preset_names",
+    "save_arm",
+]

@@ -1,0 +1,84 @@
+"""Arm files: TOML in and out, with errors that name the key."""
+
+import os
+import tomllib
+from pathlib import Path
+
+import tomli_w
+from pydantic import ValidationError
+
+from s2c2a.arm.presets import preset_names, preset_text
+from s2c2a.arm.spec import ArmSpec
+from s2c2a.errors import ArmError
+
+
+def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
+    """Load an arm by preset name or from a TOML file.
+
+    Raises:
+        ArmError: no such preset or file, broken TOML, unknown key, impossible value.
+    """
+    if str(name_or_path) in preset_names():
+        return arm_from_toml(preset_text(str(name_or_path)), source=str(name_or_path))
+    path = Path(name_or_path)
+    if not path.is_file():
+        raise ArmError(
+            f"no arm '{name_or_path}': it is neither a preset ({', '.join(preset_names())}) nor a file; "
+            "check the path, or copy a preset with `s2c2a arm copy PRESET FILE`"
+        )
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArmError(f"{path}: cannot be read as UTF-8 text: {error}") from error
+    return arm_from_toml(text, source=str(path))
+
+
+def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
+    """Parse and check the text of an arm file; `source` names it in errors.
+
+    Raises:
+        ArmError: broken TOML, unknown key, impossible value.
+    """
+    try:
+        return ArmSpec.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ArmError(f"{source}: not valid TOML: {error}; mend that place or start again from a preset") from error
+    except ValidationError as error:
+        raise ArmError(_explain(error, source)) from error
+
+
+def arm_to_toml(arm: ArmSpec) -> str:
+    """Write an arm as TOML; reading it back gives an equal arm."""
+    return tomli_w.dumps(arm.model_dump(mode="json", exclude_none=True))
+
+
+def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> None:
+    """Write an arm file.
+
+    Raises:
+        ArmError: the file exists and `overwrite` is false.
+    """
+    if Path(path).exists() and not overwrite:
+        raise ArmError(f"{path} exists; choose another name or say overwrite")
+    Path(path).write_text(arm_to_toml(arm), encoding="utf-8")
+
+
+def _explain(error: ValidationError, source: str) -> str:
+    """One line a fault: path of the key, what is allowed, what was got."""
+    lines = [f"{source}: {error.error_count()} fault(s) in the arm description"]
+    for fault in error.errors(include_url=False):
+        key = ".".join(str(part) for part in fault["loc"]) or "arm"
+        lines.append(f"  {key}: {fault['msg']}{_got(fault)}{_hint(fault)}")
+    return "\n".join(lines)
+
+
+def _got(fault) -> str:
+    simple = isinstance(fault["input"], str | int | float | bool | list | tuple)
+    return f" (got {fault['input']!r})" if simple else ""
+
+
+def _hint(fault) -> str:
+    """Guess a slip of units where a number misses its range."""
+    if fault["type"] not in ("greater_than_equal", "less_than_equal") or not fault["input"]:
+        return ""
+    return "; values are in SI units (m, kg, N, s), keys ending in _deg in degrees: is it off by a factor of 1000?"

@@ -1,0 +1,145 @@
+"""The description of an arm: frozen values, checked when built."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from s2c2a.arm.geometry import largest_gap_deg
+
+MOST_MODULES = 20
+
+
+def _between(low: float, high: float, unit: str, meaning: str):
+    """A number with the range of plausible arms; a value wrong by a factor of 1000 falls outside of it."""
+    return Field(ge=low, le=high, description=f"{meaning} [{unit}]")
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+
+
+class Cable(_Frozen):
+    """How the cables of one module pass on what their motors do.
+
+    Each cable pulls and never pushes. Between motor and module it loses motion in three ways that can be mixed: play,
+    capstan friction in its housing tube, creep of the material. All three are zero unless stated.
+    """
+
+    stiffness: Annotated[float, _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer")] = 1e5
+    play: Annotated[float, _between(0, 0.02, "m", "half-width of the play between motor and module")] = 0.0
+    friction: Annotated[float, _between(0, 1, "1", "capstan friction coefficient of cable in tube")] = 0.0
+    friction_angle_deg: Annotated[float, _between(0, 1440, "deg", "bend of the tube with the arm straight")] = 90.0
+    creep: Annotated[float, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end")] = 0.0
+    creep_time: Annotated[float, _between(0.1, 3600, "s", "time constant of creep")] = 5.0
+
+
+class Module(_Frozen):
+    """One soft module; several in a row, base first, make the arm."""
+
+    length: Annotated[float, _between(0.005, 2, "m", "length of the centre line")]
+    cable_radius: Annotated[float, _between(0.0015, 0.3, "m", "distance of the cables from the centre line")]
+    cable_angles_deg: Annotated[tuple[float, ...], Field(min_length=3, max_length=8)]
+    mass: Annotated[float, _between(0.0005, 10, "kg", "mass")]
+    bending_stiffness: Annotated[float, _between(0.0005, 50, "N m2", "EI")]
+    torsional_stiffness: Annotated[float, _between(0.0005, 50, "N m2", "GJ; EI if not stated")] | None = None
+    damping_time: Annotated[float, _between(0.005, 2, "s", "damping over stiffness")] = 0.05
+    bend_limit_deg: Annotated[float, _between(1, 150, "deg", "largest bend asked for")] = 50.0
+    pretension: Annotated[float, _between(0, 500, "N", "tension of every cable at rest")] = 0.0
+    tension_range: Annotated[float, _between(0.05, 500, "N", "tension added at full bend; tension arms")] | None = None
+    cable: Cable = Cable()
+
+    @property
+    def gj(self) -> float:
+        """Torsional stiffness GJ [N m2]."""
+        return self.bending_stiffness if self.torsional_stiffness is None else self.torsional_stiffness
+
+    @model_validator(mode="after")
+    def _can_be_built(self):
+        gap = largest_gap_deg(self.cable_angles_deg)
+        if gap >= 179.0:
+            raise ValueError(
+                f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of {gap:.0f} deg and cables only pull, "
+                "so the module cannot bend every way; spread them so that no gap reaches 179 deg"
+            )
+        if self.cable_radius > self.length:
+            raise ValueError(f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in metres")
+        return self
+
+
+class Motor(_Frozen):
+    """The motors and their encoders, the same for every cable."""
+
+    time_constant: Annotated[float, _between(0, 1, "s", "first-order lag")] = 0.0
+    speed_limit: Annotated[float, _between(0.001, 5000, "m/s or N/s", "largest rate of change")] | None = None
+    pulley_radius: Annotated[float, _between(0.001, 0.2, "m", "radius of the pulley")] = 0.01
+    ticks_per_turn: Annotated[int, _between(16, 2**24, "1", "encoder ticks in one turn")] = 4096
+    noise_ticks: Annotated[float, _between(0, 1000, "ticks", "standard deviation of the encoder's noise")] = 1.0
+    noise_tension: Annotated[float, _between(0, 50, "N", "standard deviation of the tension sensor's noise")] = 0.0
+
+
+class ArmSpec(_Frozen):
+    """A modular soft arm: modules from base to tip, motors, mounting, limits.
+
+    Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+    description: str = ""
+    actuation: Literal["displacement", "tension"]
+    sensing: Literal["encoders", "true"] = "encoders"
+    coupled_cables: bool = False
+    gravity_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    control_rate: Annotated[float, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
+    step_limit_deg: Annotated[float, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
+    motor: Motor = Motor()
+    modules: Annotated[tuple[Module, ...], Field(min_length=1, max_length=MOST_MODULES)]
+
+    @model_validator(mode="after")
+    def _fits_together(self):
+        counts = [len(module.cable_angles_deg) for module in self.modules]
+        if len(set(counts)) > 1:
+            raise ValueError(f"modules have {counts} cables; give every module as many")
+        self._check_gravity()
+        if self.actuation == "tension":
+            self._check_tension_arm()
+        elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
+            raise ValueError(f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; it is in metres a second")
+        return self
+
+    def _check_gravity(self):
+        norm = sum(value**2 for value in self.gravity_direction) ** 0.5
+        if norm != 0 and abs(norm - 1) > 1e-3:
+            raise ValueError(
+                f"gravity_direction {list(self.gravity_direction)} has length {norm:.3g}; give a unit vector in the "
+                "base frame ([0, 0, -1] stands, [0, 0, 1] hangs) or [0, 0, 0] for none"
+            )
+
+    def _check_tension_arm(self):
+        for number, module in enumerate(self.modules):
+            if module.tension_range is None:
+                raise ValueError(f"modules.{number}.tension_range is missing; a tension arm needs it [N]")
+            if module.cable.play or module.cable.creep:
+                raise ValueError(
+                    f"modules.{number}.cable has play or creep, which act on displacement; "
+                    "a tension arm can only have friction"
+                )
+
+    @property
+    def module_count(self) -> int:
+        """Number of modules m."""
+        return len(self.modules)
+
+    @property
+    def cable_count(self) -> int:
+        """Number of cables of each module n."""
+        return len(self.modules[0].cable_angles_deg)
+
+    @property
+    def length(self) -> float:
+        """Length of the straight arm [m]."""
+        return sum(module.length for module in self.modules)
+
+    @property
+    def control_period(self) -> float:
+        """Seconds of one control step."""
+        return 1.0 / self.control_rate

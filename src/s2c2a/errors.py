@@ -1,0 +1,46 @@
+"""The errors of the package, all under one base."""
+
+
+class S2C2AError(Exception):
+    """Base of every error that a user can cause or mend.
+
+    The message says what was got, what is allowed and what to do next.
+    """
+
+
+class ArmError(S2C2AError):
+    """An arm description is impossible, incomplete or of the wrong form."""
+
+
+class RecordingError(S2C2AError):
+    """A recording cannot be read, written or continued."""
+
+
+class StrategyError(S2C2AError):
+    """A strategy file is damaged, or was trained for another arm."""
+
+
+class TargetError(S2C2AError):
+    """A target or an obstacle is not a finite number of the right shape."""
+
+
+class ActionError(S2C2AError):
+    """An action is not a finite number of the right shape."""
+
+
+class TrainingError(S2C2AError):
+    """Training cannot start or has failed to learn."""
+
+
+class SimulationError(S2C2AError):
+    """The simulated arm left the physically possible.
+
+    Attributes:
+        step: control step, counted from the last `open`, in which it happened.
+        last_states: the last good states, shape (modules, 6), base frame, metres; None before the first.
+    """
+
+    def __init__(self, message: str, step: int, last_states=None):
+        super().__init__(message)
+        self.step = step
+        self.last_states = last_states
