@@ -1,0 +1,17 @@
+"""Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
+
+from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_bends
+from s2c2a.kinematics.cables import PCC
+from s2c2a.kinematics.chain import states_from_bends, states_from_configurations
+from s2c2a.kinematics.forward_model import ForwardModel, PCCForwardModel
+
+__all__ = [
+    "PCC",
+    "ForwardModel",
+    "PCCForwardModel",
+    "bends_from_configurations",
+    "configurations_from_bends",
+    "limit_bends",
+    "states_from_bends",
+    "states_from_configurations",
+]

@@ -1,0 +1,54 @@
+"""Cables and bends under piecewise constant curvature, for any number of cables at any angles."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+
+
+class PCC(eqx.Module):
+    r"""The PCC map between actions and bends of one arm.
+
+    $$ a = r B b, \qquad b = \frac{1}{r} B^+ a, \qquad B_i = -(\cos\beta_i, \sin\beta_i) $$
+
+    For three cables at 120 deg this is eqs. (1) and (2) of Chen et al. 2025. On a tension arm the moment that holds the
+    bend against the module's stiffness takes the place of the displacement:
+    $T = T_0 - B (B^T B)^{-1} \frac{EI}{r L} b$.
+
+    Attributes:
+        to_bends: per module, bends from an action less its neutral, shape (modules, 2, cables).
+        to_actions: per module, the inverse on the cables' plane, shape (modules, cables, 2).
+        neutral: action at rest, shape (modules, cables).
+        low: least action, shape (modules, cables).
+        high: largest action, shape (modules, cables).
+    """
+
+    to_bends: Float[Array, "modules 2 cables"]
+    to_actions: Float[Array, "modules cables 2"]
+    neutral: Float[Array, "modules cables"]
+    low: Float[Array, "modules cables"]
+    high: Float[Array, "modules cables"]
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> "PCC":
+        """The map with the arm's nominal numbers."""
+        geometry = ArmGeometry.of(arm)
+        matrices, radii = geometry.cable_matrices, geometry.cable_radii[:, None, None]
+        if arm.actuation == "displacement":
+            to_bends, to_actions = geometry.bend_matrices / radii, matrices * radii
+        else:
+            stiffness = jnp.array([module.bending_stiffness / module.length for module in arm.modules])[:, None, None]
+            to_bends = -matrices.swapaxes(-1, -2) * radii / stiffness
+            to_actions = -geometry.bend_matrices.swapaxes(-1, -2) * stiffness / radii
+        arrays = to_bends, to_actions, geometry.action_neutral, geometry.action_low, geometry.action_high
+        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
+
+    def bends(self, actions: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
+        """Bends [rad] that actions [m or N] hold; common motion of a module's cables drops out."""
+        return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
+
+    def actions(self, bends: Float[Array, "*batch modules 2"]) -> Float[Array, "*batch modules cables"]:
+        """Actions [m or N] that hold bends [rad], within the arm's limits."""
+        wanted = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
+        return jnp.clip(wanted, self.low, self.high)

@@ -1,0 +1,56 @@
+"""The chain from module shapes to states: constant-curvature arcs, one after the other."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, sinc, squared_norm
+
+
+def states_from_bends(
+    bends: Float[Array, "*batch modules 2"], lengths: Float[Array, " modules"]
+) -> Float[Array, "*batch modules 6"]:
+    """States of an arm whose modules are arcs without torsion.
+
+    Args:
+        bends: bend vectors [rad], module frames.
+        lengths: arc lengths [m].
+
+    Returns:
+        End position [m] and end axis of every module, base frame.
+    """
+    ends, axes = arc_ends(bends, lengths), configurations_from_bends(bends)
+    rotations = _rotations_to(axes)
+    position = jnp.zeros((*bends.shape[:-2], 3))
+    rotation = jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))
+    states = []
+    for module in range(bends.shape[-2]):
+        position = position + _rotate(rotation, ends[..., module, :])
+        states.append(jnp.concatenate([position, _rotate(rotation, axes[..., module, :])], axis=-1))
+        rotation = rotation @ rotations[..., module, :, :]
+    return jnp.stack(states, axis=-2)
+
+
+def states_from_configurations(
+    configurations: Float[Array, "*batch modules 3"], lengths: Float[Array, " modules"]
+) -> Float[Array, "*batch modules 6"]:
+    """`states_from_bends` for end axes of any non-zero length."""
+    return states_from_bends(bends_from_configurations(configurations), lengths)
+
+
+def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
+    """End of an arc in its own frame: L (b (1 - cos f) / f^2, sin f / f)."""
+    squared = squared_norm(bends)
+    across = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
+    return lengths[..., None] * jnp.concatenate([across, sinc(squared)[..., None]], axis=-1)
+
+
+def _rotations_to(axes: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+    """The rotation without torsion that turns z into each axis."""
+    x, y, z = axes[..., 0], axes[..., 1], axes[..., 2]
+    share = 1.0 / (1.0 + z)
+    rows = [1.0 - x * x * share, -x * y * share, x, -x * y * share, 1.0 - y * y * share, y, -x, -y, z]
+    return jnp.stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
+
+
+def _rotate(rotation: Float[Array, "*batch 3 3"], vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    return jnp.einsum("...ij,...j->...i", rotation, vector)
