@@ -1,0 +1,6 @@
+"""The arm in MuJoCo: chain, cables, motors."""
+
+from s2c2a.robots.simulation.fidelity import FIDELITIES, Fidelity
+from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
+
+__all__ = ["FIDELITIES", "Fidelity", "SimulatedRobot"]

@@ -1,0 +1,147 @@
+"""The simulated arm as a robot."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.robots.simulation.cables import CableTransmission
+from s2c2a.robots.simulation.chain import build_model
+from s2c2a.robots.simulation.fidelity import fidelity_named
+from s2c2a.robots.simulation.motors import encoder_reading, follow
+from s2c2a.spaces import Actions, Reading, States
+
+SETTLING_TIME = 1.0  # s at rest before the clock starts
+_BAD = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class SimulatedRobot(Robot):
+    """An arm in MuJoCo whose clock is the simulation's own.
+
+    Args:
+        arm: the description.
+        fidelity: "fast" or "accurate".
+        seed: of the sensor noise; the physics is deterministic.
+        payload: mass at the tip [kg].
+
+    Raises:
+        S2C2AError: unknown fidelity, impossible payload.
+    """
+
+    def __init__(self, arm: ArmSpec, fidelity: str = "fast", seed: int = 0, payload: float = 0.0):
+        if not (np.isfinite(payload) and 0 <= payload <= 50):
+            raise S2C2AError(f"payload {payload} kg is not between 0 and 50 kg")
+        self.arm = arm
+        self.model = build_model(arm, fidelity_named(fidelity), payload)
+        self.data = mujoco.MjData(self.model)
+        self._geometry = ArmGeometry.of(arm)
+        self._times = self.model.opt.timestep * np.arange(1, round(arm.control_period / self.model.opt.timestep) + 1)
+        self._seed = seed
+        self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
+        self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
+        self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
+        self._last_states: States | None = None
+        self._rest()
+
+    def open(self) -> Reading:
+        """Go to rest, settle for one second, and start the clock at zero."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._rest()
+        for _ in range(round(SETTLING_TIME * self.arm.control_rate)):
+            self.send(self._geometry.action_neutral)
+        self.data.time, self._step = 0.0, 0
+        return self.read()
+
+    def read(self) -> Reading:
+        """What the sensors say now, and the truth beside it."""
+        return Reading(self.data.time, self._measured_cables(), self.states(), self.configurations())
+
+    def send(self, action: Actions) -> Actions:
+        """Hold an action for one control step; see `Robot.send`.
+
+        Raises:
+            ActionError: wrong shape or not finite; nothing has moved.
+            SimulationError: the simulated arm blew up.
+        """
+        sent = checked_action(action, self._geometry)
+        path = follow(self._motors, sent, self._times, self.arm.motor)
+        felt = self._transmission.pass_on(path, self._times, self.tensions(), self._bend_angles())
+        self._motors = path[-1]
+        self._apply_push()
+        for command in felt.reshape(len(felt), -1):
+            self.data.ctrl[:] = command
+            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
+        self._step += 1
+        self._check_sane()
+        return sent
+
+    def close(self) -> None:
+        """Nothing to leave behind."""
+
+    def push(self, force: Float[np.ndarray, "3"]) -> None:
+        """Apply a force at the tip [N], base frame, from now until the next call or `open`.
+
+        Raises:
+            S2C2AError: not three finite numbers.
+        """
+        values = np.asarray(force, dtype=float)
+        if values.shape != (3,) or not np.isfinite(values).all():
+            raise S2C2AError(f"a push takes three finite numbers [N], got {force}")
+        self._push = values
+
+    def states(self) -> States:
+        """True states, shape (modules, 6), base frame."""
+        positions = self.data.site_xpos[self._end_sites]
+        return np.concatenate([positions, self._axes(self._end_sites)], axis=-1)
+
+    def configurations(self) -> Float[np.ndarray, "modules 3"]:
+        """True configurations: end axes in the frames of the modules' bases, shape (modules, 3)."""
+        bases = self.data.site_xmat[self._base_sites].reshape(-1, 3, 3)
+        return np.einsum("mij,mi->mj", bases, self._axes(self._end_sites))
+
+    def tensions(self) -> Float[np.ndarray, "modules cables"]:
+        """Tensions at the modules [N], shape (modules, cables)."""
+        return -self.data.actuator_force.reshape(self._geometry.action_neutral.shape)
+
+    def _rest(self) -> None:
+        self._random = np.random.default_rng(self._seed)
+        self._motors = self._geometry.action_neutral.copy()
+        self._transmission = CableTransmission(self.arm, self._geometry.action_neutral)
+        self._step, self._last_states = 0, None
+        self._push = np.zeros(3)
+        mujoco.mj_forward(self.model, self.data)
+
+    def _apply_push(self) -> None:
+        """MuJoCo applies forces at centres of mass; the torque moves this one to the tip."""
+        lever = self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]
+        self.data.xfrc_applied[self._tip_body] = np.concatenate([self._push, np.cross(lever, self._push)])
+
+    def _axes(self, sites: list[int]) -> Float[np.ndarray, "modules 3"]:
+        return self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
+
+    def _bend_angles(self) -> Float[np.ndarray, " modules"]:
+        configurations = self.configurations()
+        return np.arctan2(np.linalg.norm(configurations[:, :2], axis=-1), configurations[:, 2])
+
+    def _measured_cables(self) -> Actions:
+        if self.arm.actuation == "displacement":
+            return encoder_reading(self._motors, self.arm.motor, self._random)
+        return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
+
+    def _check_sane(self) -> None:
+        bad = any(self.data.warning[kind].number for kind in _BAD) or not np.isfinite(self.data.qpos).all()
+        if bad:
+            raise SimulationError(
+                f"{self.arm.name}: the simulation blew up in control step {self._step}, at {self.data.time:.2f} s; "
+                "give the modules more mass or damping, softer cables, or a higher control rate",
+                self._step,
+                self._last_states,
+            )
+        self._last_states = self.states()
