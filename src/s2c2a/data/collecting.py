@@ -1,0 +1,130 @@
+"""Collecting a recording: episodes side by side, written in order, resumable."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+import s2c2a
+from s2c2a.arm import ArmGeometry, ArmSpec, arm_to_toml
+from s2c2a.data.babbling import BABBLING, episode_actions
+from s2c2a.data.recording import Recording, RecordingWriter, load_recording
+from s2c2a.errors import RecordingError
+from s2c2a.robots import Robot
+
+MakeRobot = Callable[[int], Robot]
+
+
+@dataclass(frozen=True)
+class CollectOptions:
+    """How to collect.
+
+    Attributes:
+        babbling: "staged" or "motor".
+        episodes: number of episodes, each from rest.
+        samples: control steps in an episode.
+        seed: of everything random.
+    """
+
+    babbling: str = "staged"
+    episodes: int = 18
+    samples: int = 500
+    seed: int = 0
+
+    def __post_init__(self):
+        if self.babbling not in BABBLING:
+            raise RecordingError(f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}")
+        if self.episodes < 1 or self.samples < 1:
+            raise RecordingError(f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive")
+
+
+def collect(
+    path: str | os.PathLike,
+    arm: ArmSpec,
+    make_robot: MakeRobot,
+    options: CollectOptions,
+    *,
+    body: str = "",
+    threads: int | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Recording:
+    """Collect a recording, the same on any number of threads and however often it was killed and resumed.
+
+    Args:
+        path: the file to write.
+        arm: the arm to drive.
+        make_robot: a robot for the episode of the given seed; called once an episode, in its thread.
+        options: how to babble.
+        body: what the robot is, kept with the recording, such as "simulation fast".
+        threads: episodes side by side; all cores if not stated. A real arm takes one.
+        resume: go on with a file that has fewer episodes than asked for.
+        overwrite: begin anew where a file exists.
+        progress: told how many episodes of how many are whole.
+
+    Raises:
+        RecordingError: the file exists and neither `resume` nor `overwrite` was asked for, or it is of another kind.
+    """
+    writer = _open_writer(Path(path), arm, asdict(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite)
+    try:
+        left = range(writer.committed, options.episodes)
+        progress(writer.committed, options.episodes)
+        for episode in _in_order(lambda number: _episode(arm, make_robot, options, number), left, threads):
+            writer.append(episode)
+            progress(writer.committed, options.episodes)
+    finally:
+        writer.close()
+    return load_recording(path)
+
+
+def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool) -> RecordingWriter:
+    if not path.exists() or overwrite:
+        return RecordingWriter.create(path, arm, options)
+    if not resume:
+        raise RecordingError(f"{path} exists; say resume to go on with it, overwrite to begin anew, or take another name")
+    writer = RecordingWriter(path)
+    begun = writer.arm_and_options()
+    if begun != (arm_to_toml(arm), options):
+        writer.close()
+        raise RecordingError(f"{path} was begun with another arm or other options ({begun[1]}); resume it with the same")
+    return writer
+
+
+def _in_order(work: Callable[[int], dict], numbers: range, threads: int | None) -> Iterator[dict]:
+    """Results in order; at most two per thread wait in memory; a failure or interrupt cancels what has not begun."""
+    threads = threads or os.cpu_count() or 1
+    waiting: list[Future] = []
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for number in numbers:
+                waiting.append(pool.submit(work, number))
+                if len(waiting) >= 2 * threads:
+                    yield waiting.pop(0).result()
+            while waiting:
+                yield waiting.pop(0).result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> dict[str, np.ndarray]:
+    actions = episode_actions(
+        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed
+    )
+    samples = []
+    with make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0])) as robot:
+        for action in actions:
+            reading = robot.read()
+            samples.append((reading.time, robot.send(action), reading.cables, *_truth(reading, arm)))
+    names = ("time", "actions", "cables", "states", "configurations")
+    return {name: np.array(values) for name, values in zip(names, zip(*samples, strict=True), strict=True)}
+
+
+def _truth(reading, arm: ArmSpec) -> tuple[np.ndarray, np.ndarray]:
+    """True states and configurations, NaN where nothing watches."""
+    states = np.full((arm.module_count, 6), np.nan) if reading.states is None else reading.states
+    shapes = np.full((arm.module_count, 3), np.nan) if reading.configurations is None else reading.configurations
+    return states, shapes

@@ -1,0 +1,19 @@
+"""From readings to rough configurations. Here NumPy turns into JAX."""
+
+from s2c2a.sensing.estimators import (
+    PAPER_COUPLING,
+    CoupledEstimator,
+    EncoderEstimator,
+    Estimator,
+    TrueEstimator,
+    estimator_for,
+)
+
+__all__ = [
+    "PAPER_COUPLING",
+    "CoupledEstimator",
+    "EncoderEstimator",
+    "Estimator",
+    "TrueEstimator",
+    "estimator_for",
+]

@@ -1,0 +1,92 @@
+"""Estimators: what the arm's configuration is, as far as its sensors can tell."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.kinematics import PCC, configurations_from_bends
+
+PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
+"""How the configurations of three modules leak into each other's sensors (Chen et al. 2025, eq. (11))."""
+
+Cables = Float[Array, "*batch modules cables"]
+Configurations = Float[Array, "*batch modules 3"]
+
+
+class Estimator(eqx.Module):
+    """A map from what was measured to configurations, for one moment or a whole recording."""
+
+    unit_length: eqx.AbstractVar[bool]
+
+    @abstractmethod
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+        """Sensed configurations, shape (*batch, modules, 3), module frames.
+
+        Args:
+            cables: measured displacements [m] or tensions [N].
+            truth: true configurations where something outside measures them, else None.
+        """
+
+
+class EncoderEstimator(Estimator):
+    """Configurations from the cables' readings through PCC (Chen et al. 2025, eqs. (2) and (3))."""
+
+    pcc: PCC
+    unit_length: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+        """See `Estimator`."""
+        return configurations_from_bends(self.pcc.bends(cables))
+
+
+class TrueEstimator(Estimator):
+    """The true configurations: simulation, or a real arm under motion capture."""
+
+    unit_length: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+        """See `Estimator`.
+
+        Raises:
+            S2C2AError: nothing measures the true configuration.
+        """
+        if truth is None:
+            raise S2C2AError(
+                "this arm senses its true configuration, but the robot's readings hold none; "
+                'set sensing = "encoders" in the arm file'
+            )
+        return jnp.asarray(truth, dtype=jnp.float32)
+
+
+class CoupledEstimator(Estimator):
+    """Another estimator's configurations, mixed between modules: sensors that pass through the whole arm.
+
+    The mixed vectors are shorter than one.
+    """
+
+    inner: Estimator
+    coupling: Float[Array, "modules modules"]
+    unit_length: bool = eqx.field(static=True, default=False)
+
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+        """See `Estimator`."""
+        return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(cables, truth))
+
+
+def estimator_for(arm: ArmSpec, coupling=None) -> Estimator:
+    """The estimator that an arm file asks for, under sensing coupling if a matrix is given.
+
+    Raises:
+        S2C2AError: the matrix does not fit the arm.
+    """
+    estimator = TrueEstimator() if arm.sensing == "true" else EncoderEstimator(PCC.of(arm))
+    if coupling is None:
+        return estimator
+    matrix = jnp.asarray(coupling, dtype=jnp.float32)
+    if matrix.shape != (arm.module_count, arm.module_count):
+        raise S2C2AError(f"a coupling matrix of shape {matrix.shape} was given for {arm.module_count} modules")
+    return CoupledEstimator(estimator, matrix)
