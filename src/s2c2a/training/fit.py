@@ -1,0 +1,140 @@
+"""The training loop: whole epochs inside one compiled call, stopped when validation no longer improves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.errors import TrainingError
+
+Batch = dict[str, Array]
+Loss = Callable[[eqx.Module, Batch, PRNGKeyArray | None], Float[Array, ""]]
+Progress = Callable[[int, int, float], None]
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How to train (Chen et al. 2025, table II).
+
+    Attributes:
+        learning_rate: of Adam.
+        batch_size: samples in a step.
+        most_epochs: stop here at the latest.
+        patience: stop after so many epochs without a better validation loss.
+        epochs_per_call: epochs inside one compiled call; progress and interrupts come between calls.
+    """
+
+    learning_rate: float = 1e-3
+    batch_size: int = 64
+    most_epochs: int = 100
+    patience: int = 15
+    epochs_per_call: int = 5
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A trained network and how it got there.
+
+    Attributes:
+        network: with the weights of the best validation loss.
+        curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
+    """
+
+    network: eqx.Module
+    curve: Float[np.ndarray, "epochs 3"]
+
+
+class _Progress(NamedTuple):
+    """What training carries from epoch to epoch."""
+
+    weights: Array
+    optimiser: Array
+    best_weights: Array
+    best_loss: Float[Array, ""]
+
+
+def fit(
+    network: eqx.Module,
+    loss: Loss,
+    training: Batch,
+    validation: Batch,
+    options: FitOptions,
+    key: PRNGKeyArray,
+    progress: Progress = lambda epoch, most, loss: None,
+) -> FitResult:
+    """Train a network with Adam.
+
+    Args:
+        network: what to train; every floating array in it is a weight, unless the loss stops its gradient.
+        loss: (network, batch, key) -> mean loss of the batch; the key is None when validating.
+        training: arrays with samples first.
+        validation: arrays with samples first.
+        options: how to train.
+        key: for the order of samples and for the loss.
+        progress: told the epoch, the most epochs and the validation loss, after every call.
+
+    Raises:
+        TrainingError: fewer samples than one batch, or the loss is not finite.
+    """
+    samples = len(next(iter(training.values())))
+    if samples < options.batch_size:
+        raise TrainingError(f"{samples} training samples are fewer than one batch of {options.batch_size}; collect more")
+    weights, rest = eqx.partition(network, eqx.is_inexact_array)
+    optimiser = optax.adam(options.learning_rate)
+    run = _compiled_epochs(lambda w, batch, k: loss(eqx.combine(w, rest), batch, k), optimiser, samples, options)
+    state = _Progress(weights, optimiser.init(weights), weights, jnp.inf)
+    curve: list[np.ndarray] = []
+    while not _stopped(curve, options):
+        key, call_key = jax.random.split(key)
+        state, rows = run(state, training, validation, call_key)
+        curve.extend(np.asarray(rows))
+        _check_finite(curve)
+        progress(len(curve), options.most_epochs, float(state.best_loss))
+    numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
+    return FitResult(eqx.combine(state.best_weights, rest), numbered)
+
+
+def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
+    """(state, training, validation, key) -> (state, losses), several epochs in one call."""
+
+    def step(carry, picked):
+        (weights, state), (batch, key) = carry, picked
+        value, gradient = jax.value_and_grad(loss)(weights, batch, key)
+        updates, state = optimiser.update(gradient, state)
+        return (optax.apply_updates(weights, updates), state), value
+
+    def epoch(carry, key, training, validation):
+        order_key, loss_key = jax.random.split(key)
+        batches = samples // options.batch_size
+        order = jax.random.permutation(order_key, samples)[: batches * options.batch_size].reshape(batches, -1)
+        shuffled = jax.tree.map(lambda values: values[order], training)
+        steps = (shuffled, jax.random.split(loss_key, batches))
+        (weights, state), losses = jax.lax.scan(step, (carry.weights, carry.optimiser), steps)
+        held_out = loss(weights, validation, None)
+        better = held_out < carry.best_loss
+        best = jax.tree.map(lambda new, old: jnp.where(better, new, old), weights, carry.best_weights)
+        return _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss)), jnp.stack([losses.mean(), held_out])
+
+    def epochs(carry, training, validation, key):
+        keys = jax.random.split(key, options.epochs_per_call)
+        return jax.lax.scan(lambda c, k: epoch(c, k, training, validation), carry, keys)
+
+    return jax.jit(epochs)
+
+
+def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
+    if not curve:
+        return False
+    since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))
+    return since_best >= options.patience or len(curve) >= options.most_epochs
+
+
+def _check_finite(curve: list[np.ndarray]) -> None:
+    if not np.isfinite(curve[-1]).all():
+        raise TrainingError(f"the loss is not finite after {len(curve)} epochs; lower the learning rate, check the data")
