@@ -40,7 +40,8 @@ def bend_path(samples: int, random: np.random.Generator) -> Float[np.ndarray, "s
 
     Speeds are mixed, and log-uniform: a controller trained on one speed fails at others (docs/deviations.md).
     """
-    position, path = np.zeros(2), []
+    position = np.zeros(2)
+    path: list[np.ndarray] = []
     while len(path) < samples:
         target, speed = disc_point(random), np.exp(random.uniform(*np.log(SPEEDS)))
         steps = max(1, int(np.ceil(np.linalg.norm(target - position) / speed)))

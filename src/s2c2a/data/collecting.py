@@ -69,7 +69,9 @@ def collect(
     Raises:
         RecordingError: the file exists and neither `resume` nor `overwrite` was asked for, or it is of another kind.
     """
-    writer = _open_writer(Path(path), arm, asdict(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite)
+    writer = _open_writer(
+        Path(path), arm, asdict(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
+    )
     try:
         left = range(writer.committed, options.episodes)
         progress(writer.committed, options.episodes)
@@ -85,12 +87,16 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
     if not path.exists() or overwrite:
         return RecordingWriter.create(path, arm, options)
     if not resume:
-        raise RecordingError(f"{path} exists; say resume to go on with it, overwrite to begin anew, or take another name")
+        raise RecordingError(
+            f"{path} exists; say resume to go on with it, overwrite to begin anew, or take another name"
+        )
     writer = RecordingWriter(path)
     begun = writer.arm_and_options()
     if begun != (arm_to_toml(arm), options):
         writer.close()
-        raise RecordingError(f"{path} was begun with another arm or other options ({begun[1]}); resume it with the same")
+        raise RecordingError(
+            f"{path} was begun with another arm or other options ({begun[1]}); resume it with the same"
+        )
     return writer
 
 

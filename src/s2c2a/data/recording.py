@@ -129,7 +129,9 @@ def _opened(path: str | os.PathLike, mode: str = "r") -> h5py.File:
     if missing or file.attrs.get("schema") != SCHEMA or "arm" not in file.attrs:
         found = file.attrs.get("schema")
         file.close()
-        raise RecordingError(f"{path} is not a recording of schema {SCHEMA} (schema {found}, missing {sorted(missing)})")
+        raise RecordingError(
+            f"{path} is not a recording of schema {SCHEMA} (schema {found}, missing {sorted(missing)})"
+        )
     return file
 
 

@@ -1,6 +1,7 @@
 """From recordings to samples for the two networks, split by stretches of time."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -31,7 +32,7 @@ class Split:
 def stretches(samples: int) -> list[slice]:
     """Training, validation and test stretch of an episode of so many samples."""
     edges = np.rint(np.cumsum([0.0, *SHARES]) * samples).astype(int)
-    return [slice(start, stop) for start, stop in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(start, stop) for start, stop in pairwise(edges)]
 
 
 def forward_samples(

@@ -2,7 +2,7 @@
 
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_bends
 from s2c2a.kinematics.cables import PCC
-from s2c2a.kinematics.chain import states_from_bends, states_from_configurations
+from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
 from s2c2a.kinematics.forward_model import ForwardModel, PCCForwardModel
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "PCCForwardModel",
     "bends_from_configurations",
     "configurations_from_bends",
+    "configurations_from_states",
     "limit_bends",
     "states_from_bends",
     "states_from_configurations",

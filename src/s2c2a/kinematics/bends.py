@@ -23,7 +23,7 @@ def squared_norm(vectors: Float[Array, "*batch axis"]) -> Float[Array, "*batch"]
 
 
 def configurations_from_bends(bends: Float[Array, "*batch 2"]) -> Float[Array, "*batch 3"]:
-    """o = (b sin f / f, cos f) with f = |b| (Chen et al. 2025, eq. (3), for any direction).
+    """O = (b sin f / f, cos f) with f = |b| (Chen et al. 2025, eq. (3), for any direction).
 
     Args:
         bends: bend vectors [rad], module frame.
@@ -39,7 +39,7 @@ def configurations_from_bends(bends: Float[Array, "*batch 2"]) -> Float[Array, "
 
 
 def bends_from_configurations(configurations: Float[Array, "*batch 3"]) -> Float[Array, "*batch 2"]:
-    """b = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z): the inverse of `configurations_from_bends`.
+    """B = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z): the inverse of `configurations_from_bends`.
 
     The length of the axis does not matter. Straight back (f = pi) has no direction and is not in the domain.
 

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -44,7 +45,7 @@ class PCC(eqx.Module):
         arrays = to_bends, to_actions, geometry.action_neutral, geometry.action_low, geometry.action_high
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
-    def bends(self, actions: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
+    def bends(self, actions: Float[Array | np.ndarray, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
         """Bends [rad] that actions [m or N] hold; common motion of a module's cables drops out."""
         return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
 

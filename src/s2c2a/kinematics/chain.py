@@ -37,6 +37,24 @@ def states_from_configurations(
     return states_from_bends(bends_from_configurations(configurations), lengths)
 
 
+def configurations_from_states(states: Float[Array, "*batch modules 6"]) -> Float[Array, "*batch modules 3"]:
+    """What the modules' configurations must be for given states of an arm without torsion.
+
+    Args:
+        states: only the end axes count; base frame.
+
+    Returns:
+        Unit end axes, module frames.
+    """
+    axes = states[..., 3:]
+    rotation = jnp.broadcast_to(jnp.eye(3), (*axes.shape[:-2], 3, 3))
+    configurations = []
+    for module in range(axes.shape[-2]):
+        configurations.append(_rotate(jnp.swapaxes(rotation, -1, -2), axes[..., module, :]))
+        rotation = rotation @ _rotations_to(configurations[-1])
+    return jnp.stack(configurations, axis=-2)
+
+
 def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
     """End of an arc in its own frame: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)

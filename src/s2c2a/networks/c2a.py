@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-import equinox as eqx
 from s2c2a.arm import ArmSpec
 from s2c2a.networks.bilstm import BiLSTM
 from s2c2a.networks.scaling import Scaling

@@ -45,7 +45,8 @@ class SumAndRange(eqx.Module):
             HEADROOM * geometry.action_scale[:, None],
         )
         even = arm.cable_count == 3 and bool(jnp.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
-        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays), even)
+        matrices, inverses, neutral, unit = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
+        return cls(matrices, inverses, neutral, unit, even)
 
     def __call__(self, raw: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
         """Normalised actions."""
@@ -65,10 +66,8 @@ class SumAndRange(eqx.Module):
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
-    """v tanh(|v|) / |v|, exact at zero."""
+    """V tanh(|v|) / |v|, exact at zero."""
     squared = jnp.sum(vectors**2, axis=-1, keepdims=True)
     small = squared < 1e-6
     length = jnp.sqrt(jnp.where(small, 1.0, squared))
     return vectors * jnp.where(small, 1.0 - squared / 3.0, jnp.tanh(length) / length)
-
-

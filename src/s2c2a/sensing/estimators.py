@@ -4,6 +4,7 @@ from abc import abstractmethod
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
@@ -13,17 +14,16 @@ from s2c2a.kinematics import PCC, configurations_from_bends
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
 """How the configurations of three modules leak into each other's sensors (Chen et al. 2025, eq. (11))."""
 
-Cables = Float[Array, "*batch modules cables"]
-Configurations = Float[Array, "*batch modules 3"]
+Cables = Float[Array | np.ndarray, "*batch modules cables"]
+Configurations = Float[Array | np.ndarray, "*batch modules 3"]
+Sensed = Float[Array, "*batch modules 3"]
 
 
 class Estimator(eqx.Module):
     """A map from what was measured to configurations, for one moment or a whole recording."""
 
-    unit_length: eqx.AbstractVar[bool]
-
     @abstractmethod
-    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Sensed:
         """Sensed configurations, shape (*batch, modules, 3), module frames.
 
         Args:
@@ -36,9 +36,8 @@ class EncoderEstimator(Estimator):
     """Configurations from the cables' readings through PCC (Chen et al. 2025, eqs. (2) and (3))."""
 
     pcc: PCC
-    unit_length: bool = eqx.field(static=True, default=True)
 
-    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Sensed:
         """See `Estimator`."""
         return configurations_from_bends(self.pcc.bends(cables))
 
@@ -46,9 +45,7 @@ class EncoderEstimator(Estimator):
 class TrueEstimator(Estimator):
     """The true configurations: simulation, or a real arm under motion capture."""
 
-    unit_length: bool = eqx.field(static=True, default=True)
-
-    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Sensed:
         """See `Estimator`.
 
         Raises:
@@ -70,9 +67,8 @@ class CoupledEstimator(Estimator):
 
     inner: Estimator
     coupling: Float[Array, "modules modules"]
-    unit_length: bool = eqx.field(static=True, default=False)
 
-    def __call__(self, cables: Cables, truth: Configurations | None) -> Configurations:
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Sensed:
         """See `Estimator`."""
         return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(cables, truth))
 
@@ -83,7 +79,7 @@ def estimator_for(arm: ArmSpec, coupling=None) -> Estimator:
     Raises:
         S2C2AError: the matrix does not fit the arm.
     """
-    estimator = TrueEstimator() if arm.sensing == "true" else EncoderEstimator(PCC.of(arm))
+    estimator: Estimator = TrueEstimator() if arm.sensing == "true" else EncoderEstimator(PCC.of(arm))
     if coupling is None:
         return estimator
     matrix = jnp.asarray(coupling, dtype=jnp.float32)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -14,7 +14,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.errors import TrainingError
 
 Batch = dict[str, Array]
-Loss = Callable[[eqx.Module, Batch, PRNGKeyArray | None], Float[Array, ""]]
+Network = TypeVar("Network", bound=eqx.Module)
+Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 Progress = Callable[[int, int, float], None]
 
 
@@ -38,7 +39,7 @@ class FitOptions:
 
 
 @dataclass(frozen=True)
-class FitResult:
+class FitResult(Generic[Network]):
     """A trained network and how it got there.
 
     Attributes:
@@ -46,7 +47,7 @@ class FitResult:
         curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
     """
 
-    network: eqx.Module
+    network: Network
     curve: Float[np.ndarray, "epochs 3"]
 
 
@@ -60,14 +61,14 @@ class _Progress(NamedTuple):
 
 
 def fit(
-    network: eqx.Module,
-    loss: Loss,
+    network: Network,
+    loss: Loss[Network],
     training: Batch,
     validation: Batch,
     options: FitOptions,
     key: PRNGKeyArray,
     progress: Progress = lambda epoch, most, loss: None,
-) -> FitResult:
+) -> FitResult[Network]:
     """Train a network with Adam.
 
     Args:
@@ -84,11 +85,13 @@ def fit(
     """
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
-        raise TrainingError(f"{samples} training samples are fewer than one batch of {options.batch_size}; collect more")
+        raise TrainingError(
+            f"{samples} training samples are fewer than one batch of {options.batch_size}; collect more"
+        )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     optimiser = optax.adam(options.learning_rate)
     run = _compiled_epochs(lambda w, batch, k: loss(eqx.combine(w, rest), batch, k), optimiser, samples, options)
-    state = _Progress(weights, optimiser.init(weights), weights, jnp.inf)
+    state = _Progress(weights, optimiser.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
@@ -119,7 +122,9 @@ def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
         held_out = loss(weights, validation, None)
         better = held_out < carry.best_loss
         best = jax.tree.map(lambda new, old: jnp.where(better, new, old), weights, carry.best_weights)
-        return _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss)), jnp.stack([losses.mean(), held_out])
+        return _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss)), jnp.stack(
+            [losses.mean(), held_out]
+        )
 
     def epochs(carry, training, validation, key):
         keys = jax.random.split(key, options.epochs_per_call)
@@ -137,4 +142,6 @@ def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
 
 def _check_finite(curve: list[np.ndarray]) -> None:
     if not np.isfinite(curve[-1]).all():
-        raise TrainingError(f"the loss is not finite after {len(curve)} epochs; lower the learning rate, check the data")
+        raise TrainingError(
+            f"the loss is not finite after {len(curve)} epochs; lower the learning rate, check the data"
+        )

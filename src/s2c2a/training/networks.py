@@ -1,6 +1,7 @@
 """Training the two networks of the paper."""
 
 from dataclasses import dataclass
+from typing import Generic
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
 from s2c2a.networks import C2A, C2S, History, Scaling
 from s2c2a.training.errors import full_ranges, percent_error
-from s2c2a.training.fit import FitOptions, FitResult, Progress, fit
+from s2c2a.training.fit import FitOptions, FitResult, Network, Progress, fit
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class NetworkSize:
 
 
 @dataclass(frozen=True)
-class Trained:
+class Trained(Generic[Network]):
     """A trained network.
 
     Attributes:
@@ -32,7 +33,7 @@ class Trained:
         percent: mean and standard deviation of the held-out error, in percent of full range.
     """
 
-    network: C2S | C2A
+    network: Network
     curve: np.ndarray
     percent: tuple[float, float]
 
@@ -53,7 +54,7 @@ def state_scaling(states: np.ndarray) -> Scaling:
 
 def train_c2s(
     split: Split, size: NetworkSize, options: FitOptions, key: PRNGKeyArray, progress: Progress = lambda *_: None
-) -> Trained:
+) -> Trained[C2S]:
     """Train the forward model on sensed configurations and true states.
 
     Raises:
@@ -80,7 +81,7 @@ def train_c2a(
     options: FitOptions,
     key: PRNGKeyArray,
     progress: Progress = lambda *_: None,
-) -> Trained:
+) -> Trained[C2A]:
     """Train the controller on what led from one sensed configuration to the next.
 
     Args:
@@ -124,7 +125,7 @@ def _batch(samples: Samples) -> dict[str, Array]:
     return {name: jnp.asarray(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
 
 
-def _evaluated(result: FitResult, predict, split: Split) -> Trained:
+def _evaluated(result: FitResult[Network], predict, split: Split) -> Trained[Network]:
     predicted = np.asarray(jax.jit(predict)(result.network, _batch(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
     percent = percent_error(predicted, split.test.targets, full_ranges(np.concatenate(targets)))

@@ -127,7 +127,7 @@ def _add_cable_sites(body, arm: ArmSpec, number: int, station: int, height: floa
     owners = range(number, arm.module_count) if arm.coupled_cables else (number,)
     for owner in owners:
         for cable, point in enumerate(_cable_radius_points(arm.modules[owner])):
-            _add_site(body, f"eye_{owner}_{cable}_{number}_{station}", point + (0, 0, height))
+            _add_site(body, f"eye_{owner}_{cable}_{number}_{station}", point + np.array([0, 0, height]))
 
 
 def _modules_passed(arm: ArmSpec, owner: int) -> range:

@@ -46,7 +46,9 @@ class SimulatedRobot(Robot):
         self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
         self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
-        self._last_states: States | None = None
+        self._motors: Actions
+        self._transmission: CableTransmission
+        self._last_states: States | None
         self._rest()
 
     def open(self) -> Reading:

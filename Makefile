@@ -1,0 +1,31 @@
+# Two commands, each complete by itself: `make demo` and `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test check format setup clean
+
+demo: setup  ## from nothing to a table, a figure and a replay page
+	$(BIN)/s2c2a demo --out runs/demo --overwrite
+
+test: check  ## style, types, imports, tests
+	$(BIN)/python -m pytest
+
+check: setup  ## style, types, imports
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: setup
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+setup: .venv/ready
+
+.venv/ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install -q -c constraints.txt -e . --group dev
+	touch .venv/ready
+
+clean:
+	rm -rf .venv runs .pytest_cache .ruff_cache .hypothesis

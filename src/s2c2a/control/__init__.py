@@ -1,0 +1,5 @@
+"""C2A: from the wanted configuration to the next action. Knows nothing of states."""
+
+from s2c2a.control.controllers import Controller, InversePCC, NetworkController
+
+__all__ = ["Controller", "InversePCC", "NetworkController"]

@@ -1,0 +1,68 @@
+"""Controllers: the learned C2A with its history, and inverse PCC."""
+
+from abc import abstractmethod
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from s2c2a.kinematics import PCC, bends_from_configurations
+from s2c2a.networks import C2A, History
+from s2c2a.networks.c2a import ACTIONS, CONFIGURATIONS
+
+Memory = Any  # a pytree of arrays
+
+
+class Controller(eqx.Module):
+    """A map from the wanted and the sensed configuration to an action, with a memory of its own."""
+
+    @abstractmethod
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+        """Memory at rest."""
+
+    @abstractmethod
+    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: Memory):
+        """The action [m or N], shape (modules, cables), and the memory after it."""
+
+
+class InversePCC(Controller):
+    """Cables by inverse PCC: the comparison of the paper. No feedback.
+
+    Attributes:
+        pcc: the arm's map, with nominal numbers.
+        gains: what each module's bend is multiplied by; ones for the plain map, shape (modules,).
+    """
+
+    pcc: PCC
+    gains: Float[Array, " modules"]
+
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+        """Nothing to remember."""
+        return ()
+
+    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: Memory):
+        """See `Controller`."""
+        return self.pcc.actions(bends_from_configurations(wanted) * self.gains[:, None]), memory
+
+
+class NetworkController(Controller):
+    """C2A and its history (Chen et al. 2025, eq. (8)). At the start the first values fill the history."""
+
+    network: C2A
+
+    def start(self, sensed: Float[Array, "modules 3"]) -> History:
+        """A history of rest."""
+        cables = self.network.sum_and_range.neutral.shape
+        return History(jnp.repeat(sensed[:, None], CONFIGURATIONS, axis=1), jnp.zeros((cables[0], ACTIONS, cables[1])))
+
+    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: History):
+        """See `Controller`."""
+        history = History(_push(memory.configurations, sensed), memory.actions)
+        action = self.network(wanted, history)
+        layer = self.network.sum_and_range
+        return layer.actions(action), History(history.configurations, _push(history.actions, action))
+
+
+def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:
+    return jnp.concatenate([newest[:, None], history[:, :-1]], axis=1)

@@ -1,0 +1,106 @@
+"""The planner: one compiled call from a goal to the next configuration."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_bends
+from s2c2a.kinematics.forward_model import Memory
+from s2c2a.planning.goal import Goal, Numbers
+from s2c2a.planning.losses import norm
+from s2c2a.planning.objective import objective
+from s2c2a.planning.solver import solve
+
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """How to plan.
+
+    Attributes:
+        learning_rate: of Adam.
+        iterations: of Adam in a control step.
+        on_sphere: whether each module's vector returns to unit length after every iteration, and stays within the
+            module's bend limit. Sensed configurations under sensing coupling are not of unit length.
+    """
+
+    learning_rate: float = 0.02
+    iterations: int = 10
+    on_sphere: bool = True
+
+
+class Plan(NamedTuple):
+    """What the planner carries from step to step.
+
+    Attributes:
+        configurations: the last planned ones, C_0 of the next step, shape (modules, 3).
+        memory: of the forward model.
+    """
+
+    configurations: Float[Array, "modules 3"]
+    memory: Memory
+
+
+class Planner:
+    """Plans the next configuration online, one control step at a time.
+
+    Compiles once, when built; targets, obstacles and weights may change with every call.
+    """
+
+    def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions):
+        """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
+        self._modules, self._cables = arm.module_count, arm.cable_count
+        self._start = jax.jit(lambda configurations, cables: Plan(configurations, model.start(cables)))
+        self._next = jax.jit(_next_plan(arm, model, length_scale, options))
+        self._warm_up()
+
+    def start(self, configurations: Float[Numbers, "modules 3"], cables: Float[np.ndarray, "modules cables"]) -> Plan:
+        """The plan of an arm at rest: stay where the sensors say it is."""
+        return self._start(_single(configurations), _single(cables))
+
+    def plan(self, plan: Plan, cables: Float[np.ndarray, "modules cables"], goal: Goal) -> Plan:
+        """The next plan.
+
+        Args:
+            plan: the last one.
+            cables: the latest reading [m or N].
+            goal: for the next state.
+        """
+        return self._next(plan, _single(cables), goal)
+
+    def _warm_up(self) -> None:
+        straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
+        cables = np.zeros((self._modules, self._cables))
+        plan = self.start(straight, cables)
+        jax.block_until_ready(self.plan(plan, cables, Goal.of(self._modules)))
+
+
+def _single(values: Numbers) -> Numbers:
+    return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
+
+
+def _next_plan(arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions):
+    bend_limits = jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32)
+    longest_step = 2.0 * np.sin(np.deg2rad(arm.step_limit_deg) / 2.0)
+
+    def project(configurations):
+        return configurations / norm(configurations)[:, None] if options.on_sphere else configurations
+
+    def within_bends(configurations):
+        if not options.on_sphere:
+            return configurations
+        return configurations_from_bends(limit_bends(bends_from_configurations(configurations), bend_limits))
+
+    def next_plan(plan: Plan, cables, goal: Goal) -> Plan:
+        memory = model.observe(cables, plan.memory)
+        value = objective(model, memory, goal, plan.configurations, length_scale)
+        wanted = solve(value, plan.configurations, project, options.learning_rate, options.iterations)
+        change = within_bends(wanted) - plan.configurations
+        allowed = jnp.minimum(1.0, longest_step / jnp.maximum(norm(change), 1e-9))
+        return Plan(project(plan.configurations + change * allowed[:, None]), memory)
+
+    return next_plan

@@ -1,0 +1,22 @@
+"""Strategies: estimator, planner and controller put together; the paper's own and its comparisons."""
+
+from s2c2a.strategies.files import load_strategy, save_strategy
+from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
+from s2c2a.strategies.recipe import RECIPES, Recipe, recipe_named
+from s2c2a.strategies.s2c2a import TrainedNetworks, s2c2a_strategy, train_s2c2a
+from s2c2a.strategies.strategy import Strategy
+
+__all__ = [
+    "RECIPES",
+    "Recipe",
+    "Strategy",
+    "TrainedNetworks",
+    "fitted_gains",
+    "load_strategy",
+    "pcc_fitted_strategy",
+    "pcc_strategy",
+    "recipe_named",
+    "s2c2a_strategy",
+    "save_strategy",
+    "train_s2c2a",
+]

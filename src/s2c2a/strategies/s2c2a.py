@@ -1,0 +1,99 @@
+"""The strategy of the paper: C2S in the planner, C2A as the controller."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import NetworkController
+from s2c2a.data import Recording, controller_samples, forward_samples
+from s2c2a.errors import RecordingError
+from s2c2a.networks import C2A, C2S
+from s2c2a.planning import Planner
+from s2c2a.sensing import estimator_for
+from s2c2a.strategies.recipe import Recipe
+from s2c2a.strategies.scale import planning_scale
+from s2c2a.strategies.strategy import Strategy
+from s2c2a.training import train_c2a, train_c2s
+
+NetworkProgress = Callable[[str, int, int, float], None]
+
+
+@dataclass(frozen=True)
+class TrainedNetworks:
+    """The two networks of an arm and how they came about.
+
+    Attributes:
+        arm: what they were trained for.
+        recipe: name of the recipe.
+        seed: of the training.
+        c2s: forward model.
+        c2a: controller.
+        percent: held-out errors, network -> mean and standard deviation [% of full range].
+        curves: network -> rows of epoch, training loss, validation loss.
+    """
+
+    arm: ArmSpec
+    recipe: str
+    seed: int
+    c2s: C2S
+    c2a: C2A
+    percent: dict[str, tuple[float, float]]
+    curves: dict[str, np.ndarray]
+
+
+def train_s2c2a(
+    recording: Recording, recipe: Recipe, seed: int, progress: NetworkProgress = lambda *_: None
+) -> TrainedNetworks:
+    """Train both networks on a recording.
+
+    Args:
+        recording: with true states; configurations are sensed as the arm file says.
+        recipe: sizes and options.
+        seed: of everything random.
+        progress: told network, epoch, most epochs, validation loss.
+
+    Raises:
+        RecordingError: the recording holds no true states.
+        TrainingError: too few samples, or the loss is not finite.
+    """
+    if np.isnan(recording.states).any():
+        raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
+    arm = recording.arm
+    sensed = np.asarray(estimator_for(arm)(recording.cables, recording.configurations))
+    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
+    forward = train_c2s(
+        forward_samples(sensed, recording.states), recipe.c2s, recipe.c2s_fit, c2s_key, _named(progress, "C2S")
+    )
+    control = train_c2a(
+        controller_samples(sensed, recording.actions),
+        arm,
+        recipe.c2a,
+        recipe.history_noise,
+        recipe.c2a_fit,
+        c2a_key,
+        _named(progress, "C2A"),
+    )
+    both = {"C2S": forward, "C2A": control}
+    return TrainedNetworks(
+        arm,
+        recipe.name,
+        seed,
+        forward.network,
+        control.network,
+        percent={name: trained.percent for name, trained in both.items()},
+        curves={name: trained.curve for name, trained in both.items()},
+    )
+
+
+def s2c2a_strategy(networks: TrainedNetworks, recipe: Recipe) -> Strategy:
+    """Put trained networks to work."""
+    arm = networks.arm
+    planner = Planner(arm, networks.c2s, planning_scale(arm), recipe.planner)
+    return Strategy("s2c2a", arm, estimator_for(arm), planner, NetworkController(networks.c2a))
+
+
+def _named(progress: NetworkProgress, network: str):
+    return lambda epoch, most, loss: progress(network, epoch, most, loss)

@@ -1,0 +1,78 @@
+"""A strategy: sense, plan, act (Chen et al. 2025, fig. 1C)."""
+
+import jax
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import Controller
+from s2c2a.planning import Goal, Planner
+from s2c2a.sensing import Estimator
+from s2c2a.spaces import Actions, Configurations, Reading
+
+
+class Strategy:
+    """Estimator, planner and controller of one arm, and what they carry from step to step.
+
+    Nothing compiles after the strategy is built.
+
+    Attributes:
+        name: such as "s2c2a".
+        arm: the arm that it drives.
+        sensed: the latest sensed configuration, shape (modules, 3).
+        planned: the latest planned configuration, shape (modules, 3).
+    """
+
+    def __init__(self, name: str, arm: ArmSpec, estimator: Estimator, planner: Planner, controller: Controller):
+        """Put the parts together and compile them."""
+        self.name, self.arm = name, arm
+        self._planner = planner
+        self._sense = jax.jit(lambda cables, truth: estimator(cables, truth))
+        self._start_control = jax.jit(lambda sensed: controller.start(sensed))
+        self._act = jax.jit(lambda wanted, sensed, memory: controller.act(wanted, sensed, memory))
+        self._warm_up()
+
+    def start(self, reading: Reading) -> None:
+        """Begin from an arm at rest."""
+        self._sensed = self._sensed_in(reading)
+        self._plan = self._planner.start(self._sensed, reading.cables)
+        self._memory = self._start_control(self._sensed)
+
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """The action of one control step.
+
+        Args:
+            reading: the latest.
+            goal: for the state after the action.
+
+        Returns:
+            Displacements [m] or tensions [N], shape (modules, cables).
+        """
+        self._sensed = self._sensed_in(reading)
+        self._plan = self._planner.plan(self._plan, reading.cables, goal)
+        action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
+        return np.asarray(action, dtype=np.float64)
+
+    @property
+    def sensed(self) -> Configurations:
+        """The latest sensed configuration, shape (modules, 3)."""
+        return np.asarray(self._sensed)
+
+    @property
+    def planned(self) -> Configurations:
+        """The latest planned configuration, shape (modules, 3)."""
+        return np.asarray(self._plan.configurations)
+
+    def _sensed_in(self, reading: Reading):
+        truth = reading.configurations
+        return self._sense(_single(reading.cables), None if truth is None else _single(truth))
+
+    def _warm_up(self) -> None:
+        straight = np.tile([0.0, 0.0, 1.0], (self.arm.module_count, 1))
+        cables = np.zeros((self.arm.module_count, self.arm.cable_count))
+        self.start(Reading(0.0, cables, configurations=straight))
+        for truth in (straight, None) if self.arm.sensing == "encoders" else (straight,):
+            self.step(Reading(0.0, cables, configurations=truth), Goal.of(self.arm.module_count))
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values, np.float32)

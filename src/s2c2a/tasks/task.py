@@ -1,0 +1,34 @@
+"""A task: one goal for every control step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.planning import Goal
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked, step by step; the goal of step t is compared with the state after the action of step t.
+
+    Attributes:
+        name: the word a user types.
+        goals: one for every control step.
+    """
+
+    name: str
+    goals: tuple[Goal, ...]
+
+    def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
+        """Wanted module ends [m], base frame; NaN where nothing is asked."""
+        return np.stack([np.where(goal.position_weights[:, None] > 0, goal.positions, np.nan) for goal in self.goals])
+
+    def wanted_axes(self) -> Float[np.ndarray, "steps modules 3"]:
+        """Wanted end axes, base frame; NaN where nothing is asked."""
+        return np.stack([np.where(goal.axis_weights[:, None] > 0, goal.axes, np.nan) for goal in self.goals])
+
+    def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
+        """Centres and thresholds of the obstacles in use [m], base frame."""
+        every = np.stack([np.column_stack([goal.obstacles, goal.thresholds]) for goal in self.goals])
+        return every[:, every[..., 3].max(axis=0) > 0]
