@@ -9,9 +9,9 @@ from jaxtyping import Array, Float
 from s2c2a.planning.goal import Numbers
 
 
-def norm(vectors: Float[Array, "*batch axis"]) -> Float[Array, "*batch"]:
+def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
     """Euclidean norm with gradient zero at zero."""
-    squared = jnp.sum(vectors**2, axis=-1)
+    squared = jnp.sum(jnp.asarray(vectors) ** 2, axis=-1)
     zero = squared == 0.0
     return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, squared)))
 

@@ -17,6 +17,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.scale import planning_scale
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.training import train_c2a, train_c2s
+from s2c2a.training.networks import Trained
 
 NetworkProgress = Callable[[str, int, int, float], None]
 
@@ -76,7 +77,7 @@ def train_s2c2a(
         c2a_key,
         _named(progress, "C2A"),
     )
-    both = {"C2S": forward, "C2A": control}
+    both: dict[str, Trained] = {"C2S": forward, "C2A": control}
     return TrainedNetworks(
         arm,
         recipe.name,

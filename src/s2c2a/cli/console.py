@@ -1,0 +1,69 @@
+"""What verbs print with: a progress bar, tables, and words that they share."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from s2c2a.evaluation.report import Row
+    from s2c2a.experiments.workshop import Progress
+
+Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an arm file")]
+Controller = Literal["s2c2a", "pcc", "pcc-fitted"]
+FidelityName = Literal["fast", "accurate"]
+RecipeName = Literal["paper"]
+File = tyro.conf.Positional[str]
+
+
+@contextmanager
+def progress_bar() -> Iterator["Progress"]:
+    """A progress that draws one bar a piece of work, or prints a line each where nobody watches."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+        tasks: dict[str, int] = {}
+
+        def told(doing: str, done: int, total: int) -> None:
+            if doing not in tasks:
+                tasks[doing] = bars.add_task(doing, total=total)
+                if not console.is_terminal:
+                    console.print(f"{doing} ...", highlight=False)
+            bars.update(tasks[doing], completed=done)  # type: ignore[arg-type]
+
+        yield told
+
+
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table to standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for number, name in enumerate(header):
+        table.add_column(name, justify="left" if number == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 120)
+
+
+def print_rows(title: str, rows: Sequence["Row"]) -> None:
+    """Print result rows, the paper's numbers beside them."""
+    header = ("arm", "task", "controller", "metric", "mean ± steps", "± seeds", "paper")
+    print_table(title, header, [_cells(row) for row in rows])
+
+
+def _cells(row: "Row") -> tuple[str, ...]:
+    own = _pair(row.mean, row.std_steps)
+    seeds = "" if row.std_seeds is None else f"± {row.std_seeds:.2f} ({len(row.seeds)})"
+    paper = "" if row.paper_mean is None else _pair(row.paper_mean, row.paper_std)
+    return row.arm, row.task, row.controller, f"{row.metric} [{row.unit}]", own, seeds, paper
+
+
+def _pair(mean: float, spread: float | None) -> str:
+    return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"

@@ -1,0 +1,68 @@
+"""`s2c2a doctor`: what this machine has and lacks."""
+
+import os
+import platform
+import shutil
+import sys
+
+
+def doctor() -> None:
+    """Say what this machine has and lacks, and how to get what is missing."""
+    from s2c2a.cli.console import print_table
+
+    checks = [_python(), _cores(), *_packages(), _simulation(), _numerics(), _cache(), *_programs()]
+    print_table("What this machine has", ("what", "found", "good for"), checks)
+    missing = [what for what, found, _ in checks if found.startswith("missing")]
+    if missing:
+        print("s2c2a cannot work without: " + ", ".join(missing) + "; install it again with `pip install s2c2a`")
+        sys.exit(1)
+
+
+def _python() -> tuple[str, str, str]:
+    return "python", platform.python_version(), "everything"
+
+
+def _cores() -> tuple[str, str, str]:
+    return "cores", str(os.cpu_count()), "collecting goes side by side"
+
+
+def _packages() -> list[tuple[str, str, str]]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    rows = []
+    for name, use in {"mujoco": "simulation", "jax": "networks, planning", "h5py": "recordings"}.items():
+        try:
+            rows.append((name, version(name), use))
+        except PackageNotFoundError:
+            rows.append((name, "missing", use))
+    return rows
+
+
+def _simulation() -> tuple[str, str, str]:
+    from s2c2a.arm import load_arm
+    from s2c2a.robots import check_robot
+    from s2c2a.robots.simulation import SimulatedRobot
+
+    check_robot(SimulatedRobot(load_arm("twin_arm")))
+    return "simulated arm", "opens, moves, keeps its promises", "collect, run, demo"
+
+
+def _numerics() -> tuple[str, str, str]:
+    import jax
+
+    return "JAX device", ", ".join(sorted({device.platform for device in jax.devices()})), "cpu is enough"
+
+
+def _cache() -> tuple[str, str, str]:
+    from s2c2a.experiments.workshop import cache_folder
+
+    folder = cache_folder()
+    existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    writable = os.access(existing, os.W_OK)
+    free = shutil.disk_usage(existing).free / 1e9
+    return "cache folder", f"{folder} ({free:.0f} GB free)" if writable else f"{folder} cannot be written", "run"
+
+
+def _programs() -> list[tuple[str, str, str]]:
+    browser = next((path for name in ("chromium", "google-chrome", "firefox") if (path := shutil.which(name))), None)
+    return [("browser", browser or "none found here; replay pages open in any", "replay pages")]

@@ -1,0 +1,36 @@
+"""`s2c2a`: the verbs, and errors told in one line."""
+
+import sys
+from collections.abc import Sequence
+
+from tyro.extras import SubcommandApp
+
+from s2c2a.cli.arm import app as arm_verbs
+from s2c2a.cli.bench import bench
+from s2c2a.cli.collect import collect
+from s2c2a.cli.demo import demo
+from s2c2a.cli.doctor import doctor
+from s2c2a.cli.reproduce import app as reproduce_verbs
+from s2c2a.cli.run import run
+from s2c2a.cli.train import train
+from s2c2a.errors import S2C2AError
+
+FAULT, INTERRUPTED = 2, 130  # exit codes
+
+app = SubcommandApp()
+for verb in (demo, collect, train, run, bench, doctor):
+    app.command(verb)
+app.command(arm_verbs, name="arm", help="Check, describe, draw or copy an arm file.")
+app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the command `s2c2a`."""
+    try:
+        app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
+    except S2C2AError as error:
+        print(f"s2c2a: {error}", file=sys.stderr)
+        sys.exit(FAULT)
+    except KeyboardInterrupt:
+        print("\ns2c2a: interrupted; what was whole is kept", file=sys.stderr)
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,153 @@
+"""`s2c2a reproduce`: the project's tables, each from one command."""
+
+from pathlib import Path
+
+from tyro.extras import SubcommandApp
+
+from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_rows, print_table, progress_bar
+
+app = SubcommandApp()
+
+
+@app.command
+def circle(
+    seeds: int = 3,
+    recipe: RecipeName = "paper",
+    fidelity: FidelityName = "fast",
+    out: Path | None = None,
+    overwrite: bool = False,
+) -> None:
+    """The circle on both arms: the paper's strategy, pcc, pcc-fitted.
+
+    Args:
+        seeds: how many, from zero; each reseeds data, training and start.
+        recipe: how networks are trained and plans made.
+        fidelity: of the simulation.
+        out: the run folder; one with the time in its name if not stated.
+        overwrite: replace the run folder if it exists.
+    """
+    from s2c2a.experiments.circle import circle_table
+    from s2c2a.experiments.run_folder import open_run_folder
+    from s2c2a.experiments.workshop import Workshop
+
+    folder = open_run_folder(out, "circle", {"seeds": seeds, "recipe": recipe, "fidelity": fidelity}, overwrite)
+    with progress_bar() as progress:
+        table = circle_table(folder, range(seeds), Workshop(fidelity=fidelity, progress=progress), recipe)
+    print_rows(f"circle, {seeds} seeds", table.rows)
+    print(f"all of it: {folder}")
+
+
+@app.command
+def controller(seeds: int = 3, recipe: RecipeName = "paper", arm: Arm | None = None) -> None:
+    """C2A on its own, in closed loop, on references recorded while inverse PCC follows the circle at three speeds.
+
+    Args:
+        seeds: how many, from zero.
+        recipe: how networks are trained.
+        arm: only this one; both presets of the paper if not stated.
+    """
+    from s2c2a.arm import load_arm
+    from s2c2a.experiments.circle import ARMS
+    from s2c2a.experiments.controller_tracking import SPEEDS, track_circle, tracking_rows
+    from s2c2a.experiments.workshop import Workshop
+    from s2c2a.strategies import recipe_named
+
+    rows, worst = [], []
+    with progress_bar() as progress:
+        workshop = Workshop(progress=progress)
+        for name in (arm,) if arm else ARMS:
+            trained = [workshop.networks(load_arm(name), recipe_named(recipe), seed) for seed in range(seeds)]
+            tracked = [[track_circle(networks, speed, networks.seed) for speed in SPEEDS] for networks in trained]
+            rows += tracking_rows(tracked, trained)
+            worst += [max(run[index].errors[-200:].mean() for run in tracked) for index in range(len(SPEEDS))]
+    print_rows("C2A in closed loop, 1000 steps", rows)
+    print("mean error of the last 200 steps, worst seed [deg]: " + ", ".join(f"{value:.2f}" for value in worst))
+
+
+@app.command
+def calibration(
+    arm: Arm = "twin_arm", seeds: int = 1, network: bool = True, search: int = 0, out: Path | None = None
+) -> None:
+    """The twin beside what the paper says of its arm, line by line.
+
+    Args:
+        arm: a preset or an arm file.
+        seeds: how many, from zero.
+        network: also train NN_C2S, for its line.
+        search: first move stiffnesses and hysteresis, in so many evaluations of some seconds each.
+        out: where to write the arm that was found.
+    """
+    from s2c2a.arm import load_arm, save_arm
+    from s2c2a.experiments import calibration as twin
+
+    spec = load_arm(arm)
+    if search:
+        with progress_bar() as progress:
+            spec = twin.search(spec, 0, search, lambda count, misfit: progress("searching", count, search))
+        path = out or Path(f"{spec.name}-calibrated.toml")
+        save_arm(spec, path, overwrite=out is None)
+        print(f"written: {path}")
+    lines = twin.lines_for(spec)
+    wanted = twin.PCC_CIRCLE in lines
+    measured = [twin.measure(spec, seed, wanted, network and wanted) for seed in range(seeds)]
+    mean = {name: sum(values[name] for values in measured) / seeds for name in measured[0]}
+    rows = [
+        (
+            line.quantity,
+            f"{mean[line.quantity]:.2f} {line.unit}",
+            f"{line.paper:g}",
+            f"± {line.tolerance:.0%}",
+            _holds(line, mean),
+        )
+        for line in lines
+        if line.quantity in mean
+    ]
+    rows += [
+        (f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported")
+        for name, top in twin.LARGEST.items()
+    ]
+    print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)
+
+
+def _holds(line, values: dict[str, float]) -> str:
+    return "yes" if line.holds(values[line.quantity]) else "NO"
+
+
+@app.command
+def rod() -> None:
+    """The simulated arm at rest against an independent rod, in five cases and both fidelities."""
+    from s2c2a.experiments.simulator_accuracy import static_errors
+
+    errors = static_errors()
+    cases = dict.fromkeys(error.case for error in errors)
+    by_name = {(error.case, error.fidelity): f"{1e3 * error.error:.2f}" for error in errors}
+    rows = [(case, by_name[case, "fast"], by_name[case, "accurate"]) for case in cases]
+    print_table("Tip error at rest [mm]", ("case", "fast", "accurate"), rows)
+
+
+@app.command
+def new_arms(seeds: int = 1, recipe: RecipeName = "paper") -> None:
+    """The scaled circle on two arms that nobody tuned for.
+
+    Args:
+        seeds: how many, from zero.
+        recipe: how networks are trained and plans made.
+    """
+    from s2c2a.experiments.following import follow, position_rows, workshop_strategies
+    from s2c2a.experiments.unseen_arms import five_cable_arm, two_module_arm
+    from s2c2a.experiments.workshop import CONTROLLERS, Workshop
+    from s2c2a.strategies import recipe_named
+
+    rows = []
+    with progress_bar() as progress:
+        workshop = Workshop(progress=progress)
+        for arm in (five_cable_arm(), two_module_arm()):
+            strategies = workshop_strategies(workshop, arm, recipe_named(recipe))
+            runs = follow("circle", arm, CONTROLLERS, range(seeds), strategies, progress=progress)
+            rows += [
+                (row, 100.0 * row.mean / (100.0 * arm.length))
+                for row in position_rows("new arms", arm, runs, recipe, "fast")
+            ]
+    print_rows("Scaled circle on arms that nobody tuned for", [row for row, _ in rows])
+    for row, percent in rows:
+        print(f"{row.arm}, {row.controller}: {percent:.1f} % of its length")

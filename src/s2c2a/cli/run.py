@@ -1,0 +1,63 @@
+"""`s2c2a run`: controllers on a task."""
+
+from pathlib import Path
+
+from s2c2a.cli.console import Arm, Controller, FidelityName, File, RecipeName, print_rows, progress_bar
+
+
+def run(
+    task: File,
+    arm: Arm = "twin_arm",
+    controller: tuple[Controller, ...] = ("s2c2a",),
+    recipe: RecipeName = "paper",
+    strategy: Path | None = None,
+    seed: int = 0,
+    seeds: int = 1,
+    fidelity: FidelityName = "fast",
+    payload: float = 0.0,
+    out: Path | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Let controllers work on a task, and show what happened: results, figure, replay page.
+
+    Args:
+        task: its name; circle.
+        arm: a preset or an arm file.
+        controller: one or several, compared in one figure.
+        recipe: how networks are trained and plans made.
+        strategy: a file made by `s2c2a train`; without it, networks are trained or found in the cache.
+        seed: of data, training and start; the first one of several.
+        seeds: how many.
+        fidelity: of the simulation that is driven; data come from the fast one.
+        payload: mass at the tip [kg].
+        out: the run folder; one with the time in its name if not stated.
+        overwrite: replace the run folder if it exists.
+    """
+    from s2c2a.arm import load_arm
+    from s2c2a.experiments.following import follow, position_rows, workshop_strategies
+    from s2c2a.experiments.run_folder import draw_runs, open_run_folder, save_results
+    from s2c2a.experiments.workshop import Workshop
+    from s2c2a.strategies import load_strategy, recipe_named, s2c2a_strategy
+    from s2c2a.tasks import task_named
+
+    spec, chosen = load_arm(arm), recipe_named(recipe)
+    task_named(task, spec)
+    saved = load_strategy(strategy, spec) if strategy else None
+    options = dict(task=task, arm=spec.model_dump(mode="json"), controller=controller, recipe=recipe, seed=seed)
+    options |= dict(seeds=seeds, fidelity=fidelity, payload=payload, strategy=strategy)
+    folder = open_run_folder(out, f"{task}-{spec.name}", options, overwrite)
+    with progress_bar() as progress:
+        make = workshop_strategies(Workshop(progress=progress), spec, chosen)
+
+        def make_strategy(name: str, number: int):
+            return s2c2a_strategy(saved, chosen) if saved and name == "s2c2a" else make(name, number)
+
+        numbers = range(seed, seed + seeds)
+        runs = follow(
+            task, spec, controller, numbers, make_strategy, fidelity=fidelity, payload=payload, progress=progress
+        )
+    rows = position_rows("run", spec, runs, recipe, fidelity)
+    save_results(folder, rows, runs)
+    figure, page = draw_runs(folder, spec, runs)
+    print_rows(f"{task} with {spec.name}", rows)
+    print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")

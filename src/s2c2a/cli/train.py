@@ -1,0 +1,38 @@
+"""`s2c2a train`: the two networks of an arm."""
+
+from pathlib import Path
+
+from s2c2a.cli.console import File, RecipeName, print_table, progress_bar
+
+
+def train(recording: File, out: Path, recipe: RecipeName = "paper", seed: int = 0, overwrite: bool = False) -> None:
+    """Train both networks on a recording, and draw their learning curves beside the file.
+
+    Args:
+        recording: made by `s2c2a collect`.
+        out: the strategy to write, such as twin.safetensors.
+        recipe: how to train.
+        seed: of everything random.
+        overwrite: replace the strategy if it exists.
+    """
+    from s2c2a.data import load_recording
+    from s2c2a.errors import StrategyError
+    from s2c2a.strategies import recipe_named, save_strategy, train_s2c2a
+    from s2c2a.viz import learning_curves
+
+    if out.exists() and not overwrite:
+        raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
+    data = load_recording(recording)
+    with progress_bar() as progress:
+        networks = train_s2c2a(
+            data, recipe_named(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
+        )
+    save_strategy(networks, out)
+    rows = {
+        name: [dict(zip(("epoch", "train", "validation"), row, strict=True)) for row in curve]
+        for name, curve in networks.curves.items()
+    }
+    picture = learning_curves(rows, Path(f"{out}.png"))
+    held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
+    print_table("Held-out errors, of full range", ("network", "error"), held_out)
+    print(f"strategy: {out}; learning curves: {picture}")

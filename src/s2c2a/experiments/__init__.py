@@ -1,0 +1,1 @@
+"""Everything that makes a table or a figure: collect, train, evaluate, report."""

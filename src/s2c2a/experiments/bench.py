@@ -1,0 +1,84 @@
+"""How fast it is here: median and 99th percentile of what happens in every control step, and of the long work."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import jax
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import NetworkController
+from s2c2a.data import CollectOptions
+from s2c2a.experiments.workshop import Progress, Workshop
+from s2c2a.planning import Planner
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.sensing import estimator_for
+from s2c2a.strategies import Recipe, TrainedNetworks, s2c2a_strategy
+from s2c2a.strategies.scale import planning_scale
+from s2c2a.tasks import circle
+
+REPEATS = 1000
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a thing took [s], over `repeats` times."""
+
+    what: str
+    median: float
+    percentile_99: float
+    repeats: int
+
+
+def timed(what: str, call: Callable[[int], object], repeats: int) -> Timing:
+    """Time a call that takes the number of the repeat; a tenth as many calls before are not counted."""
+    for number in range(max(1, repeats // 10)):
+        call(number)
+    took = np.empty(repeats)
+    for number in range(repeats):
+        began = time.perf_counter()
+        jax.block_until_ready(call(number))
+        took[number] = time.perf_counter() - began
+    return Timing(what, float(np.median(took)), float(np.percentile(took, 99)), repeats)
+
+
+def step_timings(networks: TrainedNetworks, recipe: Recipe, repeats: int = REPEATS) -> list[Timing]:
+    """Sense, plan, act, the three together, and one step of the simulated arm."""
+    arm = networks.arm
+    with SimulatedRobot(arm) as robot:
+        reading = robot.read()
+        goals = circle(arm).goals
+        estimate = estimator_for(arm)
+        sense = jax.jit(lambda cables, truth: estimate(cables, truth))
+        cables, truth = reading.cables.astype(np.float32), np.asarray(reading.configurations, np.float32)
+        planner = Planner(arm, networks.c2s, planning_scale(arm), recipe.planner)
+        controller = NetworkController(networks.c2a)
+        sensed = sense(cables, truth)
+        plan, memory = planner.start(sensed, cables), controller.start(sensed)
+        act = jax.jit(lambda *arguments: controller.act(*arguments))
+        strategy = s2c2a_strategy(networks, recipe)
+        strategy.start(reading)
+        action = strategy.step(reading, goals[0])
+        return [
+            timed("sense", lambda n: sense(cables, truth), repeats),
+            timed("plan", lambda n: planner.plan(plan, cables, goals[n % len(goals)]), repeats),
+            timed("act", lambda n: act(sensed, sensed, memory), repeats),
+            timed("tick: sense, plan, act", lambda n: strategy.step(reading, goals[n % len(goals)]), repeats),
+            timed("simulated control step, fast", lambda n: robot.send(action), min(repeats, 200)),
+        ]
+
+
+def work_timings(arm: ArmSpec, recipe: Recipe, progress: Progress) -> tuple[list[Timing], TrainedNetworks]:
+    """Collecting 9000 samples and training both networks, once, from nothing."""
+    with TemporaryDirectory() as folder:
+        workshop = Workshop(Path(folder), progress=progress)
+        began = time.perf_counter()
+        workshop.recording(arm, CollectOptions())
+        collected = time.perf_counter()
+        networks = workshop.networks(arm, recipe, seed=0)
+        trained = time.perf_counter()
+    times = {"collecting 9000 samples": collected - began, "training both networks": trained - collected}
+    return [Timing(what, took, took, 1) for what, took in times.items()], networks

@@ -1,0 +1,51 @@
+"""The circle on both arms, with the paper's strategy and its comparisons."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2c2a.arm import load_arm
+from s2c2a.evaluation.report import Row
+from s2c2a.experiments.following import Run, follow, position_rows, training_rows, workshop_strategies
+from s2c2a.experiments.run_folder import draw_runs, save_results
+from s2c2a.experiments.workshop import CONTROLLERS, Workshop
+from s2c2a.strategies import recipe_named
+
+ARMS = ("twin_arm", "simulated_arm")
+
+
+@dataclass(frozen=True)
+class CircleTable:
+    """Rows of the table, and a figure and a replay page for each arm."""
+
+    rows: list[Row]
+    pictures: list[tuple[Path, Path]]
+
+
+def circle_table(
+    folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: str = "paper", arms: Sequence[str] = ARMS
+) -> CircleTable:
+    """Follow the circle with every controller on every arm, once a seed; results and pictures go to the folder."""
+    chosen = recipe_named(recipe)
+    rows: list[Row] = []
+    pictures: list[tuple[Path, Path]] = []
+    every: list[Run] = []
+    for name in arms:
+        arm = load_arm(name)
+        trained = [workshop.networks(arm, chosen, seed) for seed in seeds]
+        strategies = workshop_strategies(workshop, arm, chosen)
+        runs = follow(
+            "circle",
+            arm,
+            CONTROLLERS,
+            seeds,
+            strategies,
+            fidelity=workshop.fidelity,
+            progress=workshop.progress,
+        )
+        rows += position_rows("circle", arm, runs, recipe, workshop.fidelity)
+        rows += training_rows("circle", trained, workshop.fidelity)
+        pictures.append(draw_runs(folder, arm, runs))
+        every += runs
+    save_results(folder, rows, every)
+    return CircleTable(rows, pictures)

@@ -1,0 +1,104 @@
+"""C2A on its own, in closed loop, on references that it has not seen: a low held-out error proves nothing."""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import NetworkController
+from s2c2a.evaluation.metrics import configuration_errors_deg
+from s2c2a.evaluation.report import Row, over_seeds
+from s2c2a.networks import C2A
+from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.sensing import estimator_for
+from s2c2a.spaces import Reading
+from s2c2a.strategies import TrainedNetworks, pcc_strategy
+from s2c2a.tasks.circle import circle_path
+
+SPEEDS = (0.2, 1.0, 2.0)
+"""Of the circle, as parts of its own speed."""
+STEPS = 1000
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How C2A followed one reference: angle between wanted and sensed configuration, shape (steps, modules) [deg]."""
+
+    speed: float
+    errors: Float[np.ndarray, "steps modules"]
+
+
+def track_circle(networks: TrainedNetworks, speed: float, seed: int, steps: int = STEPS) -> Tracking:
+    """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A do it again."""
+    wanted = recorded_reference(networks.arm, speed, seed, steps)
+    return Tracking(speed, drive(networks.arm, networks.c2a, wanted, seed))
+
+
+def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Float[np.ndarray, "steps modules 3"]:
+    """Sensed configurations after every step of `pcc` on the circle at a part of its speed, round after round."""
+    path = circle_path(arm.length, arm.control_rate / speed)
+    rounds = path[len(path) // 5 :]  # what follows the approach
+    while len(path) < steps:
+        path = np.concatenate([path, rounds])
+    strategy, sense = pcc_strategy(arm, PlannerOptions()), _sense(arm)
+    sensed = []
+    with SimulatedRobot(arm, seed=seed) as robot:
+        strategy.start(robot.read())
+        for position in path[:steps]:
+            goal = Goal.of(arm.module_count).with_position(position)
+            robot.send(strategy.step(robot.read(), goal))
+            sensed.append(sense(robot.read()))
+    return np.array(sensed)
+
+
+def drive(
+    arm: ArmSpec, network: C2A, wanted: Float[np.ndarray, "steps modules 3"], seed: int
+) -> Float[np.ndarray, "steps modules"]:
+    """Let C2A follow wanted configurations from rest; returns the errors [deg] of every step and module."""
+    controller, sense = NetworkController(network), _sense(arm)
+    act = jax.jit(lambda *arguments: controller.act(*arguments))
+    errors = []
+    with SimulatedRobot(arm, seed=seed + 1) as robot:
+        sensed = sense(robot.read())
+        memory = controller.start(jax.numpy.asarray(sensed))
+        for configuration in wanted:
+            action, memory = act(configuration, sensed, memory)
+            robot.send(np.asarray(action, dtype=np.float64))
+            sensed = sense(robot.read())
+            errors.append(configuration_errors_deg(sensed, configuration))
+    return np.array(errors)
+
+
+def tracking_rows(tracked: list[list[Tracking]], networks: list[TrainedNetworks]) -> list[Row]:
+    """One row a speed: mean over steps and modules [deg], from one list of trackings a seed."""
+    rows = []
+    for index, speed in enumerate(SPEEDS):
+        errors = [trackings[index].errors.mean(axis=-1) for trackings in tracked]
+        rows.append(
+            Row(
+                experiment="controller",
+                task=f"circle at {speed:g} of its speed",
+                arm=networks[0].arm.name,
+                fidelity="fast",
+                controller="C2A",
+                recipe=networks[0].recipe,
+                metric="configuration error",
+                unit="deg",
+                **over_seeds(errors),
+                seeds=tuple(trained.seed for trained in networks),
+            )
+        )
+    return rows
+
+
+def _sense(arm: ArmSpec):
+    estimate = jax.jit(lambda cables, truth: estimator_for(arm)(cables, truth))
+
+    def sense(reading: Reading) -> Float[np.ndarray, "modules 3"]:
+        truth = None if reading.configurations is None else reading.configurations.astype(np.float32)
+        return np.asarray(estimate(reading.cables.astype(np.float32), truth))
+
+    return sense

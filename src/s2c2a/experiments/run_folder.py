@@ -1,0 +1,74 @@
+"""One folder a run: options, versions, results, figures, replay page."""
+
+import json
+import shutil
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.report import Row, save_csv, save_rows, versions
+from s2c2a.experiments.following import Run
+from s2c2a.viz import Trace, replay_page, run_figure
+
+MARKER = "options.json"
+
+
+def open_run_folder(path: Path | None, label: str, options: dict, overwrite: bool) -> Path:
+    """Make a run folder and write down its options and versions; a name with the time if no path is given.
+
+    Raises:
+        S2C2AError: the folder holds something and `overwrite` was not asked for, or it is no run folder.
+    """
+    folder = path or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        if not overwrite:
+            raise S2C2AError(f"{folder} exists and is not empty; say --overwrite or choose another --out")
+        if not (folder / MARKER).is_file():
+            raise S2C2AError(
+                f"{folder} holds no {MARKER}, so it is no run folder and is left alone; choose another --out"
+            )
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"options": options, "versions": versions()}, indent=1, default=str)
+    (folder / MARKER).write_text(text + "\n", encoding="utf-8")
+    return folder
+
+
+def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None:
+    """Write `results.json` and `metrics.csv`, the errors of every step."""
+    save_rows(rows, folder / "results.json")
+    header = ("controller", "seed", "step", "time_s", "position_cm", "tick_ms")
+    steps = (
+        (run.controller, run.seed, step, f"{time:.3f}", f"{error:.4f}", f"{1e3 * tick:.4f}")
+        for run in runs
+        for step, (time, error, tick) in enumerate(
+            zip(run.rollout.times, run.errors, run.rollout.tick_times, strict=True)
+        )
+    )
+    save_csv(header, steps, folder / "metrics.csv")
+
+
+def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run]) -> tuple[Path, Path]:
+    """Draw the first seed's runs: a figure and a replay page; returns their paths."""
+    first = [run for run in runs if run.seed == runs[0].seed]
+    traces = [trace_of(run) for run in first]
+    title = f"{first[0].rollout.task.name} with {arm.name}"
+    summary = {run.controller: f"{run.errors.mean():.2f} ± {run.errors.std():.2f} cm" for run in first}
+    figure = run_figure(traces, arm, folder / f"{arm.name}.png")
+    page = replay_page(traces, arm, title, folder / f"{arm.name}.html", summary)
+    return figure, page
+
+
+def trace_of(run: Run) -> Trace:
+    """What viz draws of a run."""
+    task = run.rollout.task
+    return Trace(
+        run.controller,
+        run.rollout.times,
+        run.rollout.states,
+        task.wanted_positions(),
+        task.wanted_axes(),
+        task.obstacles(),
+    )

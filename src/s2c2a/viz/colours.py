@@ -1,0 +1,30 @@
+"""Colours with a meaning, the same in every figure and on every page (Chen et al. 2025, figures 3 and 6)."""
+
+from collections.abc import Sequence
+from itertools import cycle
+
+import numpy as np
+
+WANTED = "#d62728"
+INK = "#17202b"
+MUTED = "#5b6675"
+FAINT = "#dfe4ea"
+
+_BASE_TO_END = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
+_CONTROLLERS = {"s2c2a": "#1f5fc4", "pcc": "#2b9a4b", "pcc-fitted": "#c77d0a", "lstm": "#7d3fb8"}
+_OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#7d3fb8", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+
+
+def module_colours(count: int) -> list[str]:
+    """A colour for each module: base blue, middle green, end red, and between them what lies between."""
+    places = np.linspace(0, len(_BASE_TO_END) - 1, count)
+    channels = [np.interp(places, range(len(_BASE_TO_END)), channel) for channel in _BASE_TO_END.T]
+    return ["#{:02x}{:02x}{:02x}".format(*(round(value) for value in colour)) for colour in zip(*channels, strict=True)]
+
+
+def trace_colours(labels: Sequence[str]) -> list[str]:
+    """A colour for each controller: its own where it has one, else the first that no other one uses."""
+    own = [_CONTROLLERS.get(label.lower()) for label in labels]
+    free = [colour for colour in _OTHERS if colour not in own]
+    others = cycle(free or _OTHERS)
+    return [colour or next(others) for colour in own]

@@ -1,0 +1,207 @@
+"""Figures of runs, recordings and training, set as in the paper (Chen et al. 2025, figures 3 and 6)."""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure
+from s2c2a.viz.colours import INK, MUTED, WANTED, module_colours, trace_colours
+from s2c2a.viz.saving import save_figure
+from s2c2a.viz.trace import Trace, check_same_arm
+
+COORDINATES = ("x", "y", "z")
+LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
+POINTS_SHOWN = 60_000
+FRONT = 50  # drawing order of the first trace, the one in front
+
+
+def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -> Path:
+    """Draw where the followed module's end was and should have been, seen along each axis and from above.
+
+    Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm] runs along the same time axis.
+
+    Args:
+        traces: runs of the same task, base frame.
+        arm: the arm that ran them.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Raises:
+        S2C2AError: no trace, a trace of another arm, or the file cannot be written.
+    """
+    check_same_arm(traces, arm)
+    figure = new_figure(11.0, 6.6)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
+    colours = trace_colours([trace.label for trace in traces])
+    over_time = _time_axes(figure, grid)
+    above = new_axes(figure, grid[:, 1], "x [m]", "y [m]")
+    for axis, axes in enumerate(over_time[:3]):
+        _draw_coordinate(axes, traces, colours, axis)
+    _draw_errors(over_time[3], traces, colours)
+    _draw_from_above(above, traces, colours)
+    headline(over_time[0], f"{arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
+    legend(figure, above, loc="outside upper right", ncols=min(len(traces) + 2, 5))
+    return save_figure(figure, path)
+
+
+def _time_axes(figure, grid) -> list[Axes]:
+    """Four axes over one time axis; only the last one numbers it."""
+    labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
+    axes = [new_axes(figure, grid[0, 0], "", labels[0])]
+    axes += [new_axes(figure, grid[row, 0], "", labels[row], sharex=axes[0]) for row in (1, 2, 3)]
+    for one in axes[:3]:
+        one.tick_params(labelbottom=False)
+    axes[3].set_xlabel("time [s]", color=INK, fontsize=9)
+    figure.align_ylabels(axes)
+    return axes
+
+
+def _draw_coordinate(axes: Axes, traces, colours, axis: int) -> None:
+    axes.plot(traces[0].times, traces[0].wanted_path[:, axis], color=WANTED, linewidth=2.6, alpha=0.75)
+    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
+        axes.plot(trace.times, trace.followed_path[:, axis], color=colour, linewidth=1.4, zorder=FRONT - place)
+    shown = [traces[0].wanted_path[:, axis], *(trace.followed_path[:, axis] for trace in traces)]
+    axes.set_ylim(*_limits(np.concatenate(shown)))
+
+
+def _draw_errors(axes: Axes, traces, colours) -> None:
+    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
+        axes.plot(trace.times, 100 * trace.position_errors, color=colour, linewidth=1.4, zorder=FRONT - place)
+    axes.set_ylim(bottom=0)
+    axes.margins(x=0.01)
+    if not any(np.isfinite(trace.position_errors).any() for trace in traces):
+        axes.text(0.5, 0.5, "no position is asked for", transform=axes.transAxes, ha="center", color=MUTED, fontsize=9)
+
+
+def _draw_from_above(axes: Axes, traces, colours) -> None:
+    """Paths in the x-y plane at equal scale, obstacles as they stand at the start, the base as a cross."""
+    wanted = traces[0].wanted_path
+    axes.plot(*wanted[:, :2].T, color=WANTED, linewidth=2.6, alpha=0.75, **_wanted_style(wanted))
+    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
+        style = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
+        axes.plot(*trace.followed_path[:, :2].T, label=_named_error(trace), **style)
+    for *centre, _, radius in _standing(traces[0].obstacles[0]):
+        axes.add_patch(Circle(centre, radius, facecolor="#6b6f8633", edgecolor="#6b6f86", linewidth=1))
+    axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
+    axes.set_aspect("equal", adjustable="datalim")
+    headline(axes, "from above")
+
+
+def _wanted_style(wanted: np.ndarray) -> dict:
+    """A line for a path, a disc for a place, no name where nothing is asked."""
+    finite = wanted[np.isfinite(wanted).all(axis=-1)]
+    if not len(finite):
+        return {}
+    stands = np.ptp(finite, axis=0).max() < 1e-6
+    return {"label": "wanted", "marker": "o" if stands else "", "markersize": 9}
+
+
+def _named_error(trace: Trace) -> str:
+    """Label with mean and standard deviation of the error over time."""
+    errors = 100 * trace.position_errors[np.isfinite(trace.position_errors)]
+    return f"{trace.label}   {errors.mean():.2f} ± {errors.std():.2f} cm" if errors.size else trace.label
+
+
+def _standing(obstacles: np.ndarray) -> np.ndarray:
+    """The obstacles that are there."""
+    return obstacles[np.isfinite(obstacles).all(axis=-1) & (obstacles[:, 3] > 0)]
+
+
+def _limits(values: np.ndarray) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
+    middle, half = (low + high) / 2, max(high - low, LEAST_SPAN) / 2
+    return middle - 1.12 * half, middle + 1.12 * half
+
+
+def recording_figure(states: Float[np.ndarray, "samples modules 6"], path: str | os.PathLike) -> Path:
+    """Draw the workspace that a recording covers, a colour for each module (figure 3 of the paper).
+
+    Args:
+        states: end positions [m] and end axes, shape (samples, modules, 6), base frame. Above 60 000 samples an even
+            choice of them is drawn.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Raises:
+        S2C2AError: the shape is wrong, or the file cannot be written.
+    """
+    states = np.asarray(states, dtype=float)
+    if states.ndim != 3 or states.shape[-1] != 6 or not states.size:
+        raise S2C2AError(f"states have shape {states.shape}, expected (samples, modules, 6) with at least one of each")
+    shown = states[:: -(-len(states) // POINTS_SHOWN)]
+    figure = new_figure(11.0, 5.6)
+    grid = figure.add_gridspec(1, 2)
+    _draw_cloud(new_axes(figure, grid[0], "x [m]", "z [m]"), shown, (0, 2), f"from the side, {len(states):,} samples")
+    above = new_axes(figure, grid[1], "x [m]", "y [m]")
+    _draw_cloud(above, shown, (0, 1), "from above")
+    legend(figure.axes[0], figure.axes[0], loc="lower right", markerscale=7)
+    return save_figure(figure, path)
+
+
+def _draw_cloud(axes: Axes, states: np.ndarray, view: tuple[int, int], title: str) -> None:
+    """End positions seen along one axis; inner modules in front, for their clouds are small."""
+    count = states.shape[1]
+    for module, colour in enumerate(module_colours(count)):
+        x, y = states[:, module, view[0]], states[:, module, view[1]]
+        style: dict[str, Any] = {
+            "marker": ".",
+            "markersize": 1.6,
+            "linestyle": "none",
+            "alpha": 0.55,
+            "markeredgewidth": 0,
+        }
+        axes.plot(x, y, color=colour, zorder=2 + count - module, label=f"module {module + 1}", rasterized=True, **style)
+    axes.plot(0, 0, "+", color=INK, markersize=9, zorder=3 + count)
+    axes.set_aspect("equal", adjustable="datalim")
+    headline(axes, title)
+
+
+def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | os.PathLike) -> Path:
+    """Draw how the losses fell: training thin and dashed, validation solid, its least value marked.
+
+    Args:
+        curves: for each network its rows, each a mapping with "epoch", "train" and "validation".
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Raises:
+        S2C2AError: there is no row, a row lacks a key, or the file cannot be written.
+    """
+    tables = {name: _curve_table(name, rows) for name, rows in curves.items()}
+    if not tables:
+        raise S2C2AError("there is no learning curve to draw; give at least one")
+    figure = new_figure(7.6, 4.6)
+    axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
+    for (name, table), colour in zip(tables.items(), trace_colours(list(tables)), strict=True):
+        _draw_curve(axes, name, table, colour)
+    if all((table[:, 1:] > 0).all() for table in tables.values()):
+        axes.set_yscale("log")
+    headline(axes, "validation (solid) and training (dashed)")
+    legend(axes, axes, loc="upper right")
+    return save_figure(figure, path)
+
+
+def _curve_table(name: str, rows: Iterable[Mapping]) -> Float[np.ndarray, "epochs 3"]:
+    """Epoch, training and validation loss as columns."""
+    try:
+        table = [[float(row[key]) for key in ("epoch", "train", "validation")] for row in rows]
+    except (KeyError, TypeError, ValueError) as error:
+        message = f"curve '{name}': every row needs the numbers epoch, train and validation; got {error!r}"
+        raise S2C2AError(message) from error
+    if not table:
+        raise S2C2AError(f"curve '{name}' has no rows; train for at least one epoch")
+    return np.array(table)
+
+
+def _draw_curve(axes: Axes, name: str, table: np.ndarray, colour: str) -> None:
+    epochs, train, validation = table.T
+    axes.plot(epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8)
+    best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
+    axes.plot(epochs, validation, color=colour, linewidth=1.7, label=f"{name}   least {validation[best]:.3g}")
+    axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)

@@ -1,0 +1,78 @@
+// The words round the scene: controllers with their errors, legend, summary. Text from users is only ever set as text.
+
+const element = (name, options = {}, ...children) => {
+  const made = Object.assign(document.createElement(name), options);
+  made.append(...children);
+  return made;
+};
+const byId = (id) => document.getElementById(id);
+const inCentimetres = (error) => (error === null ? "–" : `${(100 * error).toFixed(2)} cm`);
+const inDegrees = (angle) => (angle === null ? "" : `axis ${((angle * 180) / Math.PI).toFixed(1)}°`);
+
+// A button for each controller; pressing one shows its arm.
+class TraceList {
+  constructor(run, choose) {
+    this.rows = run.traces.map((trace, k) => {
+      const mean = meanOf(trace.errors);
+      const parts = {
+        mark: element("span", { className: "mark" }),
+        name: element("span", { className: "name", textContent: trace.label }),
+        now: element("span", { className: "now" }),
+        mean: element("span", {
+          className: "mean",
+          textContent: mean === null ? "no position is asked for" : `mean ${inCentimetres(mean)}`,
+        }),
+        angle: element("span", { className: "angle" }),
+      };
+      parts.mark.style.background = trace.colour;
+      const button = element(
+        "button",
+        { type: "button", className: "trace", onclick: () => choose(k) },
+        ...Object.values(parts),
+      );
+      button.setAttribute("role", "radio");
+      return { ...parts, button };
+    });
+    byId("traces").append(...this.rows.map((row) => row.button));
+    const asked = run.traces.some((trace) => trace.errors.some((error) => error !== null));
+    byId("errors-heading").textContent = !asked
+      ? "Runs"
+      : `Error at the end of module ${run.traces[0].followed + 1} of ${run.arm.lengths.length}`;
+  }
+
+  show(moments, chosen) {
+    this.rows.forEach((row, k) => {
+      row.now.textContent = inCentimetres(moments[k].error);
+      row.angle.textContent = inDegrees(moments[k].axisError);
+      row.button.setAttribute("aria-checked", String(k === chosen));
+    });
+  }
+}
+
+function writeSummary(run) {
+  byId("summary-section").hidden = run.summary.length === 0;
+  for (const [name, value] of run.summary) {
+    byId("summary").append(element("dt", { textContent: name }), element("dd", { textContent: value }));
+  }
+  const count = run.arm.lengths.length;
+  byId("subtitle").textContent =
+    `${run.arm.name} · ${count} module${count === 1 ? "" : "s"} · ${(run.end - run.start).toFixed(1)} s`;
+}
+
+// The legend names what is in the scene and nothing else.
+function writeKey(run, chosen) {
+  const items = [],
+    trace = run.traces[chosen];
+  const item = (kind, style, text) => {
+    const mark = element("i", { className: kind });
+    Object.assign(mark.style, style);
+    items.push(element("li", {}, mark, element("span", { textContent: text })));
+  };
+  const ramp =
+    run.arm.colours.length > 1 ? `linear-gradient(90deg, ${run.arm.colours.join(", ")})` : run.arm.colours[0];
+  item("bar", { background: ramp }, "base to end");
+  if (trace.wanted.length || trace.axes.length) item("line", { borderColor: run.wantedColour }, "wanted");
+  item("line", { borderColor: trace.colour }, trace.label);
+  if (trace.obstacles.some((step) => step.length)) item("dot", { background: OBSTACLE }, "obstacle");
+  byId("key").replaceChildren(...items);
+}

@@ -1,0 +1,93 @@
+"""A run as the compact JSON that the replay page draws.
+
+Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths, errors as whole micrometres and
+microradians; NaN travels as null.
+`page/run.js` is the other end.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.viz.colours import WANTED, module_colours, trace_colours
+from s2c2a.viz.trace import Trace
+
+PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
+PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for their mean is shown
+
+
+def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
+    """All that the page shows, as values that JSON knows."""
+    return {
+        "title": title,
+        "summary": [[str(name), str(value)] for name, value in summary.items()],
+        "wantedColour": WANTED,
+        "arm": _arm_data(arm),
+        "traces": [
+            _trace_data(trace, colour)
+            for trace, colour in zip(traces, trace_colours([trace.label for trace in traces]), strict=True)
+        ],
+    }
+
+
+def json_for_script(data) -> str:
+    """Compact JSON that can stand inside a script element, whatever strings it holds.
+
+    Raises:
+        ValueError: a number is NaN or infinite.
+    """
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _arm_data(arm: ArmSpec) -> dict:
+    geometry = ArmGeometry.of(arm)
+    return {
+        "name": arm.name,
+        "lengths": geometry.lengths.tolist(),
+        "radii": geometry.cable_radii.tolist(),
+        "cableAngles": [[float(a) for a in np.deg2rad(module.cable_angles_deg).round(4)] for module in arm.modules],
+        "gravity": list(arm.gravity_direction),
+        "colours": module_colours(arm.module_count),
+    }
+
+
+def _trace_data(trace: Trace, colour: str) -> dict:
+    return {
+        "label": trace.label,
+        "colour": colour,
+        "followed": trace.followed_module,
+        "times": trace.times.round(4).tolist(),
+        "states": _whole(trace.states.reshape(trace.times.size, -1)),  # (time, modules * 6)
+        "wanted": _asked(trace.wanted_positions),
+        "axes": _asked(trace.wanted_axes),
+        "obstacles": _whole(_without_repeats(trace.obstacles)),
+        "errors": _whole(trace.position_errors, PER_ERROR),
+        "axisErrors": _whole(trace.axis_errors, PER_ERROR),
+    }
+
+
+def _asked(wanted: np.ndarray) -> dict[str, list]:
+    """For each module of which something is asked, its points over time, null where nothing is."""
+    whole = np.isfinite(wanted).all(axis=-1)
+    points = np.where(whole[..., None], wanted, np.nan)
+    return {str(module): _points(points[:, module]) for module in np.flatnonzero(whole.any(axis=0))}
+
+
+def _points(values: np.ndarray) -> list:
+    return [None if point[0] is None else point for point in _whole(values)]
+
+
+def _without_repeats(obstacles: np.ndarray) -> np.ndarray:
+    """One step only, where the obstacles stand still."""
+    return obstacles[:1] if np.array_equal(obstacles, np.broadcast_to(obstacles[:1], obstacles.shape)) else obstacles
+
+
+def _whole(values: np.ndarray, per_unit: int = PER_UNIT) -> list:
+    """Nested lists of whole numbers, None where a value is not finite."""
+    finite = np.isfinite(values)
+    whole = np.rint(per_unit * np.where(finite, values, 0.0)).astype(int).astype(object)
+    whole[~finite] = None
+    return whole.tolist()

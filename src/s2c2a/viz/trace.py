@@ -1,0 +1,133 @@
+"""A trace: what viz draws of one run."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.errors import S2C2AError
+from s2c2a.spaces import AXIS, POSITION
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One controller's run of a task, in the base frame; arrays are copied and made read-only.
+
+    States may hold NaN where a real arm was not seen; wanted values are NaN where nothing is asked of that module.
+
+    Attributes:
+        label: name of the controller, such as "s2c2a"; it is shown in legends.
+        times: rising times [s], shape (time,).
+        states: end position [m] and end axis of every module, shape (time, modules, 6).
+        wanted_positions: where module ends should be [m], shape (time, modules, 3), or NaN.
+        wanted_axes: where module ends should point, unit vectors, shape (time, modules, 3), or NaN.
+        obstacles: centre and radius of spheres [m], shape (time, obstacles, 4); a radius that is not positive or a NaN
+            says that there is none.
+
+    Raises:
+        S2C2AError: a shape is wrong, or times do not rise.
+    """
+
+    label: str
+    times: Float[np.ndarray, " time"]
+    states: Float[np.ndarray, "time modules 6"]
+    wanted_positions: Float[np.ndarray, "time modules 3"]
+    wanted_axes: Float[np.ndarray, "time modules 3"]
+    obstacles: Float[np.ndarray, "time obstacles 4"]
+
+    def __post_init__(self):
+        """Freeze the arrays and check that they fit together."""
+        for field in fields(self)[1:]:
+            object.__setattr__(self, field.name, _frozen_array(self.label, field.name, getattr(self, field.name)))
+        _check_times(self.label, self.times)
+        steps = self.times.size
+        self._check_shape("states", (steps, "modules", 6))
+        modules = self.module_count
+        self._check_shape("wanted_positions", (steps, modules, 3))
+        self._check_shape("wanted_axes", (steps, modules, 3))
+        self._check_shape("obstacles", (steps, "obstacles", 4))
+
+    def _check_shape(self, name: str, expected: tuple) -> None:
+        got = getattr(self, name).shape
+        fits = len(got) == len(expected) and all(
+            isinstance(b, str) or a == b for a, b in zip(got, expected, strict=True)
+        )
+        if not fits or (name == "states" and got[1] == 0):
+            wanted = "(" + ", ".join(str(size) for size in expected) + ")"
+            raise S2C2AError(
+                f"trace '{self.label}': {name} has shape {got}, expected {wanted}; "
+                "axes are (time, modules or obstacles, features), with at least one module"
+            )
+
+    @classmethod
+    def without_target(cls, label: str, times, states) -> "Trace":
+        """A trace of an arm of which nothing is asked, such as one episode of a recording."""
+        nothing = np.full((*np.shape(states)[:2], 3), np.nan)
+        return cls(label, times, states, nothing, nothing, np.zeros((np.size(times), 0, 4)))
+
+    @property
+    def module_count(self) -> int:
+        """Number of modules."""
+        return self.states.shape[1]
+
+    @property
+    def followed_module(self) -> int:
+        """Outermost module whose position is asked for, counted from 0; the last one where none is."""
+        asked = np.isfinite(self.wanted_positions).all(axis=-1).any(axis=0)
+        return int(np.flatnonzero(asked)[-1]) if asked.any() else self.module_count - 1
+
+    @property
+    def followed_path(self) -> Float[np.ndarray, "time 3"]:
+        """Positions of the followed module's end [m]."""
+        return self.states[:, self.followed_module, POSITION]
+
+    @property
+    def wanted_path(self) -> Float[np.ndarray, "time 3"]:
+        """Wanted positions of the followed module's end [m], or NaN."""
+        return self.wanted_positions[:, self.followed_module]
+
+    @property
+    def position_errors(self) -> Float[np.ndarray, " time"]:
+        """Distance of the followed module's end from where it should be [m], or NaN."""
+        return np.linalg.norm(self.followed_path - self.wanted_path, axis=-1)
+
+    @property
+    def axis_errors(self) -> Float[np.ndarray, " time"]:
+        """Angle between end axis and wanted axis [rad] of the outermost module that is asked for one, or NaN."""
+        asked = np.isfinite(self.wanted_axes).all(axis=-1).any(axis=0)
+        module = int(np.flatnonzero(asked)[-1]) if asked.any() else self.module_count - 1
+        real, wanted = self.states[:, module, AXIS], self.wanted_axes[:, module]
+        across = np.linalg.norm(np.cross(real, wanted), axis=-1)
+        return np.arctan2(across, np.sum(real * wanted, axis=-1))
+
+
+def _frozen_array(label: str, name: str, value) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise S2C2AError(f"trace '{label}': {name} is not an array of numbers: {error}") from error
+    array.setflags(write=False)
+    return array
+
+
+def _check_times(label: str, times: np.ndarray) -> None:
+    if times.ndim != 1 or times.size == 0:
+        raise S2C2AError(f"trace '{label}': times has shape {times.shape}, expected (time,) with at least one step")
+    if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+        raise S2C2AError(f"trace '{label}': times must be finite and rise from step to step; they are in seconds")
+
+
+def check_same_arm(traces, arm) -> None:
+    """Refuse an empty list of traces, and traces with another number of modules than the arm.
+
+    Raises:
+        S2C2AError: there is no trace, or one does not fit the arm.
+    """
+    if not traces:
+        raise S2C2AError("there is no trace to draw; give at least one")
+    for trace in traces:
+        if trace.module_count != arm.module_count:
+            raise S2C2AError(
+                f"trace '{trace.label}' has {trace.module_count} modules and arm '{arm.name}' has {arm.module_count}; "
+                "draw a trace with the arm that it was recorded on"
+            )

@@ -1,0 +1,128 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2c2a.arm import ArmSpec, Cable, Module, Motor, arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
+from s2c2a.arm.geometry import largest_gap_deg
+from s2c2a.errors import ArmError
+
+
+def between(low, high):
+    return st.floats(low, high, allow_nan=False)
+
+
+def maybe(strategy):
+    return st.none() | strategy
+
+
+@st.composite
+def modules(draw, cables: int, tension: bool):
+    layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(lambda a: largest_gap_deg(a) < 179)
+    slips = {} if tension else {"play": between(0, 0.02), "creep": between(0, 0.9)}
+    return Module(
+        length=draw(between(0.3, 2)),
+        cable_radius=draw(between(0.0015, 0.3)),
+        cable_angles_deg=tuple(draw(layouts)),
+        mass=draw(between(0.0005, 10)),
+        bending_stiffness=draw(between(0.0005, 50)),
+        torsional_stiffness=draw(maybe(between(0.0005, 50))),
+        bend_limit_deg=draw(between(1, 150)),
+        pretension=draw(between(0, 500)),
+        tension_range=draw(between(0.05, 500) if tension else maybe(between(0.05, 500))),
+        cable=draw(st.builds(Cable, stiffness=between(50, 1e6), friction=between(0, 1), **slips)),
+    )
+
+
+@st.composite
+def arms(draw):
+    tension, cables = draw(st.booleans()), draw(st.integers(3, 8))
+    speeds = between(0.001, 5000 if tension else 5)
+    return ArmSpec(
+        name=draw(st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")),
+        description=draw(st.text(max_size=40)),
+        actuation="tension" if tension else "displacement",
+        sensing=draw(st.sampled_from(["encoders", "true"])),
+        coupled_cables=draw(st.booleans()),
+        gravity_direction=draw(st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])),
+        control_rate=draw(between(0.5, 1000)),
+        motor=draw(st.builds(Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24))),
+        modules=tuple(draw(st.lists(modules(cables, tension), min_size=1, max_size=4))),
+    )
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_preset_written_and_read_again_is_the_same_arm(name):
+    arm = load_arm(name)
+    assert arm_from_toml(arm_to_toml(arm)) == arm
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_preset_is_named_after_its_file(name):
+    assert load_arm(name).name == name
+
+
+@settings(deadline=None, max_examples=60)
+@given(arms())
+def test_any_arm_written_and_read_again_is_the_same_arm(arm):
+    assert arm_from_toml(arm_to_toml(arm)) == arm
+
+
+@settings(deadline=None, max_examples=20)
+@given(arm=arms())
+def test_any_arm_survives_a_file(arm, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "survivor.toml"
+    save_arm(arm, path, overwrite=True)
+    assert load_arm(path) == arm
+
+
+def test_twenty_modules_of_eight_cables_are_an_arm():
+    octagon = load_arm("twin_arm").modules[0].model_copy(update={"cable_angles_deg": tuple(range(0, 360, 45))})
+    arm = ArmSpec(name="long", actuation="displacement", modules=(octagon,) * 20)
+    assert (arm.module_count, arm.cable_count) == (20, 8)
+    assert arm_from_toml(arm_to_toml(arm)) == arm
+
+
+def test_a_file_is_not_overwritten_unasked(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("precious")
+    with pytest.raises(ArmError, match=r"mine\.toml exists"):
+        save_arm(load_arm("twin_arm"), path)
+    assert path.read_text() == "precious"
+
+
+def test_a_file_is_overwritten_when_asked(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("old")
+    save_arm(load_arm("twin_arm"), path, overwrite=True)
+    assert load_arm(path) == load_arm("twin_arm")
+
+
+def test_a_missing_file_lists_the_presets(tmp_path):
+    with pytest.raises(ArmError, match=r"nowhere\.toml") as caught:
+        load_arm(tmp_path / "nowhere.toml")
+    assert all(name in str(caught.value) for name in preset_names())
+
+
+def test_a_folder_is_no_arm(tmp_path):
+    with pytest.raises(ArmError, match="neither a preset"):
+        load_arm(tmp_path)
+
+
+def test_broken_toml_is_named_with_file_and_line(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text('name = "a"\nactuation = \n')
+    with pytest.raises(ArmError, match=r"broken\.toml: not valid TOML: .*line 2"):
+        load_arm(path)
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(ArmError, match=r"binary\.toml: cannot be read as UTF-8"):
+        load_arm(path)
+
+
+def test_an_empty_file_says_what_is_missing():
+    with pytest.raises(ArmError) as caught:
+        arm_from_toml("", source="empty.toml")
+    assert all(f"{key}: Field required" in str(caught.value) for key in ("name", "actuation", "modules"))

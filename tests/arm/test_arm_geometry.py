@@ -1,0 +1,133 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
+from s2c2a.arm.geometry import balanced_pull, cable_matrix, largest_gap_deg
+
+
+@st.composite
+def layouts(draw):
+    """Cable angles [deg] of three to eight cables that can bend every way."""
+    shares = draw(st.lists(st.floats(0.1, 1), min_size=3, max_size=8))
+    gaps = 360 * np.array(shares) / np.sum(shares)
+    assume(gaps.max() < 178.9)
+    return tuple(draw(st.floats(-180, 180)) + np.cumsum(gaps))
+
+
+def arm_of(angles, actuation="displacement", tension_range=15.0) -> ArmSpec:
+    """One module of 45 deg full bend and 20 N pretension."""
+    module = Module(
+        length=0.2,
+        cable_radius=0.027,
+        cable_angles_deg=tuple(angles),
+        mass=0.075,
+        bending_stiffness=0.16,
+        bend_limit_deg=45.0,
+        pretension=20.0,
+        tension_range=tension_range,
+    )
+    return ArmSpec(name="arm", actuation=actuation, modules=(module,))
+
+
+@pytest.mark.parametrize(
+    ("angles", "gap"),
+    [((0, 120, 240), 120), ((0, 90, 180, 270), 90), ((350, 10, 100), 250), ((-30, 30, 750), 300), ((720, 0, 0), 360)],
+)
+def test_the_largest_gap_is_found_across_the_turn(angles, gap):
+    assert largest_gap_deg(angles) == pytest.approx(gap)
+
+
+def test_a_cable_shortens_when_the_module_bends_towards_it():
+    matrix = cable_matrix(np.deg2rad([0.0, 90.0, 180.0, 270.0]))
+    np.testing.assert_allclose(matrix, [[-1, 0], [0, -1], [1, 0], [0, 1]], atol=1e-12)
+
+
+@settings(deadline=None)
+@given(layouts())
+@example((0.0, 60.0, 100.0, 260.0, 300.0))
+def test_neutral_tensions_of_any_layout_do_not_bend(angles):
+    geometry = ArmGeometry.of(arm_of(angles, actuation="tension"))
+    moments = geometry.cable_matrices[0].T @ geometry.action_neutral[0]
+    np.testing.assert_allclose(moments, 0.0, atol=1e-9)
+
+
+@settings(deadline=None)
+@given(layouts())
+@example((0.0, 60.0, 100.0, 260.0, 300.0))
+def test_no_cable_pushes_at_rest(angles):
+    geometry = ArmGeometry.of(arm_of(angles, actuation="tension"))
+    assert geometry.action_neutral.min() > 0
+
+
+@pytest.mark.parametrize("cables", range(3, 9))
+def test_evenly_spread_cables_pull_alike_at_rest(cables):
+    matrix = cable_matrix(2 * np.pi * np.arange(cables) / cables + 0.3)
+    np.testing.assert_allclose(balanced_pull(matrix), 1.0, atol=1e-12)
+
+
+def test_three_cables_pull_at_rest_as_the_law_of_sines_says():
+    """Three pulls in balance are to each other as the sines of the angles between the other two."""
+    pulls = balanced_pull(cable_matrix(np.deg2rad([0.0, 90.0, 225.0])))
+    sines = np.sin(np.deg2rad([135.0, 135.0, 90.0]))
+    np.testing.assert_allclose(pulls / pulls[0], sines / sines[0], rtol=1e-12)
+
+
+def test_a_displacement_arm_rests_at_zero_and_moves_by_radius_times_full_bend():
+    geometry = ArmGeometry.of(arm_of((0, 120, 240)))
+    reach = 0.027 * np.pi / 4
+    np.testing.assert_array_equal(geometry.action_neutral, np.zeros((1, 3)))
+    np.testing.assert_allclose(geometry.action_scale, [reach])
+    np.testing.assert_allclose(geometry.action_high, np.full((1, 3), reach))
+    np.testing.assert_allclose(geometry.action_low, np.full((1, 3), -reach))
+
+
+def test_a_tension_arm_rests_at_its_pretension_and_moves_by_its_tension_range():
+    geometry = ArmGeometry.of(arm_of((0, 90, 180, 270), actuation="tension"))
+    np.testing.assert_allclose(geometry.action_neutral, np.full((1, 4), 20.0))
+    np.testing.assert_allclose(geometry.action_high, np.full((1, 4), 35.0))
+    np.testing.assert_allclose(geometry.action_low, np.full((1, 4), 5.0))
+    np.testing.assert_allclose(geometry.action_scale, [-15.0])
+
+
+def test_a_tension_is_never_asked_to_push():
+    geometry = ArmGeometry.of(arm_of((0, 90, 180, 270), actuation="tension", tension_range=50.0))
+    np.testing.assert_array_equal(geometry.action_low, np.zeros((1, 4)))
+
+
+@settings(deadline=None)
+@given(layouts(), st.floats(-np.pi, np.pi))
+def test_full_bend_in_any_direction_is_within_the_limits(angles, direction):
+    geometry = ArmGeometry.of(arm_of(angles))
+    action = geometry.action_scale[0] * geometry.cable_matrices[0] @ [np.cos(direction), np.sin(direction)]
+    assert (action <= geometry.action_high[0] + 1e-12).all()
+    assert (action >= geometry.action_low[0] - 1e-12).all()
+
+
+@settings(deadline=None)
+@given(layouts())
+def test_bend_matrices_undo_cable_matrices(angles):
+    geometry = ArmGeometry.of(arm_of(angles))
+    np.testing.assert_allclose(geometry.bend_matrices[0] @ geometry.cable_matrices[0], np.eye(2), atol=1e-9)
+
+
+def test_an_arm_counts_and_measures_itself():
+    arm = load_arm("twin_arm")
+    assert (arm.module_count, arm.cable_count) == (3, 3)
+    assert arm.length == pytest.approx(0.6)
+    assert arm.control_period == pytest.approx(0.1)
+
+
+def test_torsional_stiffness_is_bending_stiffness_unless_stated():
+    module = arm_of((0, 120, 240)).modules[0]
+    assert module.gj == 0.16
+    assert module.model_copy(update={"torsional_stiffness": 0.05}).gj == 0.05
+
+
+def test_geometry_is_frozen():
+    geometry = ArmGeometry.of(load_arm("twin_arm"))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        geometry.lengths = np.ones(3)

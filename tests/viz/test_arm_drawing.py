@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmSpec, load_arm, preset_names
+from s2c2a.viz import arm_figure
+from s2c2a.viz.arm_side import SideScale
+from s2c2a.viz.arm_table import spread
+from s2c2a.viz.cross_section import kinds_of_module
+
+
+@pytest.mark.parametrize(("modules", "cables"), [(1, 3), (3, 4), (20, 8)])
+def test_arms_of_any_size_are_drawn(make_arm, modules, cables, tmp_path):
+    path = arm_figure(make_arm(modules, cables), tmp_path / "arm.png")
+    assert path.stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_is_drawn(name, tmp_path):
+    assert arm_figure(load_arm(name), tmp_path / "arm.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("gravity", [(0, 0, 1), (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, -0.8)])
+def test_gravity_is_drawn_whichever_way_it_points(make_arm, gravity, tmp_path):
+    arm = make_arm(gravity_direction=gravity, description="costs $5 to $6, " * 20)
+    assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
+
+
+def test_modules_whose_cables_run_alike_share_a_cross_section(make_module):
+    turned = make_module(cable_angles_deg=(60.0, 180.0, 300.0))
+    modules = (make_module(3), turned, make_module(3))
+    arm = ArmSpec(name="mixed", actuation="displacement", modules=modules)
+    assert [(kind.letter, kind.numbers) for kind in kinds_of_module(arm)] == [("A", (1, 3)), ("B", (2,))]
+
+
+def test_twenty_kinds_of_module_get_twenty_cross_sections(make_module, tmp_path):
+    modules = tuple(make_module(3, cable_radius=0.02 + 0.001 * k) for k in range(20))
+    arm = ArmSpec(name="many", actuation="displacement", modules=modules)
+    assert len({kind.letter for kind in kinds_of_module(arm)}) == 20
+    assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
+
+
+def test_the_side_view_holds_the_whole_arm_at_equal_scale(make_arm):
+    arm = make_arm()
+    scale = SideScale.of(arm, width=2.9, height=4.2)
+    assert scale.low < 0 < arm.length < scale.high
+    assert scale.high - scale.low == pytest.approx(4.2 * scale.per_inch)
+    assert 2 * scale.half_width == pytest.approx(2.9 * scale.per_inch)
+
+
+def test_rows_are_spread_apart_without_leaving_the_table_or_their_order():
+    rows = spread(np.array([0.10, 0.11, 0.12, 0.97, 0.99]), 0.1)
+    assert np.diff(rows).min() > 0.1 - 1e-9
+    assert rows[0] >= 0.05
+    assert rows[-1] <= 0.95 + 1e-9

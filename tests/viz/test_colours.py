@@ -1,0 +1,19 @@
+from s2c2a.viz.colours import module_colours, trace_colours
+
+
+def test_three_modules_are_blue_green_red_and_any_number_gets_as_many_colours():
+    assert module_colours(3) == ["#2f6fdb", "#34a853", "#e0463a"]
+    assert module_colours(1) == ["#2f6fdb"]
+    for count in (2, 5, 20):
+        colours = module_colours(count)
+        assert len(set(colours)) == count
+        assert (colours[0], colours[-1]) == ("#2f6fdb", "#e0463a")
+
+
+def test_a_controller_keeps_its_colour_whatever_it_is_drawn_with():
+    assert trace_colours(["pcc", "s2c2a"]) == list(reversed(trace_colours(["s2c2a", "pcc"])))
+
+
+def test_unknown_controllers_get_colours_of_their_own():
+    colours = trace_colours(["mine", "s2c2a", "yours", "pcc"])
+    assert len(set(colours)) == 4

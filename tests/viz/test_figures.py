@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from s2c2a.errors import S2C2AError
+from s2c2a.viz import Trace, learning_curves, recording_figure, run_figure
+
+PNG = b"\x89PNG\r\n"
+ROWS = [{"epoch": epoch, "train": 0.5**epoch, "validation": 0.6**epoch} for epoch in range(5)]
+
+
+def is_png(path) -> bool:
+    content = path.read_bytes()
+    return content.startswith(PNG) and len(content) > 10_000
+
+
+def test_a_run_is_drawn_with_all_its_controllers(traces, arm, tmp_path):
+    assert is_png(run_figure(traces, arm, tmp_path / "run.png"))
+
+
+def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path):
+    states = make_trace().states
+    trace = Trace.without_target("$recorded_", np.arange(200.0), states)
+    assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
+
+
+def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path):
+    seen = make_trace().states
+    one = Trace.without_target("one", [0.0], seen[:1])
+    assert is_png(run_figure([one], arm, tmp_path / "one.png"))
+    gap = seen.copy()
+    gap[20:40] = np.nan
+    assert is_png(run_figure([make_trace(states=gap)], arm, tmp_path / "gap.png"))
+
+
+def test_a_run_of_another_arm_is_refused_and_nothing_is_written(make_arm, traces, tmp_path):
+    with pytest.raises(S2C2AError, match="modules"):
+        run_figure(traces, make_arm(5), tmp_path / "run.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, tmp_path):
+    assert is_png(recording_figure(make_trace().states, tmp_path / "cloud.png"))
+
+
+@pytest.mark.parametrize("shape", [(10, 6), (10, 3, 3), (0, 3, 6)])
+def test_a_recording_of_the_wrong_shape_is_refused(shape, tmp_path):
+    with pytest.raises(S2C2AError, match="samples, modules, 6"):
+        recording_figure(np.zeros(shape), tmp_path / "cloud.png")
+
+
+def test_learning_curves_are_drawn_from_rows_of_numbers_or_of_text(tmp_path):
+    as_text = [{key: str(value) for key, value in row.items()} for row in ROWS]
+    assert is_png(learning_curves({"C2S": ROWS, "C2A": as_text}, tmp_path / "curves.png"))
+
+
+@pytest.mark.parametrize("curves", [{}, {"C2S": []}, {"C2S": [{"epoch": 1}]}, {"C2S": [(1, 2, 3)]}])
+def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
+    with pytest.raises(S2C2AError, match="curve"):
+        learning_curves(curves, tmp_path / "curves.png")

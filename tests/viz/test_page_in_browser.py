@@ -1,0 +1,121 @@
+"""The replay page in a real browser, where one is installed."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from s2c2a.viz import Trace, replay_page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+OFFLINE = ("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update")
+SIZES = [(1280, 800), (390, 844)]
+
+# Measures the page from inside: what overlaps, what sticks out sideways.
+PROBE = """<script>
+const boxOf = (name) => document.querySelector(name).getBoundingClientRect();
+const boxes = [".head", ".stage", ".player", ".panel"].map(boxOf);
+const cross = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+  && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+document.body.dataset.probe = JSON.stringify({
+  overlaps: boxes.flatMap((a, i) => boxes.slice(i + 1).filter((b) => cross(a, b))).length,
+  sideways: document.documentElement.scrollWidth - innerWidth,
+  errors: [...document.querySelectorAll(".trace .now")].map((one) => one.textContent),
+  clock: document.getElementById("clock").textContent,
+});
+</script>
+</body>"""
+
+# Steps, plays and chooses by keyboard, and says what became of it.
+KEYS = """<script>
+const pressed = (key) => new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true });
+const press = (key) => document.body.dispatchEvent(pressed(key));
+const label = () => document.getElementById("play").getAttribute("aria-label");
+const after = [];
+press("ArrowRight"); press("ArrowRight"); press("ArrowLeft"); press("2"); press(" "); after.push(label());
+press(" "); after.push(label());
+dispatchEvent(new Event("resize")); // draws at once; a headless browser may end before its next frame
+after.push(document.getElementById("clock").textContent);
+after.push([...document.querySelectorAll(".trace")].map((one) => one.getAttribute("aria-checked")).join());
+document.body.dataset.probe = JSON.stringify(after);
+</script>
+</body>"""
+
+
+@pytest.fixture
+def chromium(tmp_path):
+    """Runs a headless browser on a page."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on the path")
+
+    def run(page, *options, size=SIZES[0], moment="0"):
+        fixed = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-sync", "--hide-scrollbars", *OFFLINE]
+        own = [f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={size[0]},{size[1]}"]
+        command = [CHROMIUM, *fixed, *own, "--virtual-time-budget=3000", *options, f"{page.as_uri()}#t={moment}"]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+    return run
+
+
+def body_data(dom: str) -> dict[str, str]:
+    """The data attributes of the body."""
+    tag = re.search(r"<body[^>]*>", dom)[0]
+    return {name: html.unescape(value) for name, value in re.findall(r'data-(\w+)="([^"]*)"', tag)}
+
+
+def with_script(page, script: str):
+    """A copy of the page with a script at its end."""
+    copy = page.with_name("probed.html")
+    copy.write_text(page.read_text(encoding="utf-8").replace("</body>", script), encoding="utf-8")
+    return copy
+
+
+@pytest.fixture
+def page(traces, arm, tmp_path):
+    """A page of three controllers."""
+    summary = {"task": "circle", "controller": "s2c2a"}
+    return replay_page(traces, arm, "A circle at 0.54 m", tmp_path / "page.html", summary)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_draws_without_an_error_and_nothing_overlaps(chromium, page, traces, size):
+    data = body_data(chromium(with_script(page, PROBE), "--dump-dom", size=size, moment="6.3"))
+    assert "error" not in data
+    assert data["ready"] == "true"
+    probe = json.loads(data["probe"])
+    assert (probe["overlaps"], probe["sideways"], probe["clock"]) == (0, 0, "6.3 / 19.9 s")
+    assert probe["errors"] == [f"{100 * trace.position_errors[63]:.2f} cm" for trace in traces]
+
+
+@pytest.mark.parametrize(("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)])
+def test_the_arm_is_seen_in_the_colours_of_its_modules(chromium, page, tmp_path, size, stage_ends, least):
+    picture = tmp_path / "page.png"
+    chromium(page, f"--screenshot={picture}", size=size, moment="6.3")
+    pixels = imread(picture)[..., :3]
+    red, green, blue = pixels[110:stage_ends, :900].reshape(-1, 3).T
+    for first, second, third in ((red, green, blue), (green, red, blue), (blue, red, green)):
+        seen = np.sum((first - np.maximum(second, third) > 0.12) & (first > 0.25))
+        assert seen > least  # pixels; a grey arm among coloured paths has too few of green or blue
+
+
+def test_keys_step_play_and_choose(chromium, page):
+    data = body_data(chromium(with_script(page, KEYS), "--dump-dom"))
+    assert "error" not in data
+    assert json.loads(data["probe"]) == ["Pause", "Play", "0.1 / 19.9 s", "false,true,false"]
+
+
+def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path):
+    states = make_trace(modules=20, bend=0.05).states.copy()
+    states[0], states[50:60] = np.nan, np.nan
+    recorded = Trace.without_target("recorded", np.arange(200.0), states)
+    single = Trace.without_target("one step", [4.0], states[1:2])
+    for number, gravity in enumerate([(0, 0, 1), (1, 0, 0), (0, 0, 0)]):
+        arm = make_arm(20, 8, gravity_direction=gravity)
+        page = replay_page([recorded, single], arm, "</script>", tmp_path / f"{number}.html")
+        data = body_data(chromium(page, "--dump-dom"))
+        assert data == {"ready": "true"}

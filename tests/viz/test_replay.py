@@ -1,0 +1,107 @@
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from s2c2a import viz
+from s2c2a.errors import S2C2AError
+from s2c2a.viz import Trace, replay_page
+
+NASTY = '</script><script>alert("x")</script>&{{data}}<!--'
+
+
+def data_of(page: str) -> dict:
+    """What the page's own script reads."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is not JSON")
+
+    found = re.search(r'<script type="application/json" id="run">(.*?)</script>', page, re.DOTALL)
+    return json.loads(found[1], parse_constant=refuse)
+
+
+@pytest.fixture
+def write_page(arm, tmp_path):
+    """Writes a page and gives its text."""
+
+    def write(traces, title="A circle", of_arm=arm, **options):
+        return replay_page(traces, of_arm, title, tmp_path / "page.html", **options).read_text(encoding="utf-8")
+
+    return write
+
+
+def test_a_page_needs_nothing_from_outside_of_itself(write_page, traces):
+    page = write_page(traces)
+    assert not re.search(r"https?:|//[a-z0-9-]+\.[a-z]|\bimport\b|@import|url\(|\bsrc=|\bhref=|fetch\(", page)
+    assert "default-src 'none'" in page
+    assert "{{" not in page
+
+
+def test_a_page_of_200_steps_and_three_controllers_is_small(write_page, traces):
+    assert len(write_page(traces).encode()) < 300_000
+
+
+def test_titles_labels_and_summaries_cannot_become_markup(write_page, make_trace):
+    page = write_page([make_trace(NASTY)], title=NASTY, summary={NASTY: NASTY})
+    assert "alert(" not in re.sub(r"alert\((\\\"|&quot;)x", "", page)
+    assert page.count("</script>") == 3
+    assert "&lt;/script&gt;&lt;script&gt;alert(&quot;x&quot;)&lt;/script&gt;&amp;{{data}}&lt;!--" in page
+    data = data_of(page)
+    assert (data["title"], data["traces"][0]["label"], data["summary"]) == (NASTY, NASTY, [[NASTY, NASTY]])
+
+
+def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(write_page, make_trace):
+    trace = make_trace()
+    wanted, states = trace.wanted_positions.copy(), trace.states.copy()
+    wanted[5:9], states[7] = np.nan, np.nan
+    data = data_of(write_page([make_trace(wanted_positions=wanted, states=states)]))["traces"][0]
+    assert list(data["wanted"]) == ["2"]
+    assert [step for step, point in enumerate(data["wanted"]["2"]) if point is None] == [5, 6, 7, 8]
+    assert set(data["states"][7]) == {None}
+    assert [step for step, error in enumerate(data["errors"]) if error is None] == [5, 6, 7, 8]
+
+
+def test_every_step_travels_to_a_tenth_of_a_millimetre(write_page, make_trace):
+    trace = make_trace()
+    data = data_of(write_page([trace]))["traces"][0]
+    assert len(data["states"]) == len(data["times"]) == 200
+    shown = np.array(data["states"]).reshape(200, 3, 6) / 10_000
+    np.testing.assert_allclose(shown, trace.states, atol=0.51e-4)
+    np.testing.assert_allclose(np.array(data["errors"]) / 1e6, trace.position_errors, atol=0.51e-6)
+
+
+def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(write_page, make_trace):
+    moving = make_trace().obstacles.copy()
+    moving[:, 0, 0] += np.linspace(0, 0.1, 200)
+    pages = [write_page([make_trace()]), write_page([make_trace(obstacles=moving)])]
+    assert [len(data_of(page)["traces"][0]["obstacles"]) for page in pages] == [1, 200]
+
+
+def test_a_page_is_refused_for_another_arm_or_for_no_trace(write_page, make_arm, traces):
+    with pytest.raises(S2C2AError, match="modules"):
+        write_page(traces, of_arm=make_arm(2))
+    with pytest.raises(S2C2AError, match="no trace"):
+        write_page([])
+
+
+def test_a_recording_of_which_nothing_is_asked_makes_a_page(write_page, make_trace):
+    states = make_trace().states
+    data = data_of(write_page([Trace.without_target("recorded", np.arange(200.0), states)]))
+    assert data["traces"][0]["wanted"] == {}
+    assert set(data["traces"][0]["errors"]) == {None}
+
+
+def test_importing_viz_brings_in_neither_matplotlib_nor_engines():
+    heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy', 'h5py'}"
+    code = f"import sys, s2c2a.viz; found = {heavy} & set(sys.modules); assert not found, found"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_public_name_of_viz_can_be_had():
+    assert all(callable(getattr(viz, name)) for name in viz.__all__)
+    with pytest.raises(AttributeError, match="nothing_like_it"):
+        _ = viz.nothing_like_it
