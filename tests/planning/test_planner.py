@@ -1,0 +1,216 @@
+import logging
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.kinematics import ForwardModel, PCCForwardModel, configurations_from_bends, states_from_configurations
+from s2c2a.planning import Goal, Planner, PlannerOptions
+
+TWIN = load_arm("twin_arm")
+SCALE = 0.46
+tips = jax.jit(lambda configurations: states_from_configurations(configurations, jnp.full(3, 0.2))[..., -1, :3])
+
+
+def an_arm(modules, **changes):
+    """The twin with so many modules, each with the bend limit and the arm with the step limit that are given."""
+    module = TWIN.modules[0].model_copy(update={"bend_limit_deg": changes.get("bend_limit_deg", 47.0)})
+    step_limit = changes.get("step_limit_deg", 4.0)
+    return TWIN.model_copy(update={"modules": (module,) * modules, "step_limit_deg": step_limit})
+
+
+def planner_of(arm, **options):
+    return Planner(arm, PCCForwardModel.of(arm), SCALE, PlannerOptions(**options))
+
+
+@pytest.fixture(scope="module")
+def paper_planner():
+    """The planner of the paper's recipe with PCC as its model."""
+    return planner_of(TWIN)
+
+
+def straight(modules=3):
+    return np.tile([0.0, 0.0, 1.0], (modules, 1))
+
+
+def bent(angle_deg, azimuth_deg):
+    angle, azimuth = np.deg2rad([angle_deg, azimuth_deg])
+    bend = angle * jnp.array([[np.cos(azimuth), np.sin(azimuth)]])
+    return np.asarray(configurations_from_bends(bend))
+
+
+def drive(planner, goals, start=None):
+    """Planned configurations over the goals, the start first, shape (steps + 1, modules, 3), float64."""
+    first = straight() if start is None else start
+    cables = np.zeros((len(first), 3))
+    plans = [planner.start(first, cables)]
+    for goal in goals:
+        plans.append(planner.plan(plans[-1], cables, goal))
+    return np.array([plan.configurations for plan in plans], np.float64)
+
+
+def angles_between(one, other):
+    """Angles [deg] without loss of digits near zero."""
+    return np.rad2deg(2 * np.arctan2(np.linalg.norm(one - other, axis=-1), np.linalg.norm(one + other, axis=-1)))
+
+
+def bend_angles(configurations):
+    return np.rad2deg(np.arctan2(np.linalg.norm(configurations[..., :2], axis=-1), configurations[..., 2]))
+
+
+def wild_goals(seed, count, modules=3):
+    """Goals that jump every 20 steps, many of them out of reach."""
+    random, goals = np.random.default_rng(seed), []
+    for _ in range(count // 20):
+        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(random.uniform(-0.5, 0.5, 3))
+        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(random.normal(size=3), 1.0, module=0)
+        goals += [goal.with_obstacles(random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2))] * 20
+    return goals
+
+
+@pytest.mark.parametrize("target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5], [0.0, 0.0, 0.6]])
+def test_a_reachable_target_is_reached_to_a_millimetre_and_held(fine_planner, target):
+    goal = Goal.of(3, change_weight=0.0).with_position(target)
+    distances = np.linalg.norm(tips(drive(fine_planner, [goal] * 100)[-30:]) - np.array(target), axis=-1)
+    assert distances.max() < 1e-3
+
+
+@pytest.fixture(scope="module")
+def fine_planner():
+    """A planner of many small iterations."""
+    return planner_of(TWIN, learning_rate=0.0005, iterations=50)
+
+
+@pytest.mark.parametrize("target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]])
+def test_the_paper_recipe_comes_within_two_centimetres_of_a_reachable_target(paper_planner, target):
+    distances = np.linalg.norm(tips(drive(paper_planner, [Goal.of(3).with_position(target)] * 60)) - target, axis=-1)
+    assert distances[-20:].max() < 0.02 < distances[0]
+
+
+def test_an_axis_is_reached_too(fine_planner):
+    wanted = np.array([np.sin(0.8), 0.0, np.cos(0.8)])
+    goal = Goal.of(3, change_weight=0.0).with_axis(wanted)
+    configurations = drive(fine_planner, [goal] * 100)[-1]
+    axis = states_from_configurations(jnp.asarray(configurations), jnp.full(3, 0.2))[-1, 3:]
+    assert angles_between(np.asarray(axis, np.float64), wanted) < 0.5
+
+
+def test_nothing_asked_nothing_moves(paper_planner):
+    planned = drive(paper_planner, [Goal.of(3)] * 5)
+    np.testing.assert_array_equal(planned, np.tile(straight(), (6, 1, 1)))
+
+
+def test_a_plan_never_changes_by_more_than_the_step_limit(paper_planner):
+    planned = drive(paper_planner, wild_goals(0, 200))
+    changes = angles_between(planned[1:], planned[:-1])
+    assert changes.max() > 3.9
+    assert changes.max() <= 4.0 + 0.01
+
+
+def test_a_plan_never_bends_beyond_the_bend_limit(paper_planner):
+    bends = bend_angles(drive(paper_planner, wild_goals(1, 200)))
+    assert bends.max() > 46.0
+    assert bends.max() <= 47.0 + 0.01
+
+
+def test_planned_vectors_have_length_one(paper_planner):
+    np.testing.assert_allclose(np.linalg.norm(drive(paper_planner, wild_goals(2, 100)), axis=-1), 1.0, atol=1e-6)
+
+
+def test_a_wide_step_limit_is_kept_too():
+    planner = planner_of(an_arm(1, bend_limit_deg=80.0, step_limit_deg=60.0), learning_rate=0.1, iterations=60)
+    there, back = (Goal.of(1, change_weight=0.0).with_axis(bent(70.0, azimuth)[0]) for azimuth in (0.0, 180.0))
+    planned = drive(planner, ([there] * 5 + [back] * 5) * 2, straight(1))
+    assert angles_between(planned[1:], planned[:-1]).max() <= 60.0 + 0.1
+
+
+def test_a_bend_limit_beyond_a_right_angle_is_kept_on_the_way_too():
+    planner = planner_of(an_arm(1, bend_limit_deg=140.0, step_limit_deg=8.0), learning_rate=0.1, iterations=60)
+    goal = Goal.of(1, change_weight=0.0).with_axis(bent(135.0, 170.0)[0])
+    planned = drive(planner, [goal] * 40, bent(135.0, 0.0))
+    assert bend_angles(planned).max() <= 140.0 + 0.1
+
+
+@pytest.mark.parametrize("target", [[2.0, 0.0, 0.3], [0.0, 0.0, 2.0], [1.2, -1.6, 0.0], [0.0, 0.0, -2.0]])
+def test_a_target_two_metres_away_leaves_the_arm_calm(paper_planner, target):
+    planned = drive(paper_planner, [Goal.of(3).with_position(target)] * 150)
+    assert np.isfinite(planned).all()
+    distances = np.linalg.norm(tips(planned) - np.array(target), axis=-1)
+    assert distances[-1] <= distances[0] + 1e-6
+    assert np.ptp(tips(planned[-30:]), axis=0).max() < 0.03
+
+
+def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(paper_planner):
+    goal = Goal.of(3, change_weight=0.5).with_obstacles([[0.03, 0.02, 0.59]], [0.10])
+    distances = np.linalg.norm(tips(drive(paper_planner, [goal] * 60)) - np.array([0.03, 0.02, 0.59]), axis=-1)
+    assert distances[0] < 0.05
+    assert distances[-10:].min() > 0.10
+    np.testing.assert_allclose(distances[-10:], distances[-1])
+
+
+def test_a_tip_in_the_middle_of_an_obstacle_stays_finite(paper_planner):
+    goal = Goal.of(3).with_obstacles([[0.0, 0.0, 0.6]], [0.1]).with_position([0.2, 0.0, 0.5])
+    assert np.isfinite(drive(paper_planner, [goal] * 30)).all()
+
+
+def test_an_obstacle_out_of_the_way_changes_nothing(paper_planner):
+    goal = Goal.of(3).with_position([0.2, 0.0, 0.5])
+    far = goal.with_obstacles([[-0.5, -0.5, 0.1]], [0.2])
+    np.testing.assert_array_equal(drive(paper_planner, [goal] * 20), drive(paper_planner, [far] * 20))
+
+
+def test_the_same_goals_make_the_same_plan(paper_planner):
+    goals = wild_goals(3, 40)
+    np.testing.assert_array_equal(drive(paper_planner, goals), drive(paper_planner, goals))
+
+
+def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
+    planner = planner_of(an_arm(2), on_sphere=False)
+    start = 0.7 * straight(2)
+    planned = drive(planner, wild_goals(4, 60, modules=2), start)
+    assert np.isfinite(planned).all()
+    assert np.ptp(np.linalg.norm(planned, axis=-1)) > 0.01
+    steps = np.linalg.norm(np.diff(planned, axis=0), axis=-1)
+    assert steps.max() <= 2 * np.sin(np.deg2rad(2.0)) + 1e-6
+
+
+def compilations(caplog):
+    return [record.getMessage() for record in caplog.records if "Finished XLA compilation" in record.getMessage()]
+
+
+def test_building_a_planner_compiles_and_driving_it_does_not(caplog):
+    with jax.log_compiles(), caplog.at_level(logging.DEBUG):
+        planner = planner_of(an_arm(1))
+        assert any("next_plan" in message for message in compilations(caplog))
+        caplog.clear()
+        drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], straight(1))
+        drive(planner, [Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)], bent(20.0, 30.0))
+        assert compilations(caplog) == []
+
+
+class Listener(ForwardModel):
+    """A model that adds up what the cables say."""
+
+    scale: float = eqx.field(static=True)
+
+    def start(self, cables):
+        return self.scale * jnp.sum(cables)
+
+    def observe(self, cables, memory):
+        return memory + jnp.sum(cables)
+
+    def predict(self, configurations, memory):
+        return jnp.concatenate([configurations + memory, configurations], axis=-1)
+
+
+def test_the_forward_model_hears_every_reading_and_its_memory_travels_with_the_plan():
+    planner = Planner(an_arm(1), Listener(scale=100.0), SCALE, PlannerOptions())
+    readings = np.array([[[0.01, 0.0, 0.0]], [[0.0, 2.0, 0.0]], [[0.0, 0.0, 3.0]]])
+    plan = planner.start(straight(1), readings[0])
+    assert float(plan.memory) == pytest.approx(1.0)
+    for reading in readings[1:]:
+        plan = planner.plan(plan, reading, Goal.of(1))
+    assert float(plan.memory) == pytest.approx(6.0)

@@ -1,0 +1,105 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import S2C2AError
+from s2c2a.sensing import PAPER_COUPLING, CoupledEstimator, EncoderEstimator, TrueEstimator, estimator_for
+
+TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
+ENCODERS = jax.jit(estimator_for(TWIN))
+
+
+def paper_configuration(a, turn):
+    """Eqs. (2) and (3) as printed, in a frame turned by `turn` [rad] about z."""
+    phi = np.sqrt(a[0] ** 2 + (a[1] - a[2]) ** 2 / 3) / 0.027
+    direction = np.arctan2(-a[0], (a[1] - a[2]) / np.sqrt(3)) - np.pi / 2 + turn
+    return np.array([np.sin(phi) * np.cos(direction), np.sin(phi) * np.sin(direction), np.cos(phi)])
+
+
+def unit_vectors(seed, shape):
+    vectors = np.random.default_rng(seed).normal(size=(*shape, 3))
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)), min_size=3, max_size=3))
+def test_encoders_tell_configurations_by_equations_2_and_3(pairs):
+    cables = np.array([[first, second, -first - second] for first, second in pairs])
+    expected = [paper_configuration(a, turn) for a, turn in zip(cables, [0, np.pi / 3, 0], strict=True)]
+    np.testing.assert_allclose(ENCODERS(cables.astype(np.float32), None), expected, atol=3e-6)
+
+
+def test_encoders_at_zero_tell_a_straight_arm_exactly():
+    sensed = estimator_for(TWIN)(np.zeros((3, 3), np.float32), None)
+    np.testing.assert_array_equal(sensed, np.tile([0, 0, 1], (3, 1)))
+
+
+def test_encoders_do_not_look_at_the_truth():
+    cables = np.full((3, 3), 0.001, np.float32)
+    estimate = estimator_for(TWIN)
+    np.testing.assert_array_equal(estimate(cables, unit_vectors(0, (3,))), estimate(cables, None))
+
+
+def test_the_true_estimator_hands_on_the_truth_whatever_the_cables_say():
+    truth = unit_vectors(1, (3,))
+    sensed = estimator_for(SIMULATED)(np.full((3, 4), np.nan), truth)
+    np.testing.assert_allclose(sensed, truth, atol=1e-7)
+
+
+def test_the_true_estimator_without_truth_says_what_to_do():
+    with pytest.raises(S2C2AError, match='sensing = "encoders"'):
+        estimator_for(SIMULATED)(np.zeros((3, 4)), None)
+
+
+def test_an_arm_file_chooses_its_estimator():
+    assert isinstance(estimator_for(TWIN), EncoderEstimator)
+    assert isinstance(estimator_for(SIMULATED), TrueEstimator)
+    assert isinstance(estimator_for(SIMULATED, PAPER_COUPLING), CoupledEstimator)
+
+
+def test_the_coupling_is_equation_11():
+    np.testing.assert_array_equal(PAPER_COUPLING, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]])
+    np.testing.assert_allclose(np.sum(PAPER_COUPLING, axis=1), 1.0)
+
+
+def test_coupled_sensors_mix_modules_as_worked_by_hand():
+    truth = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    sensed = estimator_for(SIMULATED, PAPER_COUPLING)(np.zeros((3, 4)), truth)
+    np.testing.assert_allclose(sensed, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]], atol=1e-7)
+
+
+def test_coupled_encoders_mix_what_the_encoders_say():
+    cables = np.array([[-0.01, 0.005, 0.005], [0.0, 0.0, 0.0], [0.002, -0.004, 0.002]], np.float32)
+    alone = np.asarray(estimator_for(TWIN)(cables, None))
+    mixed = estimator_for(TWIN, PAPER_COUPLING)(cables, None)
+    by_hand = [sum(PAPER_COUPLING[i][j] * alone[j] for j in range(3)) for i in range(3)]
+    np.testing.assert_allclose(mixed, by_hand, atol=1e-6)
+
+
+def test_coupled_vectors_are_shorter_than_one_unless_all_modules_are_alike():
+    estimate = estimator_for(SIMULATED, PAPER_COUPLING)
+    apart = estimate(np.zeros((3, 4)), np.eye(3))
+    alike = estimate(np.zeros((3, 4)), np.tile([0.0, 0.6, 0.8], (3, 1)))
+    assert float(jnp.linalg.norm(apart, axis=-1).max()) < 0.9
+    np.testing.assert_allclose(jnp.linalg.norm(alike, axis=-1), 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("matrix", [np.eye(2), np.eye(4), np.ones(3), np.ones((3, 2)), 0.5])
+def test_a_coupling_matrix_of_another_size_is_refused(matrix):
+    with pytest.raises(S2C2AError, match="for 3 modules"):
+        estimator_for(TWIN, matrix)
+
+
+@pytest.mark.parametrize("batch", [(7,), (2, 3)])
+@pytest.mark.parametrize("coupling", [None, PAPER_COUPLING])
+def test_a_whole_recording_is_its_moments_one_by_one(batch, coupling):
+    estimate = jax.jit(estimator_for(TWIN, coupling))
+    cables = np.random.default_rng(2).uniform(-0.01, 0.01, (*batch, 3, 3)).astype(np.float32)
+    sensed = estimate(cables, None)
+    assert sensed.shape == (*batch, 3, 3)
+    alone = np.array([estimate(one, None) for one in cables.reshape(-1, 3, 3)])
+    np.testing.assert_allclose(sensed.reshape(-1, 3, 3), alone, atol=1e-6)
