@@ -1,5 +1,4 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -44,19 +43,19 @@ def differences(function, place, step=1e-5):
 
 
 def in_single(values):
-    return jnp.asarray(values, dtype=jnp.float32)
+    return np.asarray(values, np.float32)
 
 
 def test_a_straight_module_points_exactly_up():
-    np.testing.assert_array_equal(configurations_from_bends(jnp.zeros(2)), [0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(configurations_from_bends(np.zeros(2)), [0.0, 0.0, 1.0])
 
 
 def test_a_module_that_points_up_has_exactly_no_bend():
-    np.testing.assert_array_equal(bends_from_configurations(jnp.array([0.0, 0.0, 1.0])), [0.0, 0.0])
+    np.testing.assert_array_equal(bends_from_configurations(np.array([0.0, 0.0, 1.0])), [0.0, 0.0])
 
 
 def test_ninety_degrees_to_the_left_point_left():
-    np.testing.assert_allclose(configurations_from_bends(jnp.array([0.0, np.pi / 2])), [0, 1, 0], atol=1e-6)
+    np.testing.assert_allclose(configurations_from_bends(np.array([0.0, np.pi / 2])), [0, 1, 0], atol=1e-6)
 
 
 @pytest.mark.parametrize("angle", NEAR_ZERO)
@@ -122,20 +121,20 @@ def test_a_module_bent_almost_straight_back_keeps_its_bend(angle):
 def test_a_batch_of_bends_is_its_members_one_by_one(batch):
     bends = in_single(np.random.default_rng(0).normal(size=(*batch, 2)))
     together = configurations_from_bends(bends)
-    alone = np.array([configurations_from_bends(b) for b in bends.reshape(-1, 2)])
+    alone = [configurations_from_bends(b) for b in bends.reshape(-1, 2)]
     assert together.shape == (*batch, 3)
     np.testing.assert_allclose(together.reshape(-1, 3), alone, atol=1e-6)
     np.testing.assert_allclose(bends_from_configurations(together), bends, atol=1e-5)
 
 
 def test_bends_beyond_their_limits_are_shortened_and_the_others_left_alone():
-    bends = jnp.array([[3.0, 4.0], [0.3, -0.4], [0.0, 0.0]])
-    np.testing.assert_allclose(limit_bends(bends, jnp.array([1.0, 1.0, 1.0])), [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]])
+    bends = np.array([[3.0, 4.0], [0.3, -0.4], [0.0, 0.0]])
+    np.testing.assert_allclose(limit_bends(bends, np.array([1.0, 1.0, 1.0])), [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]])
 
 
 def test_every_module_has_its_own_limit():
-    bends = jnp.tile(jnp.array([0.0, 2.0]), (2, 3, 1))
-    limited = limit_bends(bends, jnp.array([0.5, 1.0, 3.0]))
+    bends = np.tile(np.array([0.0, 2.0]), (2, 3, 1))
+    limited = limit_bends(bends, np.array([0.5, 1.0, 3.0]))
     np.testing.assert_allclose(limited[..., 1], np.tile([0.5, 1.0, 2.0], (2, 1)), rtol=1e-6)
 
 
@@ -147,5 +146,5 @@ def test_limited_bends_keep_their_direction_and_their_limit(angle, direction, li
 
 
 def test_the_gradient_of_a_limited_bend_is_finite_at_zero():
-    gradient = jax.jacobian(kinematics.limit_bends)(jnp.zeros(2), jnp.array(0.5))
+    gradient = jax.jit(jax.jacobian(kinematics.limit_bends))(np.zeros(2), np.array(0.5))
     np.testing.assert_array_equal(gradient, np.eye(2))

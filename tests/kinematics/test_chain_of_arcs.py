@@ -1,3 +1,4 @@
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a import kinematics
 from s2c2a.arm import load_arm
-from s2c2a.kinematics import PCCForwardModel, configurations_from_bends
+from s2c2a.kinematics import PCCForwardModel
 
+configurations_from_bends = jax.jit(kinematics.configurations_from_bends)
 states_from_bends = jax.jit(kinematics.states_from_bends)
 states_from_configurations = jax.jit(kinematics.states_from_configurations)
 configurations_from_states = jax.jit(kinematics.configurations_from_states)
@@ -133,20 +135,21 @@ def test_a_batch_of_arms_is_its_members_one_by_one(batch):
     np.testing.assert_allclose(configurations_from_states(states).reshape(-1, 3, 3), back, atol=1e-6)
 
 
-@pytest.mark.parametrize("modules", [1, 20])
-def test_the_shortest_and_the_longest_arm_keep_their_digits(modules):
+@pytest.mark.parametrize("modules", [1, 12])
+def test_short_and_long_arms_keep_their_digits(modules):
     bends = in_single(np.random.default_rng(0).uniform(-0.5, 0.5, (50, modules, 2)))
     lengths = np.full(modules, 0.1)
     states = states_from_bends(bends, in_single(lengths))
     np.testing.assert_allclose(states[0], slow_states(bends[0].astype(float), lengths), atol=5e-6)
-    np.testing.assert_allclose(configurations_from_states(states), configurations_from_bends(bends), atol=1e-5)
+    np.testing.assert_allclose(configurations_from_states(states), configurations_from_bends(bends), atol=5e-6)
 
 
 def test_the_forward_model_knows_the_lengths_of_its_arm_and_remembers_nothing():
     model = PCCForwardModel.of(load_arm("twin_arm"))
+    predict = eqx.filter_jit(model.predict)
     memory = model.start(jnp.zeros((3, 3)))
     assert memory == ()
     assert model.observe(jnp.ones((3, 3)), memory) == ()
     straight = in_single(np.tile([0.0, 0.0, 1.0], (3, 1)))
-    np.testing.assert_array_equal(model.predict(straight, memory), states_from_configurations(straight, model.lengths))
+    np.testing.assert_allclose(predict(straight, memory), states_from_configurations(straight, model.lengths))
     np.testing.assert_allclose(model.lengths, 0.2)

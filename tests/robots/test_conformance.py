@@ -92,7 +92,7 @@ def test_the_presets_keep_every_promise_in_every_fidelity(preset, fidelity, requ
     check_robot(SimulatedRobot(request.getfixturevalue(preset), fidelity))
 
 
-@pytest.mark.parametrize(("kind", "fault"), FAULTS.items(), ids=lambda value: getattr(value, "__name__", ""))
+@pytest.mark.parametrize(("kind", "fault"), FAULTS.items(), ids=[kind.__name__ for kind in FAULTS])
 def test_a_robot_that_breaks_a_promise_is_named_and_closed(kind, fault, twin):
     robot = kind(twin)
     with pytest.raises(S2C2AError, match=fault):

@@ -1,4 +1,4 @@
-import jax
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.sensing import PAPER_COUPLING, CoupledEstimator, EncoderEstimator, TrueEstimator, estimator_for
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
-ENCODERS = jax.jit(estimator_for(TWIN))
+ENCODERS = eqx.filter_jit(estimator_for(TWIN))
 
 
 def paper_configuration(a, turn):
@@ -97,7 +97,7 @@ def test_a_coupling_matrix_of_another_size_is_refused(matrix):
 @pytest.mark.parametrize("batch", [(7,), (2, 3)])
 @pytest.mark.parametrize("coupling", [None, PAPER_COUPLING])
 def test_a_whole_recording_is_its_moments_one_by_one(batch, coupling):
-    estimate = jax.jit(estimator_for(TWIN, coupling))
+    estimate = eqx.filter_jit(estimator_for(TWIN, coupling))
     cables = np.random.default_rng(2).uniform(-0.01, 0.01, (*batch, 3, 3)).astype(np.float32)
     sensed = estimate(cables, None)
     assert sensed.shape == (*batch, 3, 3)

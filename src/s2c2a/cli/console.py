@@ -14,6 +14,8 @@ Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an a
 Controller = Literal["s2c2a", "pcc", "pcc-fitted"]
 FidelityName = Literal["fast", "accurate"]
 RecipeName = Literal["paper"]
+WIDTH_IN_FILES = 120
+
 File = tyro.conf.Positional[str]
 
 
@@ -45,16 +47,18 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
 
     table = Table(title=title, title_justify="left")
     for number, name in enumerate(header):
-        table.add_column(name, justify="left" if number == 0 else "right", no_wrap=True)
+        table.add_column(name, justify="left" if number == 0 else "right")
     for row in rows:
         table.add_row(*row)
     console = Console()
-    console.print(table, width=None if console.is_terminal else 120)
+    if not console.is_terminal:
+        console.width = WIDTH_IN_FILES
+    console.print(table)
 
 
 def print_rows(title: str, rows: Sequence["Row"]) -> None:
     """Print result rows, the paper's numbers beside them."""
-    header = ("arm", "task", "controller", "metric", "mean ± steps", "± seeds", "paper")
+    header = ("arm", "what", "of", "unit", "mean ± over steps", "± over seeds", "paper")
     print_table(title, header, [_cells(row) for row in rows])
 
 
@@ -62,7 +66,7 @@ def _cells(row: "Row") -> tuple[str, ...]:
     own = _pair(row.mean, row.std_steps)
     seeds = "" if row.std_seeds is None else f"± {row.std_seeds:.2f} ({len(row.seeds)})"
     paper = "" if row.paper_mean is None else _pair(row.paper_mean, row.paper_std)
-    return row.arm, row.task, row.controller, f"{row.metric} [{row.unit}]", own, seeds, paper
+    return row.arm, f"{row.task}: {row.metric}", row.controller, row.unit, own, seeds, paper
 
 
 def _pair(mean: float, spread: float | None) -> str:

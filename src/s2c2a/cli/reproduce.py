@@ -123,31 +123,3 @@ def rod() -> None:
     by_name = {(error.case, error.fidelity): f"{1e3 * error.error:.2f}" for error in errors}
     rows = [(case, by_name[case, "fast"], by_name[case, "accurate"]) for case in cases]
     print_table("Tip error at rest [mm]", ("case", "fast", "accurate"), rows)
-
-
-@app.command
-def new_arms(seeds: int = 1, recipe: RecipeName = "paper") -> None:
-    """The scaled circle on two arms that nobody tuned for.
-
-    Args:
-        seeds: how many, from zero.
-        recipe: how networks are trained and plans made.
-    """
-    from s2c2a.experiments.following import follow, position_rows, workshop_strategies
-    from s2c2a.experiments.unseen_arms import five_cable_arm, two_module_arm
-    from s2c2a.experiments.workshop import CONTROLLERS, Workshop
-    from s2c2a.strategies import recipe_named
-
-    rows = []
-    with progress_bar() as progress:
-        workshop = Workshop(progress=progress)
-        for arm in (five_cable_arm(), two_module_arm()):
-            strategies = workshop_strategies(workshop, arm, recipe_named(recipe))
-            runs = follow("circle", arm, CONTROLLERS, range(seeds), strategies, progress=progress)
-            rows += [
-                (row, 100.0 * row.mean / (100.0 * arm.length))
-                for row in position_rows("new arms", arm, runs, recipe, "fast")
-            ]
-    print_rows("Scaled circle on arms that nobody tuned for", [row for row, _ in rows])
-    for row, percent in rows:
-        print(f"{row.arm}, {row.controller}: {percent:.1f} % of its length")

@@ -58,6 +58,8 @@ def run(
         )
     rows = position_rows("run", spec, runs, recipe, fidelity)
     save_results(folder, rows, runs)
-    figure, page = draw_runs(folder, spec, runs)
+    figure, page = draw_runs(folder, spec, runs, recipe, fidelity)
     print_rows(f"{task} with {spec.name}", rows)
+    for row in rows:
+        print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
     print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")

@@ -45,7 +45,7 @@ def circle_table(
         )
         rows += position_rows("circle", arm, runs, recipe, workshop.fidelity)
         rows += training_rows("circle", trained, workshop.fidelity)
-        pictures.append(draw_runs(folder, arm, runs))
+        pictures.append(draw_runs(folder, arm, runs, recipe, workshop.fidelity))
         every += runs
     save_results(folder, rows, every)
     return CircleTable(rows, pictures)

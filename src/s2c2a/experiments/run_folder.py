@@ -50,12 +50,12 @@ def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None
     save_csv(header, steps, folder / "metrics.csv")
 
 
-def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run]) -> tuple[Path, Path]:
+def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> tuple[Path, Path]:
     """Draw the first seed's runs: a figure and a replay page; returns their paths."""
     first = [run for run in runs if run.seed == runs[0].seed]
     traces = [trace_of(run) for run in first]
     title = f"{first[0].rollout.task.name} with {arm.name}"
-    summary = {run.controller: f"{run.errors.mean():.2f} ± {run.errors.std():.2f} cm" for run in first}
+    summary = {"recipe": recipe, "simulation": fidelity, "seed": str(first[0].seed)}
     figure = run_figure(traces, arm, folder / f"{arm.name}.png")
     page = replay_page(traces, arm, title, folder / f"{arm.name}.html", summary)
     return figure, page

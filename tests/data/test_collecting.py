@@ -1,0 +1,228 @@
+"""Collecting: the same on any number of threads, however often it was killed, and never over another's file."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
+from s2c2a.errors import RecordingError
+from s2c2a.robots.simulation import SimulatedRobot
+
+SMALL = CollectOptions(episodes=4, samples=12, seed=3)
+ARRAYS = ("time", "actions", "cables", "states", "configurations")
+
+
+def assert_same(one, two) -> None:
+    """Two recordings agree in every number."""
+    assert one.arm == two.arm
+    assert one.options == two.options
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+
+
+@pytest.fixture
+def gather(twin, tmp_path):
+    """Collects from the twin into a file of this name."""
+
+    def run(name="one.h5", arm=twin, options=SMALL, robot=SimulatedRobot, **changes):
+        return collect(tmp_path / name, arm, lambda seed: robot(arm, seed=seed), options, **changes)
+
+    return run
+
+
+def test_one_thread_and_two_record_the_same(gather):
+    assert_same(gather("one.h5", threads=1), gather("two.h5", threads=2))
+
+
+def test_what_is_returned_is_what_is_in_the_file(gather, tmp_path):
+    assert_same(gather(), load_recording(tmp_path / "one.h5"))
+
+
+def test_a_recording_says_how_it_was_made(gather, twin):
+    made = gather(body="simulation fast")
+    assert made.arm == twin
+    assert made.options.pop("version")
+    assert made.options == {"babbling": "staged", "episodes": 4, "samples": 12, "seed": 3, "body": "simulation fast"}
+
+
+def test_every_sample_is_the_reading_before_its_action(gather, twin):
+    """Driven again by hand, episode by episode, with the actions that babbling says."""
+    made, random = gather(), np.random.default_rng(0)
+    episode = int(random.integers(4))
+    actions = episode_actions(ArmGeometry.of(twin), "staged", episode, 4, 12, 3)
+    np.testing.assert_array_equal(made.actions[episode], actions)
+    with SimulatedRobot(twin) as robot:
+        for step, action in enumerate(actions):
+            reading = robot.read()
+            assert made.time[episode, step] == reading.time
+            np.testing.assert_array_equal(made.states[episode, step], reading.states)
+            np.testing.assert_array_equal(made.configurations[episode, step], reading.configurations)
+            robot.send(action)
+
+
+def test_each_episode_has_a_noise_of_its_own(gather):
+    first_readings = gather().cables[:, 0]
+    assert len(np.unique(first_readings.reshape(4, -1), axis=0)) == 4
+
+
+def test_what_was_really_sent_is_recorded(gather):
+    class Weak(SimulatedRobot):
+        def send(self, action):
+            return super().send(0.5 * np.asarray(action))
+
+    np.testing.assert_allclose(gather("weak.h5", robot=Weak).actions, 0.5 * gather().actions)
+
+
+def test_where_nothing_watches_states_are_nan(gather):
+    class Unwatched(SimulatedRobot):
+        def read(self):
+            return replace(super().read(), states=None, configurations=None)
+
+    made = gather(robot=Unwatched)
+    assert np.isnan(made.states).all()
+    assert np.isnan(made.configurations).all()
+    assert np.isfinite(made.cables).all()
+
+
+def test_every_robot_is_closed_once_also_when_an_episode_fails(gather):
+    opened, closed = [], []
+
+    class Counted(SimulatedRobot):
+        def open(self):
+            opened.append(self)
+            return super().open()
+
+        def close(self):
+            closed.append(self)
+
+        def send(self, action):
+            if len(opened) == 3 and self.data.time > 0.45:
+                raise OSError("cable torn")
+            return super().send(action)
+
+    with pytest.raises(OSError, match="cable torn"):
+        gather(robot=Counted, threads=1)
+    assert len(closed) == len(opened) >= 3
+
+
+def test_progress_counts_whole_episodes(gather):
+    told = []
+    gather(threads=2, progress=lambda done, total: told.append((done, total)))
+    assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_after_a_failure_the_whole_episodes_are_kept_and_resumed(gather, tmp_path):
+    class Failing(Exception):
+        pass
+
+    def stop(done, total):
+        if done == 2:
+            raise Failing
+
+    with pytest.raises(Failing):
+        gather(progress=stop)
+    assert len(load_recording(tmp_path / "one.h5").time) == 2
+    told = []
+    resumed = gather(resume=True, progress=lambda done, total: told.append(done))
+    assert told == [2, 3, 4]
+    assert_same(resumed, gather("whole.h5"))
+
+
+def test_resuming_what_is_whole_or_not_yet_begun_does_what_is_left(gather):
+    fresh = gather(resume=True)
+    assert_same(gather(resume=True), fresh)
+
+
+def test_an_existing_file_is_not_overwritten_unless_asked(gather, tmp_path):
+    gather()
+    before = (tmp_path / "one.h5").read_bytes()
+    with pytest.raises(RecordingError, match=r"exists.*resume.*overwrite"):
+        gather(options=replace(SMALL, seed=4))
+    assert (tmp_path / "one.h5").read_bytes() == before
+    assert gather(options=replace(SMALL, seed=4), overwrite=True).options["seed"] == 4
+
+
+OTHERS = {
+    "seed": replace(SMALL, seed=4),
+    "samples": replace(SMALL, samples=13),
+    "episodes": replace(SMALL, episodes=5),
+    "babbling": replace(SMALL, babbling="motor"),
+}
+
+
+@pytest.mark.parametrize("options", OTHERS.values(), ids=OTHERS)
+def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather, tmp_path, options):
+    gather()
+    before = (tmp_path / "one.h5").read_bytes()
+    with pytest.raises(RecordingError, match="other options"):
+        gather(options=options, resume=True)
+    assert (tmp_path / "one.h5").read_bytes() == before
+
+
+def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
+    gather(body="simulation fast")
+    with pytest.raises(RecordingError, match="another arm"):
+        gather(body="simulation accurate", resume=True)
+    with pytest.raises(RecordingError, match="another arm"):
+        gather(arm=twin.model_copy(update={"control_rate": 20.0}), body="simulation fast", resume=True)
+    gather(body="simulation fast", resume=True)
+
+
+@pytest.mark.parametrize(
+    "fault", [{"babbling": "baby"}, {"episodes": 0}, {"samples": 0}, {"episodes": -1}], ids=lambda fault: str(fault)
+)
+def test_impossible_options_are_refused(fault):
+    with pytest.raises(RecordingError, match="staged, motor" if "babbling" in fault else "positive"):
+        CollectOptions(**fault)
+
+
+def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp_path):
+    (tmp_path / "one.h5.partial").write_bytes(b"cut off while it was laid out")
+    assert_same(gather(), gather("two.h5"))
+    assert not (tmp_path / "one.h5.partial").exists()
+
+
+def test_a_folder_that_does_not_exist_yet_is_made(gather, tmp_path):
+    assert len(gather("deep/inside/one.h5").time) == 4
+    assert (tmp_path / "deep" / "inside" / "one.h5").exists()
+
+
+KILLED = """
+import sys
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions, collect
+from s2c2a.robots.simulation import SimulatedRobot
+
+arm = load_arm("twin_arm")
+collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions(episodes=40, samples=40),
+        threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
+"""
+
+
+def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twin, tmp_path):
+    path, random, episodes = tmp_path / "killed.h5", np.random.default_rng(0), []
+    for _ in range(3):
+        running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
+        running.stdout.readline()  # laid out, and the first episodes under way
+        time.sleep(random.uniform(0.0, 0.15))
+        os.kill(running.pid, signal.SIGKILL)
+        running.communicate()
+        assert running.returncode == -signal.SIGKILL
+        with h5py.File(path) as file:
+            episodes.append(int(file["committed"][()]))
+    assert episodes == sorted(episodes)
+    assert episodes[0] < 40
+    options = CollectOptions(episodes=40, samples=40)
+    whole, resumed = (
+        collect(tmp_path / name, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, resume=True)
+        for name in ("whole.h5", "killed.h5")
+    )
+    assert_same(resumed, whole)

@@ -1,0 +1,143 @@
+"""What must hold of any arm by symmetry, and that straight arms stand."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+
+PRESETS = ["twin", "simulated"]
+
+
+def held(arm, action, fidelity="fast", steps=30) -> np.ndarray:
+    """States after holding an action for some control steps."""
+    with SimulatedRobot(arm, fidelity) as robot:
+        for _ in range(steps):
+            robot.send(action)
+        return robot.states()
+
+
+def action_for(arm, shares) -> np.ndarray:
+    """The action that asks for shares of the full bend, shape (modules, cables)."""
+    geometry = ArmGeometry.of(arm)
+    pulls = np.einsum("mck,mk->mc", geometry.cable_matrices, np.array(shares))
+    return geometry.action_neutral + geometry.action_scale[:, None] * pulls
+
+
+def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
+    """Vectors turned about z."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.0015)])
+@pytest.mark.parametrize("preset", PRESETS)
+def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(preset, fidelity, closeness, request):
+    """By 120 or 90 deg, nearly: two hinges in a row are not quite a ball joint."""
+    arm = request.getfixturevalue(preset)
+    action = action_for(arm, [[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
+    here, next_ = (held(arm, np.roll(action, shift, axis=1), fidelity)[:, :3] for shift in (0, 1))
+    assert np.linalg.norm(here[-1, :2]) > 0.1
+    np.testing.assert_allclose(next_, turned(here, 2 * np.pi / arm.cable_count), atol=closeness)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_mirrored_actions_lead_to_mirrored_states(preset, request):
+    """Mirrored in the plane of the first cable, where the layout is its own mirror image."""
+    arm = request.getfixturevalue(preset)
+    shares = np.array([[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
+    here, mirrored = (held(arm, action_for(arm, shares * [1, side])) for side in (1, -1))
+    np.testing.assert_allclose(mirrored, here * [1, -1, 1, 1, -1, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_module_bends_towards_the_cable_that_pulls(preset, fidelity, request):
+    arm = request.getfixturevalue(preset)
+    geometry = ArmGeometry.of(arm)
+    pulling = geometry.action_high if arm.actuation == "tension" else geometry.action_low
+    for module in range(arm.module_count):
+        for cable, angle in enumerate(np.deg2rad(arm.modules[module].cable_angles_deg)):
+            action = geometry.action_neutral.copy()
+            action[module, cable] += 0.3 * (pulling - geometry.action_neutral)[module, cable]
+            with SimulatedRobot(arm, fidelity) as robot:
+                for _ in range(4):
+                    robot.send(action)
+                axis = robot.configurations()[module]
+            assert axis[:2] @ [np.cos(angle), np.sin(angle)] > 0.05
+            assert axis[:2] @ [-np.sin(angle), np.cos(angle)] == pytest.approx(0, abs=0.01)
+
+
+def pushed_aside(robot, distance: float) -> np.ndarray:
+    """Push the tip aside until it stays at a distance; where it is then."""
+    force, neutral = 0.0, ArmGeometry.of(robot.arm).action_neutral
+    for _ in range(60):
+        force += 0.02 * (1 - np.linalg.norm(robot.states()[-1, :2]) / distance)
+        robot.push([force, 0, 0])
+        robot.send(neutral)
+    return robot.states()[-1, :3]
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(preset, fidelity, request):
+    arm = request.getfixturevalue(preset)
+    with SimulatedRobot(arm, fidelity) as robot:
+        rest = robot.states()[-1, :3]
+        aside = pushed_aside(robot, 0.02)
+        robot.push([0, 0, 0])
+        for _ in range(50):
+            robot.send(ArmGeometry.of(arm).action_neutral)
+        back = robot.states()[-1, :3]
+    assert np.linalg.norm(aside - rest) == pytest.approx(0.02, abs=0.005)
+    assert np.linalg.norm(back - rest) < 0.001
+
+
+def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
+    """The check above can tell: a standing column of 0.6 m and 0.225 kg buckles below about EI = 0.1 N m2."""
+    arm = make_arm(actuation="tension", module={"tension_range": 1.0, "bending_stiffness": 0.03})
+    with SimulatedRobot(arm) as robot:
+        robot.push([0.05, 0, 0])
+        for step in range(80):
+            robot.push([0.05 * (step < 20), 0, 0])
+            robot.send(np.zeros((3, 3)))
+        assert np.linalg.norm(robot.states()[-1, :2]) > 0.1
+
+
+@pytest.mark.parametrize("direction", [[1, 0, 0], [0, -1, 0], [0.6, 0.8, 0]])
+@pytest.mark.parametrize(("preset", "aligned"), [("twin", 0.9), ("simulated", 0.999)])
+def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, request):
+    """The twin's cables pull back on one side only, so it gives way a little towards its slack ones."""
+    arm = request.getfixturevalue(preset)
+    with SimulatedRobot(arm) as robot:
+        robot.push(0.05 * np.array(direction))
+        for _ in range(20):
+            robot.send(ArmGeometry.of(arm).action_neutral)
+        moved = robot.states()[-1, :3] - [0, 0, arm.length]
+    assert moved @ direction > max(0.003, aligned * np.linalg.norm(moved))
+
+
+def test_opening_again_ends_a_push(twin):
+    robot = SimulatedRobot(twin)
+    robot.open()
+    robot.push([0.2, 0, 0])
+    robot.send(np.zeros((3, 3)))
+    rest = robot.open().states
+    np.testing.assert_allclose(rest[-1], [0, 0, twin.length, 0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("cables", [3, 5, 8])
+@pytest.mark.parametrize("modules", [1, 4, 6])
+def test_arms_of_any_size_open_straight_and_move(make_arm, modules, cables):
+    arm = make_arm(modules, cables, {"length": 0.6 / modules, "bending_stiffness": 0.3})
+    action = action_for(arm, [[0.3 / modules**0.5, 0.0]] * modules)
+    with SimulatedRobot(arm) as robot:
+        first = robot.read()
+        for _ in range(20):
+            robot.send(action)
+        last = robot.read()
+    assert first.cables.shape == (modules, cables)
+    assert first.states.shape == (modules, 6)
+    np.testing.assert_allclose(first.states[-1], [0, 0, 0.6, 0, 0, 1], atol=1e-6)
+    assert last.states[-1, 0] > 0.02
+    assert abs(last.states[-1, 1]) < 1e-3

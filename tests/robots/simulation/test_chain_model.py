@@ -1,0 +1,160 @@
+"""The compiled MuJoCo model, read back and compared with the arm's description."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from s2c2a.errors import S2C2AError
+from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.robots.simulation.chain import build_model, time_step
+from s2c2a.robots.simulation.fidelity import fidelity_named
+
+LENGTHS, MASSES, STIFFNESSES = (0.1, 0.2, 0.3), (0.02, 0.05, 0.11), (0.3, 0.2, 0.1)
+RADIUS, TORSION, DAMPING_TIME = 0.02, 0.07, 0.04
+
+
+@pytest.fixture(scope="module")
+def uneven(make_arm):
+    """Three modules that share no number but the cable radius."""
+    changes = {"cable_radius": RADIUS, "torsional_stiffness": TORSION, "damping_time": DAMPING_TIME}
+    modules = tuple(
+        make_arm(module={"length": length, "mass": mass, "bending_stiffness": stiffness, **changes}).modules[0]
+        for length, mass, stiffness in zip(LENGTHS, MASSES, STIFFNESSES, strict=True)
+    )
+    return make_arm(modules=1).model_copy(update={"modules": modules})
+
+
+@pytest.fixture(params=FIDELITIES.values(), ids=FIDELITIES)
+def fidelity(request):
+    """Each layout of the chain."""
+    return request.param
+
+
+@pytest.fixture
+def built(uneven, fidelity):
+    """The model of the uneven arm and its data, straight."""
+    model = build_model(uneven, fidelity)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def segment_lengths(fidelity) -> np.ndarray:
+    """Length of every segment, base first."""
+    return np.repeat(LENGTHS, fidelity.segments) / fidelity.segments
+
+
+def test_the_straight_arm_stands_along_z_with_module_ends_at_their_lengths(built):
+    _, data = built
+    ends = np.array([data.site(f"end_{module}").xpos for module in range(3)])
+    bases = np.array([data.site(f"base_{module}").xpos for module in range(3)])
+    np.testing.assert_allclose(ends, [[0, 0, 0.1], [0, 0, 0.3], [0, 0, 0.6]], atol=1e-12)
+    np.testing.assert_allclose(bases, [[0, 0, 0], [0, 0, 0.1], [0, 0, 0.3]], atol=1e-12)
+
+
+def test_everything_but_the_clamped_half_segment_has_its_mass(built, fidelity):
+    clamped = MASSES[0] / fidelity.segments / 2
+    assert built[0].body_mass.sum() == pytest.approx(sum(MASSES) - clamped)
+
+
+def test_the_moment_of_inertia_about_the_base_is_that_of_the_rods(built, fidelity):
+    """Sum over modules of m/L (z1^3 - z0^3)/3 + m r^2/4, less the half segment that is clamped."""
+    model, data = built
+    across = model.body_inertia[:, 0] + model.body_mass * data.xipos[:, 2] ** 2
+    start, expected = 0.0, 0.0
+    for length, mass in zip(LENGTHS, MASSES, strict=True):
+        expected += mass / length * ((start + length) ** 3 - start**3) / 3 + mass * RADIUS**2 / 4
+        start += length
+    half = LENGTHS[0] / fidelity.segments / 2
+    expected -= MASSES[0] / LENGTHS[0] * (half**3 / 3 + half * RADIUS**2 / 4)
+    assert across.sum() == pytest.approx(expected)
+
+
+def test_the_moment_of_inertia_about_the_axis_is_that_of_cylinders(built, fidelity):
+    moving = sum(MASSES) - MASSES[0] / fidelity.segments / 2
+    assert built[0].body_inertia[:, 2].sum() == pytest.approx(moving * RADIUS**2 / 2)
+
+
+def test_a_payload_adds_its_mass_at_the_tip(uneven, fidelity):
+    bare, loaded = (build_model(uneven, fidelity, payload) for payload in (0.0, 0.4))
+    tip = bare.site_bodyid[bare.site("end_2").id]
+    added = loaded.body_mass - bare.body_mass
+    assert added[tip] == pytest.approx(added.sum()) == pytest.approx(0.4)
+    end = bare.site("end_2").pos[2]
+    moment = bare.body_mass[tip] * bare.body_ipos[tip, 2] + 0.4 * end
+    assert loaded.body_ipos[tip, 2] == pytest.approx(moment / loaded.body_mass[tip])
+
+
+def test_every_segment_has_one_hinge_for_each_way_it_gives(built, fidelity):
+    assert built[0].njnt == built[0].nv == 3 * fidelity.segments * (3 if fidelity.torsion else 2)
+    assert {"fast": 30, "accurate": 90}[fidelity.name] == built[0].njnt
+
+
+def test_hinges_sit_in_the_middle_of_segments(built, fidelity):
+    _, data = built
+    heights = np.unique(np.round(data.xanchor[:, 2], 9))
+    lengths = segment_lengths(fidelity)
+    np.testing.assert_allclose(heights, np.cumsum(lengths) - lengths / 2, atol=1e-9)
+    np.testing.assert_allclose(data.xanchor[:, :2], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_hinge_stiffness_is_rigidity_over_segment_length(uneven, axis):
+    """EI/h about x and y, GJ/h about z; damping is stiffness times the damping time."""
+    accurate = fidelity_named("accurate")
+    model = build_model(uneven, accurate)
+    rigidity = np.full(3, TORSION) if axis == "z" else np.array(STIFFNESSES)
+    hinges = [model.joint(f"joint_{module}_{segment}_{axis}") for module in range(3) for segment in range(10)]
+    expected = np.repeat(rigidity, 10) / segment_lengths(accurate)
+    np.testing.assert_allclose([float(hinge.stiffness[0]) for hinge in hinges], expected)
+    np.testing.assert_allclose([model.dof_damping[hinge.dofadr[0]] for hinge in hinges], expected * DAMPING_TIME)
+    np.testing.assert_array_equal(model.jnt_axis[[hinge.id for hinge in hinges]], [np.eye(3)["xyz".index(axis)]] * 30)
+
+
+@pytest.mark.parametrize(("modules", "cables"), [(1, 5), (3, 4), (6, 8)])
+def test_every_cable_is_one_tendon_with_one_pull(make_arm, fidelity, modules, cables):
+    model = build_model(make_arm(modules, cables), fidelity)
+    assert model.ntendon == model.nu == modules * cables
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_routed_cables_start_at_the_module_or_where_coupled_at_the_base(make_arm, coupled):
+    accurate = fidelity_named("accurate")
+    model = build_model(make_arm(coupled_cables=coupled), accurate)
+    lengths = model.tendon_length0.reshape(3, 3)
+    expected = [0.2, 0.4, 0.6] if coupled else [0.2, 0.2, 0.2]
+    np.testing.assert_allclose(lengths, np.repeat(np.array(expected)[:, None], 3, axis=1))
+
+
+def test_cables_run_at_their_angles_on_their_radius(twin):
+    model = build_model(twin, fidelity_named("accurate"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    angles = np.deg2rad([[0, 120, 240], [60, 180, 300], [0, 120, 240]])
+    eyes = np.array([[data.site(f"eye_{owner}_{cable}_{owner}_3").xpos for cable in range(3)] for owner in range(3)])
+    expected = 0.027 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    np.testing.assert_allclose(eyes[..., :2], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0.5, 3, 7, 10, 30, 60, 333, 1000])
+def test_the_physics_step_divides_the_control_period_and_is_fine_enough(make_arm, fidelity, rate):
+    arm = make_arm(control_rate=rate)
+    step = time_step(arm, fidelity)
+    assert step <= fidelity.time_step * (1 + 1e-9)
+    assert arm.control_period / step == pytest.approx(round(arm.control_period / step), abs=1e-9)
+    assert build_model(arm, fidelity).opt.timestep == step
+
+
+def test_a_step_that_fits_already_is_not_shortened(make_arm):
+    assert time_step(make_arm(control_rate=10), fidelity_named("fast")) == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0), (0.0, 0.0, 0.0)])
+def test_gravity_points_where_the_arm_file_says(make_arm, direction):
+    model = build_model(make_arm(gravity_direction=direction), fidelity_named("fast"))
+    np.testing.assert_allclose(model.opt.gravity, 9.81 * np.array(direction))
+
+
+def test_an_unknown_fidelity_is_refused_with_the_known_ones_listed(twin):
+    with pytest.raises(S2C2AError, match=r"'superb'.*fast, accurate"):
+        SimulatedRobot(twin, "superb")

@@ -1,0 +1,104 @@
+"""Motors against brute-force integration, encoders against their ticks."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import Motor
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.robots.simulation.motors import encoder_reading, follow
+
+MOTORS = {
+    "neither": Motor(),
+    "lag": Motor(time_constant=0.05),
+    "speed limit": Motor(speed_limit=0.2),
+    "both": Motor(time_constant=0.05, speed_limit=0.2),
+}
+STARTS = np.array([[0.0, 0.03, -0.02, 0.004, 0.0, 0.0101]])
+COMMANDS = np.array([[0.02, -0.01, -0.02, 0.0, 1e-5, 0.0]])
+TIMES = 0.005 * np.arange(1, 21)
+
+
+def by_euler(motor: Motor, step: float = 1e-5) -> np.ndarray:
+    """Positions at TIMES: the rate is the gap over the lag, at most the speed limit."""
+    position, positions = STARTS.copy(), []
+    slowness = max(motor.time_constant, step)  # without lag the gap closes within one small step
+    limit = motor.speed_limit or np.inf
+    for count in range(1, round(TIMES[-1] / step) + 1):
+        position = position + step * np.clip((COMMANDS - position) / slowness, -limit, limit)
+        if count % 500 == 0:
+            positions.append(position)
+    return np.array(positions)
+
+
+@pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
+def test_motors_agree_with_brute_force_integration(motor):
+    np.testing.assert_allclose(follow(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6)
+
+
+@pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
+def test_going_on_from_halfway_leads_to_the_same_place(motor):
+    whole = follow(STARTS, COMMANDS, TIMES, motor)
+    halfway = whole[9]
+    np.testing.assert_allclose(follow(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15)
+
+
+@pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
+def test_motors_neither_overshoot_nor_turn_back(motor):
+    gaps = (COMMANDS - follow(STARTS, COMMANDS, TIMES, motor)) * np.sign(COMMANDS - STARTS)
+    assert gaps.min() >= -1e-15
+    assert np.diff(gaps, axis=0).max() <= 1e-15
+
+
+def test_after_one_time_constant_the_gap_is_down_to_one_in_e():
+    position = follow(np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3))
+    assert position[0, 0] == pytest.approx(1 - np.exp(-1))
+
+
+def test_a_limited_motor_takes_distance_over_speed():
+    positions = follow(np.zeros(1), np.array([-0.02]), np.array([0.05, 0.1, 0.2]), Motor(speed_limit=0.2))
+    np.testing.assert_allclose(positions[:, 0], [-0.01, -0.02, -0.02])
+
+
+def test_encoders_count_whole_ticks():
+    motor = Motor(pulley_radius=0.01, ticks_per_turn=4096, noise_ticks=3.0)
+    tick = 2 * np.pi * 0.01 / 4096
+    ticks = encoder_reading(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0)) / tick
+    np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
+    assert len(np.unique(np.round(ticks))) > 100
+
+
+def test_without_noise_a_reading_is_off_by_half_a_tick_at_most():
+    motor, positions = Motor(noise_ticks=0.0), np.linspace(-0.02, 0.02, 999)
+    tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
+    errors = encoder_reading(positions, motor, np.random.default_rng(0)) - positions
+    assert 0.4 * tick < np.max(np.abs(errors)) <= 0.5 * tick * (1 + 1e-6)
+
+
+def test_encoder_noise_has_the_stated_width():
+    motor = Motor(noise_ticks=20.0)
+    tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
+    readings = encoder_reading(np.zeros(20000), motor, np.random.default_rng(0)) / tick
+    assert readings.std() == pytest.approx(20.0, rel=0.03)
+    assert readings.mean() == pytest.approx(0.0, abs=0.6)
+
+
+def test_a_robot_reads_what_its_lagging_motors_did_not_what_was_sent(make_arm):
+    motor = Motor(time_constant=0.1, noise_ticks=0.0, ticks_per_turn=2**20)
+    action = 0.01 * np.array([[-1, 0.5, 0.5]])
+    with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:
+        robot.send(action)
+        np.testing.assert_allclose(robot.read().cables, action * (1 - np.exp(-1)), atol=1e-7)
+
+
+def test_tension_sensors_have_their_own_noise(make_arm):
+    noisy = make_arm(
+        modules=6,
+        cables=8,
+        actuation="tension",
+        module={"tension_range": 5.0, "pretension": 9.0},
+        motor={"noise_tension": 0.5},
+    )
+    with SimulatedRobot(noisy) as robot:
+        readings = np.array([robot.read().cables for _ in range(200)])
+    assert readings.std() == pytest.approx(0.5, rel=0.05)
+    assert readings.mean() == pytest.approx(9.0, abs=0.02)

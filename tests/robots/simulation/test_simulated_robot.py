@@ -1,0 +1,200 @@
+"""The simulated robot: its clock, seeds, noise, limits, and what happens when the physics breaks down."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, Cable
+from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+
+
+def driven(robot, steps=10, seed=0) -> list:
+    """Readings of a robot that is opened and driven at random."""
+    geometry, random = ArmGeometry.of(robot.arm), np.random.default_rng(seed)
+    readings = [robot.open()]
+    for _ in range(steps):
+        robot.send(random.uniform(geometry.action_low, geometry.action_high))
+        readings.append(robot.read())
+    return readings
+
+
+def column(readings, name: str) -> np.ndarray:
+    """One field of all readings."""
+    return np.array([getattr(reading, name) for reading in readings])
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("preset", ["twin", "simulated"])
+def test_the_same_seed_gives_identical_readings(preset, fidelity, request):
+    arm = request.getfixturevalue(preset)
+    one, two = (driven(SimulatedRobot(arm, fidelity, seed=5)) for _ in range(2))
+    for name in ("time", "cables", "states", "configurations"):
+        np.testing.assert_array_equal(column(one, name), column(two, name))
+
+
+def test_opening_again_gives_the_same_readings_as_a_fresh_robot(twin):
+    used = SimulatedRobot(twin, seed=5)
+    driven(used, seed=1)
+    fresh, again = driven(SimulatedRobot(twin, seed=5)), driven(used)
+    for name in ("time", "cables", "states", "configurations"):
+        np.testing.assert_array_equal(column(again, name), column(fresh, name))
+
+
+def test_another_seed_changes_the_sensors_and_not_the_physics(twin):
+    one, two = (driven(SimulatedRobot(twin, seed=seed)) for seed in (0, 1))
+    np.testing.assert_array_equal(column(one, "states"), column(two, "states"))
+    assert not np.array_equal(column(one, "cables"), column(two, "cables"))
+
+
+def test_a_robot_opens_at_rest_with_its_clock_at_zero(twin):
+    reading = SimulatedRobot(twin).open()
+    assert reading.time == 0.0
+    np.testing.assert_allclose(reading.states[:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=1e-9)
+    np.testing.assert_allclose(reading.configurations, [[0, 0, 1]] * 3, atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.7, 3.0, 7.0, 30.0, 333.0])
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_every_control_rate_keeps_its_own_time(make_arm, fidelity, rate):
+    """Also where the period is no multiple of the fidelity's time step."""
+    arm = make_arm(modules=1, control_rate=rate)
+    with SimulatedRobot(arm, fidelity) as robot:
+        for _ in range(4):
+            robot.send(np.zeros((1, 3)))
+        assert robot.read().time == pytest.approx(4 / rate)
+
+
+@pytest.mark.parametrize("rate", [3.0, 7.0, 33.0])
+def test_the_control_rate_changes_nothing_about_where_an_arm_comes_to_rest(make_arm, rate):
+    action, ends = 0.01 * np.array([[-1, 0.5, 0.5]] * 2), []
+    for hertz in (rate, 10.0):
+        with SimulatedRobot(make_arm(modules=2, control_rate=hertz)) as robot:
+            for _ in range(int(4 * hertz)):
+                robot.send(action)
+            ends.append(robot.states())
+    np.testing.assert_allclose(*ends, atol=1e-4)
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.4, 10.0, 50.0])
+def test_an_arm_has_settled_for_a_second_when_it_opens(make_arm, rate):
+    """A lying module sags under its weight; after opening it moves no more."""
+    arm = make_arm(1, 3, {"damping_time": 0.02}, gravity_direction=(1.0, 0.0, 0.0), control_rate=rate)
+    robot = SimulatedRobot(arm)
+    opened = robot.open().states
+    for _ in range(int(np.ceil(2 * rate))):
+        robot.send(np.zeros((1, 3)))
+    np.testing.assert_allclose(robot.states(), opened, atol=1e-6)
+
+
+def test_readings_know_the_true_configuration_of_each_module_in_its_own_frame(make_arm):
+    """Only the middle module is bent, so the last one is straight in its own frame and leans in the base frame."""
+    arm = make_arm(module={"cable": Cable(stiffness=1e5)}, gravity_direction=(0, 0, 0))
+    with SimulatedRobot(arm) as robot:
+        for _ in range(20):
+            robot.send([[0, 0, 0], [-0.012, 0.006, 0.006], [0, 0, 0]])
+        reading = robot.read()
+    np.testing.assert_allclose(reading.configurations[[0, 2]], [[0, 0, 1]] * 2, atol=1e-3)
+    assert reading.configurations[1, 0] > 0.3
+    np.testing.assert_allclose(reading.states[2, 3:], reading.configurations[1], atol=1e-3)
+
+
+def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
+    bends = []
+    for play in (0.0, 0.001):
+        arm = make_arm(1, 3, {"cable": Cable(stiffness=1e4, play=play)}, gravity_direction=(0, 0, 0))
+        with SimulatedRobot(arm) as robot:
+            for action in [[-0.015, 0.0075, 0.0075], [0.0, 0.0, 0.0]]:
+                for _ in range(30):
+                    robot.send([action])
+            bends.append(robot.configurations()[0, 0])
+    assert bends[0] == pytest.approx(0, abs=1e-4)
+    assert bends[1] > 0.01
+
+
+def test_creep_lets_a_held_bend_go_back(make_arm):
+    arm = make_arm(1, 3, {"cable": Cable(creep=0.3, creep_time=1.0)}, gravity_direction=(0, 0, 0))
+    with SimulatedRobot(arm) as robot:
+        bends = []
+        for _ in range(60):
+            robot.send([[-0.015, 0.0075, 0.0075]])
+            bends.append(np.arcsin(robot.configurations()[0, 0]))
+    assert bends[-1] == pytest.approx(0.7 * 0.015 / 0.027, rel=0.02)
+    assert bends[9] > bends[19] > bends[59]
+
+
+@pytest.mark.parametrize("payload", [np.nan, np.inf, -0.1, 51.0])
+def test_an_impossible_payload_is_refused(twin, payload):
+    with pytest.raises(S2C2AError, match="payload"):
+        SimulatedRobot(twin, payload=payload)
+
+
+@pytest.mark.parametrize("force", [[0, 0], [np.nan, 0, 0], [[0, 0, 1]], 3.0])
+def test_an_impossible_push_is_refused(twin, force):
+    with pytest.raises(S2C2AError, match="push"):
+        SimulatedRobot(twin).push(force)
+
+
+@pytest.fixture
+def broken(twin, tmp_path, monkeypatch):
+    """A robot whose hinges were set spinning after three good steps, and its last good states."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to a file in the working folder
+    robot = SimulatedRobot(twin)
+    driven(robot, steps=3)
+    good = robot.states()
+    robot.data.qvel[:] = 1e9
+    return robot, good
+
+
+def test_a_blow_up_is_reported_with_its_step_and_the_last_good_states(broken):
+    robot, good = broken
+    with pytest.raises(SimulationError, match=r"twin_arm.*step 4") as caught:
+        robot.send(np.zeros((3, 3)))
+    assert caught.value.step == 4
+    np.testing.assert_array_equal(caught.value.last_states, good)
+
+
+def test_after_a_blow_up_every_step_says_so_until_the_robot_is_opened_again(broken):
+    robot, good = broken
+    for _ in range(3):
+        with pytest.raises(SimulationError) as caught:
+            robot.send(np.zeros((3, 3)))
+        np.testing.assert_array_equal(caught.value.last_states, good)
+    assert np.isfinite(robot.open().states).all()
+    robot.send(np.zeros((3, 3)))
+    assert np.isfinite(robot.read().states).all()
+
+
+def test_after_a_blow_up_no_reading_holds_nan(broken):
+    robot, _ = broken
+    with pytest.raises(SimulationError):
+        robot.send(np.zeros((3, 3)))
+    with pytest.raises(SimulationError):
+        robot.read()
+
+
+def test_an_arm_too_soft_for_its_cables_blows_up_loudly(make_arm, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    flimsy = {"mass": 0.0005, "bending_stiffness": 0.0005, "damping_time": 0.005, "cable": Cable(stiffness=1e6)}
+    arm = make_arm(20, 8, flimsy, gravity_direction=(0, 0, 0))
+    with pytest.raises(SimulationError) as caught:
+        driven(SimulatedRobot(arm), steps=30)
+    assert caught.value.step >= 1
+    assert np.isfinite(caught.value.last_states).all()
+
+
+def test_a_stiff_light_arm_does_not_blow_up(make_arm):
+    """Stiff and light is what explicit springs cannot take (findings: 'Stiff light chains explode')."""
+    stiff = {"mass": 0.0005, "bending_stiffness": 50.0, "damping_time": 0.005}
+    readings = driven(SimulatedRobot(make_arm(6, 4, stiff)), steps=20)
+    assert np.isfinite(column(readings, "states")).all()
+
+
+def test_a_reading_is_a_value_that_later_steps_do_not_change(twin):
+    robot = SimulatedRobot(twin)
+    reading = robot.open()
+    kept = replace(reading, cables=reading.cables.copy(), states=reading.states.copy())
+    robot.send(ArmGeometry.of(twin).action_high)
+    np.testing.assert_array_equal(reading.states, kept.states)
+    np.testing.assert_array_equal(reading.cables, kept.cables)
