@@ -13,7 +13,7 @@ gradient_of_configurations = jax.jit(jax.jacobian(kinematics.configurations_from
 gradient_of_bends = jax.jit(jax.jacobian(kinematics.bends_from_configurations))
 
 NEAR_ZERO = [0.0, 1e-8, 1e-5, 9.99e-4, 1e-3, 1.001e-3, 2e-3, 0.1, 1.0]
-quick = settings(deadline=None, max_examples=60)
+quick = settings(deadline=None, max_examples=30)
 
 
 def directions():

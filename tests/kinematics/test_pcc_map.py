@@ -9,7 +9,7 @@ from s2c2a.kinematics import PCC, configurations_from_bends
 
 RADIUS = 0.027
 FULL = np.deg2rad(60.0)
-quick = settings(deadline=None, max_examples=60)
+quick = settings(deadline=None, max_examples=30)
 small_displacements = st.floats(-0.02, 0.02)
 directions = st.floats(-np.pi, np.pi)
 kinds = st.sampled_from(["displacement", "tension"])

@@ -8,7 +8,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec, Module
 from s2c2a.networks import SumAndRange
 from s2c2a.networks.sum_and_range import HEADROOM
 
-quick = settings(deadline=None, max_examples=60)
+quick = settings(deadline=None, max_examples=30)
 directions = st.floats(-np.pi, np.pi)
 _apply = jax.jit(lambda layer, raw: layer(raw))
 _jacobian = jax.jit(lambda layer, raw: jax.jacobian(layer)(raw))

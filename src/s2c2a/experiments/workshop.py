@@ -5,12 +5,13 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import platformdirs
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import CollectOptions, Recording, collect, load_recording
+from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.errors import RecordingError, S2C2AError, StrategyError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
@@ -60,22 +61,20 @@ class Workshop:
         """A recording of the simulated arm, collected or continued unless it is whole already."""
         path = self.folder / f"{self._label(arm, options)}.h5"
         doing = f"collecting from {arm.name}, seed {options.seed}"
-        try:
-            recording = load_recording(path)
-            if len(recording.time) == options.episodes:
-                return recording
-        except RecordingError:
-            pass
-        return collect(
+        collecting = partial(
+            collect,
             path,
             arm,
             lambda seed: SimulatedRobot(arm, self.fidelity, seed),
             options,
             body=f"simulation {self.fidelity}",
             threads=self.threads,
-            resume=path.exists(),
-            progress=lambda done, total: self.progress(doing, done, total),
+            progress=partial(self.progress, doing),
         )
+        try:
+            return collecting(resume=True)
+        except RecordingError:  # damaged, or of an older version: ours to replace
+            return collecting(overwrite=True)
 
     def networks(self, arm: ArmSpec, recipe: Recipe, seed: int) -> TrainedNetworks:
         """Trained networks of an arm, trained unless they were before."""

@@ -1,0 +1,38 @@
+"""Describe an arm in Python, save it as a file, simulate it, and bend it."""
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec, Cable, Module, Motor, save_arm
+from s2c2a.kinematics import PCC
+from s2c2a.robots import check_robot
+from s2c2a.robots.simulation import SimulatedRobot
+
+module = Module(
+    length=0.12,  # m
+    cable_radius=0.02,  # m
+    cable_angles_deg=(0, 90, 180, 270),
+    mass=0.04,  # kg
+    bending_stiffness=0.08,  # N m2
+    bend_limit_deg=60,
+    cable=Cable(stiffness=8000, play=0.0002),  # N/m, m
+)
+arm = ArmSpec(
+    name="my_arm",
+    actuation="displacement",
+    gravity_direction=(0, 0, 1),  # it hangs: gravity along its own axis
+    motor=Motor(time_constant=0.05, speed_limit=0.1, pulley_radius=0.008),
+    modules=(module, module),
+)
+save_arm(arm, "my_arm.toml", overwrite=True)
+
+robot = SimulatedRobot(arm)
+check_robot(robot)
+
+with robot:
+    wanted = np.array([[0.6, 0.0], [0.0, -0.4]])  # rad: module I towards x, module II towards -y
+    action = np.asarray(PCC.of(arm).actions(wanted))
+    for _ in range(30):
+        robot.send(action)
+    for number, state in enumerate(robot.read().states, start=1):
+        position, axis = state[:3], state[3:]
+        print(f"module {number} ends at {position.round(3)} m and points along {axis.round(2)}")

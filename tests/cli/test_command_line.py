@@ -1,0 +1,114 @@
+"""The command line, as a user types it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from s2c2a.cli.main import main
+
+VERBS = ["demo", "collect", "train", "run", "bench", "doctor", "arm", "reproduce"]
+
+
+def run(*arguments: str) -> None:
+    main(arguments)
+
+
+def failing(capsys, *arguments: str) -> str:
+    """Run a verb that must end with exit code 2 and return what it said."""
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([verb, "--help"])
+    assert stopped.value.code == 0
+    assert "usage" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\n"
+        "from s2c2a.cli.main import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_preset_can_be_checked_and_described(capsys):
+    run("arm", "check", "twin_arm")
+    run("arm", "describe", "simulated_arm")
+    said = capsys.readouterr().out
+    assert "twin_arm is sound: 3 modules, 3 cables each" in said
+    assert "first bending mode" in said
+
+
+def test_an_arm_can_be_copied_changed_and_drawn(tmp_path, capsys):
+    mine = tmp_path / "mine.toml"
+    run("arm", "copy", "twin_arm", str(mine))
+    run("arm", "check", str(mine))
+    run("arm", "draw", str(mine), "--out", str(tmp_path / "mine.png"))
+    assert (tmp_path / "mine.png").stat().st_size > 10_000
+    assert "exists" in failing(capsys, "arm", "copy", "twin_arm", str(mine))
+
+
+def test_a_broken_arm_file_is_refused_with_the_key(tmp_path, capsys):
+    mine = tmp_path / "mine.toml"
+    run("arm", "copy", "twin_arm", str(mine))
+    mine.write_text(mine.read_text().replace("length = 0.2\n", "length = 200\n", 1))
+    said = failing(capsys, "arm", "check", str(mine))
+    assert "modules.0.length" in said
+    assert "1000" in said
+
+
+def test_a_missing_arm_names_the_presets(capsys):
+    assert "twin_arm" in failing(capsys, "arm", "check", "no_such_arm")
+
+
+def test_an_unknown_task_names_the_tasks(capsys, tmp_path):
+    assert "circle" in failing(capsys, "run", "square", "--out", str(tmp_path / "run"))
+
+
+def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("S2C2A_CACHE", str(tmp_path / "cache"))
+    recording, strategy, folder = tmp_path / "twin.h5", tmp_path / "twin.safetensors", tmp_path / "run"
+    run("collect", "--out", str(recording), "--episodes", "3", "--samples", "150")
+    assert (tmp_path / "twin.h5.png").exists()
+    run("train", str(recording), "--out", str(strategy))
+    assert (tmp_path / "twin.safetensors.png").exists()
+    run("run", "circle", "--controller", "s2c2a", "pcc", "--strategy", str(strategy), "--out", str(folder))
+    said = capsys.readouterr().out
+    assert "replay:" in said
+    rows = json.loads((folder / "results.json").read_text())
+    assert {row["controller"] for row in rows} == {"s2c2a", "pcc"}
+    assert all(0 < row["mean"] < 30 for row in rows)
+    assert len((folder / "metrics.csv").read_text().splitlines()) == 1 + 2 * 200
+    options = json.loads((folder / "options.json").read_text())
+    assert options["options"]["task"] == "circle"
+    assert "jax" in options["versions"]
+    assert (folder / "twin_arm.html").stat().st_size > 10_000
+    again = failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(folder))
+    assert "--overwrite" in again
+    other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--strategy", str(strategy))
+    assert "trained for 'twin_arm'" in other
+
+
+def test_a_folder_that_is_no_run_is_never_overwritten(tmp_path, capsys):
+    precious = tmp_path / "precious.txt"
+    precious.write_text("mine")
+    failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(tmp_path), "--overwrite")
+    assert precious.read_text() == "mine"
+
+
+def test_the_doctor_finds_this_machine_well(capsys):
+    run("doctor")
+    assert "keeps its promises" in capsys.readouterr().out

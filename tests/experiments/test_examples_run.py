@@ -1,0 +1,29 @@
+"""Every example runs, in a folder of its own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("01_your_own_arm.py", "module 2 ends at"),
+        ("02_follow_a_circle.py", "cm from the circle"),
+        ("03_a_target_that_moves.py", "its target was at"),
+    ],
+)
+def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name, "1"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert said in done.stdout
+
+
+def test_no_example_exceeds_eighty_lines():
+    assert [path.name for path in EXAMPLES.glob("*.py") if len(path.read_text().splitlines()) > 80] == []

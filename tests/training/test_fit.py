@@ -1,0 +1,174 @@
+"""The training loop on a problem small enough to know its answer: a straight line."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+from s2c2a.errors import TrainingError
+from s2c2a.training import FitOptions, fit
+
+TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
+KEY = jax.random.key(0)
+QUICK = FitOptions(learning_rate=0.01, batch_size=16, most_epochs=20, patience=100, epochs_per_call=5)
+
+
+class Line(eqx.Module):
+    """y = x W."""
+
+    weights: Array
+
+
+def squared(model: Line, batch, key) -> Array:
+    return jnp.mean((batch["inputs"] @ model.weights - batch["targets"]) ** 2)
+
+
+def data(samples: int, seed: int, noise: float = 0.0) -> dict:
+    random = np.random.default_rng(seed)
+    inputs = random.normal(size=(samples, 2)).astype(np.float32)
+    targets = inputs @ TRUE + noise * random.normal(size=(samples, 2)).astype(np.float32)
+    return {"inputs": inputs, "targets": targets}
+
+
+TRAINING, VALIDATION = data(128, 0), data(64, 1)
+BLANK = Line(jnp.zeros((2, 2)))
+
+
+def fitted(options=QUICK, loss=squared, training=TRAINING, key=KEY, network=BLANK, **changes):
+    return fit(network, loss, training, VALIDATION, options, key, **changes)
+
+
+def with_options(**changes) -> FitOptions:
+    return FitOptions(**{**vars(QUICK), **changes})
+
+
+def test_both_losses_fall_with_every_epoch():
+    curve = fitted().curve
+    np.testing.assert_array_equal(curve[:, 0], np.arange(1, 21))
+    assert np.all(np.diff(curve[:, 1]) < 0)
+    assert np.all(np.diff(curve[:, 2]) < 0)
+    assert curve[-1, 2] < 0.5 * curve[0, 2]
+
+
+def test_enough_epochs_find_the_answer():
+    result = fitted(with_options(most_epochs=300, epochs_per_call=100, learning_rate=0.03))
+    np.testing.assert_allclose(result.network.weights, TRUE, atol=1e-3)
+
+
+def test_the_first_step_is_adams():
+    """Adam's first step is the learning rate against the sign of the gradient, whatever its size."""
+    one_batch = with_options(batch_size=128, most_epochs=1, epochs_per_call=1)
+    np.testing.assert_allclose(fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4)
+
+
+def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
+    result = fitted(with_options(most_epochs=5))
+    assert squared(result.network, VALIDATION, None) == pytest.approx(result.curve[-1, 2], rel=1e-5)
+
+
+def worse_later(model: Line, batch, key) -> Array:
+    """Falls in training; when validating it rises again once the first weight has passed 0.5."""
+    training = squared(model, batch, key)
+    return training if key is not None else (model.weights[0, 0] - 0.5) ** 2
+
+
+def test_it_returns_the_weights_of_the_best_validation_loss():
+    result = fitted(with_options(learning_rate=0.02, most_epochs=40), worse_later)
+    best = result.curve[:, 2].min()
+    assert result.curve[-1, 2] > 10 * best
+    assert (result.network.weights[0, 0] - 0.5) ** 2 == pytest.approx(best, rel=1e-5)
+
+
+@pytest.mark.parametrize("patience", [1, 4, 9])
+def test_it_stops_when_validation_has_not_improved_for_so_many_epochs(patience):
+    options = with_options(learning_rate=0.02, most_epochs=400, patience=patience, epochs_per_call=1)
+    curve = fitted(options, worse_later).curve
+    assert len(curve) - (np.argmin(curve[:, 2]) + 1) == patience
+    assert len(curve) < 60
+
+
+def test_while_it_improves_patience_does_not_stop_it():
+    assert len(fitted(with_options(patience=1, epochs_per_call=1)).curve) == 20
+
+
+@pytest.mark.parametrize(("most_epochs", "epochs_per_call"), [(6, 3), (1, 1), (7, 5), (3, 10)])
+def test_it_never_trains_longer_than_the_most_epochs(most_epochs, epochs_per_call):
+    curve = fitted(with_options(most_epochs=most_epochs, epochs_per_call=epochs_per_call)).curve
+    assert len(curve) == most_epochs
+
+
+def test_the_same_key_gives_the_same_result():
+    one, two, other = (fitted(training=data(128, 0, 0.5), key=jax.random.key(seed)) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one.network.weights, two.network.weights)
+    np.testing.assert_array_equal(one.curve, two.curve)
+    assert not np.array_equal(one.curve, other.curve)
+
+
+def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
+    """Every grouping ends at the same place on a clean line."""
+    ends = [
+        fitted(with_options(most_epochs=200, epochs_per_call=calls, learning_rate=0.03)).network.weights
+        for calls in (10, 100)
+    ]
+    np.testing.assert_allclose(*ends, atol=1e-2)
+
+
+def test_every_epoch_sees_every_sample_once():
+    """With a rate of zero the mean training loss of an epoch is that of all samples."""
+    curve = fitted(with_options(learning_rate=0.0, most_epochs=3, epochs_per_call=3)).curve
+    np.testing.assert_allclose(curve[:, 1], squared(BLANK, TRAINING, None), rtol=1e-5)
+
+
+def test_progress_is_told_after_every_call():
+    told = []
+    result = fitted(progress=lambda epoch, most, loss: told.append((epoch, most, loss)))
+    assert [(epoch, most) for epoch, most, _ in told] == [(5, 20), (10, 20), (15, 20), (20, 20)]
+    np.testing.assert_allclose([loss for *_, loss in told], result.curve[4::5, 2], rtol=1e-6)
+
+
+def test_an_interrupt_in_progress_stops_it():
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fitted(progress=interrupt)
+
+
+def test_what_is_no_floating_array_is_left_alone():
+    class Labelled(Line):
+        count: Array
+        name: str = eqx.field(static=True)
+
+    result = fitted(network=Labelled(jnp.zeros((2, 2)), jnp.arange(3), "line"))
+    np.testing.assert_array_equal(result.network.count, np.arange(3))
+    assert result.network.name == "line"
+
+
+def test_a_stopped_gradient_keeps_what_it_guards():
+    class Scaled(Line):
+        scale: Array
+
+    def loss(model, batch, key):
+        return squared(Line(model.weights * jax.lax.stop_gradient(model.scale)), batch, key)
+
+    result = fitted(loss=loss, network=Scaled(jnp.zeros((2, 2)), jnp.array(1.5)))
+    assert result.network.scale == 1.5
+    assert result.curve[-1, 2] < result.curve[0, 2]
+
+
+def test_fewer_samples_than_one_batch_are_refused():
+    with pytest.raises(TrainingError, match=r"15 training samples.*16.*collect more"):
+        fitted(training=data(15, 0))
+
+
+def test_exactly_one_batch_is_enough():
+    assert len(fitted(training=data(16, 0)).curve) == 20
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_loss_that_is_not_finite_is_reported(bad):
+    broken = {**TRAINING, "targets": np.full((128, 2), bad, np.float32)}
+    with pytest.raises(TrainingError, match="not finite"):
+        fitted(training=broken)

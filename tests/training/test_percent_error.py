@@ -1,0 +1,37 @@
+"""Percent of full range, worked by hand."""
+
+import numpy as np
+import pytest
+
+from s2c2a.training import percent_error
+from s2c2a.training.errors import full_ranges
+
+
+def test_each_output_is_divided_by_its_own_full_range():
+    """Errors 1 and 2 of range 10, 3 and 0 of range 4: 10, 20, 75, 0 %; mean 26.25, standard deviation 29.02."""
+    true = np.array([[[5.0, 1.0]], [[7.0, 2.0]]])
+    predicted = np.array([[[6.0, -2.0]], [[5.0, 2.0]]])
+    mean, spread = percent_error(predicted, true, np.array([[10.0, 4.0]]))
+    assert mean == pytest.approx(26.25)
+    assert spread == pytest.approx(np.std([10, 20, 75, 0]))
+
+
+def test_a_perfect_prediction_has_no_error():
+    values = np.random.default_rng(0).normal(size=(5, 3, 6))
+    assert percent_error(values, values, full_ranges(values)) == (0.0, 0.0)
+
+
+def test_the_unit_of_an_output_does_not_matter():
+    random = np.random.default_rng(0)
+    true, predicted, unit = random.normal(size=(9, 3, 6)), random.normal(size=(9, 3, 6)), np.array([1, 1e3, 1e-3] * 2)
+    one = percent_error(predicted, true, full_ranges(true))
+    assert percent_error(predicted * unit, true * unit, full_ranges(true * unit)) == pytest.approx(one)
+
+
+def test_full_range_is_largest_less_smallest_over_samples():
+    values = np.array([[[1.0, 5.0]], [[-2.0, 5.5]], [[0.0, 5.25]]])
+    np.testing.assert_array_equal(full_ranges(values), [[3.0, 0.5]])
+
+
+def test_an_output_that_never_changes_has_range_one():
+    np.testing.assert_array_equal(full_ranges(np.full((4, 1, 2), 7.0)), [[1.0, 1.0]])
