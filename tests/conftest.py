@@ -17,6 +17,12 @@ from s2c2a.training.networks import NetworkSize, state_scaling
 EPISODES, SAMPLES = 6, 100
 
 
+def pytest_configure(config):
+    """Keep what JAX compiles from test to test and run to run; compiling is most of the tests' time."""
+    jax.config.update("jax_compilation_cache_dir", str(config.rootpath / ".pytest_cache" / "jax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
 @pytest.fixture(scope="session")
 def make_arm():
     """Builds a displacement arm of equal, evenly cabled modules of 0.2 m; `module` changes all of them."""
@@ -53,7 +59,7 @@ def recording(twin, tmp_path_factory) -> Recording:
 @pytest.fixture(scope="session")
 def tiny_recipe():
     """The paper's recipe with far smaller networks and a few quick epochs; its files cannot be loaded back."""
-    size, options = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=6, epochs_per_call=3)
+    size, options = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
     return replace(recipe_named("paper"), c2s=size, c2a=size, c2s_fit=options, c2a_fit=options)
 
 

@@ -1,0 +1,139 @@
+"""The comparisons of the paper: good on an arm that is as PCC says, bounded on targets out of reach, gains by hand."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, Cable, Motor
+from s2c2a.data import Recording
+from s2c2a.errors import RecordingError
+from s2c2a.evaluation import position_errors, rollout
+from s2c2a.kinematics import PCC, configurations_from_bends, states_from_bends
+from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Reading
+from s2c2a.strategies import fitted_gains, pcc_fitted_strategy, pcc_strategy
+from s2c2a.tasks import task_named
+
+PATH = 0.5 + 0.5 * np.sin(np.linspace(0, 20, 60)[:, None] + np.arange(6))
+
+
+@pytest.fixture(scope="module")
+def ideal(twin):
+    """The twin with cables that neither stretch nor rub, without gravity: an arm as PCC says."""
+    modules = tuple(module.model_copy(update={"cable": Cable(stiffness=1e6)}) for module in twin.modules)
+    changes = {"gravity_direction": (0.0, 0.0, 0.0), "motor": Motor(noise_ticks=0.0), "modules": modules}
+    return twin.model_copy(update={"name": "ideal", **changes})
+
+
+@pytest.fixture(scope="module")
+def pcc(ideal):
+    """PCC in the planner and behind it, for the ideal arm."""
+    return pcc_strategy(ideal, PlannerOptions())
+
+
+@pytest.fixture(scope="module")
+def circle_run(ideal, pcc):
+    """PCC on the circle with the ideal arm."""
+    return rollout(SimulatedRobot(ideal), pcc, task_named("circle", ideal))
+
+
+def synthetic(arm, gains) -> Recording:
+    """A recording of an arm whose modules bend by a gain times what their cables say."""
+    bends = 0.6 * (PATH.reshape(2, 30, 3, 2) - 0.5)
+    cables = np.asarray(PCC.of(arm).actions(jnp.asarray(bends, jnp.float32)), float)
+    true = jnp.asarray(bends * np.asarray(gains)[:, None], jnp.float32)
+    states = np.asarray(states_from_bends(true, jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)))
+    return Recording(arm, {}, np.zeros((2, 30)), cables, cables, states, np.asarray(configurations_from_bends(true)))
+
+
+def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
+    errors = position_errors(circle_run.states, circle_run.task.wanted_positions())
+    assert errors.mean() < 1.0
+    assert errors.max() < 2.0
+
+
+def test_on_such_an_arm_what_is_planned_is_what_happens(circle_run):
+    np.testing.assert_allclose(circle_run.configurations, circle_run.planned, atol=0.01)
+    np.testing.assert_allclose(circle_run.sensed[1:], circle_run.configurations[:-1], atol=0.01)
+
+
+def test_a_plan_never_changes_faster_than_the_arms_limit(circle_run, ideal):
+    before, after = circle_run.planned[:-1], circle_run.planned[1:]
+    angles = np.rad2deg(np.arccos(np.clip(np.sum(before * after, axis=-1), -1, 1)))
+    assert angles.max() <= ideal.step_limit_deg + 0.05
+
+
+@pytest.mark.parametrize("target", [[5.0, 0.0, 0.0], [0.0, 0.0, 100.0], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]])
+def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, target):
+    geometry, robot = ArmGeometry.of(ideal), SimulatedRobot(ideal)
+    reading = robot.open()
+    pcc.start(reading)
+    states = []
+    for _ in range(60):
+        action = pcc.step(reading, Goal.of(3).with_position(target))
+        assert np.all((action >= geometry.action_low - 1e-6) & (action <= geometry.action_high + 1e-6))
+        robot.send(action)
+        reading = robot.read()
+        states.append(reading.states)
+    assert np.isfinite(states).all()
+    assert np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
+    np.testing.assert_allclose(np.linalg.norm(pcc.planned, axis=-1), 1.0, atol=1e-4)
+
+
+def test_a_target_out_of_reach_to_the_side_draws_the_arm_to_that_side(ideal, pcc):
+    robot = SimulatedRobot(ideal)
+    reading = robot.open()
+    pcc.start(reading)
+    for _ in range(60):
+        robot.send(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
+        reading = robot.read()
+    tip = reading.states[-1, :3]
+    assert tip[1] > 0.35
+    assert abs(tip[0]) < 0.05
+
+
+def test_pcc_does_not_listen_to_the_arm(ideal, pcc):
+    """No feedback: the same goals lead to the same actions, whatever the readings."""
+    goals = task_named("circle", ideal).goals[:15]
+    rest = SimulatedRobot(ideal).open()
+    actions = []
+    for bend in (0.0, 0.01):
+        pcc.start(rest)
+        reading = Reading(0.1, rest.cables + bend * np.array([-1, 0.5, 0.5]))
+        actions.append([pcc.step(reading, goal) for goal in goals])
+    np.testing.assert_array_equal(*actions)
+
+
+@pytest.mark.parametrize("gains", [[1.0, 1.0, 1.0], [0.9, 0.7, 0.4], [1.3, 0.5, 2.0]])
+def test_gains_are_found_again_on_a_recording_that_has_them(twin, gains):
+    np.testing.assert_allclose(fitted_gains(synthetic(twin, gains)), gains, rtol=1e-4)
+
+
+def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
+    """With gains of 0.8 its actions are those of the plain one divided by 0.8."""
+    plain = pcc_strategy(twin, PlannerOptions())
+    fitted = pcc_fitted_strategy(synthetic(twin, [0.8] * 3), PlannerOptions())
+    assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
+    goal, rest = Goal.of(3).with_position([0.2, 0.05, 0.5]), Reading(0.0, np.zeros((3, 3)))
+    for strategy in (plain, fitted):
+        strategy.start(rest)
+    for _ in range(5):
+        one, two = (strategy.step(rest, goal) for strategy in (plain, fitted))
+    assert np.abs(one).max() > 1e-3
+    np.testing.assert_allclose(two, one / 0.8, atol=1e-6)
+
+
+def test_gains_cannot_be_fitted_without_true_states(twin):
+    blind = replace(synthetic(twin, [1.0] * 3), states=np.full((2, 30, 3, 6), np.nan))
+    with pytest.raises(RecordingError, match="true states"):
+        fitted_gains(blind)
+
+
+def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):
+    still = synthetic(twin, [1.0] * 3)
+    still.cables[:, :, 1] = 0.0
+    with pytest.raises(RecordingError, match="stood still"):
+        fitted_gains(still)

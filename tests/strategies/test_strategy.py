@@ -1,0 +1,142 @@
+"""Strategies put together: trained ones run, carry their memory, and compile nothing once they are built."""
+
+import logging
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.data import Recording
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import RECIPES, pcc_strategy, recipe_named, s2c2a_strategy, train_s2c2a
+
+REST = Goal.of(3)
+
+
+@pytest.fixture(scope="module")
+def trained(tiny_networks, tiny_recipe):
+    """The strategy of the paper with tiny networks."""
+    return s2c2a_strategy(tiny_networks, tiny_recipe)
+
+
+@pytest.fixture(scope="module")
+def simulated_pcc(simulated):
+    """PCC for the arm that senses its true configuration."""
+    return pcc_strategy(simulated, PlannerOptions())
+
+
+def moving_goals(steps: int = 20) -> list[Goal]:
+    """Goals that change in everything that may change from step to step."""
+    goals = []
+    for step in range(steps):
+        goal = Goal.of(3, change_weight=0.1 * step).with_position([0.01 * step, 0.0, 0.5], weight=step)
+        goal = goal.with_axis([0.1, step, 1.0], weight=0.3, module=step % 3)
+        goals.append(goal.with_obstacles(np.full((step % 3, 3), 0.3), np.full(step % 3, 0.1), weight=step))
+    return [*goals, REST]
+
+
+def live(strategy, arm, goals, watched=True) -> np.ndarray:
+    """Actions of a live session."""
+    robot = SimulatedRobot(arm)
+    actions, reading = [], robot.open()
+    hidden = {} if watched else {"states": None, "configurations": None}
+    strategy.start(replace(reading, **hidden))
+    for goal in goals:
+        actions.append(robot.send(strategy.step(replace(robot.read(), **hidden), goal)))
+        assert strategy.sensed.shape == strategy.planned.shape == (3, 3)
+    return np.array(actions)
+
+
+@pytest.fixture
+def compilations(caplog):
+    """What JAX compiles inside a `with`; other loggers' words are left out."""
+
+    def messages() -> list[str]:
+        return [record.getMessage() for record in caplog.records if record.name.startswith("jax")]
+
+    with caplog.at_level(logging.WARNING), jax.log_compiles(True):
+        yield messages
+
+
+@pytest.mark.parametrize(
+    ("strategy", "arm", "watched"),
+    [("trained", "twin", True), ("trained", "twin", False), ("simulated_pcc", "simulated", True)],
+)
+def test_nothing_compiles_after_a_strategy_is_built(strategy, arm, watched, request, compilations):
+    built, body = request.getfixturevalue(strategy), request.getfixturevalue(arm)
+    before = len(compilations())
+    live(built, body, moving_goals(), watched)
+    live(built, body, moving_goals(3), watched)
+    assert compilations()[before:] == []
+
+
+def test_the_count_of_compilations_does_count(compilations):
+    before = len(compilations())
+    jax.jit(lambda value: 3 * value + 1)(np.float32(2))
+    assert len(compilations()) > before
+
+
+def test_a_trained_strategy_drives_the_arm_within_its_limits(trained, twin):
+    geometry = ArmGeometry.of(twin)
+    actions = live(trained, twin, [Goal.of(3).with_position([0.15, 0.0, 0.55])] * 30)
+    assert np.isfinite(actions).all()
+    assert np.all((actions >= geometry.action_low) & (actions <= geometry.action_high))
+    assert np.ptp(actions, axis=0).max() > 1e-4
+
+
+def test_a_run_does_not_depend_on_the_runs_before_it(trained, twin):
+    goals = [Goal.of(3).with_position([0.15, 0.05, 0.5])] * 10
+    first = live(trained, twin, goals)
+    live(trained, twin, [Goal.of(3).with_position([-0.3, 0.0, 0.4])] * 7)
+    np.testing.assert_array_equal(live(trained, twin, goals), first)
+
+
+def test_the_controller_remembers_its_actions(trained, twin):
+    """With the same reading and goal again, C2A answers otherwise, since its history has grown."""
+    reading = SimulatedRobot(twin).open()
+    trained.start(reading)
+    goal = Goal.of(3, change_weight=1e6)
+    actions = [trained.step(reading, goal) for _ in range(3)]
+    assert np.abs(actions[1] - actions[0]).max() > 1e-7
+
+
+def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(trained, twin):
+    robot = SimulatedRobot(twin)
+    reading = robot.open()
+    trained.start(reading)
+    for _ in range(8):
+        robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+    trained.step(robot.read(), REST)
+    assert np.linalg.norm(trained.sensed - robot.read().configurations, axis=-1).max() > 0.02
+
+
+def test_training_without_true_states_is_refused(recording, tiny_recipe):
+    blind: Recording = replace(recording, states=np.full_like(recording.states, np.nan))
+    with pytest.raises(RecordingError, match="lacks true states"):
+        train_s2c2a(blind, tiny_recipe, seed=0)
+
+
+def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
+    told = []
+    train_s2c2a(recording, tiny_recipe, seed=0, progress=lambda *what: told.append(what[:3]))
+    assert told == [("C2S", 6, 12), ("C2S", 12, 12), ("C2A", 6, 12), ("C2A", 12, 12)]
+
+
+def test_recipes_are_known_by_name_and_others_refused():
+    assert recipe_named("paper") is RECIPES["paper"]
+    with pytest.raises(StrategyError, match=r"'soup'.*paper"):
+        recipe_named("soup")
+
+
+def test_the_papers_recipe_has_the_papers_numbers():
+    """Chen et al. 2025, table II and sec. III-A."""
+    paper = recipe_named("paper")
+    assert (paper.c2s.layers, paper.c2s.hidden, paper.c2a.layers, paper.c2a.hidden) == (4, 64, 2, 32)
+    assert (paper.c2s_fit.learning_rate, paper.c2s_fit.batch_size) == (1e-3, 64)
+    assert (paper.c2a_fit.learning_rate, paper.c2a_fit.batch_size) == (1e-3, 64)
+    assert (paper.planner.learning_rate, paper.planner.iterations, paper.planner.on_sphere) == (0.02, 10, True)
+    assert paper.history_noise > 0

@@ -1,0 +1,219 @@
+"""Strategy files: round trips, arms they were not trained for, and every way of being damaged."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+from s2c2a.arm import Cable
+from s2c2a.errors import StrategyError
+from s2c2a.networks import History
+from s2c2a.strategies import load_strategy, save_strategy
+
+
+def outputs(networks, seed=0) -> list[np.ndarray]:
+    """What both networks answer to random questions."""
+    random = np.random.default_rng(seed)
+    shapes = (random.normal(size=(5, 3, *shape)).astype(np.float32) for shape in ((3,), (4, 3), (5, 3)))
+    wanted, configurations, actions = shapes
+    predicted = networks.c2s.predict(wanted, ())
+    return [np.asarray(predicted), np.asarray(networks.c2a(wanted, History(configurations, actions)))]
+
+
+def contents(path) -> tuple[dict, dict]:
+    """Arrays and metadata of a strategy file."""
+    with safe_open(path, framework="numpy") as file:
+        return load_file(path), json.loads(file.metadata()["s2c2a"])
+
+
+@pytest.fixture
+def rewrite(strategy_file, tmp_path):
+    """Writes the strategy file anew with other metadata or arrays; its path."""
+
+    def write(metadata: dict | None = None, without: tuple = (), **arrays):
+        found, data = contents(strategy_file)
+        data = {key: value for key, value in (data | (metadata or {})).items() if key not in without}
+        kept = {name: value for name, value in (found | arrays).items() if name not in without}
+        save_file(kept, tmp_path / "changed.safetensors", metadata={"s2c2a": json.dumps(data)})
+        return tmp_path / "changed.safetensors"
+
+    return write
+
+
+def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(strategy_file, paper_networks, twin):
+    for before, after in zip(outputs(paper_networks), outputs(load_strategy(strategy_file, twin)), strict=True):
+        np.testing.assert_array_equal(after, before)
+
+
+def test_every_weight_and_scaling_comes_back(strategy_file, paper_networks):
+    loaded = load_strategy(strategy_file)
+    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (paper_networks, loaded))
+    assert len(before) == 50
+    for one, two in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_what_is_known_of_the_training_comes_back(strategy_file, paper_networks, twin):
+    loaded = load_strategy(strategy_file)
+    assert loaded.arm == twin
+    assert (loaded.recipe, loaded.seed, loaded.percent) == ("paper", 7, paper_networks.percent)
+    assert loaded.curves.keys() == paper_networks.curves.keys()
+    np.testing.assert_array_equal(loaded.curves["C2A"], paper_networks.curves["C2A"])
+
+
+def test_saving_what_was_loaded_writes_the_same_file(strategy_file, tmp_path):
+    save_strategy(load_strategy(strategy_file), tmp_path / "again.safetensors")
+    one, two = contents(strategy_file), contents(tmp_path / "again.safetensors")
+    assert one[1] == two[1]
+    assert one[0].keys() == two[0].keys()
+
+
+def test_the_file_appears_whole_and_nothing_is_left_beside_it(paper_networks, tmp_path):
+    save_strategy(paper_networks, tmp_path / "deep" / "one.safetensors")
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["one.safetensors"]
+
+
+def test_the_file_tells_its_schema_version_recipe_options_and_errors(strategy_file):
+    _, metadata = contents(strategy_file)
+    assert metadata["schema"] == 1
+    assert metadata["version"]
+    assert metadata["options"]["c2s"] == {"layers": 4, "hidden": 64}
+    assert metadata["options"]["planner"]["iterations"] == 10
+    assert metadata["percent"]["C2S"] == [2.5, 1.25]
+
+
+def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):
+    renamed = twin.model_copy(update={"name": "ours", "description": "the same body"})
+    np.testing.assert_array_equal(
+        outputs(load_strategy(strategy_file, renamed))[0], outputs(load_strategy(strategy_file))[0]
+    )
+
+
+def softer(arm):
+    """The arm with a softer last cable."""
+    last = arm.modules[-1].model_copy(update={"cable": Cable(stiffness=2000.0)})
+    return arm.model_copy(update={"modules": (*arm.modules[:-1], last)})
+
+
+OTHER_ARMS = {
+    "control_rate": lambda arm: arm.model_copy(update={"control_rate": 20.0}),
+    "coupled_cables": lambda arm: arm.model_copy(update={"coupled_cables": True}),
+    "motor": lambda arm: arm.model_copy(update={"motor": arm.motor.model_copy(update={"time_constant": 0.1})}),
+    "modules": softer,
+    "sensing": lambda arm: arm.model_copy(update={"sensing": "true"}),
+}
+
+
+@pytest.mark.parametrize(("field", "change"), OTHER_ARMS.items(), ids=OTHER_ARMS)
+def test_a_strategy_of_another_arm_is_refused_and_the_difference_named(strategy_file, twin, field, change):
+    other = change(twin).model_copy(update={"name": "other"})
+    with pytest.raises(StrategyError, match=rf"'twin_arm'.*'other' in {field};"):
+        load_strategy(strategy_file, other)
+
+
+def test_every_difference_is_named(strategy_file, simulated):
+    with pytest.raises(StrategyError, match=r"actuation, sensing, motor, modules"):
+        load_strategy(strategy_file, simulated)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(StrategyError, match="no strategy at"):
+        load_strategy(tmp_path / "nothing.safetensors")
+
+
+@pytest.mark.parametrize("part", [0.0, 1e-5, 0.002, 0.1, 0.5, 0.999])
+def test_a_file_that_is_cut_off_is_refused(strategy_file, tmp_path, part):
+    whole = strategy_file.read_bytes()
+    (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(tmp_path / "cut")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_bytes_are_refused(tmp_path, seed):
+    (tmp_path / "noise").write_bytes(np.random.default_rng(seed).bytes(4000))
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(tmp_path / "noise")
+
+
+def test_a_pickle_is_refused_and_not_opened(tmp_path):
+    class Bomb:
+        def __reduce__(self):
+            return (pytest.fail, ("the file was unpickled",))
+
+    np.save(tmp_path / "bomb.npy", np.array([Bomb()], dtype=object), allow_pickle=True)
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(tmp_path / "bomb.npy")
+
+
+def test_a_file_of_another_program_is_refused(tmp_path):
+    save_file({"weights": np.zeros(3, np.float32)}, tmp_path / "other.safetensors")
+    with pytest.raises(StrategyError, match="schema None"):
+        load_strategy(tmp_path / "other.safetensors")
+
+
+def test_another_schema_is_refused(rewrite):
+    with pytest.raises(StrategyError, match="schema 2, this version reads 1"):
+        load_strategy(rewrite({"schema": 2}))
+
+
+def test_an_unknown_recipe_is_refused(rewrite):
+    with pytest.raises(StrategyError, match=r"no recipe 'soup'.*paper"):
+        load_strategy(rewrite({"recipe": "soup"}))
+
+
+@pytest.mark.parametrize("name", ["[0].network.bias_head", "[1].network.layers[0][1].weight_hidden"])
+def test_a_missing_array_is_refused_by_name(rewrite, name):
+    with pytest.raises(StrategyError) as caught:
+        load_strategy(rewrite(without=(name,)))
+    assert name in str(caught.value)
+
+
+def test_an_array_of_another_shape_is_refused(rewrite):
+    with pytest.raises(StrategyError, match=r"bias_head of shape \(6,\)"):
+        load_strategy(rewrite(**{"[0].network.bias_head": np.zeros(7, np.float32)}))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_weights_that_are_not_finite_are_refused(rewrite, value):
+    """They would drive the arm with NaN."""
+    with pytest.raises(StrategyError, match="bias_head"):
+        load_strategy(rewrite(**{"[0].network.bias_head": np.full(6, value, np.float32)}))
+
+
+@pytest.mark.parametrize("key", ["arm", "recipe", "seed", "percent"])
+def test_metadata_that_lack_a_key_are_refused(rewrite, key):
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(rewrite(without=(key,)))
+
+
+@pytest.mark.parametrize("metadata", ["[1]", "{", "null", '"paper"'])
+def test_metadata_of_another_form_are_refused(strategy_file, tmp_path, metadata):
+    save_file(contents(strategy_file)[0], tmp_path / "odd", metadata={"s2c2a": metadata})
+    with pytest.raises(StrategyError):
+        load_strategy(tmp_path / "odd")
+
+
+def test_an_arm_that_cannot_be_read_is_refused(rewrite):
+    with pytest.raises(StrategyError, match="arm in"):
+        load_strategy(rewrite({"arm": "name ="}))
+
+
+def test_a_bit_that_flips_in_the_header_never_ends_in_another_error(strategy_file, tmp_path):
+    """The file is read, or refused as a strategy; of 150 places tried."""
+    whole = strategy_file.read_bytes()
+    random, length, foreign = np.random.default_rng(0), int.from_bytes(whole[:8], "little"), []
+    for place in random.integers(0, 8 + length, 150):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(random.integers(8))
+        (tmp_path / "flipped").write_bytes(flipped)
+        try:
+            load_strategy(tmp_path / "flipped")
+        except StrategyError:
+            continue
+        except Exception as error:
+            foreign.append((int(place), type(error).__name__))
+    assert foreign == []
