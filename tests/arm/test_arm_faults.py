@@ -78,6 +78,12 @@ def test_a_length_that_is_no_positive_number_is_refused(value):
     assert "modules.0.length" in fault_in(with_value(TWIN, "modules.0.length", value))
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
+    fault = fault_in(with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0]))
+    assert "modules.1.cable_angles_deg.1: Input should be a finite number" in fault
+
+
 @pytest.mark.parametrize("angles", [[0.0, 180.0], [40.0 * cable for cable in range(9)], []])
 def test_only_three_to_eight_cables_are_allowed(angles):
     assert "modules.1.cable_angles_deg: Tuple should have at" in fault_in(

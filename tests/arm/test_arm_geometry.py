@@ -63,6 +63,13 @@ def test_no_cable_pushes_at_rest(angles):
     assert geometry.action_neutral.min() > 0
 
 
+@settings(deadline=None)
+@given(layouts())
+def test_cables_pull_at_rest_with_their_pretension_on_average(angles):
+    geometry = ArmGeometry.of(arm_of(angles, actuation="tension"))
+    assert geometry.action_neutral.mean() == pytest.approx(20.0)
+
+
 @pytest.mark.parametrize("cables", range(3, 9))
 def test_evenly_spread_cables_pull_alike_at_rest(cables):
     matrix = cable_matrix(2 * np.pi * np.arange(cables) / cables + 0.3)

@@ -22,9 +22,20 @@ def cable_matrix(angles: Float[np.ndarray, "*modules cables"]) -> Float[np.ndarr
 
 
 def balanced_pull(matrix: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " cables"]:
-    """Tensions nearest to one each that do not bend the module; all ones where the cables are evenly spread."""
-    ones = np.ones(matrix.shape[0])
-    return ones - matrix @ np.linalg.pinv(matrix) @ ones
+    """Positive tensions of mean one that do not bend the module; all ones where the cables are evenly spread.
+
+    They are t_i = exp(B_i q), where q minimises their sum: its gradient B^T t is then zero. The minimum exists for
+    cables that can bend every way, and damped Newton steps find it.
+    """
+    point = np.zeros(2)
+    for _ in range(200):
+        pull = np.exp(matrix @ point)
+        gradient = matrix.T @ pull
+        if np.linalg.norm(gradient) < 1e-14 * pull.sum():
+            break
+        step = np.linalg.solve((matrix.T * pull) @ matrix, gradient)
+        point = point - step / max(1.0, float(np.linalg.norm(step)))
+    return pull / pull.mean()
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,7 @@ class ArmGeometry:
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
+        pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
         action_low: least action allowed [m or N], shape (modules, cables).
@@ -51,6 +63,7 @@ class ArmGeometry:
     cable_matrices: np.ndarray
     bend_matrices: np.ndarray
     bend_limits: np.ndarray
+    pretensions: np.ndarray
     action_neutral: np.ndarray
     action_scale: np.ndarray
     action_low: np.ndarray
@@ -62,7 +75,9 @@ class ArmGeometry:
         matrices = cable_matrix(np.deg2rad([module.cable_angles_deg for module in arm.modules]))
         radii = np.array([module.cable_radius for module in arm.modules])
         bend_limits = np.deg2rad([module.bend_limit_deg for module in arm.modules])
-        neutral, scale = _action_map(arm, matrices, radii * bend_limits)
+        pull = np.array([balanced_pull(matrix) for matrix in matrices])
+        pretensions = np.array([module.pretension for module in arm.modules])[:, None] * pull
+        neutral, scale = _action_map(arm, pretensions, radii * bend_limits)
         reach = np.abs(scale)[:, None]
         low = np.maximum(neutral - reach, 0.0) if arm.actuation == "tension" else neutral - reach
         return cls(
@@ -71,6 +86,7 @@ class ArmGeometry:
             cable_matrices=matrices,
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
+            pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,
             action_low=low,
@@ -78,10 +94,10 @@ class ArmGeometry:
         )
 
 
-def _action_map(arm: "ArmSpec", matrices: np.ndarray, full_displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _action_map(
+    arm: "ArmSpec", pretensions: np.ndarray, full_displacement: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Neutral action and scale: a displacement shortens, a tension grows, towards the bend."""
     if arm.actuation == "displacement":
-        return np.zeros(matrices.shape[:2]), full_displacement
-    pretension = np.array([module.pretension for module in arm.modules])
-    pull = np.array([balanced_pull(matrix) for matrix in matrices])
-    return pretension[:, None] * pull, -np.array([module.tension_range for module in arm.modules])
+        return np.zeros_like(pretensions), full_displacement
+    return pretensions, -np.array([module.tension_range for module in arm.modules])

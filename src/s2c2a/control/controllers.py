@@ -59,9 +59,9 @@ class NetworkController(Controller):
     def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: History):
         """See `Controller`."""
         history = History(_push(memory.configurations, sensed), memory.actions)
-        action = self.network(wanted, history)
         layer = self.network.sum_and_range
-        return layer.actions(action), History(history.configurations, _push(history.actions, action))
+        action = layer.actions(self.network(wanted, history))
+        return action, History(history.configurations, _push(history.actions, layer.normalised(action)))
 
 
 def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:

@@ -1,6 +1,6 @@
 """Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
 
-from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_bends
+from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.cables import PCC
 from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
 from s2c2a.kinematics.forward_model import ForwardModel, PCCForwardModel
@@ -12,7 +12,7 @@ __all__ = [
     "bends_from_configurations",
     "configurations_from_bends",
     "configurations_from_states",
-    "limit_bends",
+    "limit_lengths",
     "states_from_bends",
     "states_from_configurations",
 ]

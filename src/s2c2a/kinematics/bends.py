@@ -7,6 +7,8 @@ axis there. Both maps are exact at zero bend and have exact gradients there.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+Limits = Float[Array, "*batch"] | float
+
 _SMALL = 1e-6  # squared angle below which series replace quotients; the next term is below float32's resolution
 
 
@@ -49,17 +51,17 @@ def bends_from_configurations(configurations: Float[Array, "*batch 3"]) -> Float
     Returns:
         Bend vectors [rad], module frame.
     """
-    across, along = configurations[..., :2], configurations[..., 2]
+    unit = configurations / jnp.sqrt(squared_norm(configurations))[..., None]
+    across, along = unit[..., :2], unit[..., 2]
     squared = squared_norm(across)
-    small = squared < _SMALL
+    small = (squared < _SMALL) & (along > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, squared))
-    length = jnp.where(small & (jnp.abs(along) < 1e-3), 1.0, along)
-    ratio = jnp.where(small, 1.0 / length - squared / (3.0 * length**3), jnp.arctan2(sine, along) / sine)
+    ratio = jnp.where(small, 1.0 + squared / 6.0, jnp.arctan2(sine, along) / sine)
     return across * ratio[..., None]
 
 
-def limit_bends(bends: Float[Array, "*batch 2"], limits: Float[Array, "*batch"]) -> Float[Array, "*batch 2"]:
-    """Shorten every bend that exceeds its limit [rad]; directions stay."""
-    squared = squared_norm(bends)
+def limit_lengths(vectors: Float[Array, "*batch axis"], limits: Limits) -> Float[Array, "*batch axis"]:
+    """Shorten every vector that is longer than its limit; directions stay."""
+    squared = squared_norm(vectors)
     inside = squared <= limits**2
-    return bends * jnp.where(inside, 1.0, limits / jnp.sqrt(jnp.where(inside, 1.0, squared)))[..., None]
+    return vectors * jnp.where(inside, 1.0, limits / jnp.sqrt(jnp.where(inside, 1.0, squared)))[..., None]

@@ -25,6 +25,8 @@ class SumAndRange(eqx.Module):
         matrices: B of every module, shape (modules, cables, 2).
         neutral: action at rest [m or N], shape (modules, cables).
         unit: action [m or N] of a normalised 1, shape (modules, 1).
+        low: least action, shape (modules, cables).
+        high: largest action, shape (modules, cables).
         evenly_three: whether eq. (10) applies.
     """
 
@@ -32,6 +34,8 @@ class SumAndRange(eqx.Module):
     pseudo_inverses: Float[Array, "modules 2 cables"]
     neutral: Float[Array, "modules cables"]
     unit: Float[Array, "modules 1"]
+    low: Float[Array, "modules cables"]
+    high: Float[Array, "modules cables"]
     evenly_three: bool = eqx.field(static=True)
 
     @classmethod
@@ -43,10 +47,12 @@ class SumAndRange(eqx.Module):
             geometry.bend_matrices,
             geometry.action_neutral,
             HEADROOM * geometry.action_scale[:, None],
+            geometry.action_low,
+            geometry.action_high,
         )
         even = arm.cable_count == 3 and bool(jnp.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
-        matrices, inverses, neutral, unit = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
-        return cls(matrices, inverses, neutral, unit, even)
+        singles = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
+        return cls(*singles, evenly_three=even)
 
     def __call__(self, raw: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
         """Normalised actions."""
@@ -61,8 +67,8 @@ class SumAndRange(eqx.Module):
         return (actions - self.neutral) / self.unit
 
     def actions(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions to [m or N]."""
-        return self.neutral + normalised * self.unit
+        """Normalised actions to [m or N], within the arm's limits."""
+        return jnp.clip(self.neutral + normalised * self.unit, self.low, self.high)
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_bends
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.forward_model import Memory
 from s2c2a.planning.goal import Goal, Numbers
 from s2c2a.planning.losses import norm
@@ -85,22 +85,23 @@ def _single(values: Numbers) -> Numbers:
 
 def _next_plan(arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions):
     bend_limits = jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32)
-    longest_step = 2.0 * np.sin(np.deg2rad(arm.step_limit_deg) / 2.0)
+    longest_step = np.deg2rad(arm.step_limit_deg)
 
     def project(configurations):
         return configurations / norm(configurations)[:, None] if options.on_sphere else configurations
 
-    def within_bends(configurations):
+    def within_limits(wanted, last):
+        """Bends change by at most the step; the angle between two configurations is never more than that."""
         if not options.on_sphere:
-            return configurations
-        return configurations_from_bends(limit_bends(bends_from_configurations(configurations), bend_limits))
+            return last + limit_lengths(wanted - last, longest_step)
+        start = bends_from_configurations(last)
+        change = limit_lengths(bends_from_configurations(wanted), bend_limits) - start
+        return configurations_from_bends(start + limit_lengths(change, longest_step))
 
     def next_plan(plan: Plan, cables, goal: Goal) -> Plan:
         memory = model.observe(cables, plan.memory)
         value = objective(model, memory, goal, plan.configurations, length_scale)
         wanted = solve(value, plan.configurations, project, options.learning_rate, options.iterations)
-        change = within_bends(wanted) - plan.configurations
-        allowed = jnp.minimum(1.0, longest_step / jnp.maximum(norm(change), 1e-9))
-        return Plan(project(plan.configurations + change * allowed[:, None]), memory)
+        return Plan(within_limits(wanted, plan.configurations), memory)
 
     return next_plan

@@ -146,7 +146,8 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             else:
                 _lever(tendon, geometry.cable_matrices[owner, cable] * module.cable_radius, passed, fidelity.segments)
                 rest_length = 0.0
-            _add_pull(spec, arm, module, tendon.name, rest_length)
+            stiffness = module.cable.stiffness if arm.actuation == "displacement" else None
+            _add_pull(spec, tendon.name, stiffness, rest_length, geometry.pretensions[owner, cable])
 
 
 def _route(tendon, owner: int, cable: int, passed: range, segments: int) -> None:
@@ -163,14 +164,13 @@ def _lever(tendon, lever: np.ndarray, passed: range, segments: int) -> None:
             tendon.wrap_joint(joint_name(number, segment, "x"), float(-lever[1]))
 
 
-def _add_pull(spec: mujoco.MjSpec, arm: ArmSpec, module: Module, name: str, rest_length: float) -> None:
-    """An actuator that only pulls: a spring behind a commanded displacement, or a commanded tension."""
+def _add_pull(spec: mujoco.MjSpec, name: str, stiffness: float | None, rest_length: float, pretension: float) -> None:
+    """An actuator that only pulls: a spring behind a commanded displacement, or a commanded tension (no stiffness)."""
     pull = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     pull.forcelimited, pull.forcerange = True, (-_MOST_TENSION, 0.0)
     pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    if arm.actuation == "tension":
+    if stiffness is None:
         pull.gainprm[0] = -1.0
     else:
-        stiffness = module.cable.stiffness
         pull.gainprm[0] = stiffness
-        pull.biasprm[:3] = (stiffness * rest_length - module.pretension, -stiffness, 0.0)
+        pull.biasprm[:3] = (stiffness * rest_length - pretension, -stiffness, 0.0)
