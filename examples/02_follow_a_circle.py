@@ -16,7 +16,7 @@ recipe = recipe_named("paper")
 options = CollectOptions(episodes=episodes)
 recording = collect("twin.h5", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
 networks = train_s2c2a(recording, recipe, seed=0)
-strategy = s2c2a_strategy(networks, recipe)
+strategy = s2c2a_strategy(networks)
 
 run = rollout(SimulatedRobot(arm), strategy, circle(arm))
 errors = position_errors(run.states, run.task.wanted_positions())

@@ -16,6 +16,10 @@ class RecordingError(S2C2AError):
     """A recording cannot be read, written or continued."""
 
 
+class DamagedRecordingError(RecordingError):
+    """A recording's file is cut off, damaged, or no recording at all."""
+
+
 class StrategyError(S2C2AError):
     """A strategy file is damaged, or was trained for another arm."""
 

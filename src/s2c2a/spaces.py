@@ -21,6 +21,11 @@ from jaxtyping import Float
 POSITION = slice(0, 3)
 AXIS = slice(3, 6)
 
+CONFIGURATION_HISTORY = 4
+"""How many sensed configurations C2A looks back on, C_t to C_{t-3} (Chen et al. 2025, eq. (8))."""
+ACTION_HISTORY = 5
+"""How many actions C2A looks back on, A_{t-1} to A_{t-5} (the same)."""
+
 States = Float[np.ndarray, "*batch modules 6"]
 Configurations = Float[np.ndarray, "*batch modules 3"]
 Bends = Float[np.ndarray, "*batch modules 2"]

@@ -22,7 +22,7 @@ def test_an_arm_that_nobody_tuned_for_follows_its_circle(name, percent, tmp_path
     arm, fit = load_arm(ARMS / f"{name}.toml"), FitOptions(most_epochs=20)
     recipe = replace(recipe_named("paper"), c2s_fit=fit, c2a_fit=fit)
     networks = train_s2c2a(Workshop(tmp_path).recording(arm, CollectOptions()), recipe, seed=0)
-    runs = follow("circle", arm, ("s2c2a",), [0], lambda controller, seed: s2c2a_strategy(networks, recipe))
+    runs = follow("circle", arm, ("s2c2a",), [0], lambda controller, seed: s2c2a_strategy(networks))
     assert runs[0].errors.mean() <= percent * arm.length
 
 

@@ -14,7 +14,7 @@ RECIPE = recipe_named("paper")
 def errors_on_circle(name: str, trained, workshop) -> dict[str, float]:
     def make(controller: str, seed: int):
         if controller == "s2c2a":
-            return s2c2a_strategy(trained[name], RECIPE)
+            return s2c2a_strategy(trained[name])
         return workshop.strategy(controller, load_arm(name), RECIPE, seed)
 
     runs = follow("circle", load_arm(name), ("s2c2a", "pcc", "pcc-fitted"), [0], make)

@@ -41,7 +41,7 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
     """
     try:
         return ArmSpec.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ArmError(f"{source}: not valid TOML: {error}; mend that place or start again from a preset") from error
     except ValidationError as error:
         raise ArmError(_explain(error, source)) from error
@@ -56,11 +56,14 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
     """Write an arm file.
 
     Raises:
-        ArmError: the file exists and `overwrite` is false.
+        ArmError: the file exists and `overwrite` is false, or it cannot be written.
     """
     if Path(path).exists() and not overwrite:
         raise ArmError(f"{path} exists; choose another name or say overwrite")
-    Path(path).write_text(arm_to_toml(arm), encoding="utf-8")
+    try:
+        Path(path).write_text(arm_to_toml(arm), encoding="utf-8")
+    except OSError as error:
+        raise ArmError(f"{path} cannot be written: {error}; choose another place") from error
 
 
 def _explain(error: ValidationError, source: str) -> str:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from s2c2a.arm.geometry import largest_gap_deg
 
@@ -12,6 +12,15 @@ MOST_MODULES = 20
 def _between(low: float, high: float, unit: str, meaning: str):
     """A number with the range of plausible arms; a value wrong by a factor of 1000 falls outside of it."""
     return Field(ge=low, le=high, description=f"{meaning} [{unit}]")
+
+
+def _refuse_text_and_truth(value):
+    if isinstance(value, str | bool):
+        raise ValueError(f"a number is needed, without quotes, got {value!r}")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_refuse_text_and_truth)]
 
 
 class _Frozen(BaseModel):
@@ -25,27 +34,29 @@ class Cable(_Frozen):
     capstan friction in its housing tube, creep of the material. All three are zero unless stated.
     """
 
-    stiffness: Annotated[float, _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer")] = 1e5
-    play: Annotated[float, _between(0, 0.02, "m", "half-width of the play between motor and module")] = 0.0
-    friction: Annotated[float, _between(0, 1, "1", "capstan friction coefficient of cable in tube")] = 0.0
-    friction_angle_deg: Annotated[float, _between(0, 1440, "deg", "bend of the tube with the arm straight")] = 90.0
-    creep: Annotated[float, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end")] = 0.0
-    creep_time: Annotated[float, _between(0.1, 3600, "s", "time constant of creep")] = 5.0
+    stiffness: Annotated[Number, _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer")] = (
+        1e5
+    )
+    play: Annotated[Number, _between(0, 0.02, "m", "half-width of the play between motor and module")] = 0.0
+    friction: Annotated[Number, _between(0, 1, "1", "capstan friction coefficient of cable in tube")] = 0.0
+    friction_angle_deg: Annotated[Number, _between(0, 1440, "deg", "bend of the tube with the arm straight")] = 90.0
+    creep: Annotated[Number, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end")] = 0.0
+    creep_time: Annotated[Number, _between(0.1, 3600, "s", "time constant of creep")] = 5.0
 
 
 class Module(_Frozen):
     """One soft module; several in a row, base first, make the arm."""
 
-    length: Annotated[float, _between(0.005, 2, "m", "length of the centre line")]
-    cable_radius: Annotated[float, _between(0.0015, 0.3, "m", "distance of the cables from the centre line")]
-    cable_angles_deg: Annotated[tuple[float, ...], Field(min_length=3, max_length=8)]
-    mass: Annotated[float, _between(0.0005, 10, "kg", "mass")]
-    bending_stiffness: Annotated[float, _between(0.0005, 50, "N m2", "EI")]
-    torsional_stiffness: Annotated[float, _between(0.0005, 50, "N m2", "GJ; EI if not stated")] | None = None
-    damping_time: Annotated[float, _between(0.005, 2, "s", "damping over stiffness")] = 0.05
-    bend_limit_deg: Annotated[float, _between(1, 150, "deg", "largest bend asked for")] = 50.0
-    pretension: Annotated[float, _between(0, 500, "N", "tension of every cable at rest")] = 0.0
-    tension_range: Annotated[float, _between(0.05, 500, "N", "tension added at full bend; tension arms")] | None = None
+    length: Annotated[Number, _between(0.005, 2, "m", "length of the centre line")]
+    cable_radius: Annotated[Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line")]
+    cable_angles_deg: Annotated[tuple[Number, ...], Field(min_length=3, max_length=8)]
+    mass: Annotated[Number, _between(0.0005, 10, "kg", "mass")]
+    bending_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "EI")]
+    torsional_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "GJ; EI if not stated")] | None = None
+    damping_time: Annotated[Number, _between(0.005, 2, "s", "damping over stiffness")] = 0.05
+    bend_limit_deg: Annotated[Number, _between(1, 150, "deg", "largest bend asked for")] = 50.0
+    pretension: Annotated[Number, _between(0, 500, "N", "tension of every cable at rest")] = 0.0
+    tension_range: Annotated[Number, _between(0.05, 500, "N", "tension added at full bend; tension arms")] | None = None
     cable: Cable = Cable()
 
     @property
@@ -69,12 +80,12 @@ class Module(_Frozen):
 class Motor(_Frozen):
     """The motors and their encoders, the same for every cable."""
 
-    time_constant: Annotated[float, _between(0, 1, "s", "first-order lag")] = 0.0
-    speed_limit: Annotated[float, _between(0.001, 5000, "m/s or N/s", "largest rate of change")] | None = None
-    pulley_radius: Annotated[float, _between(0.001, 0.2, "m", "radius of the pulley")] = 0.01
+    time_constant: Annotated[Number, _between(0, 1, "s", "first-order lag")] = 0.0
+    speed_limit: Annotated[Number, _between(0.001, 5000, "m/s or N/s", "largest rate of change")] | None = None
+    pulley_radius: Annotated[Number, _between(0.001, 0.2, "m", "radius of the pulley")] = 0.01
     ticks_per_turn: Annotated[int, _between(16, 2**24, "1", "encoder ticks in one turn")] = 4096
-    noise_ticks: Annotated[float, _between(0, 1000, "ticks", "standard deviation of the encoder's noise")] = 1.0
-    noise_tension: Annotated[float, _between(0, 50, "N", "standard deviation of the tension sensor's noise")] = 0.0
+    noise_ticks: Annotated[Number, _between(0, 1000, "ticks", "standard deviation of the encoder's noise")] = 1.0
+    noise_tension: Annotated[Number, _between(0, 50, "N", "standard deviation of the tension sensor's noise")] = 0.0
 
 
 class ArmSpec(_Frozen):
@@ -87,10 +98,11 @@ class ArmSpec(_Frozen):
     description: str = ""
     actuation: Literal["displacement", "tension"]
     sensing: Literal["encoders", "true"] = "encoders"
+    sensing_coupling: tuple[tuple[Number, ...], ...] | None = None
     coupled_cables: bool = False
-    gravity_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    control_rate: Annotated[float, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
-    step_limit_deg: Annotated[float, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
+    gravity_direction: tuple[Number, Number, Number] = (0.0, 0.0, -1.0)
+    control_rate: Annotated[Number, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
+    step_limit_deg: Annotated[Number, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
     motor: Motor = Motor()
     modules: Annotated[tuple[Module, ...], Field(min_length=1, max_length=MOST_MODULES)]
 
@@ -100,6 +112,7 @@ class ArmSpec(_Frozen):
         if len(set(counts)) > 1:
             raise ValueError(f"modules have {counts} cables; give every module as many")
         self._check_gravity()
+        self._check_coupling()
         if self.actuation == "tension":
             self._check_tension_arm()
         elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
@@ -114,6 +127,14 @@ class ArmSpec(_Frozen):
                 "base frame ([0, 0, -1] stands, [0, 0, 1] hangs) or [0, 0, 0] for none"
             )
 
+    def _check_coupling(self):
+        rows = self.sensing_coupling
+        if rows is not None and {len(rows), *map(len, rows)} != {len(self.modules)}:
+            raise ValueError(
+                f"sensing_coupling has rows of lengths {[len(row) for row in rows]}; give a square matrix, one row and "
+                f"one column for each of the {len(self.modules)} modules"
+            )
+
     def _check_tension_arm(self):
         for number, module in enumerate(self.modules):
             if module.tension_range is None:
@@ -123,6 +144,15 @@ class ArmSpec(_Frozen):
                     f"modules.{number}.cable has play or creep, which act on displacement; "
                     "a tension arm can only have friction"
                 )
+
+    def same_body(self, other: "ArmSpec") -> bool:
+        """Whether another arm is the same in all but name and description."""
+        return not self.differences(other)
+
+    def differences(self, other: "ArmSpec") -> list[str]:
+        """Keys in which another arm differs, name and description aside."""
+        mine, others = (arm.model_dump(exclude={"name", "description"}) for arm in (self, other))
+        return [key for key in mine if mine[key] != others[key]]
 
     @property
     def module_count(self) -> int:

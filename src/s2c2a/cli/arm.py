@@ -1,10 +1,11 @@
 """`s2c2a arm`: check, describe, draw, copy."""
 
+import re
 from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import load_arm, save_arm
+from s2c2a.arm import ArmSpec, load_arm, save_arm
 from s2c2a.cli.console import File, print_table
 
 app = SubcommandApp()
@@ -12,12 +13,15 @@ app = SubcommandApp()
 
 @app.command
 def check(arm: File) -> None:
-    """Check an arm file.
+    """Check an arm file, and that the arm stands.
 
     Args:
         arm: a preset or an arm file.
     """
+    from s2c2a.robots.simulation.modes import first_mode
+
     spec = load_arm(arm)
+    first_mode(spec)  # refuses an arm that falls over
     modules = f"{spec.module_count} module{'s' if spec.module_count > 1 else ''}"
     print(
         f"{arm}: {spec.name} is sound: {modules}, {spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
@@ -92,12 +96,13 @@ def draw(arm: File, out: Path | None = None) -> None:
 
 @app.command
 def copy(arm: File, out: File, overwrite: bool = False) -> None:
-    """Write an arm to a file of your own, to change there.
+    """Write an arm to a file of your own, named after the file, to change there.
 
     Args:
         arm: a preset or an arm file.
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
-    save_arm(load_arm(arm), out, overwrite)
+    renamed = load_arm(arm).model_dump() | {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm"}
+    save_arm(ArmSpec.model_validate(renamed), out, overwrite)
     print(f"written: {out}; change it and try `s2c2a arm check {out}`")

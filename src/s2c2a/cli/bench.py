@@ -25,7 +25,7 @@ def bench(arm: Arm = "twin_arm", recipe: RecipeName = "paper", repeats: int = 10
     spec, chosen = load_arm(arm), recipe_named(recipe)
     with progress_bar() as progress:
         work, networks = work_timings(spec, chosen, progress)
-    timings = step_timings(networks, chosen, repeats) + work
+    timings = step_timings(networks, repeats) + work
     rows = [(t.what, _time(t.median), _time(t.percentile_99) if t.repeats > 1 else "", str(t.repeats)) for t in timings]
     print_table(f"{spec.name}, recipe {recipe}", ("what", "median", "99th percentile", "repeats"), rows)
     if out:

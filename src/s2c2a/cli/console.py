@@ -60,6 +60,9 @@ def print_rows(title: str, rows: Sequence["Row"]) -> None:
     """Print result rows, the paper's numbers beside them."""
     header = ("arm", "what", "of", "unit", "mean ± over steps", "± over seeds", "paper")
     print_table(title, header, [_cells(row) for row in rows])
+    modes = {row.arm: (row.first_mode_hz, row.damping_ratio) for row in rows if row.first_mode_hz is not None}
+    for arm, (frequency, damping) in modes.items():
+        print(f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
 
 
 def _cells(row: "Row") -> tuple[str, ...]:

@@ -4,18 +4,51 @@ import os
 import platform
 import shutil
 import sys
+from collections.abc import Callable
+
+NEEDED = {
+    "numpy": "everything",
+    "pydantic": "arm files",
+    "mujoco": "simulation",
+    "jax": "networks, planning",
+    "equinox": "networks",
+    "optax": "training, planning",
+    "h5py": "recordings",
+    "safetensors": "strategies",
+    "scipy": "tasks, reference",
+    "matplotlib": "figures",
+}
 
 
 def doctor() -> None:
     """Say what this machine has and lacks, and how to get what is missing."""
     from s2c2a.cli.console import print_table
 
-    checks = [_python(), _cores(), *_packages(), _simulation(), _numerics(), _cache(), *_programs()]
+    checks = [_python(), _cores(), *_packages(), *_programs()]
+    complete = not _faults(checks)
+    if complete:
+        checks += [
+            _tried(_simulation, "simulated arm"),
+            _tried(_numerics, "JAX device"),
+            _tried(_cache, "cache folder"),
+        ]
     print_table("What this machine has", ("what", "found", "good for"), checks)
-    missing = [what for what, found, _ in checks if found.startswith("missing")]
-    if missing:
-        print("s2c2a cannot work without: " + ", ".join(missing) + "; install it again with `pip install s2c2a`")
+    if faults := _faults(checks):
+        advice = "look at the message above" if complete else "install the package again with `pip install .`"
+        print(f"not well: {', '.join(faults)}; {advice}")
         sys.exit(1)
+
+
+def _faults(checks: list[tuple[str, str, str]]) -> list[str]:
+    return [what for what, found, _ in checks if found.startswith(("missing", "FAILED"))]
+
+
+def _tried(check: Callable[[], tuple[str, str, str]], what: str) -> tuple[str, str, str]:
+    """A check's row, or what went wrong: a doctor does not fall ill."""
+    try:
+        return check()
+    except Exception as error:
+        return what, f"FAILED: {error!r}", ""
 
 
 def _python() -> tuple[str, str, str]:
@@ -23,14 +56,18 @@ def _python() -> tuple[str, str, str]:
 
 
 def _cores() -> tuple[str, str, str]:
-    return "cores", str(os.cpu_count()), "collecting goes side by side"
+    return (
+        "cores",
+        str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
+        "collecting goes side by side",
+    )
 
 
 def _packages() -> list[tuple[str, str, str]]:
     from importlib.metadata import PackageNotFoundError, version
 
     rows = []
-    for name, use in {"mujoco": "simulation", "jax": "networks, planning", "h5py": "recordings"}.items():
+    for name, use in NEEDED.items():
         try:
             rows.append((name, version(name), use))
         except PackageNotFoundError:
@@ -60,7 +97,11 @@ def _cache() -> tuple[str, str, str]:
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
     writable = os.access(existing, os.W_OK)
     free = shutil.disk_usage(existing).free / 1e9
-    return "cache folder", f"{folder} ({free:.0f} GB free)" if writable else f"{folder} cannot be written", "run"
+    return (
+        "cache folder",
+        f"{folder} ({free:.0f} GB free)" if writable else f"FAILED: {folder} cannot be written",
+        "run",
+    )
 
 
 def _programs() -> list[tuple[str, str, str]]:

@@ -31,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except S2C2AError as error:
         print(f"s2c2a: {error}", file=sys.stderr)
         sys.exit(FAULT)
+    except OSError as error:  # a place that cannot be read or written; its name is in the error
+        print(f"s2c2a: {error}; check the path and its permissions", file=sys.stderr)
+        sys.exit(FAULT)
     except KeyboardInterrupt:
         print("\ns2c2a: interrupted; what was whole is kept", file=sys.stderr)
         sys.exit(INTERRUPTED)

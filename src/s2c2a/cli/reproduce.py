@@ -22,51 +22,73 @@ def circle(
     Args:
         seeds: how many, from zero; each reseeds data, training and start.
         recipe: how networks are trained and plans made.
-        fidelity: of the simulation.
+        fidelity: of the simulation that is driven; data come from the fast one.
         out: the run folder; one with the time in its name if not stated.
         overwrite: replace the run folder if it exists.
     """
     from s2c2a.experiments.circle import circle_table
+    from s2c2a.experiments.following import checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.workshop import Workshop
 
+    numbers = checked_seeds(0, seeds)
     folder = open_run_folder(out, "circle", {"seeds": seeds, "recipe": recipe, "fidelity": fidelity}, overwrite)
     with progress_bar() as progress:
-        table = circle_table(folder, range(seeds), Workshop(fidelity=fidelity, progress=progress), recipe)
+        table = circle_table(folder, numbers, Workshop(folder / "data", progress=progress), recipe, fidelity)
     print_rows(f"circle, {seeds} seeds", table.rows)
     print(f"all of it: {folder}")
 
 
 @app.command
-def controller(seeds: int = 3, recipe: RecipeName = "paper", arm: Arm | None = None) -> None:
+def controller(
+    seeds: int = 3,
+    recipe: RecipeName = "paper",
+    arm: Arm | None = None,
+    out: Path | None = None,
+    overwrite: bool = False,
+) -> None:
     """C2A on its own, in closed loop, on references recorded while inverse PCC follows the circle at three speeds.
 
     Args:
         seeds: how many, from zero.
         recipe: how networks are trained.
         arm: only this one; both presets of the paper if not stated.
+        out: the run folder; one with the time in its name if not stated.
+        overwrite: replace the run folder if it exists.
     """
     from s2c2a.arm import load_arm
+    from s2c2a.evaluation.report import save_rows
     from s2c2a.experiments.circle import ARMS
     from s2c2a.experiments.controller_tracking import SPEEDS, track_circle, tracking_rows
+    from s2c2a.experiments.following import checked_seeds
+    from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.workshop import Workshop
     from s2c2a.strategies import recipe_named
 
-    rows, worst = [], []
+    numbers, names = checked_seeds(0, seeds), (arm,) if arm else ARMS
+    folder = open_run_folder(out, "controller", {"seeds": seeds, "recipe": recipe, "arms": names}, overwrite)
+    rows, ends = [], []
     with progress_bar() as progress:
-        workshop = Workshop(progress=progress)
-        for name in (arm,) if arm else ARMS:
-            trained = [workshop.networks(load_arm(name), recipe_named(recipe), seed) for seed in range(seeds)]
+        workshop = Workshop(folder / "data", progress=progress)
+        for name in names:
+            trained = [workshop.networks(load_arm(name), recipe_named(recipe), seed) for seed in numbers]
             tracked = [[track_circle(networks, speed, networks.seed) for speed in SPEEDS] for networks in trained]
             rows += tracking_rows(tracked, trained)
-            worst += [max(run[index].errors[-200:].mean() for run in tracked) for index in range(len(SPEEDS))]
+            ends += [max(run[index].errors[-200:].mean() for run in tracked) for index in range(len(SPEEDS))]
+    save_rows(rows, folder / "results.json")
     print_rows("C2A in closed loop, 1000 steps", rows)
-    print("mean error of the last 200 steps, worst seed [deg]: " + ", ".join(f"{value:.2f}" for value in worst))
+    print("mean of the last 200 steps, worst seed [deg]: " + ", ".join(f"{value:.2f}" for value in ends))
+    print(f"all of it: {folder}")
 
 
 @app.command
 def calibration(
-    arm: Arm = "twin_arm", seeds: int = 1, network: bool = True, search: int = 0, out: Path | None = None
+    arm: Arm = "twin_arm",
+    seeds: int = 1,
+    network: bool = True,
+    search: int = 0,
+    out: Path | None = None,
+    overwrite: bool = False,
 ) -> None:
     """The twin beside what the paper says of its arm, line by line.
 
@@ -75,21 +97,25 @@ def calibration(
         seeds: how many, from zero.
         network: also train NN_C2S, for its line.
         search: first move stiffnesses and hysteresis, in so many evaluations of some seconds each.
-        out: where to write the arm that was found.
+        out: where to write the arm that the search finds; ARM-calibrated.toml if not stated.
+        overwrite: replace that file if it exists.
     """
     from s2c2a.arm import load_arm, save_arm
     from s2c2a.experiments import calibration as twin
+    from s2c2a.experiments.following import checked_seeds
 
-    spec = load_arm(arm)
+    spec, numbers = load_arm(arm), checked_seeds(0, seeds)
+    twin.check_comparable(spec)
     if search:
+        path = out or Path(f"{spec.name}-calibrated.toml")
+        save_arm(spec, path, overwrite)  # what cannot be written is told before the search
         with progress_bar() as progress:
             spec = twin.search(spec, 0, search, lambda count, misfit: progress("searching", count, search))
-        path = out or Path(f"{spec.name}-calibrated.toml")
-        save_arm(spec, path, overwrite=out is None)
+        save_arm(spec, path, overwrite=True)
         print(f"written: {path}")
     lines = twin.lines_for(spec)
     wanted = twin.PCC_CIRCLE in lines
-    measured = [twin.measure(spec, seed, wanted, network and wanted) for seed in range(seeds)]
+    measured = [twin.measure(spec, seed, wanted, network and wanted) for seed in numbers]
     mean = {name: sum(values[name] for values in measured) / seeds for name in measured[0]}
     rows = [
         (

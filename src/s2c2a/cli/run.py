@@ -1,5 +1,6 @@
 """`s2c2a run`: controllers on a task."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 from s2c2a.cli.console import Arm, Controller, FidelityName, File, RecipeName, print_rows, progress_bar
@@ -24,8 +25,9 @@ def run(
         task: its name; circle.
         arm: a preset or an arm file.
         controller: one or several, compared in one figure.
-        recipe: how networks are trained and plans made.
-        strategy: a file made by `s2c2a train`; without it, networks are trained or found in the cache.
+        recipe: how networks are trained and plans made; a strategy file brings its own.
+        strategy: a file made by `s2c2a train`; without it, networks are trained, or found in the
+            cache (S2C2A_CACHE moves it).
         seed: of data, training and start; the first one of several.
         seeds: how many.
         fidelity: of the simulation that is driven; data come from the fast one.
@@ -34,31 +36,34 @@ def run(
         overwrite: replace the run folder if it exists.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.experiments.following import follow, position_rows, workshop_strategies
+    from s2c2a.experiments.following import checked_seeds, follow, position_rows, workshop_strategies
     from s2c2a.experiments.run_folder import draw_runs, open_run_folder, save_results
     from s2c2a.experiments.workshop import Workshop
-    from s2c2a.strategies import load_strategy, recipe_named, s2c2a_strategy
+    from s2c2a.robots.simulation import SimulatedRobot
+    from s2c2a.strategies import load_strategy, recipe_named
     from s2c2a.tasks import task_named
 
-    spec, chosen = load_arm(arm), recipe_named(recipe)
+    spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
     task_named(task, spec)
+    SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
     saved = load_strategy(strategy, spec) if strategy else None
-    options = dict(task=task, arm=spec.model_dump(mode="json"), controller=controller, recipe=recipe, seed=seed)
-    options |= dict(seeds=seeds, fidelity=fidelity, payload=payload, strategy=strategy)
+    chosen = saved.recipe if saved else recipe_named(recipe)
+    options: dict = {
+        "task": task,
+        "arm": spec.model_dump(mode="json"),
+        "controller": controller,
+        "recipe": asdict(chosen),
+    }
+    options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "strategy": strategy}
     folder = open_run_folder(out, f"{task}-{spec.name}", options, overwrite)
     with progress_bar() as progress:
-        make = workshop_strategies(Workshop(progress=progress), spec, chosen)
-
-        def make_strategy(name: str, number: int):
-            return s2c2a_strategy(saved, chosen) if saved and name == "s2c2a" else make(name, number)
-
-        numbers = range(seed, seed + seeds)
+        strategies = workshop_strategies(Workshop(progress=progress), spec, chosen, saved)
         runs = follow(
-            task, spec, controller, numbers, make_strategy, fidelity=fidelity, payload=payload, progress=progress
+            task, spec, controller, numbers, strategies, fidelity=fidelity, payload=payload, progress=progress
         )
-    rows = position_rows("run", spec, runs, recipe, fidelity)
+    rows = position_rows("run", spec, runs, chosen.name, fidelity)
     save_results(folder, rows, runs)
-    figure, page = draw_runs(folder, spec, runs, recipe, fidelity)
+    figure, page = draw_runs(folder, spec, runs, chosen.name, fidelity)
     print_rows(f"{task} with {spec.name}", rows)
     for row in rows:
         print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")

@@ -23,6 +23,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "paper", seed: int = 
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
     data = load_recording(recording)
+    out.parent.mkdir(parents=True, exist_ok=True)  # a place that cannot be is told before the long work
     with progress_bar() as progress:
         networks = train_s2c2a(
             data, recipe_named(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)

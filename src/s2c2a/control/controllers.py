@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.kinematics import PCC, bends_from_configurations
 from s2c2a.networks import C2A, History
-from s2c2a.networks.c2a import ACTIONS, CONFIGURATIONS
+from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 Memory = Any  # a pytree of arrays
 
@@ -54,14 +54,17 @@ class NetworkController(Controller):
     def start(self, sensed: Float[Array, "modules 3"]) -> History:
         """A history of rest."""
         cables = self.network.sum_and_range.neutral.shape
-        return History(jnp.repeat(sensed[:, None], CONFIGURATIONS, axis=1), jnp.zeros((cables[0], ACTIONS, cables[1])))
+        return History(
+            jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1),
+            jnp.zeros((cables[0], ACTION_HISTORY, cables[1])),
+        )
 
     def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: History):
         """See `Controller`."""
         history = History(_push(memory.configurations, sensed), memory.actions)
-        layer = self.network.sum_and_range
-        action = layer.actions(self.network(wanted, history))
-        return action, History(history.configurations, _push(history.actions, layer.normalised(action)))
+        action = self.network(wanted, history)
+        next_history = History(history.configurations, _push(history.actions, action))
+        return self.network.sum_and_range.actions(action), next_history
 
 
 def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:

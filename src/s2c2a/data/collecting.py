@@ -39,6 +39,8 @@ class CollectOptions:
             raise RecordingError(f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}")
         if self.episodes < 1 or self.samples < 1:
             raise RecordingError(f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive")
+        if self.seed < 0:
+            raise RecordingError(f"seed {self.seed} asked for; it must not be negative")
 
 
 def collect(
@@ -67,8 +69,11 @@ def collect(
         progress: told how many episodes of how many are whole.
 
     Raises:
-        RecordingError: the file exists and neither `resume` nor `overwrite` was asked for, or it is of another kind.
+        RecordingError: the file exists and neither `resume` nor `overwrite` was asked for, it was begun otherwise, or
+            it cannot be written.
     """
+    if threads is not None and threads < 1:
+        raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
     writer = _open_writer(
         Path(path), arm, asdict(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
     )
@@ -91,11 +96,15 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
             f"{path} exists; say resume to go on with it, overwrite to begin anew, or take another name"
         )
     writer = RecordingWriter(path)
-    begun = writer.arm_and_options()
-    if begun != (arm_to_toml(arm), options):
+    begun_arm, begun = writer.arm_and_options()
+    differing = [
+        f"{key} {begun.get(key)!r}, now {value!r}" for key, value in options.items() if begun.get(key) != value
+    ]
+    differing += ["arm"] if begun_arm != arm_to_toml(arm) else []
+    if differing:
         writer.close()
         raise RecordingError(
-            f"{path} was begun with another arm or other options ({begun[1]}); resume it with the same"
+            f"{path} was begun otherwise ({'; '.join(differing)}); resume it as begun, or say overwrite"
         )
     return writer
 
@@ -103,6 +112,9 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
 def _in_order(work: Callable[[int], dict], numbers: range, threads: int | None) -> Iterator[dict]:
     """Results in order; at most two per thread wait in memory; a failure or interrupt cancels what has not begun."""
     threads = threads or os.cpu_count() or 1
+    if threads == 1:  # a real arm: nothing is begun before the last episode is safe
+        yield from map(work, numbers)
+        return
     waiting: list[Future] = []
     with ThreadPoolExecutor(threads) as pool:
         try:

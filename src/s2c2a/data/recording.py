@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
-from s2c2a.errors import RecordingError
+from s2c2a.errors import DamagedRecordingError, RecordingError
 
 SCHEMA = 1
 UNITS = {"time": "s", "actions": "m or N", "cables": "m or N", "states": "m, 1", "configurations": "1"}
@@ -25,7 +25,7 @@ class Recording:
 
     Attributes:
         arm: the arm that was recorded.
-        options: how it was collected: babbling, seed, episodes, samples, fidelity, payload, version.
+        options: how it was collected: babbling, episodes, samples, seed, body, version.
         time: [s], shape (episodes, samples).
         actions: as really sent [m or N], shape (episodes, samples, modules, cables).
         cables: measured [m or N], shape (episodes, samples, modules, cables).
@@ -41,19 +41,38 @@ class Recording:
     states: Float[np.ndarray, "episodes samples modules 6"]
     configurations: Float[np.ndarray, "episodes samples modules 3"]
 
+    def check_complete(self) -> None:
+        """Raise RecordingError if episodes are missing: a staged recording cut short knows only its first stages."""
+        if len(self.time) < self.options["episodes"]:
+            raise RecordingError(
+                f"this recording has {len(self.time)} of {self.options['episodes']} episodes; "
+                "go on with `s2c2a collect --resume`"
+            )
+
 
 def load_recording(path: str | os.PathLike) -> Recording:
     """Read the whole episodes of a recording.
 
     Raises:
-        RecordingError: no such file, not a recording, cut off, or without one whole episode.
+        RecordingError: no such file, in use, without one whole episode.
+        DamagedRecordingError: not a recording, cut off, or not of the shape that it says.
     """
     with _opened(path) as file:
-        committed = int(file["committed"][()])
-        if committed == 0:
-            raise RecordingError(f"{path} holds no whole episode yet; go on with `s2c2a collect --resume`")
-        arrays = {name: file[name][:committed] for name in UNITS}
-        return Recording(arm_from_toml(file.attrs["arm"], f"arm in {path}"), read_options(file), **arrays)
+        try:
+            arm, options = arm_from_toml(str(file.attrs["arm"]), f"arm in {path}"), read_options(file)
+            committed = int(file["committed"][()])
+            arrays = {name: file[name][:committed] for name in UNITS}
+        except (KeyError, OSError, TypeError, ValueError, RuntimeError) as error:
+            raise DamagedRecordingError(f"{path} is damaged inside ({error}); collect it anew") from error
+    if committed == 0:
+        raise RecordingError(f"{path} holds no whole episode yet; go on with `s2c2a collect --resume`")
+    expected = {name: (committed, *shape) for name, shape in _shapes(arm, options).items()}
+    wrong = [name for name, array in arrays.items() if array.shape != expected[name]]
+    if wrong or not (np.isfinite(arrays["actions"]).all() and np.isfinite(arrays["cables"]).all()):
+        raise DamagedRecordingError(
+            f"{path} is damaged: wrong shape or numbers ({wrong or 'not finite'}); collect it anew"
+        )
+    return Recording(arm, options, **arrays)
 
 
 def read_options(file: h5py.File) -> dict:
@@ -76,11 +95,15 @@ class RecordingWriter:
     @classmethod
     def create(cls, path: str | os.PathLike, arm: ArmSpec, options: dict) -> "RecordingWriter":
         """Lay out a new file under another name and move it into place once it is sound."""
-        partial = Path(f"{path}.partial")
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        with h5py.File(partial, "w", libver="earliest") as file:
-            _lay_out(file, arm, options)
-        os.replace(partial, path)
+        partial = Path(f"{path}.{os.getpid()}.partial")
+        try:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            with h5py.File(partial, "w", libver="earliest") as file:
+                _lay_out(file, arm, options)
+            os.replace(partial, path)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
         return cls(path)
 
     def append(self, episode: dict[str, np.ndarray]) -> None:
@@ -104,16 +127,20 @@ class RecordingWriter:
 def _lay_out(file: h5py.File, arm: ArmSpec, options: dict) -> None:
     file.attrs.update({"schema": SCHEMA, "arm": arm_to_toml(arm)})
     file.attrs.update({f"option.{name}": value for name, value in options.items()})
-    lead, cables = (options["episodes"], options["samples"]), (arm.module_count, arm.cable_count)
-    shapes = {"time": (), "actions": cables, "cables": cables, "states": (arm.module_count, 6)}
-    shapes["configurations"] = (arm.module_count, 3)
-    for name, shape in shapes.items():
+    for name, shape in _shapes(arm, options).items():
         layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-        space = h5py.h5s.create_simple((*lead, *shape))
+        space = h5py.h5s.create_simple((options["episodes"], *shape))
         h5py.h5d.create(file.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, space, dcpl=layout)
         file[name].attrs["unit"] = UNITS[name]
     file["committed"] = np.int64(0)
+
+
+def _shapes(arm: ArmSpec, options: dict) -> dict[str, tuple[int, ...]]:
+    """Shape of one episode of every dataset."""
+    modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
+    features = {"time": (), "actions": cables, "cables": cables, "states": (modules, 6), "configurations": (modules, 3)}
+    return {name: (options["samples"], *shape) for name, shape in features.items()}
 
 
 def _opened(path: str | os.PathLike, mode: str = "r") -> h5py.File:
@@ -121,17 +148,19 @@ def _opened(path: str | os.PathLike, mode: str = "r") -> h5py.File:
         raise RecordingError(f"no recording at {path}; make one with `s2c2a collect`")
     try:
         file = h5py.File(path, mode)
+    except BlockingIOError as error:
+        raise RecordingError(f"{path} is in use by another process; wait for it, or take another name") from error
     except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be read as HDF5 ({error}); it is cut off, damaged, in use, or no recording: collect it anew"
+        raise DamagedRecordingError(
+            f"{path} cannot be read as HDF5 ({error}); it is cut off, damaged, or no recording: collect it anew"
         ) from error
-    missing = {"committed", *UNITS} - set(file)
-    if missing or file.attrs.get("schema") != SCHEMA or "arm" not in file.attrs:
-        found = file.attrs.get("schema")
+    try:
+        sound = {"committed", *UNITS} <= set(file) and file.attrs.get("schema") == SCHEMA and "arm" in file.attrs
+    except (OSError, RuntimeError, KeyError):
+        sound = False
+    if not sound:
         file.close()
-        raise RecordingError(
-            f"{path} is not a recording of schema {SCHEMA} (schema {found}, missing {sorted(missing)})"
-        )
+        raise DamagedRecordingError(f"{path} is no recording of schema {SCHEMA}, or damaged; collect it anew")
     return file
 
 

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-CONFIGURATION_HISTORY = 4
-ACTION_HISTORY = 5
+from s2c2a.errors import RecordingError
+from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
+
 SHARES = (0.70, 0.15, 0.15)
 """Training, validation and test shares of every episode, in this order of time."""
 
@@ -29,8 +30,18 @@ class Split:
     test: Samples
 
 
+SHORTEST_EPISODE = 50
+"""Samples without which the shortest stretch has no whole window."""
+
+
 def stretches(samples: int) -> list[slice]:
-    """Training, validation and test stretch of an episode of so many samples."""
+    """Training, validation and test stretch of an episode of so many samples.
+
+    Raises:
+        RecordingError: the episode is too short to be split.
+    """
+    if samples < SHORTEST_EPISODE:
+        raise RecordingError(f"episodes of {samples} samples cannot be split; collect at least {SHORTEST_EPISODE} each")
     edges = np.rint(np.cumsum([0.0, *SHARES]) * samples).astype(int)
     return [slice(start, stop) for start, stop in pairwise(edges)]
 
@@ -50,17 +61,24 @@ def forward_samples(
 def controller_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     actions: Float[np.ndarray, "episodes samples modules cables"],
+    neutral: Float[np.ndarray, "modules cables"],
 ) -> Split:
     """Samples for C2A (Chen et al. 2025, eq. (8)): C_{t+1}; C_t to C_{t-3}; A_{t-1} to A_{t-5} in, A_t out.
 
-    No window crosses the border of an episode or a stretch; where history is missing the first value stands in.
+    No window crosses the border of an episode or a stretch. Before an episode the arm was at rest: its first
+    configuration and the neutral action stand in, as they do when a controller starts.
     """
-    parts = [_windows(configurations[:, part], actions[:, part]) for part in stretches(actions.shape[1])]
-    return Split(*parts)
+    rest = np.broadcast_to(neutral, (len(actions), ACTION_HISTORY, *neutral.shape))
+    first, *later = stretches(actions.shape[1])
+    before = [np.concatenate([rest, actions[:, first]], axis=1), *(actions[:, part] for part in later)]
+    still = np.repeat(configurations[:, :1], ACTION_HISTORY, axis=1)
+    sensed = [np.concatenate([still, configurations[:, first]], axis=1), *(configurations[:, part] for part in later)]
+    return Split(*(_windows(*pair) for pair in zip(sensed, before, strict=True)))
 
 
 def _windows(configurations: np.ndarray, actions: np.ndarray) -> Samples:
-    steps = np.arange(configurations.shape[1] - 1)
+    """All windows with a whole history behind them and one configuration after them."""
+    steps = np.arange(ACTION_HISTORY, configurations.shape[1] - 1)
     inputs = {
         "wanted": configurations[:, steps + 1],
         "configurations": _history(configurations, steps, range(CONFIGURATION_HISTORY)),
@@ -71,7 +89,7 @@ def _windows(configurations: np.ndarray, actions: np.ndarray) -> Samples:
 
 def _history(values: np.ndarray, steps: np.ndarray, ages: range) -> np.ndarray:
     """Values of so many steps ago, youngest first: (episodes, samples, modules, ages, features)."""
-    return np.stack([values[:, np.maximum(steps - age, 0)] for age in ages], axis=-2)
+    return np.stack([values[:, steps - age] for age in ages], axis=-2)
 
 
 def _merge(values: np.ndarray) -> np.ndarray:

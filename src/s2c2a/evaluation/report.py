@@ -47,7 +47,7 @@ class Row:
 def over_seeds(errors: Sequence[Float[np.ndarray, " steps"]]) -> dict[str, Any]:
     """Mean, mean spread over steps, spread of the means between seeds, from the errors of one run a seed."""
     means = [float(np.nanmean(values)) for values in errors]
-    spread = float(np.std(means)) if len(means) > 1 else None
+    spread = float(np.std(means, ddof=1)) if len(means) > 1 else None
     steps = float(np.mean([np.nanstd(values) for values in errors]))
     return {"mean": float(np.mean(means)), "std_steps": steps, "std_seeds": spread}
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,6 +13,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.control import NetworkController
 from s2c2a.data import CollectOptions
+from s2c2a.errors import S2C2AError
 from s2c2a.experiments.workshop import Progress, Workshop
 from s2c2a.planning import Planner
 from s2c2a.robots.simulation import SimulatedRobot
@@ -45,8 +47,14 @@ def timed(what: str, call: Callable[[int], object], repeats: int) -> Timing:
     return Timing(what, float(np.median(took)), float(np.percentile(took, 99)), repeats)
 
 
-def step_timings(networks: TrainedNetworks, recipe: Recipe, repeats: int = REPEATS) -> list[Timing]:
-    """Sense, plan, act, the three together, and one step of the simulated arm."""
+def step_timings(networks: TrainedNetworks, repeats: int = REPEATS) -> list[Timing]:
+    """Sense, plan, act, the three together, and one step of the simulated arm.
+
+    Raises:
+        S2C2AError: fewer than one repeat.
+    """
+    if repeats < 1:
+        raise S2C2AError(f"{repeats} repeats asked for; take at least one")
     arm = networks.arm
     with SimulatedRobot(arm) as robot:
         reading = robot.read()
@@ -54,12 +62,12 @@ def step_timings(networks: TrainedNetworks, recipe: Recipe, repeats: int = REPEA
         estimate = estimator_for(arm)
         sense = jax.jit(lambda cables, truth: estimate(cables, truth))
         cables, truth = reading.cables.astype(np.float32), np.asarray(reading.configurations, np.float32)
-        planner = Planner(arm, networks.c2s, planning_scale(arm), recipe.planner)
+        planner = Planner(arm, networks.c2s, planning_scale(arm), networks.recipe.planner)
         controller = NetworkController(networks.c2a)
         sensed = sense(cables, truth)
         plan, memory = planner.start(sensed, cables), controller.start(sensed)
         act = jax.jit(lambda *arguments: controller.act(*arguments))
-        strategy = s2c2a_strategy(networks, recipe)
+        strategy = s2c2a_strategy(networks)
         strategy.start(reading)
         action = strategy.step(reading, goals[0])
         return [
@@ -72,13 +80,27 @@ def step_timings(networks: TrainedNetworks, recipe: Recipe, repeats: int = REPEA
 
 
 def work_timings(arm: ArmSpec, recipe: Recipe, progress: Progress) -> tuple[list[Timing], TrainedNetworks]:
-    """Collecting 9000 samples and training both networks, once, from nothing."""
+    """Collecting 9000 samples and training both networks from nothing: as a whole, and by episodes and epochs."""
+    marks: dict[str, list[tuple[float, int]]] = {}
+
+    def told(doing: str, done: int, total: int) -> None:
+        marks.setdefault(doing.split(" ")[0], []).append((time.perf_counter(), done))
+        progress(doing, done, total)
+
     with TemporaryDirectory() as folder:
-        workshop = Workshop(Path(folder), progress=progress)
+        workshop = Workshop(Path(folder), progress=told)
         began = time.perf_counter()
         workshop.recording(arm, CollectOptions())
         collected = time.perf_counter()
         networks = workshop.networks(arm, recipe, seed=0)
         trained = time.perf_counter()
-    times = {"collecting 9000 samples": collected - began, "training both networks": trained - collected}
-    return [Timing(what, took, took, 1) for what, took in times.items()], networks
+    whole = {"collecting 9000 samples": collected - began, "training both networks": trained - collected}
+    timings = [Timing(what, took, took, 1) for what, took in whole.items()]
+    parts = (_parts(marks["collecting"], "an episode"), _parts(marks["training"], "an epoch"))
+    return [*timings, *parts], networks
+
+
+def _parts(marks: list[tuple[float, int]], what: str) -> Timing:
+    """Time of one part of long work, from when how many parts were done."""
+    each = [(t1 - t0) / (n1 - n0) for (t0, n0), (t1, n1) in pairwise(marks) if n1 > n0]
+    return Timing(what, float(np.median(each)), float(np.percentile(each, 99)), len(each))

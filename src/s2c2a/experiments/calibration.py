@@ -6,10 +6,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from pydantic import ValidationError
 from scipy.optimize import minimize
 
-from s2c2a.arm import ArmSpec, Cable
+from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording, collect
+from s2c2a.errors import ArmError, SimulationError
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.evaluation.metrics import configuration_errors_deg
 from s2c2a.robots.simulation import SimulatedRobot
@@ -75,6 +77,15 @@ def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:
     return float(position_errors(run.states, run.task.wanted_positions()).mean())
 
 
+def check_comparable(arm: ArmSpec) -> None:
+    """Raise ArmError where the paper's arm has nothing to be compared with."""
+    if arm.module_count != len(ESTIMATION) or arm.sensing != "encoders":
+        raise ArmError(
+            f"{arm.name} has {arm.module_count} modules and senses by '{arm.sensing}'; the paper's arm has "
+            f"{len(ESTIMATION)} and encoders, so only such an arm can be calibrated to it"
+        )
+
+
 def lines_for(arm: ArmSpec) -> tuple[Line, ...]:
     """Which lines hold an arm to the paper: the siblings of the twin are not held to those of NN_C2S and pcc."""
     shared = ESTIMATION + WORKSPACE
@@ -91,9 +102,12 @@ def search(arm: ArmSpec, seed: int, evaluations: int, told: Callable[[int, float
 
     def misfit(logarithms: np.ndarray) -> float:
         nonlocal count
-        values = measure(_with_factors(arm, np.exp(logarithms)), seed, PCC_CIRCLE in lines, with_network=False)
-        total = sum(((values[line.quantity] / line.paper - 1) / line.tolerance) ** 2 for line in lines)
         count += 1
+        try:
+            values = measure(_with_factors(arm, np.exp(logarithms)), seed, PCC_CIRCLE in lines, with_network=False)
+        except (ValidationError, ArmError, SimulationError):  # no such arm, or none that stands
+            return np.inf
+        total = sum(((values[line.quantity] / line.paper - 1) / line.tolerance) ** 2 for line in lines)
         told(count, total)
         return total
 
@@ -106,20 +120,13 @@ def search(arm: ArmSpec, seed: int, evaluations: int, told: Callable[[int, float
 def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
     """Bending stiffness of all modules, cable stiffness of each, hysteresis of each, times a factor; three digits."""
     bending, cables, hysteresis = factors[0], *np.split(factors[1:], 2)
-    modules = []
-    for module, softer, more in zip(arm.modules, cables, hysteresis, strict=True):
-        old = module.cable
-        cable = Cable(
-            stiffness=_digits(old.stiffness * softer),
-            play=_digits(old.play * more),
-            friction=_digits(old.friction * more),
-            friction_angle_deg=old.friction_angle_deg,
-            creep=_digits(old.creep * more),
-            creep_time=old.creep_time,
-        )
-        changed = {"bending_stiffness": _digits(module.bending_stiffness * bending), "cable": cable}
-        modules.append(module.model_copy(update=changed))
-    return arm.model_copy(update={"modules": tuple(modules)})
+    description = arm.model_dump()
+    for module, softer, more in zip(description["modules"], cables, hysteresis, strict=True):
+        module["bending_stiffness"] = _digits(module["bending_stiffness"] * bending)
+        cable = module["cable"]
+        cable["stiffness"] = _digits(cable["stiffness"] * softer)
+        cable |= {kind: _digits(cable[kind] * more) for kind in ("play", "friction", "creep")}
+    return ArmSpec.model_validate(description)
 
 
 def _digits(value: float) -> float:

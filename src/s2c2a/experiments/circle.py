@@ -23,14 +23,22 @@ class CircleTable:
 
 
 def circle_table(
-    folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: str = "paper", arms: Sequence[str] = ARMS
+    folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: str = "paper", fidelity: str = "fast"
 ) -> CircleTable:
-    """Follow the circle with every controller on every arm, once a seed; results and pictures go to the folder."""
+    """Follow the circle with every controller on both arms, once a seed; results and pictures go to the folder.
+
+    Args:
+        folder: the run folder.
+        seeds: of data, training and start.
+        workshop: where data and networks come from.
+        recipe: how networks are trained and plans made.
+        fidelity: of the simulation that is driven.
+    """
     chosen = recipe_named(recipe)
     rows: list[Row] = []
     pictures: list[tuple[Path, Path]] = []
     every: list[Run] = []
-    for name in arms:
+    for name in ARMS:
         arm = load_arm(name)
         trained = [workshop.networks(arm, chosen, seed) for seed in seeds]
         strategies = workshop_strategies(workshop, arm, chosen)
@@ -40,12 +48,12 @@ def circle_table(
             CONTROLLERS,
             seeds,
             strategies,
-            fidelity=workshop.fidelity,
+            fidelity=fidelity,
             progress=workshop.progress,
         )
-        rows += position_rows("circle", arm, runs, recipe, workshop.fidelity)
+        rows += position_rows("circle", arm, runs, recipe, fidelity)
         rows += training_rows("circle", trained, workshop.fidelity)
-        pictures.append(draw_runs(folder, arm, runs, recipe, workshop.fidelity))
+        pictures.append(draw_runs(folder, arm, runs, recipe, fidelity))
         every += runs
     save_results(folder, rows, every)
     return CircleTable(rows, pictures)

@@ -13,10 +13,11 @@ from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.networks import C2A
 from s2c2a.planning import Goal, PlannerOptions
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import TrainedNetworks, pcc_strategy
-from s2c2a.tasks.circle import circle_path
+from s2c2a.tasks.circle import APPROACH_TIME, circle_path
 
 SPEEDS = (0.2, 1.0, 2.0)
 """Of the circle, as parts of its own speed."""
@@ -40,7 +41,7 @@ def track_circle(networks: TrainedNetworks, speed: float, seed: int, steps: int 
 def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Float[np.ndarray, "steps modules 3"]:
     """Sensed configurations after every step of `pcc` on the circle at a part of its speed, round after round."""
     path = circle_path(arm.length, arm.control_rate / speed)
-    rounds = path[len(path) // 5 :]  # what follows the approach
+    rounds = path[round(APPROACH_TIME * arm.control_rate / speed) :]
     while len(path) < steps:
         path = np.concatenate([path, rounds])
     strategy, sense = pcc_strategy(arm, PlannerOptions()), _sense(arm)
@@ -74,6 +75,8 @@ def drive(
 
 def tracking_rows(tracked: list[list[Tracking]], networks: list[TrainedNetworks]) -> list[Row]:
     """One row a speed: mean over steps and modules [deg], from one list of trackings a seed."""
+    arm = networks[0].arm
+    frequency, damping = first_mode(arm)
     rows = []
     for index, speed in enumerate(SPEEDS):
         errors = [trackings[index].errors.mean(axis=-1) for trackings in tracked]
@@ -81,14 +84,16 @@ def tracking_rows(tracked: list[list[Tracking]], networks: list[TrainedNetworks]
             Row(
                 experiment="controller",
                 task=f"circle at {speed:g} of its speed",
-                arm=networks[0].arm.name,
+                arm=arm.name,
                 fidelity="fast",
                 controller="C2A",
-                recipe=networks[0].recipe,
+                recipe=networks[0].recipe.name,
                 metric="configuration error",
                 unit="deg",
                 **over_seeds(errors),
                 seeds=tuple(trained.seed for trained in networks),
+                first_mode_hz=frequency,
+                damping_ratio=damping,
             )
         )
     return rows

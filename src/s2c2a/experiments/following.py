@@ -8,16 +8,20 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Rollout, position_errors, rollout
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.experiments.paper import printed
 from s2c2a.experiments.workshop import Progress, Workshop, quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.modes import first_mode
-from s2c2a.strategies import Recipe, Strategy, TrainedNetworks
+from s2c2a.strategies import Recipe, Strategy, TrainedNetworks, s2c2a_strategy
 from s2c2a.tasks import task_named
 
 MakeStrategy = Callable[[str, int], Strategy]
+
+START_JITTER = 0.05
+"""Part of the full bend that every module is moved by before a run settles at rest: the start's own seed."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,17 @@ class Run:
     seed: int
     rollout: Rollout
     errors: Float[np.ndarray, " steps"]
+
+
+def checked_seeds(first: int, count: int) -> range:
+    """Seeds from the first one.
+
+    Raises:
+        S2C2AError: none, or a negative one.
+    """
+    if count < 1 or first < 0:
+        raise S2C2AError(f"{count} seeds from {first} asked for; take at least one, from zero or above")
+    return range(first, first + count)
 
 
 def follow(
@@ -59,21 +74,34 @@ def follow(
         fidelity: of the simulation that is driven.
         payload: at the tip [kg].
         progress: told of every step.
+
+    Raises:
+        S2C2AError: no such task, impossible payload; before anything is trained.
     """
+    asked = task_named(task, arm)
+    SimulatedRobot(arm, fidelity, payload=payload)
     runs = []
     for seed in seeds:
-        for controller in controllers:
+        for controller in dict.fromkeys(controllers):
             strategy = make_strategy(controller, seed)
-            robot = SimulatedRobot(arm, fidelity, seed, payload)
+            robot = SimulatedRobot(arm, fidelity, seed, payload, START_JITTER)
             told = partial(progress, f"{controller} on {task} with {arm.name}, seed {seed}")
-            done = rollout(robot, strategy, task_named(task, arm), told)
+            done = rollout(robot, strategy, asked, told)
             runs.append(Run(controller, seed, done, position_errors(done.states, done.task.wanted_positions())))
     return runs
 
 
-def workshop_strategies(workshop: Workshop, arm: ArmSpec, recipe: Recipe) -> MakeStrategy:
-    """Strategies made or found by a workshop."""
-    return lambda controller, seed: workshop.strategy(controller, arm, recipe, seed)
+def workshop_strategies(
+    workshop: Workshop, arm: ArmSpec, recipe: Recipe, saved: TrainedNetworks | None = None
+) -> MakeStrategy:
+    """Strategies made or found by a workshop; for `s2c2a` the saved networks, if there are any."""
+
+    def make(controller: str, seed: int) -> Strategy:
+        if saved is not None and controller == "s2c2a":
+            return s2c2a_strategy(saved)
+        return workshop.strategy(controller, arm, recipe, seed)
+
+    return make
 
 
 def position_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> list[Row]:
@@ -95,7 +123,7 @@ def position_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: st
                 unit="cm",
                 **over_seeds([run.errors for run in mine]),
                 seeds=tuple(run.seed for run in mine),
-                **printed(task, arm.name, controller, "position"),
+                **printed(task, arm, controller, "position"),
                 first_mode_hz=frequency,
                 damping_ratio=damping,
             )
@@ -105,7 +133,8 @@ def position_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: st
 
 def training_rows(experiment: str, trained: Sequence[TrainedNetworks], fidelity: str) -> list[Row]:
     """One row a network: held-out error [% of full range]."""
-    arm, recipe = trained[0].arm, trained[0].recipe
+    arm, recipe = trained[0].arm, trained[0].recipe.name
+    frequency, damping = first_mode(arm)
     rows = []
     for network in trained[0].percent:
         means, spreads = zip(*(networks.percent[network] for networks in trained), strict=True)
@@ -121,9 +150,11 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks], fidelity:
                 unit="%",
                 mean=float(np.mean(means)),
                 std_steps=float(np.mean(spreads)),
-                std_seeds=float(np.std(means)) if len(means) > 1 else None,
+                std_seeds=float(np.std(means, ddof=1)) if len(means) > 1 else None,
                 seeds=tuple(networks.seed for networks in trained),
-                **printed("training", arm.name, network, "held-out error"),
+                **printed("training", arm, network, "held-out error"),
+                first_mode_hz=frequency,
+                damping_ratio=damping,
             )
         )
     return rows

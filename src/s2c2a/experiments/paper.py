@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from s2c2a.arm import ArmSpec, load_arm
+
 PRINTED: dict[tuple[str, ...], tuple[float, float]] = {
     ("circle", "twin_arm", "s2c2a", "position"): (2.2, 1.1),  # table III, p-ours
     ("circle", "twin_arm", "pcc", "position"): (2.5, 0.8),  # table III, p-PCC
@@ -12,7 +14,9 @@ PRINTED: dict[tuple[str, ...], tuple[float, float]] = {
 """Chen et al. 2025. Its simulation compares with other things than PCC, so those rows have no number beside them."""
 
 
-def printed(*key: str) -> dict[str, Any]:
-    """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing."""
-    pair = PRINTED.get(key)
-    return {"paper_mean": pair[0], "paper_std": pair[1]} if pair else {}
+def printed(task: str, arm: ArmSpec, controller: str, metric: str) -> dict[str, Any]:
+    """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing or the arm is not the preset."""
+    pair = PRINTED.get((task, arm.name, controller, metric))
+    if pair is None or not arm.same_body(load_arm(arm.name)):
+        return {}
+    return {"paper_mean": pair[0], "paper_std": pair[1]}

@@ -1,6 +1,7 @@
 """One folder a run: options, versions, results, figures, replay page."""
 
 import json
+import os
 import shutil
 from collections.abc import Sequence
 from datetime import datetime
@@ -29,7 +30,9 @@ def open_run_folder(path: Path | None, label: str, options: dict, overwrite: boo
             raise S2C2AError(
                 f"{folder} holds no {MARKER}, so it is no run folder and is left alone; choose another --out"
             )
-        shutil.rmtree(folder)
+        aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
+        folder.rename(aside)  # whole or gone: a kill never leaves half a run folder in its place
+        shutil.rmtree(aside)
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps({"options": options, "versions": versions()}, indent=1, default=str)
     (folder / MARKER).write_text(text + "\n", encoding="utf-8")

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import platformdirs
 
-from s2c2a.arm import ArmSpec
+import s2c2a
+from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.data import CollectOptions, Recording, collect
-from s2c2a.errors import RecordingError, S2C2AError, StrategyError
+from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
     Recipe,
@@ -28,6 +29,9 @@ from s2c2a.strategies import (
 
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how many parts of it are done, and how many there are."""
+
+REVISION = 1
+"""Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
 
 CONTROLLERS = ("s2c2a", "pcc", "pcc-fitted")
 
@@ -73,7 +77,7 @@ class Workshop:
         )
         try:
             return collecting(resume=True)
-        except RecordingError:  # damaged, or of an older version: ours to replace
+        except DamagedRecordingError:  # ours to replace
             return collecting(overwrite=True)
 
     def networks(self, arm: ArmSpec, recipe: Recipe, seed: int) -> TrainedNetworks:
@@ -100,7 +104,7 @@ class Workshop:
             S2C2AError: no such controller.
         """
         if controller == "s2c2a":
-            return s2c2a_strategy(self.networks(arm, recipe, seed), recipe)
+            return s2c2a_strategy(self.networks(arm, recipe, seed))
         if controller == "pcc":
             return pcc_strategy(arm, recipe.planner)
         if controller == "pcc-fitted":
@@ -108,8 +112,8 @@ class Workshop:
         raise S2C2AError(f"no controller '{controller}'; choose one of {', '.join(CONTROLLERS)}")
 
     def _label(self, arm: ArmSpec, options: CollectOptions, recipe: Recipe | None = None) -> str:
-        """A name that is the same for the same arm, data and recipe, whatever the arm is called."""
-        parts = [arm.model_dump(mode="json", exclude={"name", "description"}), asdict(options), self.fidelity]
+        """A name that is the same for the same arm, data, recipe and version of the code that makes them."""
+        parts = [arm_to_toml(arm), asdict(options), self.fidelity, s2c2a.__version__, REVISION]
         parts += [asdict(recipe)] if recipe else []
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
         kind = f"-{recipe.name}" if recipe else f"-{options.babbling}"

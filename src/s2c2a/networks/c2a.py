@@ -11,9 +11,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.networks.bilstm import BiLSTM
 from s2c2a.networks.scaling import Scaling
 from s2c2a.networks.sum_and_range import SumAndRange
-
-CONFIGURATIONS = 4
-ACTIONS = 5
+from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 
 class History(NamedTuple):
@@ -49,14 +47,18 @@ class C2A(eqx.Module):
     @classmethod
     def untrained(cls, arm: ArmSpec, layers: int, hidden: int, key: PRNGKeyArray) -> "C2A":
         """Random weights and no scaling, for an arm."""
-        features = 3 + 3 * CONFIGURATIONS + arm.cable_count * ACTIONS + 1
+        features = 3 + 3 * CONFIGURATION_HISTORY + arm.cable_count * ACTION_HISTORY + 1
         network = BiLSTM(features, arm.cable_count, layers, hidden, key)
         return cls(network, Scaling.identity(3), SumAndRange.of(arm))
+
+    def for_arm(self, arm: ArmSpec) -> "C2A":
+        """The same weights for another arm with as many cables a module; the module count may differ."""
+        return C2A(self.network, self.configuration_scaling, SumAndRange.of(arm))
 
     def __call__(
         self, wanted: Float[Array, "*batch modules 3"], history: History
     ) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions that shall lead to the wanted configurations in one step."""
+        """Normalised actions, within the arm's limits, that shall lead to the wanted configurations in one step."""
         scaling, layer = jax.lax.stop_gradient((self.configuration_scaling, self.sum_and_range))
         batch = wanted.shape[:-1]
         parts = [
@@ -65,4 +67,4 @@ class C2A(eqx.Module):
             history.actions.reshape(*batch, -1),
             jnp.broadcast_to(module_labels(batch[-1])[:, None], (*batch, 1)),
         ]
-        return layer(self.network(jnp.concatenate(parts, axis=-1)))
+        return layer.limited(layer(self.network(jnp.concatenate(parts, axis=-1))))

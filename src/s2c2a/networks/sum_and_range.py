@@ -23,6 +23,7 @@ class SumAndRange(eqx.Module):
 
     Attributes:
         matrices: B of every module, shape (modules, cables, 2).
+        pseudo_inverses: of B, shape (modules, 2, cables).
         neutral: action at rest [m or N], shape (modules, cables).
         unit: action [m or N] of a normalised 1, shape (modules, 1).
         low: least action, shape (modules, cables).
@@ -51,8 +52,8 @@ class SumAndRange(eqx.Module):
             geometry.action_high,
         )
         even = arm.cable_count == 3 and bool(jnp.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
-        singles = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
-        return cls(*singles, evenly_three=even)
+        matrices, inverses, neutral, unit, low, high = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
+        return cls(matrices, inverses, neutral, unit, low, high, even)
 
     def __call__(self, raw: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
         """Normalised actions."""
@@ -67,8 +68,12 @@ class SumAndRange(eqx.Module):
         return (actions - self.neutral) / self.unit
 
     def actions(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions to [m or N], within the arm's limits."""
-        return jnp.clip(self.neutral + normalised * self.unit, self.low, self.high)
+        """Normalised actions to [m or N]."""
+        return self.neutral + normalised * self.unit
+
+    def limited(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+        """Normalised actions within the arm's limits: what will really be sent."""
+        return self.normalised(jnp.clip(self.actions(normalised), self.low, self.high))
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:

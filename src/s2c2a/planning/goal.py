@@ -45,34 +45,43 @@ class Goal(NamedTuple):
             obstacles=np.zeros((MOST_OBSTACLES, 3), np.float32),
             thresholds=np.zeros(MOST_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
-            change_weight=np.array(change_weight, np.float32),
+            change_weight=np.array(_weight(change_weight), np.float32),
         )
 
     def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
         """Also ask for a module's end position [m], base frame.
 
         Raises:
-            TargetError: not three finite numbers.
+            TargetError: not three finite numbers, a negative weight, or no such module.
         """
+        vector, mu = _vector(position, "target position"), _weight(weight)
+        self._check_module(module)
         return self._replace(
-            positions=_put(self.positions, module, _vector(position, "target position")),
-            position_weights=_put(self.position_weights, module, weight),
+            positions=_put(self.positions, module, vector),
+            position_weights=_put(self.position_weights, module, mu),
         )
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
         """Also ask for a module's end axis, base frame, of any length.
 
         Raises:
-            TargetError: not three finite numbers, or all zero.
+            TargetError: not three finite numbers, all zero, a negative weight, or no such module.
         """
         vector = _vector(axis, "target axis")
         length = np.linalg.norm(vector)
         if length < 1e-9:
             raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
+        mu = _weight(weight)
+        self._check_module(module)
         return self._replace(
             axes=_put(self.axes, module, vector / length),
-            axis_weights=_put(self.axis_weights, module, weight),
+            axis_weights=_put(self.axis_weights, module, mu),
         )
+
+    def _check_module(self, module: int) -> None:
+        count = len(self.positions)
+        if not -count <= module < count:
+            raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
 
     def with_obstacles(self, centres, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles: centres [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
@@ -80,28 +89,45 @@ class Goal(NamedTuple):
         Raises:
             TargetError: too many, or not finite numbers of these shapes.
         """
-        centres, thresholds = np.asarray(centres, np.float32), np.asarray(thresholds, np.float32)
-        count = len(thresholds)
-        if centres.shape != (count, 3) or count > MOST_OBSTACLES:
+        centres, thresholds = _numbers(centres, "obstacle centres"), _numbers(thresholds, "obstacle thresholds")
+        count = thresholds.size
+        if thresholds.shape != (count,) or centres.size != 3 * count or count > MOST_OBSTACLES:
             raise TargetError(
-                f"obstacles of shape {centres.shape} with {count} thresholds; give (n, 3) centres and n thresholds, "
-                f"n at most {MOST_OBSTACLES}"
+                f"obstacles of shape {centres.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centres "
+                f"and n thresholds, n at most {MOST_OBSTACLES}"
             )
-        if not (np.isfinite(centres).all() and np.isfinite(thresholds).all()):
-            raise TargetError(f"obstacles must be finite, got centres {centres.tolist()}, r {thresholds.tolist()}")
+        if (thresholds < 0).any():
+            raise TargetError(f"obstacle thresholds are lengths and must not be negative, got {thresholds.tolist()}")
         goal = Goal.of(len(self.positions))
         return self._replace(
-            obstacles=np.concatenate([centres, goal.obstacles[count:]]),
+            obstacles=np.concatenate([centres.reshape(-1, 3), goal.obstacles[count:]]),
             thresholds=np.concatenate([thresholds, goal.thresholds[count:]]),
-            obstacle_weight=np.array(weight, np.float32),
+            obstacle_weight=np.array(_weight(weight), np.float32),
         )
 
 
+def _numbers(values, name: str) -> np.ndarray:
+    try:
+        numbers = np.asarray(values, np.float32)
+    except (TypeError, ValueError) as error:
+        raise TargetError(f"the {name} must be numbers, got {values!r}; the arm was not moved") from error
+    if not np.isfinite(numbers).all():
+        raise TargetError(f"the {name} must be finite, got {values!r}; the arm was not moved")
+    return numbers
+
+
 def _vector(values, name: str) -> Float[np.ndarray, "3"]:
-    vector = np.asarray(values, np.float32)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise TargetError(f"the {name} must be three finite numbers, got {values}; the arm was not moved")
+    vector = _numbers(values, name)
+    if vector.shape != (3,):
+        raise TargetError(f"the {name} must be three numbers, got {values!r}; the arm was not moved")
     return vector
+
+
+def _weight(value) -> np.ndarray:
+    weight = _numbers(value, "weight")
+    if weight.shape != () or weight < 0:
+        raise TargetError(f"a weight must be one number and not negative, got {value!r}")
+    return weight
 
 
 def _put(values: Numbers, place: int, value) -> np.ndarray:

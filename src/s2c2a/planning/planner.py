@@ -102,6 +102,8 @@ def _next_plan(arm: ArmSpec, model: ForwardModel, length_scale: float, options: 
         memory = model.observe(cables, plan.memory)
         value = objective(model, memory, goal, plan.configurations, length_scale)
         wanted = solve(value, plan.configurations, project, options.learning_rate, options.iterations)
-        return Plan(within_limits(wanted, plan.configurations), memory)
+        following = within_limits(wanted, plan.configurations)
+        sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
+        return Plan(jnp.where(sound, following, plan.configurations), memory)
 
     return next_plan

@@ -35,13 +35,23 @@ def _check_reading(reading: Reading, robot: Robot) -> None:
         _expect(reading.states.shape == (modules, 6), f"read().states has shape {reading.states.shape}")
         lengths = np.linalg.norm(reading.states[:, 3:], axis=-1)
         _expect(np.allclose(lengths, 1.0, atol=1e-3), f"end axes have lengths {lengths}, not 1")
+    if reading.configurations is not None:
+        _expect(reading.configurations.shape == (modules, 3), "read().configurations is not of shape (modules, 3)")
 
 
 def _check_sends(robot: Robot, geometry: ArmGeometry) -> None:
-    gentle = geometry.action_neutral + 0.05 * (geometry.action_high - geometry.action_neutral)
-    _expect(np.allclose(robot.send(gentle), gentle), "send() of an allowed action returned another one")
-    sent = robot.send(np.array(geometry.action_neutral))
-    _expect(np.allclose(sent, geometry.action_neutral), "send() of the neutral action returned another one")
+    """One gentle bend and back; what was really sent may be rounded, say to encoder ticks."""
+    reach = np.abs(geometry.action_scale)[:, None]
+    towards_x = geometry.action_neutral + geometry.action_scale[:, None] * 0.05 * geometry.cable_matrices[:, :, 0]
+    for action in (towards_x, geometry.action_neutral):
+        sent = _sent(robot, action)
+        _expect(bool((np.abs(sent - action) <= 0.02 * reach).all()), "send() of an allowed action returned another one")
+
+
+def _sent(robot: Robot, action: np.ndarray) -> np.ndarray:
+    sent = robot.send(action)
+    _expect(np.shape(sent) == action.shape, f"send() returned {sent!r}, not what was really sent, {action.shape}")
+    return np.asarray(sent)
 
 
 def _check_clock(first: Reading, robot: Robot) -> None:
@@ -54,6 +64,10 @@ def _check_refuses(robot: Robot, action: np.ndarray, name: str) -> None:
         robot.send(action)
     except ActionError:
         return
+    except Exception as error:
+        raise S2C2AError(
+            f"{type(robot).__name__}: send() of {name} raised {error!r}; it must raise ActionError"
+        ) from error
     raise S2C2AError(f"{type(robot).__name__}: send() took {name}; it must raise ActionError before anything moves")
 
 

@@ -45,7 +45,11 @@ class Robot(ABC):
         """Leave the arm safe; can be called twice."""
 
     def __enter__(self) -> Self:
-        self.open()
+        try:
+            self.open()
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(self, *_) -> None:
@@ -58,7 +62,10 @@ def checked_action(action: Actions, geometry: ArmGeometry) -> Actions:
     Raises:
         ActionError: wrong shape or not finite.
     """
-    values = np.asarray(action, dtype=np.float64)
+    try:
+        values = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"an action must be an array of numbers, got {action!r}; nothing was sent") from error
     if values.shape != geometry.action_neutral.shape:
         raise ActionError(
             f"an action of shape {values.shape} was sent; this arm takes (modules, cables) = "

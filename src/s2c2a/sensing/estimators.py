@@ -73,16 +73,9 @@ class CoupledEstimator(Estimator):
         return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(cables, truth))
 
 
-def estimator_for(arm: ArmSpec, coupling=None) -> Estimator:
-    """The estimator that an arm file asks for, under sensing coupling if a matrix is given.
-
-    Raises:
-        S2C2AError: the matrix does not fit the arm.
-    """
+def estimator_for(arm: ArmSpec) -> Estimator:
+    """The estimator that an arm file asks for: its `sensing`, under its `sensing_coupling` if it has one."""
     estimator: Estimator = TrueEstimator() if arm.sensing == "true" else EncoderEstimator(PCC.of(arm))
-    if coupling is None:
+    if arm.sensing_coupling is None:
         return estimator
-    matrix = jnp.asarray(coupling, dtype=jnp.float32)
-    if matrix.shape != (arm.module_count, arm.module_count):
-        raise S2C2AError(f"a coupling matrix of shape {matrix.shape} was given for {arm.module_count} modules")
-    return CoupledEstimator(estimator, matrix)
+    return CoupledEstimator(estimator, jnp.asarray(arm.sensing_coupling, dtype=jnp.float32))

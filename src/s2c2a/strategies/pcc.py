@@ -29,18 +29,17 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     """True bend over the bend that the cables say, per module, by least squares over all samples.
 
     Raises:
-        RecordingError: no true states, or a module that did not move.
+        RecordingError: episodes are missing, no true states, or a module that did not move.
     """
+    recording.check_complete()
     said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.cables, dtype=jnp.float32)))
     states = jnp.asarray(recording.states, dtype=jnp.float32)
     true = np.asarray(bends_from_configurations(configurations_from_states(states)))
     everything = (0, 1, 3)
-    gains = (true * said).sum(axis=everything) / (said**2).sum(axis=everything)
-    if not (np.isfinite(gains).all() and (gains > 0).all()):
-        raise RecordingError(
-            f"gains {gains} cannot be fitted: the recording lacks true states, or a module stood still"
-        )
-    return gains
+    together, alone = (true * said).sum(axis=everything), (said**2).sum(axis=everything)
+    if not (np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()):
+        raise RecordingError("gains cannot be fitted: the recording lacks true states, or a module stood still")
+    return together / alone
 
 
 def _strategy(name: str, arm: ArmSpec, options: PlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:

@@ -1,12 +1,12 @@
 """The strategy of the paper: C2S in the planner, C2A as the controller."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import NetworkController
 from s2c2a.data import Recording, controller_samples, forward_samples
 from s2c2a.errors import RecordingError
@@ -28,7 +28,7 @@ class TrainedNetworks:
 
     Attributes:
         arm: what they were trained for.
-        recipe: name of the recipe.
+        recipe: how they were trained, and how to plan with them.
         seed: of the training.
         c2s: forward model.
         c2a: controller.
@@ -37,7 +37,7 @@ class TrainedNetworks:
     """
 
     arm: ArmSpec
-    recipe: str
+    recipe: Recipe
     seed: int
     c2s: C2S
     c2a: C2A
@@ -57,19 +57,22 @@ def train_s2c2a(
         progress: told network, epoch, most epochs, validation loss.
 
     Raises:
-        RecordingError: the recording holds no true states.
+        RecordingError: episodes are missing or too short, or the recording holds no true states.
         TrainingError: too few samples, or the loss is not finite.
     """
-    if np.isnan(recording.states).any():
+    recording.check_complete()
+    if not np.isfinite(recording.states).all():
         raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
     arm = recording.arm
     sensed = np.asarray(estimator_for(arm)(recording.cables, recording.configurations))
+    if not np.isfinite(sensed).all():
+        raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     forward = train_c2s(
         forward_samples(sensed, recording.states), recipe.c2s, recipe.c2s_fit, c2s_key, _named(progress, "C2S")
     )
     control = train_c2a(
-        controller_samples(sensed, recording.actions),
+        controller_samples(sensed, recording.actions, ArmGeometry.of(arm).action_neutral),
         arm,
         recipe.c2a,
         recipe.history_noise,
@@ -80,7 +83,7 @@ def train_s2c2a(
     both: dict[str, Trained] = {"C2S": forward, "C2A": control}
     return TrainedNetworks(
         arm,
-        recipe.name,
+        recipe,
         seed,
         forward.network,
         control.network,
@@ -89,10 +92,16 @@ def train_s2c2a(
     )
 
 
-def s2c2a_strategy(networks: TrainedNetworks, recipe: Recipe) -> Strategy:
-    """Put trained networks to work."""
+def s2c2a_strategy(networks: TrainedNetworks) -> Strategy:
+    """Put trained networks to work, planning as their recipe says.
+
+    Under sensing coupling configurations are not of unit length, so there they are not kept on the sphere.
+    """
     arm = networks.arm
-    planner = Planner(arm, networks.c2s, planning_scale(arm), recipe.planner)
+    options = networks.recipe.planner
+    if arm.sensing_coupling is not None:
+        options = replace(options, on_sphere=False)
+    planner = Planner(arm, networks.c2s, planning_scale(arm), options)
     return Strategy("s2c2a", arm, estimator_for(arm), planner, NetworkController(networks.c2a))
 
 

@@ -5,7 +5,8 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller
-from s2c2a.planning import Goal, Planner
+from s2c2a.errors import StrategyError
+from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.sensing import Estimator
 from s2c2a.spaces import Actions, Configurations, Reading
 
@@ -26,6 +27,7 @@ class Strategy:
         """Put the parts together and compile them."""
         self.name, self.arm = name, arm
         self._planner = planner
+        self._plan: Plan | None = None
         self._sense = jax.jit(lambda cables, truth: estimator(cables, truth))
         self._start_control = jax.jit(lambda sensed: controller.start(sensed))
         self._act = jax.jit(lambda wanted, sensed, memory: controller.act(wanted, sensed, memory))
@@ -44,9 +46,14 @@ class Strategy:
             reading: the latest.
             goal: for the state after the action.
 
+        Raises:
+            StrategyError: it was not started.
+
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
+        if self._plan is None:
+            raise StrategyError("this strategy was not started; call start(reading) with the arm at rest first")
         self._sensed = self._sensed_in(reading)
         self._plan = self._planner.plan(self._plan, reading.cables, goal)
         action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
@@ -60,6 +67,8 @@ class Strategy:
     @property
     def planned(self) -> Configurations:
         """The latest planned configuration, shape (modules, 3)."""
+        if self._plan is None:
+            raise StrategyError("this strategy was not started; it has planned nothing yet")
         return np.asarray(self._plan.configurations)
 
     def _sensed_in(self, reading: Reading):
@@ -72,6 +81,7 @@ class Strategy:
         self.start(Reading(0.0, cables, configurations=straight))
         for truth in (straight, None) if self.arm.sensing == "encoders" else (straight,):
             self.step(Reading(0.0, cables, configurations=truth), Goal.of(self.arm.module_count))
+        self._plan = None
 
 
 def _single(values: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ class FitOptions:
         learning_rate: of Adam.
         batch_size: samples in a step.
         most_epochs: stop here at the latest.
-        patience: stop after so many epochs without a better validation loss.
+        patience: stop after so many epochs without a better validation loss; looked at between calls.
         epochs_per_call: epochs inside one compiled call; progress and interrupts come between calls.
     """
 
@@ -95,7 +95,8 @@ def fit(
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
-        state, rows = run(state, training, validation, call_key)
+        epochs = min(options.epochs_per_call, options.most_epochs - len(curve))
+        state, rows = run(state, training, validation, jax.random.split(call_key, epochs))
         curve.extend(np.asarray(rows))
         _check_finite(curve)
         progress(len(curve), options.most_epochs, float(state.best_loss))
@@ -104,7 +105,7 @@ def fit(
 
 
 def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
-    """(state, training, validation, key) -> (state, losses), several epochs in one call."""
+    """(state, training, validation, keys) -> (state, losses), an epoch for every key, in one call."""
 
     def step(carry, picked):
         (weights, state), (batch, key) = carry, picked
@@ -126,8 +127,7 @@ def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
             [losses.mean(), held_out]
         )
 
-    def epochs(carry, training, validation, key):
-        keys = jax.random.split(key, options.epochs_per_call)
+    def epochs(carry, training, validation, keys):
         return jax.lax.scan(lambda c, k: epoch(c, k, training, validation), carry, keys)
 
     return jax.jit(epochs)

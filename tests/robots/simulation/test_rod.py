@@ -36,7 +36,7 @@ def test_the_curvature_of_a_cross_section_makes_its_energy_stationary():
     cables = module.cable_radius * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
 
     def energy(u):
-        lengths = np.linalg.norm([0, 0, 1] + np.cross(u, cables), axis=-1)
+        lengths = np.linalg.norm(np.array([0, 0, 1]) + np.cross(u, cables), axis=-1)
         return np.array([0.05, 0.05, 0.02]) @ u**2 / 2 - moment @ u + pulls @ lengths
 
     u = _curvature(_segments(arm, pulls[None], NO_FORCE)[0], moment[None])[0]

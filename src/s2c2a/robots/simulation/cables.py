@@ -1,7 +1,7 @@
 """What cables make of their motors' motion on its way to the module: play, capstan friction, creep.
 
-All three are applied to the path of one control step at once. The motors chase a held command, so the path is
-monotone, and for monotone paths play is a clip.
+The motors chase a held command, so their path within a control step is monotone, and for monotone paths play is a clip.
+Creep can make the path turn; then play is followed from physics step to physics step.
 """
 
 import numpy as np
@@ -41,19 +41,28 @@ class CableTransmission:
             tensions: in the cables at the start of the step [N], shape (modules, cables).
             bend_angles: of the modules at the start of the step [rad], shape (modules,).
         """
-        after_creep = path - self._crept_along(path, times)
-        low, high = self._band(after_creep, tensions, bend_angles)
-        felt = np.clip(self.transmitted, low, high)
+        if self._creep.any():
+            path = path - self._creep_along(path, times)
+        low, high = self._band(path, tensions, bend_angles)
+        felt = self._follow(low, high) if self._creep.any() else np.clip(self.transmitted, low, high)
         self.transmitted = felt[-1]
         return felt
 
-    def _crept_along(self, path: CablePath, times: np.ndarray) -> CablePath:
-        """Creep nears its part of the motion exponentially; within one step it runs along a straight line."""
-        if not self._creep.any():
-            return np.zeros_like(path)
-        start, share = self.crept, 1.0 - np.exp(-times[-1] / self._creep_time)
-        self.crept = start + share * (self._creep * path[-1] - start)
-        return start + (self.crept - start) * (times / times[-1])[:, None, None]
+    def _creep_along(self, path: CablePath, times: np.ndarray) -> CablePath:
+        """Let the material get used to the path, physics step by physics step; returns how far it has."""
+        share = 1.0 - np.exp(-np.diff(times, prepend=0.0)[:, None, None] / self._creep_time)
+        crept = np.empty_like(path)
+        for step, position in enumerate(path):
+            self.crept = self.crept + share[step] * (self._creep * position - self.crept)
+            crept[step] = self.crept
+        return crept
+
+    def _follow(self, low: CablePath, high: CablePath) -> CablePath:
+        """Stay within a band that moves up and down."""
+        felt, last = np.empty_like(low), self.transmitted
+        for step in range(len(low)):
+            last = felt[step] = np.clip(last, low[step], high[step])
+        return felt
 
     def _band(self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray):
         """The band around the motors' motion in which the modules' side stays where it is."""

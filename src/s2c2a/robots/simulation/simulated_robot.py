@@ -29,12 +29,14 @@ class SimulatedRobot(Robot):
         fidelity: "fast" or "accurate".
         seed: of the sensor noise; the physics is deterministic.
         payload: mass at the tip [kg].
+        jitter: part of the full bend that every module is moved by, in a random direction, before it settles at rest;
+            cables with hysteresis then start in another state.
 
     Raises:
         S2C2AError: unknown fidelity, impossible payload.
     """
 
-    def __init__(self, arm: ArmSpec, fidelity: str = "fast", seed: int = 0, payload: float = 0.0):
+    def __init__(self, arm: ArmSpec, fidelity: str = "fast", seed: int = 0, payload: float = 0.0, jitter: float = 0.0):
         if not (np.isfinite(payload) and 0 <= payload <= 50):
             raise S2C2AError(f"payload {payload} kg is not between 0 and 50 kg")
         self.arm = arm
@@ -42,7 +44,7 @@ class SimulatedRobot(Robot):
         self.data = mujoco.MjData(self.model)
         self._geometry = ArmGeometry.of(arm)
         self._times = self.model.opt.timestep * np.arange(1, round(arm.control_period / self.model.opt.timestep) + 1)
-        self._seed = seed
+        self._seed, self._jitter = seed, jitter
         self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
         self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
@@ -55,13 +57,19 @@ class SimulatedRobot(Robot):
         """Go to rest, settle for one second, and start the clock at zero."""
         mujoco.mj_resetData(self.model, self.data)
         self._rest()
-        for _ in range(round(SETTLING_TIME * self.arm.control_rate)):
+        self.send(self._jittered())
+        for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.send(self._geometry.action_neutral)
         self.data.time, self._step = 0.0, 0
         return self.read()
 
     def read(self) -> Reading:
-        """What the sensors say now, and the truth beside it."""
+        """What the sensors say now, and the truth beside it.
+
+        Raises:
+            SimulationError: the simulated arm blew up before; open it again.
+        """
+        self._check_sane()
         return Reading(self.data.time, self._measured_cables(), self.states(), self.configurations())
 
     def send(self, action: Actions) -> Actions:
@@ -72,6 +80,7 @@ class SimulatedRobot(Robot):
             SimulationError: the simulated arm blew up.
         """
         sent = checked_action(action, self._geometry)
+        self._check_sane()
         path = follow(self._motors, sent, self._times, self.arm.motor)
         felt = self._transmission.pass_on(path, self._times, self.tensions(), self._bend_angles())
         self._motors = path[-1]
@@ -82,6 +91,7 @@ class SimulatedRobot(Robot):
         mujoco.mj_forward(self.model, self.data)
         self._step += 1
         self._check_sane()
+        self._last_states = self.states()
         return sent
 
     def close(self) -> None:
@@ -112,6 +122,13 @@ class SimulatedRobot(Robot):
         """Tensions at the modules [N], shape (modules, cables)."""
         return -self.data.actuator_force.reshape(self._geometry.action_neutral.shape)
 
+    def _jittered(self) -> Actions:
+        """An action a little off neutral, in a random direction of every module."""
+        angles = np.random.default_rng([self._seed, 1]).uniform(0, 2 * np.pi, self.arm.module_count)
+        shares = self._jitter * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        bends = np.einsum("mck,mk->mc", self._geometry.cable_matrices, shares)
+        return self._geometry.action_neutral + self._geometry.action_scale[:, None] * bends
+
     def _rest(self) -> None:
         self._random = np.random.default_rng(self._seed)
         self._motors = self._geometry.action_neutral.copy()
@@ -138,12 +155,11 @@ class SimulatedRobot(Robot):
         return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
 
     def _check_sane(self) -> None:
-        bad = any(self.data.warning[kind].number for kind in _BAD) or not np.isfinite(self.data.qpos).all()
-        if bad:
+        bad = any(self.data.warning[kind].number for kind in _BAD)
+        if bad or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise SimulationError(
                 f"{self.arm.name}: the simulation blew up in control step {self._step}, at {self.data.time:.2f} s; "
-                "give the modules more mass or damping, softer cables, or a higher control rate",
+                "give the modules more mass or damping, or softer cables; then open it again",
                 self._step,
                 self._last_states,
             )
-        self._last_states = self.states()
