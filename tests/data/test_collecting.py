@@ -175,36 +175,56 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("options", OTHERS.values(), ids=OTHERS)
-def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather, tmp_path, options):
+@pytest.mark.parametrize(("name", "options"), OTHERS.items(), ids=OTHERS)
+def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather, tmp_path, name, options):
     gather()
     before = (tmp_path / "one.h5").read_bytes()
-    with pytest.raises(RecordingError, match="other options"):
+    with pytest.raises(RecordingError, match=rf"begun otherwise \({name} \S+, now \S+\)"):
         gather(options=options, resume=True)
     assert (tmp_path / "one.h5").read_bytes() == before
 
 
 def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
     gather(body="simulation fast")
-    with pytest.raises(RecordingError, match="another arm"):
+    with pytest.raises(RecordingError, match=r"body 'simulation fast', now 'simulation accurate'"):
         gather(body="simulation accurate", resume=True)
-    with pytest.raises(RecordingError, match="another arm"):
+    with pytest.raises(RecordingError, match=r"otherwise \(arm\)"):
         gather(arm=twin.model_copy(update={"control_rate": 20.0}), body="simulation fast", resume=True)
     gather(body="simulation fast", resume=True)
 
 
-@pytest.mark.parametrize(
-    "fault", [{"babbling": "baby"}, {"episodes": 0}, {"samples": 0}, {"episodes": -1}], ids=lambda fault: str(fault)
-)
-def test_impossible_options_are_refused(fault):
-    with pytest.raises(RecordingError, match="staged, motor" if "babbling" in fault else "positive"):
-        CollectOptions(**fault)
+FAULTS = {
+    "babbling": ("baby", "staged, motor"),
+    "episodes": (0, "positive"),
+    "samples": (-1, "positive"),
+    "seed": (-1, "seed"),
+}
+
+
+@pytest.mark.parametrize(("name", "fault"), FAULTS.items(), ids=FAULTS)
+def test_impossible_options_are_refused(name, fault):
+    with pytest.raises(RecordingError, match=fault[1]):
+        CollectOptions(**{name: fault[0]})
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(gather, tmp_path, threads):
+    with pytest.raises(RecordingError, match="threads"):
+        gather(threads=threads)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp_path):
-    (tmp_path / "one.h5.partial").write_bytes(b"cut off while it was laid out")
+    left = tmp_path / f"one.h5.{os.getpid()}.partial"
+    left.write_bytes(b"cut off while it was laid out")
     assert_same(gather(), gather("two.h5"))
-    assert not (tmp_path / "one.h5.partial").exists()
+    assert not left.exists()
+
+
+def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        gather("file/one.h5")
 
 
 def test_a_folder_that_does_not_exist_yet_is_made(gather, tmp_path):

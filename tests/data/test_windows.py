@@ -5,14 +5,18 @@ import pytest
 
 from s2c2a.data import controller_samples, forward_samples
 from s2c2a.data.windows import stretches
+from s2c2a.errors import RecordingError
 
-EPISODES, SAMPLES = 2, 20
-STRETCHES = {"training": range(0, 14), "validation": range(14, 17), "test": range(17, 20)}
+EPISODES, SAMPLES = 2, 100
+STRETCHES = {"training": range(0, 70), "validation": range(70, 85), "test": range(85, 100)}
+NOW = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
+"""Moments of the windows: none looks back or ahead over a border, but before an episode the arm was at rest."""
+NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
 
 def telling(*features: int) -> np.ndarray:
-    """Arrays whose numbers are 1000 (episode + 1) + 10 t + k, the same for all but the last axis."""
-    episode = 1000.0 * np.arange(1, EPISODES + 1)[:, None]
+    """Arrays whose numbers are 10000 (episode + 1) + 10 t + k, the same for all but the last axis."""
+    episode = 10000.0 * np.arange(1, EPISODES + 1)[:, None]
     moment = 10.0 * np.arange(SAMPLES)
     start = (episode + moment).reshape(EPISODES, SAMPLES, *[1] * len(features))
     return start + np.broadcast_to(np.arange(features[-1]), (*[1] * 2, *features))
@@ -23,21 +27,21 @@ CONFIGURATIONS, ACTIONS, STATES = telling(1, 3), telling(1, 4) + 0.5, telling(1,
 
 @pytest.fixture(params=STRETCHES)
 def part(request):
-    """Samples of one stretch and the moments that it holds."""
-    return getattr(controller_samples(CONFIGURATIONS, ACTIONS), request.param), STRETCHES[request.param]
+    """Samples of one stretch and the moments of its windows."""
+    return getattr(controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL), request.param), list(NOW[request.param])
 
 
-def expected(moments: list[int], features: int, offset: float = 0.0) -> np.ndarray:
+def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
     """What `telling` holds at these moments, both episodes in turn, shape (episodes * moments, features)."""
-    rows = [1000.0 * (episode + 1) + 10.0 * moment for episode in range(EPISODES) for moment in moments]
+    rows = [10000.0 * (episode + 1) + 10.0 * moment for episode in range(EPISODES) for moment in moments]
     return np.array(rows)[:, None] + np.arange(features) + offset
 
 
-def test_an_episode_of_twenty_is_cut_after_fourteen_and_seventeen():
-    assert [list(range(20))[part] for part in stretches(20)] == [list(moments) for moments in STRETCHES.values()]
+def test_an_episode_of_a_hundred_is_cut_after_seventy_and_eighty_five():
+    assert [list(range(100))[part] for part in stretches(100)] == [list(moments) for moments in STRETCHES.values()]
 
 
-@pytest.mark.parametrize("samples", [1, 2, 7, 100, 500, 501])
+@pytest.mark.parametrize("samples", [50, 51, 77, 100, 500, 501])
 def test_stretches_share_an_episode_70_15_15_without_gap_or_overlap(samples):
     parts = [np.arange(samples)[part] for part in stretches(samples)]
     np.testing.assert_array_equal(np.concatenate(parts), np.arange(samples))
@@ -48,47 +52,68 @@ def test_five_hundred_samples_are_split_350_75_75():
     assert [part.stop - part.start for part in stretches(500)] == [350, 75, 75]
 
 
+def test_an_episode_too_short_to_be_split_is_refused():
+    with pytest.raises(RecordingError, match=r"49 samples.*at least 50"):
+        stretches(49)
+
+
+def test_the_shortest_episode_has_a_window_in_every_stretch():
+    split = controller_samples(CONFIGURATIONS[:, :50], ACTIONS[:, :50], NEUTRAL)
+    assert min(len(samples.targets) for samples in (split.training, split.validation, split.test)) >= EPISODES
+
+
 def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment():
     split = forward_samples(CONFIGURATIONS, STATES)
     for name, moments in STRETCHES.items():
         samples = getattr(split, name)
-        np.testing.assert_array_equal(samples.inputs["configurations"][:, 0], expected(list(moments), 3))
-        np.testing.assert_array_equal(samples.targets[:, 0], expected(list(moments), 6, 0.25))
+        np.testing.assert_array_equal(samples.inputs["configurations"][:, 0], expected(moments, 3))
+        np.testing.assert_array_equal(samples.targets[:, 0], expected(moments, 6, 0.25))
 
 
 def test_the_target_is_the_action_of_the_moment_and_the_wanted_configuration_comes_next(part):
-    samples, moments = part
-    now = list(moments)[:-1]
+    samples, now = part
     np.testing.assert_array_equal(samples.targets[:, 0], expected(now, 4, 0.5))
     np.testing.assert_array_equal(samples.inputs["wanted"][:, 0], expected([moment + 1 for moment in now], 3))
 
 
 @pytest.mark.parametrize("age", range(4))
-def test_sensed_history_is_youngest_first_and_never_from_before_the_stretch(part, age):
-    samples, moments = part
-    then = [max(moment - age, moments[0]) for moment in list(moments)[:-1]]
+def test_sensed_history_is_youngest_first_and_before_an_episode_its_first_value(part, age):
+    samples, now = part
+    then = [max(moment - age, 0) for moment in now]
     np.testing.assert_array_equal(samples.inputs["configurations"][:, 0, age], expected(then, 3))
 
 
 @pytest.mark.parametrize("age", range(5))
-def test_past_actions_begin_one_step_ago_and_never_before_the_stretch(part, age):
-    samples, moments = part
-    then = [max(moment - age - 1, moments[0]) for moment in list(moments)[:-1]]
-    np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], expected(then, 4, 0.5))
+def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(part, age):
+    samples, now = part
+    then = np.array([moment - age - 1 for moment in now] * EPISODES)[:, None]
+    wanted = np.where(then >= 0, expected(then[: len(now), 0], 4, 0.5), NEUTRAL)
+    np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], wanted)
+
+
+def test_no_window_looks_over_the_border_of_a_stretch():
+    """All that a stretch's windows hold lies within it."""
+    split = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL)
+    for name, moments in STRETCHES.items():
+        samples = getattr(split, name)
+        held = np.concatenate([values.ravel() for values in (samples.targets, *samples.inputs.values())])
+        times = (held[held > 0] % 10000) // 10
+        assert (times.min(), times.max()) == (moments[0], moments[-1])
 
 
 def test_one_window_worked_in_full():
-    """Episode two, t = 3: wanted C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice again A_0; target A_3."""
-    samples, row = controller_samples(CONFIGURATIONS, ACTIONS).training, 13 + 3
-    np.testing.assert_array_equal(samples.inputs["wanted"][row, 0], [2040, 2041, 2042])
-    np.testing.assert_array_equal(samples.inputs["configurations"][row, 0, :, 0], [2030, 2020, 2010, 2000])
-    np.testing.assert_array_equal(samples.inputs["actions"][row, 0, :, 0], [2020.5, 2010.5, 2000.5, 2000.5, 2000.5])
-    np.testing.assert_array_equal(samples.targets[row, 0], [2030.5, 2031.5, 2032.5, 2033.5])
+    """Episode two, t = 3: wanted C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
+    samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
+    np.testing.assert_array_equal(samples.inputs["wanted"][row, 0], [20040, 20041, 20042])
+    np.testing.assert_array_equal(samples.inputs["configurations"][row, 0, :, 0], [20030, 20020, 20010, 20000])
+    np.testing.assert_array_equal(samples.inputs["actions"][row, 0, :, 0], [20020.5, 20010.5, 20000.5, -1.0, -1.0])
+    np.testing.assert_array_equal(samples.targets[row, 0], [20030.5, 20031.5, 20032.5, 20033.5])
 
 
 def test_shapes_hold_for_any_arm(recording):
     episodes, samples, modules, cables = recording.actions.shape
-    training = controller_samples(recording.configurations, recording.actions).training
+    neutral = np.zeros((modules, cables))
+    training = controller_samples(recording.configurations, recording.actions, neutral).training
     rows = episodes * (round(0.7 * samples) - 1)
     assert training.inputs["wanted"].shape == (rows, modules, 3)
     assert training.inputs["configurations"].shape == (rows, modules, 4, 3)

@@ -8,7 +8,7 @@ from s2c2a import kinematics
 
 configurations_from_bends = jax.jit(kinematics.configurations_from_bends)
 bends_from_configurations = jax.jit(kinematics.bends_from_configurations)
-limit_bends = jax.jit(kinematics.limit_bends)
+limit_lengths = jax.jit(kinematics.limit_lengths)
 gradient_of_configurations = jax.jit(jax.jacobian(kinematics.configurations_from_bends))
 gradient_of_bends = jax.jit(jax.jacobian(kinematics.bends_from_configurations))
 
@@ -129,22 +129,22 @@ def test_a_batch_of_bends_is_its_members_one_by_one(batch):
 
 def test_bends_beyond_their_limits_are_shortened_and_the_others_left_alone():
     bends = np.array([[3.0, 4.0], [0.3, -0.4], [0.0, 0.0]])
-    np.testing.assert_allclose(limit_bends(bends, np.array([1.0, 1.0, 1.0])), [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]])
+    np.testing.assert_allclose(limit_lengths(bends, np.array([1.0, 1.0, 1.0])), [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]])
 
 
 def test_every_module_has_its_own_limit():
     bends = np.tile(np.array([0.0, 2.0]), (2, 3, 1))
-    limited = limit_bends(bends, np.array([0.5, 1.0, 3.0]))
+    limited = limit_lengths(bends, np.array([0.5, 1.0, 3.0]))
     np.testing.assert_allclose(limited[..., 1], np.tile([0.5, 1.0, 2.0], (2, 1)), rtol=1e-6)
 
 
 @quick
 @given(st.floats(0, 6.0), directions(), st.floats(0.02, 2.6))
 def test_limited_bends_keep_their_direction_and_their_limit(angle, direction, limit):
-    limited = np.asarray(limit_bends(in_single(bend(angle, direction)), in_single(limit)))
+    limited = np.asarray(limit_lengths(in_single(bend(angle, direction)), in_single(limit)))
     np.testing.assert_allclose(limited, bend(min(angle, limit), direction), atol=2e-6)
 
 
 def test_the_gradient_of_a_limited_bend_is_finite_at_zero():
-    gradient = jax.jit(jax.jacobian(kinematics.limit_bends))(np.zeros(2), np.array(0.5))
+    gradient = jax.jit(jax.jacobian(kinematics.limit_lengths))(np.zeros(2), np.array(0.5))
     np.testing.assert_array_equal(gradient, np.eye(2))

@@ -46,7 +46,9 @@ def synthetic(arm, gains) -> Recording:
     cables = np.asarray(PCC.of(arm).actions(jnp.asarray(bends, jnp.float32)), float)
     true = jnp.asarray(bends * np.asarray(gains)[:, None], jnp.float32)
     states = np.asarray(states_from_bends(true, jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)))
-    return Recording(arm, {}, np.zeros((2, 30)), cables, cables, states, np.asarray(configurations_from_bends(true)))
+    return Recording(
+        arm, {"episodes": 2}, np.zeros((2, 30)), cables, cables, states, np.asarray(configurations_from_bends(true))
+    )
 
 
 def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
@@ -124,6 +126,12 @@ def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
         one, two = (strategy.step(rest, goal) for strategy in (plain, fitted))
     assert np.abs(one).max() > 1e-3
     np.testing.assert_allclose(two, one / 0.8, atol=1e-6)
+
+
+def test_gains_are_not_fitted_to_a_recording_cut_short(twin):
+    """Staged babbling cut short knows only its first stages."""
+    with pytest.raises(RecordingError, match="2 of 18 episodes"):
+        fitted_gains(replace(synthetic(twin, [1.0] * 3), options={"episodes": 18}))
 
 
 def test_gains_cannot_be_fitted_without_true_states(twin):

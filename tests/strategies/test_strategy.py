@@ -20,7 +20,7 @@ REST = Goal.of(3)
 @pytest.fixture(scope="module")
 def trained(tiny_networks, tiny_recipe):
     """The strategy of the paper with tiny networks."""
-    return s2c2a_strategy(tiny_networks, tiny_recipe)
+    return s2c2a_strategy(tiny_networks)
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +114,20 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(trained, twin
     assert np.linalg.norm(trained.sensed - robot.read().configurations, axis=-1).max() > 0.02
 
 
+def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
+    fresh, reading = s2c2a_strategy(tiny_networks), SimulatedRobot(twin).open()
+    with pytest.raises(StrategyError, match="not started"):
+        fresh.step(reading, REST)
+    with pytest.raises(StrategyError, match="not started"):
+        _ = fresh.planned
+
+
+def test_training_on_a_recording_cut_short_is_refused(recording, tiny_recipe):
+    short: Recording = replace(recording, options=recording.options | {"episodes": 18})
+    with pytest.raises(RecordingError, match="6 of 18 episodes"):
+        train_s2c2a(short, tiny_recipe, seed=0)
+
+
 def test_training_without_true_states_is_refused(recording, tiny_recipe):
     blind: Recording = replace(recording, states=np.full_like(recording.states, np.nan))
     with pytest.raises(RecordingError, match="lacks true states"):
@@ -122,7 +136,7 @@ def test_training_without_true_states_is_refused(recording, tiny_recipe):
 
 def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
     told = []
-    train_s2c2a(recording, tiny_recipe, seed=0, progress=lambda *what: told.append(what[:3]))
+    train_s2c2a(recording, tiny_recipe, seed=7, progress=lambda *what: told.append(what[:3]))
     assert told == [("C2S", 6, 12), ("C2S", 12, 12), ("C2A", 6, 12), ("C2A", 12, 12)]
 
 

@@ -27,7 +27,7 @@ def forward_split(recording, sensed):
 
 @pytest.fixture(scope="module")
 def control_split(recording, sensed):
-    return controller_samples(sensed, recording.actions)
+    return controller_samples(sensed, recording.actions, np.zeros((3, 3)))
 
 
 def test_training_lowers_both_losses_of_both_networks(tiny_networks):
@@ -94,7 +94,7 @@ def test_noise_on_the_history_is_used_in_training_and_nowhere_else(control_split
 
 
 def test_the_same_key_trains_the_same_network_and_another_key_another(tiny_networks, tiny_recipe, forward_split):
-    key = jax.random.split(jax.random.key(0))[0]
+    key = jax.random.split(jax.random.key(7))[0]
     again, other = (train_c2s(forward_split, tiny_recipe.c2s, tiny_recipe.c2s_fit, k) for k in (key, KEY))
     np.testing.assert_array_equal(again.curve, tiny_networks.curves["C2S"])
     assert again.percent == tiny_networks.percent["C2S"]
@@ -105,6 +105,6 @@ def test_too_few_samples_are_refused(recording, sensed, tiny_recipe):
     few = forward_samples(sensed[:1, :60], recording.states[:1, :60])
     with pytest.raises(TrainingError, match="42 training samples"):
         train_c2s(few, tiny_recipe.c2s, FitOptions(), KEY)
-    few = controller_samples(sensed[:1, :60], recording.actions[:1, :60])
+    few = controller_samples(sensed[:1, :60], recording.actions[:1, :60], np.zeros((3, 3)))
     with pytest.raises(TrainingError, match="41 training samples"):
         train_c2a(few, recording.arm, tiny_recipe.c2a, 0.05, FitOptions(), KEY)

@@ -104,7 +104,8 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
     if differing:
         writer.close()
         raise RecordingError(
-            f"{path} was begun otherwise ({'; '.join(differing)}); resume it as begun, or say overwrite"
+            f"{path} was begun with another arm or other options ({'; '.join(differing)}); "
+            "resume it as begun, or say overwrite"
         )
     return writer
 

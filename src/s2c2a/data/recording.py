@@ -155,12 +155,16 @@ def _opened(path: str | os.PathLike, mode: str = "r") -> h5py.File:
             f"{path} cannot be read as HDF5 ({error}); it is cut off, damaged, or no recording: collect it anew"
         ) from error
     try:
-        sound = {"committed", *UNITS} <= set(file) and file.attrs.get("schema") == SCHEMA and "arm" in file.attrs
-    except (OSError, RuntimeError, KeyError):
-        sound = False
-    if not sound:
+        missing = sorted({"committed", *UNITS} - set(file)) + [name for name in ("arm",) if name not in file.attrs]
+        schema = file.attrs.get("schema")
+    except (OSError, RuntimeError, KeyError) as error:
         file.close()
-        raise DamagedRecordingError(f"{path} is no recording of schema {SCHEMA}, or damaged; collect it anew")
+        raise DamagedRecordingError(f"{path} is damaged inside ({error}); collect it anew") from error
+    if missing or schema != SCHEMA:
+        file.close()
+        raise DamagedRecordingError(
+            f"{path} is not a recording of schema {SCHEMA} (schema {schema}, missing {missing})"
+        )
     return file
 
 

@@ -50,7 +50,8 @@ def configurations_from_states(states: Float[Array, "*batch modules 6"]) -> Floa
     rotation = jnp.broadcast_to(jnp.eye(3), (*axes.shape[:-2], 3, 3))
     configurations = []
     for module in range(axes.shape[-2]):
-        configurations.append(_rotate(jnp.swapaxes(rotation, -1, -2), axes[..., module, :]))
+        axis = _rotate(jnp.swapaxes(rotation, -1, -2), axes[..., module, :])
+        configurations.append(axis / jnp.linalg.norm(axis, axis=-1, keepdims=True))
         rotation = rotation @ _rotations_to(configurations[-1])
     return jnp.stack(configurations, axis=-2)
 

@@ -89,9 +89,9 @@ class Goal(NamedTuple):
         Raises:
             TargetError: too many, or not finite numbers of these shapes.
         """
-        centres, thresholds = _numbers(centres, "obstacle centres"), _numbers(thresholds, "obstacle thresholds")
+        centres, thresholds = _numbers(centres, "obstacles"), _numbers(thresholds, "thresholds of obstacles")
         count = thresholds.size
-        if thresholds.shape != (count,) or centres.size != 3 * count or count > MOST_OBSTACLES:
+        if thresholds.shape != (count,) or centres.shape not in ((count, 3), (0,)) or count > MOST_OBSTACLES:
             raise TargetError(
                 f"obstacles of shape {centres.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centres "
                 f"and n thresholds, n at most {MOST_OBSTACLES}"
@@ -110,16 +110,19 @@ def _numbers(values, name: str) -> np.ndarray:
     try:
         numbers = np.asarray(values, np.float32)
     except (TypeError, ValueError) as error:
-        raise TargetError(f"the {name} must be numbers, got {values!r}; the arm was not moved") from error
+        raise TargetError(f"{name} must be numbers, got {values!r}; the arm was not moved") from error
     if not np.isfinite(numbers).all():
-        raise TargetError(f"the {name} must be finite, got {values!r}; the arm was not moved")
+        raise TargetError(f"{name} must be finite, got {values!r}; the arm was not moved")
     return numbers
 
 
 def _vector(values, name: str) -> Float[np.ndarray, "3"]:
-    vector = _numbers(values, name)
-    if vector.shape != (3,):
-        raise TargetError(f"the {name} must be three numbers, got {values!r}; the arm was not moved")
+    try:
+        vector = np.asarray(values, np.float32)
+    except (TypeError, ValueError):
+        vector = np.empty(0, np.float32)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise TargetError(f"the {name} must be three finite numbers, got {values!r}; the arm was not moved")
     return vector
 
 

@@ -74,7 +74,7 @@ def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> Traine
     """
     arrays, metadata = _read(path)
     try:
-        trained_for = arm_from_toml(metadata.arm, "its arm")
+        trained_for = arm_from_toml(metadata.arm, f"arm in {path}")
         recipe = TypeAdapter(Recipe).validate_python(metadata.recipe)
     except (ArmError, ValidationError) as error:
         raise StrategyError(f"{path} is damaged: {error}; train it anew") from error
