@@ -84,6 +84,20 @@ def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
     assert "modules.1.cable_angles_deg.1: Input should be a finite number" in fault
 
 
+@pytest.mark.parametrize("path", ["modules.0.length", "motor.noise_ticks", "control_rate", "modules.1.cable.stiffness"])
+@pytest.mark.parametrize("value", ["0.2", "many", True])
+def test_text_and_truth_are_no_numbers(path, value):
+    fault = fault_in(with_value(TWIN, path, value))
+    assert f"  {path}: " in fault
+    assert "a number is needed" in fault
+
+
+@pytest.mark.parametrize("matrix", [[[1.0, 0.0], [0.0, 1.0]], [[1.0] * 3, [1.0] * 3], [[1.0] * 3, [1.0] * 3, [1.0]]])
+def test_a_sensing_coupling_that_is_not_square_over_the_modules_is_refused(matrix):
+    fault = fault_in(with_value(TWIN, "sensing_coupling", matrix))
+    assert "one row and one column for each of the 3 modules" in fault
+
+
 @pytest.mark.parametrize("angles", [[0.0, 180.0], [40.0 * cable for cable in range(9)], []])
 def test_only_three_to_eight_cables_are_allowed(angles):
     assert "modules.1.cable_angles_deg: Tuple should have at" in fault_in(

@@ -37,6 +37,8 @@ def modules(draw, cables: int, tension: bool):
 def arms(draw):
     tension, cables = draw(st.booleans()), draw(st.integers(3, 8))
     speeds = between(0.001, 5000 if tension else 5)
+    row = tuple(draw(st.lists(modules(cables, tension), min_size=1, max_size=4)))
+    coupling = st.lists(between(-1, 1), min_size=len(row), max_size=len(row)).map(lambda numbers: (numbers,) * len(row))
     return ArmSpec(
         name=draw(st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")),
         description=draw(st.text(max_size=40)),
@@ -46,7 +48,8 @@ def arms(draw):
         gravity_direction=draw(st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])),
         control_rate=draw(between(0.5, 1000)),
         motor=draw(st.builds(Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24))),
-        modules=tuple(draw(st.lists(modules(cables, tension), min_size=1, max_size=4))),
+        sensing_coupling=draw(maybe(coupling)),
+        modules=row,
     )
 
 
@@ -97,6 +100,11 @@ def test_a_file_is_overwritten_when_asked(tmp_path):
     assert load_arm(path) == load_arm("twin_arm")
 
 
+def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
+    with pytest.raises(ArmError, match=r"mine\.toml cannot be written"):
+        save_arm(load_arm("twin_arm"), tmp_path / "nowhere" / "mine.toml")
+
+
 def test_a_missing_file_lists_the_presets(tmp_path):
     with pytest.raises(ArmError, match=r"nowhere\.toml") as caught:
         load_arm(tmp_path / "nowhere.toml")
@@ -126,3 +134,18 @@ def test_an_empty_file_says_what_is_missing():
     with pytest.raises(ArmError) as caught:
         arm_from_toml("", source="empty.toml")
     assert all(f"{key}: Field required" in str(caught.value) for key in ("name", "actuation", "modules"))
+
+
+def test_arms_that_differ_in_name_alone_are_the_same_body():
+    arm = load_arm("twin_arm")
+    renamed = arm.model_copy(update={"name": "other", "description": "copied"})
+    assert renamed != arm
+    assert renamed.same_body(arm)
+    assert renamed.differences(arm) == []
+
+
+def test_arms_say_in_which_keys_they_differ():
+    arm = load_arm("twin_arm")
+    other = arm.model_copy(update={"control_rate": 20.0, "modules": arm.modules[:2]})
+    assert not arm.same_body(other)
+    assert arm.differences(other) == ["control_rate", "modules"]

@@ -208,6 +208,16 @@ def test_c2a_takes_any_module_count(modules):
     assert np.isfinite(actions).all()
 
 
+def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
+    model, wanted = a_c2a(TWIN), numbers(15, 2, 3)
+    short = TWIN.model_copy(update={"modules": TWIN.modules[1:]})
+    moved = model.for_arm(short)
+    assert moved.network is model.network
+    assert moved.configuration_scaling is model.configuration_scaling
+    actions = run(moved, wanted, a_history(3, modules=2))
+    assert moved.sum_and_range.actions(actions).shape == (2, 3)
+
+
 def test_training_cannot_move_the_scalings():
     model, wanted, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
     gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(m(wanted, history) ** 2)))(model)

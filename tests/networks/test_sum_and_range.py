@@ -165,3 +165,10 @@ def test_a_batch_through_the_layer_is_its_members_one_by_one(cables):
     raw = np.random.default_rng(1).normal(size=(2, 3, 1, cables)).astype(np.float32)
     alone = [_apply(layer, one) for one in raw.reshape(-1, 1, cables)]
     np.testing.assert_allclose(_apply(layer, raw).reshape(-1, 1, cables), alone, atol=1e-6)
+
+
+def test_limited_actions_are_what_the_arm_will_be_sent():
+    """With 12 N around 20 N a normalised 1 is 15 N, so 0.8 is the limit."""
+    layer = SumAndRange.of(arm_of(even(4), "tension"))
+    limited = layer.limited(np.array([[1.0, -1.0, 0.5, -0.79]], np.float32))
+    np.testing.assert_allclose(limited, [[0.8, -0.8, 0.5, -0.79]], atol=1e-6)

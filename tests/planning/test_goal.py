@@ -33,11 +33,6 @@ def test_obstacles_fill_the_first_places_and_replace_the_last_ones():
     assert goal.obstacle_weight == 2.0
 
 
-def test_no_obstacles_are_obstacles_too():
-    goal = Goal.of(3).with_obstacles(np.zeros((0, 3)), [])
-    assert not goal.thresholds.any()
-
-
 def test_changing_a_goal_leaves_the_old_one_as_it_was():
     goal = Goal.of(3)
     goal.with_position([1, 2, 3]).with_axis([1, 0, 0]).with_obstacles([[1, 1, 1]], [0.1])
@@ -54,7 +49,40 @@ def test_goals_of_one_arm_never_change_their_shapes_or_types():
     ]
 
 
-@pytest.mark.parametrize("bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [0, 0, 0, 0], 0.5, [[0, 0, 0]]])
+@pytest.mark.parametrize("empty", [[], np.zeros((0, 3))])
+def test_obstacles_can_be_taken_away(empty):
+    goal = Goal.of(3).with_obstacles([[0, 0, 0.5]], [0.1]).with_obstacles(empty, [])
+    assert not goal.thresholds.any()
+
+
+@pytest.mark.parametrize("module", [3, -4, 100])
+def test_a_module_that_the_arm_lacks_is_refused(module):
+    with pytest.raises(TargetError, match=f"no module {module}; this goal is for 3"):
+        Goal.of(3).with_position([0, 0, 0.5], module=module)
+    with pytest.raises(TargetError, match=f"no module {module}; this goal is for 3"):
+        Goal.of(3).with_axis([0, 0, 1], module=module)
+
+
+@pytest.mark.parametrize("weight", [-1.0, np.nan, np.inf, [1.0, 2.0], "heavy"])
+def test_a_weight_that_is_no_finite_number_from_zero_up_is_refused(weight):
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3, change_weight=weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_position([0, 0, 0.5], weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_axis([0, 0, 1], weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_obstacles([[0, 0, 0.5]], [0.1], weight)
+
+
+def test_an_obstacle_of_negative_size_is_refused():
+    with pytest.raises(TargetError, match="must not be negative"):
+        Goal.of(3).with_obstacles([[0, 0, 0.5]], [-0.1])
+
+
+@pytest.mark.parametrize(
+    "bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [0, 0, 0, 0], 0.5, [[0, 0, 0]], "abc", None, [[1], [1, 2]]]
+)
 def test_a_target_that_is_not_three_finite_numbers_is_refused(bad):
     with pytest.raises(TargetError, match="target position must be three finite numbers"):
         Goal.of(3).with_position(bad)
@@ -72,13 +100,15 @@ def test_more_obstacles_than_there_is_room_for_are_refused():
         Goal.of(3).with_obstacles(np.zeros((9, 3)), np.ones(9))
 
 
-@pytest.mark.parametrize(("centres", "thresholds"), [([[0, 0, 1]], [0.1, 0.2]), ([[0, 0]], [0.1]), ([0, 0, 1], [0.1])])
+@pytest.mark.parametrize(
+    ("centres", "thresholds"), [([[0, 0, 1]], [0.1, 0.2]), ([[0, 0]], [0.1]), ([0, 0, 1], [0.1]), ([[0, 0, 1]], 0.1)]
+)
 def test_obstacles_whose_shapes_do_not_fit_are_refused(centres, thresholds):
-    with pytest.raises(TargetError, match=r"give \(n, 3\) centres and n thresholds"):
+    with pytest.raises(TargetError, match=r"give \(n, 3\) centres"):
         Goal.of(3).with_obstacles(centres, thresholds)
 
 
 @pytest.mark.parametrize(("centre", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)])
 def test_obstacles_that_are_not_finite_are_refused(centre, threshold):
-    with pytest.raises(TargetError, match="obstacles must be finite"):
+    with pytest.raises(TargetError, match="must be finite"):
         Goal.of(3).with_obstacles([centre], [threshold])

@@ -170,6 +170,14 @@ def test_an_obstacle_out_of_the_way_changes_nothing(paper_planner):
     np.testing.assert_array_equal(drive(paper_planner, [goal] * 20), drive(paper_planner, [far] * 20))
 
 
+def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(paper_planner):
+    sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
+    spoilt = sound._replace(positions=np.full((3, 3), np.nan, np.float32))
+    planned = drive(paper_planner, [sound] * 3 + [spoilt] * 2 + [sound] * 3)
+    np.testing.assert_array_equal(planned[3:6], np.repeat(planned[3:4], 3, axis=0))
+    np.testing.assert_array_equal(planned[5:], drive(paper_planner, [sound] * 6)[3:])
+
+
 def test_the_same_goals_make_the_same_plan(paper_planner):
     goals = wild_goals(3, 40)
     np.testing.assert_array_equal(drive(paper_planner, goals), drive(paper_planner, goals))

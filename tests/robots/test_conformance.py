@@ -39,6 +39,11 @@ class _ReadsLongAxes(_Faulty):
         return replace(super().read(), states=2.0 * super().states())
 
 
+class _ReadsFlatConfigurations(_Faulty):
+    def read(self):
+        return replace(super().read(), configurations=super().configurations().ravel())
+
+
 class _ReportsAnotherAction(_Faulty):
     def send(self, action):
         return super().send(action) + 0.001
@@ -77,6 +82,7 @@ FAULTS = {
     _ReadsNaN: "not finite",
     _ReadsStatesWithoutAxes: "states has shape",
     _ReadsLongAxes: "end axes",
+    _ReadsFlatConfigurations: "configurations",
     _ReportsAnotherAction: "returned another",
     _ReportsNothing: "send",
     _ClockStandsStill: "two control steps took",
@@ -98,6 +104,14 @@ def test_a_robot_that_breaks_a_promise_is_named_and_closed(kind, fault, twin):
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
     assert robot.closed == 1
+
+
+def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
+    class Rounding(SimulatedRobot):
+        def send(self, action):
+            return 1e-4 * np.round(super().send(action) / 1e-4)
+
+    check_robot(Rounding(twin))
 
 
 def test_a_robot_that_nothing_watches_is_fine(twin):

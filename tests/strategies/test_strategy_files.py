@@ -1,6 +1,8 @@
 """Strategy files: round trips, arms they were not trained for, and every way of being damaged."""
 
 import json
+import subprocess
+import sys
 
 import equinox as eqx
 import jax
@@ -12,7 +14,7 @@ from safetensors.numpy import load_file, save_file
 from s2c2a.arm import Cable
 from s2c2a.errors import StrategyError
 from s2c2a.networks import History
-from s2c2a.strategies import load_strategy, recipe_named, save_strategy
+from s2c2a.strategies import load_strategy, save_strategy
 
 
 def outputs(networks, seed=0) -> list[np.ndarray]:
@@ -44,25 +46,25 @@ def rewrite(strategy_file, tmp_path):
     return write
 
 
-def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(strategy_file, paper_networks, twin):
-    for before, after in zip(outputs(paper_networks), outputs(load_strategy(strategy_file, twin)), strict=True):
+def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(strategy_file, tiny_networks, twin):
+    for before, after in zip(outputs(tiny_networks), outputs(load_strategy(strategy_file, twin)), strict=True):
         np.testing.assert_array_equal(after, before)
 
 
-def test_every_weight_and_scaling_comes_back(strategy_file, paper_networks):
+def test_every_weight_and_scaling_comes_back(strategy_file, tiny_networks):
     loaded = load_strategy(strategy_file)
-    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (paper_networks, loaded))
-    assert len(before) == 52
+    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (tiny_networks, loaded))
+    assert len(before) > 20
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
 
 
-def test_what_is_known_of_the_training_comes_back(strategy_file, paper_networks, twin):
+def test_what_is_known_of_the_training_comes_back(strategy_file, tiny_networks, tiny_recipe, twin):
     loaded = load_strategy(strategy_file)
     assert loaded.arm == twin
-    assert (loaded.recipe, loaded.seed, loaded.percent) == (recipe_named("paper"), 7, paper_networks.percent)
-    assert loaded.curves.keys() == paper_networks.curves.keys()
-    np.testing.assert_array_equal(loaded.curves["C2A"], paper_networks.curves["C2A"])
+    assert (loaded.recipe, loaded.seed, loaded.percent) == (tiny_recipe, 7, tiny_networks.percent)
+    assert loaded.curves.keys() == tiny_networks.curves.keys()
+    np.testing.assert_array_equal(loaded.curves["C2A"], tiny_networks.curves["C2A"])
 
 
 def test_saving_what_was_loaded_writes_the_same_file(strategy_file, tmp_path):
@@ -72,18 +74,24 @@ def test_saving_what_was_loaded_writes_the_same_file(strategy_file, tmp_path):
     assert one[0].keys() == two[0].keys()
 
 
-def test_the_file_appears_whole_and_nothing_is_left_beside_it(paper_networks, tmp_path):
-    save_strategy(paper_networks, tmp_path / "deep" / "one.safetensors")
+def test_the_file_appears_whole_and_nothing_is_left_beside_it(tiny_networks, tmp_path):
+    save_strategy(tiny_networks, tmp_path / "deep" / "one.safetensors")
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["one.safetensors"]
 
 
-def test_the_file_tells_its_schema_version_recipe_options_and_errors(strategy_file):
+def test_a_place_that_cannot_be_written_is_refused(tiny_networks, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(StrategyError, match="cannot be written"):
+        save_strategy(tiny_networks, tmp_path / "file" / "one.safetensors")
+
+
+def test_the_file_tells_its_schema_version_recipe_and_errors(strategy_file, tiny_networks):
     _, metadata = contents(strategy_file)
     assert metadata["schema_version"] == 1
     assert metadata["version"]
-    assert metadata["recipe"]["c2s"] == {"layers": 4, "hidden": 64}
+    assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", {"layers": 1, "hidden": 8})
     assert metadata["recipe"]["planner"]["iterations"] == 10
-    assert metadata["percent"]["C2S"] == [2.5, 1.25]
+    assert metadata["percent"]["C2S"] == list(tiny_networks.percent["C2S"])
 
 
 def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):
@@ -161,9 +169,41 @@ def test_another_schema_is_refused(rewrite):
         load_strategy(rewrite({"schema_version": 2}))
 
 
-def test_an_unknown_recipe_is_refused(rewrite):
+WRONG_RECIPES = {
+    "a word": "soup",
+    "nothing": {},
+    "words for numbers": {"c2s": {"layers": "many", "hidden": 8}},
+    "no layer": {"c2s": {"layers": 0, "hidden": 8}},
+    "no hidden state": {"c2s": {"layers": 1, "hidden": 0}},
+    "fewer than none": {"c2a": {"layers": 1, "hidden": -8}},
+    "no iteration": {"planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}},
+    "no number": {"planner": {"learning_rate": "fast", "iterations": 10, "on_sphere": True}},
+}
+
+
+@pytest.mark.parametrize("recipe", WRONG_RECIPES.values(), ids=WRONG_RECIPES)
+def test_an_impossible_recipe_is_refused(rewrite, strategy_file, recipe):
+    known = contents(strategy_file)[1]["recipe"] if recipe else {}
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite({"recipe": "soup"}))
+        load_strategy(rewrite({"recipe": known | recipe if isinstance(recipe, dict) else recipe}))
+
+
+def test_networks_larger_than_any_machine_holds_are_refused_and_not_built(rewrite, strategy_file):
+    """In a process of its own, since running out of memory ends it."""
+    huge = contents(strategy_file)[1]["recipe"] | {"c2s": {"layers": 4, "hidden": 10**9}}
+    load = "import sys; from s2c2a.strategies import load_strategy; load_strategy(sys.argv[1])"
+    path = rewrite({"recipe": huge})
+    done = subprocess.run([sys.executable, "-c", load, str(path)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "StrategyError" in done.stderr.splitlines()[-1]
+
+
+def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, tiny_networks):
+    """A file cannot make a controller speak other cables than its arm has."""
+    forged = {"[1].sum_and_range.high": np.full((3, 3), 9.0, np.float32), "[1].sum_and_range.unit": np.ones((3, 1))}
+    loaded, layer = load_strategy(rewrite(**forged)), tiny_networks.c2a.sum_and_range
+    np.testing.assert_array_equal(loaded.c2a.sum_and_range.high, layer.high)
+    np.testing.assert_array_equal(loaded.c2a.sum_and_range.unit, layer.unit)
 
 
 @pytest.mark.parametrize("name", ["[0].network.bias_head", "[1].network.layers[0][1].weight_hidden"])
@@ -176,6 +216,11 @@ def test_a_missing_array_is_refused_by_name(rewrite, name):
 def test_an_array_of_another_shape_is_refused(rewrite):
     with pytest.raises(StrategyError, match=r"bias_head of shape \(6,\)"):
         load_strategy(rewrite(**{"[0].network.bias_head": np.zeros(7, np.float32)}))
+
+
+def test_an_array_of_other_numbers_is_refused(rewrite):
+    with pytest.raises(StrategyError, match="bias_head"):
+        load_strategy(rewrite(**{"[0].network.bias_head": np.zeros(6, np.int32)}))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -167,11 +167,27 @@ def test_after_a_blow_up_every_step_says_so_until_the_robot_is_opened_again(brok
 
 
 def test_after_a_blow_up_no_reading_holds_nan(broken):
-    robot, _ = broken
+    robot, good = broken
     with pytest.raises(SimulationError):
         robot.send(np.zeros((3, 3)))
-    with pytest.raises(SimulationError):
+    with pytest.raises(SimulationError) as caught:
         robot.read()
+    np.testing.assert_array_equal(caught.value.last_states, good)
+
+
+def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(make_arm):
+    opened = {}
+    for play in (0.0, 0.001):
+        arm = make_arm(2, 3, {"cable": Cable(stiffness=1e4, play=play), "bending_stiffness": 0.3})
+        for seed in (0, 1):
+            robot = SimulatedRobot(arm, seed=seed, jitter=0.1)
+            opened[play, seed] = robot.open().states
+            robot.send(np.zeros((2, 3)))
+            np.testing.assert_allclose(robot.states(), opened[play, seed], atol=1e-4)
+    straight = [[0, 0, 0.2, 0, 0, 1], [0, 0, 0.4, 0, 0, 1]]
+    np.testing.assert_allclose(opened[0.0, 0], straight, atol=1e-4)
+    assert np.linalg.norm(opened[0.001, 0] - straight) > 1e-3
+    assert np.linalg.norm(opened[0.001, 0] - opened[0.001, 1]) > 1e-3
 
 
 def test_an_arm_too_soft_for_its_cables_blows_up_loudly(make_arm, tmp_path, monkeypatch):

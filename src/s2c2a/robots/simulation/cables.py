@@ -31,7 +31,6 @@ class CableTransmission:
         self._creep = np.array([cable.creep for cable in cables])[:, column]
         self._creep_time = np.array([cable.creep_time for cable in cables])[:, column]
         self.transmitted, self.crept = start.copy(), np.zeros_like(start)
-        self._position = start.copy()  # where the motors were
 
     def pass_on(self, path: CablePath, times: np.ndarray, tensions: np.ndarray, bend_angles: np.ndarray) -> CablePath:
         """What the modules feel while the motors go along `path`.
@@ -50,12 +49,11 @@ class CableTransmission:
         return felt
 
     def _creep_along(self, path: CablePath, times: np.ndarray) -> CablePath:
-        """Let the material get used to the path, straight between physics steps; returns how far it has."""
+        """Let the material get used to the path, physics step by physics step; returns how far it has."""
         share = 1.0 - np.exp(-np.diff(times, prepend=0.0)[:, None, None] / self._creep_time)
         crept = np.empty_like(path)
         for step, position in enumerate(path):
-            middle, self._position = (self._position + position) / 2, position
-            self.crept = self.crept + share[step] * (self._creep * middle - self.crept)
+            self.crept = self.crept + share[step] * (self._creep * position - self.crept)
             crept[step] = self.crept
         return crept
 
