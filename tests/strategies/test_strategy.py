@@ -12,6 +12,7 @@ from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.planning import Goal, PlannerOptions
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.sensing import estimator_for
 from s2c2a.strategies import RECIPES, pcc_strategy, recipe_named, s2c2a_strategy, train_s2c2a
 
 REST = Goal.of(3)
@@ -106,12 +107,13 @@ def test_the_controller_remembers_its_actions(trained, twin):
 
 def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(trained, twin):
     robot = SimulatedRobot(twin)
-    reading = robot.open()
-    trained.start(reading)
+    trained.start(robot.open())
     for _ in range(8):
         robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
-    trained.step(robot.read(), REST)
-    assert np.linalg.norm(trained.sensed - robot.read().configurations, axis=-1).max() > 0.02
+    reading = robot.read()
+    trained.step(reading, REST)
+    np.testing.assert_allclose(trained.sensed, estimator_for(twin)(reading.cables, None), atol=1e-6)
+    assert np.linalg.norm(trained.sensed - reading.configurations, axis=-1).max() > 0.02
 
 
 def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):

@@ -5,6 +5,7 @@ says how many episodes are whole, and readers look no further.
 """
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,7 +103,8 @@ class RecordingWriter:
                 _lay_out(file, arm, options)
             os.replace(partial, path)
         except OSError as error:
-            partial.unlink(missing_ok=True)
+            with suppress(OSError):
+                partial.unlink()
             raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
         return cls(path)
 

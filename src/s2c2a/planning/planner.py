@@ -9,12 +9,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import TargetError
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.forward_model import Memory
 from s2c2a.planning.goal import Goal, Numbers
 from s2c2a.planning.losses import norm
 from s2c2a.planning.objective import objective
 from s2c2a.planning.solver import solve
+
+MOST_ITERATIONS = 10_000
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,14 @@ class PlannerOptions:
     learning_rate: float = 0.02
     iterations: int = 10
     on_sphere: bool = True
+
+    def __post_init__(self):
+        """Refuse what cannot be solved."""
+        if not (self.learning_rate > 0 and 1 <= self.iterations <= MOST_ITERATIONS):
+            raise TargetError(
+                f"a planner with learning rate {self.learning_rate} and {self.iterations} iterations was asked for; "
+                f"take a positive rate and 1 to {MOST_ITERATIONS} iterations"
+            )
 
 
 class Plan(NamedTuple):

@@ -6,6 +6,7 @@ description, so a file cannot make a controller speak other cables than its arm 
 
 import json
 import os
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from safetensors.numpy import save_file
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
-from s2c2a.errors import ArmError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.networks import C2A, C2S
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.s2c2a import TrainedNetworks
@@ -62,7 +63,8 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         save_file(arrays, partial, metadata={"s2c2a": metadata.model_dump_json()})
         os.replace(partial, path)
     except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink()
         raise StrategyError(f"{path} cannot be written: {error}; choose another place") from error
 
 
@@ -76,7 +78,7 @@ def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> Traine
     try:
         trained_for = arm_from_toml(metadata.arm, f"arm in {path}")
         recipe = TypeAdapter(Recipe).validate_python(metadata.recipe)
-    except (ArmError, ValidationError) as error:
+    except (S2C2AError, ValidationError) as error:
         raise StrategyError(f"{path} is damaged: {error}; train it anew") from error
     if arm is not None and not arm.same_body(trained_for):
         raise StrategyError(

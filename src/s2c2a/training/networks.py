@@ -10,9 +10,12 @@ from jaxtyping import Array, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
+from s2c2a.errors import TrainingError
 from s2c2a.networks import C2A, C2S, History, Scaling
 from s2c2a.training.errors import full_ranges, percent_error
 from s2c2a.training.fit import FitOptions, FitResult, Network, Progress, fit
+
+MOST_LAYERS, MOST_HIDDEN = 32, 4096
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,14 @@ class NetworkSize:
 
     layers: int
     hidden: int
+
+    def __post_init__(self):
+        """Refuse what cannot be built."""
+        if not (1 <= self.layers <= MOST_LAYERS and 1 <= self.hidden <= MOST_HIDDEN):
+            raise TrainingError(
+                f"a network of {self.layers} layers and {self.hidden} hidden states was asked for; take 1 to "
+                f"{MOST_LAYERS} layers and 1 to {MOST_HIDDEN} hidden states"
+            )
 
 
 @dataclass(frozen=True)
