@@ -2,12 +2,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check format setup clean
+.PHONY: demo test check format setup browser clean
 
 demo: setup  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
 
-test: check  ## style, types, imports, tests
+test: check browser  ## style, types, imports, tests
 	$(BIN)/python -m pytest
 
 check: setup  ## style, types, imports
@@ -21,6 +21,11 @@ format: setup
 	$(BIN)/ruff check --fix .
 
 setup: .venv/ready
+
+browser:  ## what the tests of the replay page need; they are skipped without it, and say so
+	@command -v chromium > /dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
+		apt-get update -q && apt-get install -y -q --no-install-recommends chromium; } || \
+		echo "no Chromium here, and no right to install it: the tests of the replay page will be skipped"
 
 .venv/ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
