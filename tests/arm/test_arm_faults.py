@@ -44,7 +44,7 @@ def test_the_unchanged_descriptions_are_arms():
 @pytest.mark.parametrize("path", ["modules.0.lenth", "modules.2.cable.stifness", "motor.pully_radius", "gravity"])
 def test_an_unknown_key_is_named_with_its_path(path):
     fault = fault_in(with_value(TWIN, path, 0.2))
-    assert f"{path}: Extra inputs are not permitted" in fault
+    assert f"{path}: no such key" in fault
     assert fault.startswith("my_arm.toml")
 
 
@@ -151,7 +151,7 @@ def test_an_arm_may_hang_lie_or_float(direction):
 
 
 def test_cables_further_out_than_the_module_is_long_are_refused():
-    assert "modules.0: Value error, cable_radius" in fault_in(with_value(TWIN, "modules.0.cable_radius", 0.25))
+    assert "modules.0: cable_radius" in fault_in(with_value(TWIN, "modules.0.cable_radius", 0.25))
 
 
 def test_a_motor_speed_in_millimetres_is_refused_on_a_displacement_arm():

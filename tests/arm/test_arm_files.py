@@ -133,7 +133,7 @@ def test_a_file_that_is_not_text_is_refused(tmp_path):
 def test_an_empty_file_says_what_is_missing():
     with pytest.raises(ArmError) as caught:
         arm_from_toml("", source="empty.toml")
-    assert all(f"{key}: Field required" in str(caught.value) for key in ("name", "actuation", "modules"))
+    assert all(f"{key}: this key is missing" in str(caught.value) for key in ("name", "actuation", "modules"))
 
 
 def test_arms_that_differ_in_name_alone_are_the_same_body():

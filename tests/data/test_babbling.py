@@ -84,7 +84,9 @@ def test_eighteen_episodes_are_six_a_stage(twin):
 @pytest.mark.parametrize("babbling", BABBLING)
 @pytest.mark.parametrize("episode", range(6))
 def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode):
-    assert np.ptp(shares(make_arm(1), babbling, episode)) > 0.5
+    asked = shares(make_arm(1), babbling, episode)
+    assert asked.shape == (SAMPLES, 1, 2)
+    assert np.ptp(asked) > 0.5
 
 
 def test_an_episode_is_the_same_whichever_were_made_before(twin):

@@ -246,18 +246,19 @@ collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOp
 
 
 def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twin, tmp_path):
-    path, random, episodes = tmp_path / "killed.h5", np.random.default_rng(0), []
+    path, random, episodes = tmp_path / "killed.h5", np.random.default_rng(0), [0]
     for _ in range(3):
         running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
-        running.stdout.readline()  # laid out, and the first episodes under way
-        time.sleep(random.uniform(0.0, 0.08))
+        for _ in range(random.integers(2, 9)):
+            running.stdout.readline()
+        time.sleep(random.uniform(0.0, 0.03))
         os.kill(running.pid, signal.SIGKILL)
         running.communicate()
         assert running.returncode == -signal.SIGKILL
         with h5py.File(path) as file:
             episodes.append(int(file["committed"][()]))
-    assert episodes == sorted(episodes)
-    assert 0 <= episodes[0] < 60
+    assert np.min(np.diff(episodes)) > 0
+    assert episodes[-1] < 60
     options = CollectOptions(episodes=60, samples=40)
     whole, resumed = (
         collect(tmp_path / name, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, resume=True)

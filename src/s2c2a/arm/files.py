@@ -2,13 +2,14 @@
 
 import os
 import tomllib
+from difflib import get_close_matches
 from pathlib import Path
 
 import tomli_w
 from pydantic import ValidationError
 
 from s2c2a.arm.presets import preset_names, preset_text
-from s2c2a.arm.spec import ArmSpec
+from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError
 
 
@@ -68,15 +69,32 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
 
 def _explain(error: ValidationError, source: str) -> str:
     """One line a fault: path of the key, what is allowed, what was got."""
-    lines = [f"{source}: {error.error_count()} fault(s) in the arm description"]
-    for fault in error.errors(include_url=False):
+    faults = error.errors(include_url=False)
+    inside = any(len(fault["loc"]) > 1 and fault["loc"][0] == "modules" for fault in faults)
+    # where every module is faulty, pydantic adds that none is left: true, and no help
+    faults = [fault for fault in faults if not (inside and fault["loc"] == ("modules",))]
+    lines = [f"{source}: {len(faults)} fault(s) in the arm description (modules count from 0, at the base)"]
+    for fault in faults:
         key = ".".join(str(part) for part in fault["loc"]) or "arm"
-        lines.append(f"  {key}: {fault['msg']}{_got(fault)}{_hint(fault)}")
+        lines.append(f"  {key}: {_said(fault)}{_got(fault)}{_hint(fault)}")
     return "\n".join(lines)
 
 
+def _said(fault) -> str:
+    if fault["type"] == "extra_forbidden":
+        near = get_close_matches(str(fault["loc"][-1]), _known_keys(), n=1)
+        return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
+    if fault["type"] == "missing":
+        return "this key is missing"
+    return fault["msg"].removeprefix("Value error, ")
+
+
+def _known_keys() -> list[str]:
+    return [name for kind in (ArmSpec, Module, Motor, Cable) for name in kind.model_fields]
+
+
 def _got(fault) -> str:
-    simple = isinstance(fault["input"], str | int | float | bool | list | tuple)
+    simple = isinstance(fault["input"], int | float | bool | list | tuple) and fault["type"] != "value_error"
     return f" (got {fault['input']!r})" if simple else ""
 
 
@@ -84,4 +102,6 @@ def _hint(fault) -> str:
     """Guess a slip of units where a number misses its range."""
     if fault["type"] not in ("greater_than_equal", "less_than_equal") or not fault["input"]:
         return ""
-    return "; values are in SI units (m, kg, N, s), keys ending in _deg in degrees: is it off by a factor of 1000?"
+    if str(fault["loc"][-1]).endswith("_deg"):
+        return "; this key is in degrees"
+    return "; values are in SI units (m, kg, N, s, Hz): is it off by a factor of 1000?"

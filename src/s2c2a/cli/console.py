@@ -16,7 +16,7 @@ FidelityName = Literal["fast", "accurate"]
 RecipeName = Literal["paper"]
 WIDTH_IN_FILES = 120
 
-File = tyro.conf.Positional[str]
+File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 
 
 @contextmanager

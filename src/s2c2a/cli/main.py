@@ -35,5 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a: {error}; check the path and its permissions", file=sys.stderr)
         sys.exit(FAULT)
     except KeyboardInterrupt:
-        print("\ns2c2a: interrupted; what was whole is kept", file=sys.stderr)
+        print(
+            "\ns2c2a: interrupted; what was whole is kept, and `collect --resume` goes on from there", file=sys.stderr
+        )
         sys.exit(INTERRUPTED)

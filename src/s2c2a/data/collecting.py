@@ -92,9 +92,7 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
     if not path.exists() or overwrite:
         return RecordingWriter.create(path, arm, options)
     if not resume:
-        raise RecordingError(
-            f"{path} exists; say resume to go on with it, overwrite to begin anew, or take another name"
-        )
+        raise RecordingError(f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name")
     writer = RecordingWriter(path)
     begun_arm, begun = writer.arm_and_options()
     differing = [

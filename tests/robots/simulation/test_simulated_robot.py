@@ -211,6 +211,7 @@ def test_a_reading_is_a_value_that_later_steps_do_not_change(twin):
     robot = SimulatedRobot(twin)
     reading = robot.open()
     kept = replace(reading, cables=reading.cables.copy(), states=reading.states.copy())
-    robot.send(ArmGeometry.of(twin).action_high)
+    robot.send(ArmGeometry.of(twin).action_high * np.array([-1, 0.5, 0.5]))
+    assert np.abs(robot.read().states - kept.states).max() > 0.01
     np.testing.assert_array_equal(reading.states, kept.states)
     np.testing.assert_array_equal(reading.cables, kept.cables)
