@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, Module
+from s2c2a.errors import TargetError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, states_from_configurations
 from s2c2a.planning import Goal, Planner, PlannerOptions
 
@@ -104,6 +105,12 @@ def test_an_axis_is_reached_too(fine_planner):
     goal = Goal.of(3, change_weight=0.0).with_axis(wanted)
     planned = drive(fine_planner, [goal] * 100)
     assert angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], wanted) < 0.5
+
+
+@pytest.mark.parametrize("options", [{"learning_rate": 0.0}, {"learning_rate": np.nan}, {"iterations": 0}])
+def test_options_that_cannot_plan_are_refused(options):
+    with pytest.raises(TargetError, match="take a positive rate and 1 to"):
+        PlannerOptions(**options)
 
 
 def test_nothing_asked_nothing_moves(paper_planner):

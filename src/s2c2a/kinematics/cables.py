@@ -46,7 +46,7 @@ class PCC(eqx.Module):
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
     def bends(self, actions: Float[Array | np.ndarray, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
-        """Bends [rad] that actions [m or N] hold; common motion of a module's cables drops out."""
+        """Bends [rad] that actions [m or N] hold; common motion of evenly spread cables drops out."""
         return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
 
     def actions(self, bends: Float[Array, "*batch modules 2"]) -> Float[Array, "*batch modules cables"]:
