@@ -93,7 +93,7 @@ def test_where_nothing_watches_states_are_nan(gather):
 
 
 class _Torn(SimulatedRobot):
-    """A robot that counts its kind's openings and closings and fails in the second episode, some steps from rest."""
+    """A robot that counts its kind's openings and closings; the second one opened fails some steps from rest."""
 
     opened: list
     closed: list
@@ -107,7 +107,7 @@ class _Torn(SimulatedRobot):
         self.closed.append(self)
 
     def send(self, action):
-        if len(self.opened) == 2 and self is self.opened[1] and self.data.time > 0.45:
+        if self.opened[1:2] == [self] and self.data.time > 0.45:
             raise OSError("cable torn")
         return super().send(action)
 
