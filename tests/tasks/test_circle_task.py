@@ -3,7 +3,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import TASKS, circle, task_named
+from s2c2a.tasks import TASKS, Task, circle, task_named
 
 TWIN = load_arm("twin_arm")
 
@@ -120,3 +120,8 @@ def test_an_unknown_task_lists_the_known_ones():
     with pytest.raises(TargetError, match="no task 'square'") as caught:
         task_named("square", TWIN)
     assert all(name in str(caught.value) for name in TASKS)
+
+
+def test_a_task_without_goals_is_refused():
+    with pytest.raises(TargetError, match="no goals"):
+        Task("nothing", ())

@@ -172,3 +172,11 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     broken = {**TRAINING, "targets": np.full((128, 2), bad, np.float32)}
     with pytest.raises(TrainingError, match="not finite"):
         fitted(training=broken)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"epochs_per_call": 0}, {"most_epochs": 0}, {"batch_size": 0}, {"learning_rate": -1.0}]
+)
+def test_options_that_cannot_train_are_refused(wrong):
+    with pytest.raises(TrainingError, match="at least 1"):
+        FitOptions(**wrong)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 
 
@@ -19,6 +20,11 @@ class Task:
 
     name: str
     goals: tuple[Goal, ...]
+
+    def __post_init__(self):
+        """Refuse a task that asks for nothing."""
+        if not self.goals:
+            raise TargetError(f"the task '{self.name}' has no goals; give one for every control step")
 
     def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted module ends [m], base frame; NaN where nothing is asked."""

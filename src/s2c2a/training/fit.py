@@ -37,6 +37,12 @@ class FitOptions:
     patience: int = 15
     epochs_per_call: int = 5
 
+    def __post_init__(self):
+        """Refuse what cannot be trained with."""
+        counts = (self.batch_size, self.most_epochs, self.patience, self.epochs_per_call)
+        if min(counts) < 1 or not self.learning_rate >= 0:
+            raise TrainingError(f"{self} asked for; every count must be at least 1, the rate not negative")
+
 
 @dataclass(frozen=True)
 class FitResult(Generic[Network]):
