@@ -1,4 +1,4 @@
-"""From recordings to samples for the two networks, split by stretches of time."""
+"""From recordings to samples for the networks, split by stretches of time."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -68,12 +68,45 @@ def controller_samples(
     No window crosses the border of an episode or a stretch. Before an episode the arm was at rest: its first
     configuration and the neutral action stand in, as they do when a controller starts.
     """
+    return Split(*(_windows(*pair) for pair in _from_rest(configurations, actions, neutral)))
+
+
+def lstm_samples(
+    positions: Float[np.ndarray, "episodes samples 3"],
+    actions: Float[np.ndarray, "episodes samples modules cables"],
+    neutral: Float[np.ndarray, "modules cables"],
+) -> Split:
+    """Samples for the LSTM (Chen et al. 2025, sec. IV-A2): p_{t+1}; p_{t-4} to p_t; A_{t-5} to A_{t-1} in, A_t out.
+
+    Its sequence is time, so histories have the oldest moment first. Borders and starts as in `controller_samples`.
+
+    Args:
+        positions: of the tip [m], base frame.
+        actions: as really sent [m or N].
+        neutral: the action at rest [m or N].
+    """
+    return Split(*(_tip_windows(*pair) for pair in _from_rest(positions, actions, neutral)))
+
+
+def _from_rest(sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What was sensed and sent in every stretch, rest put before the first one."""
     rest = np.broadcast_to(neutral, (len(actions), ACTION_HISTORY, *neutral.shape))
+    still = np.repeat(sensed[:, :1], ACTION_HISTORY, axis=1)
     first, *later = stretches(actions.shape[1])
-    before = [np.concatenate([rest, actions[:, first]], axis=1), *(actions[:, part] for part in later)]
-    still = np.repeat(configurations[:, :1], ACTION_HISTORY, axis=1)
-    sensed = [np.concatenate([still, configurations[:, first]], axis=1), *(configurations[:, part] for part in later)]
-    return Split(*(_windows(*pair) for pair in zip(sensed, before, strict=True)))
+    beginning = np.concatenate([still, sensed[:, first]], axis=1), np.concatenate([rest, actions[:, first]], axis=1)
+    return [beginning, *((sensed[:, part], actions[:, part]) for part in later)]
+
+
+def _tip_windows(positions: np.ndarray, actions: np.ndarray) -> Samples:
+    """All windows with a whole history behind them and one position after them."""
+    steps = np.arange(ACTION_HISTORY, positions.shape[1] - 1)
+    ages = range(ACTION_HISTORY - 1, -1, -1)
+    inputs = {
+        "wanted": positions[:, steps + 1],
+        "positions": np.stack([positions[:, steps - age] for age in ages], axis=2),
+        "actions": np.stack([actions[:, steps - age - 1] for age in ages], axis=2),
+    }
+    return Samples({name: _merge(values) for name, values in inputs.items()}, _merge(actions[:, steps]))
 
 
 def _windows(configurations: np.ndarray, actions: np.ndarray) -> Samples:

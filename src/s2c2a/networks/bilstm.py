@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 
-class _Direction(eqx.Module):
+class Direction(eqx.Module):
     """One LSTM layer in one direction; gates in the order input, forget, cell, output."""
 
     weight_input: Float[Array, "features gates"]
@@ -21,7 +21,7 @@ class _Direction(eqx.Module):
         self.bias = jax.random.uniform(keys[2], (4 * hidden,), minval=-bound, maxval=bound)
 
     def __call__(self, inputs: Float[Array, "*batch modules features"], reverse: bool) -> Array:
-        """Outputs in the order of the inputs, shape (*batch, modules, hidden)."""
+        """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
         driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
         order = range(inputs.shape[-2])
         outputs = {}
@@ -53,7 +53,7 @@ class BiLSTM(eqx.Module):
         (3, 6)
     """
 
-    layers: list[tuple[_Direction, _Direction]]
+    layers: list[tuple[Direction, Direction]]
     weight_head: Float[Array, "both_hidden outputs"]
     bias_head: Float[Array, " outputs"]
 
@@ -70,7 +70,7 @@ class BiLSTM(eqx.Module):
         head_key, *keys = jax.random.split(key, 2 * layers + 1)
         widths = [features] + [2 * hidden] * (layers - 1)
         self.layers = [
-            (_Direction(width, hidden, keys[2 * layer]), _Direction(width, hidden, keys[2 * layer + 1]))
+            (Direction(width, hidden, keys[2 * layer]), Direction(width, hidden, keys[2 * layer + 1]))
             for layer, width in enumerate(widths)
         ]
         bound = (2 * hidden) ** -0.5

@@ -39,7 +39,7 @@ class Trained(Generic[Network]):
     """A trained network.
 
     Attributes:
-        network: C2S or C2A.
+        network: C2S, C2A or TipLSTM.
         curve: rows of epoch, training loss, validation loss.
         percent: mean and standard deviation of the held-out error, in percent of full range.
     """
@@ -80,8 +80,8 @@ def train_c2s(
         error = model.predict(batch["configurations"], ()) - batch["targets"]
         return jnp.mean((error / jax.lax.stop_gradient(model.state_scaling.half_range)) ** 2)
 
-    result = fit(model, loss, _batch(split.training), _batch(split.validation), options, fit_key, progress)
-    return _evaluated(result, lambda model, batch: model.predict(batch["configurations"], ()), split)
+    result = fit(model, loss, batch_of(split.training), batch_of(split.validation), options, fit_key, progress)
+    return evaluated(result, lambda model, batch: model.predict(batch["configurations"], ()), split)
 
 
 def train_c2a(
@@ -121,8 +121,8 @@ def train_c2a(
         predicted = model(batch["wanted"], History(batch["configurations"], actions))
         return jnp.mean((predicted - batch["targets"]) ** 2)
 
-    result = fit(model, loss, _batch(scaled.training), _batch(scaled.validation), options, fit_key, progress)
-    return _evaluated(result, lambda m, b: m(b["wanted"], History(b["configurations"], b["actions"])), scaled)
+    result = fit(model, loss, batch_of(scaled.training), batch_of(scaled.validation), options, fit_key, progress)
+    return evaluated(result, lambda m, b: m(b["wanted"], History(b["configurations"], b["actions"])), scaled)
 
 
 def _normalised(samples: Samples, layer) -> Samples:
@@ -132,12 +132,14 @@ def _normalised(samples: Samples, layer) -> Samples:
     return Samples(inputs, np.asarray(layer.normalised(samples.targets)))
 
 
-def _batch(samples: Samples) -> dict[str, Array]:
+def batch_of(samples: Samples) -> dict[str, Array]:
+    """Inputs and targets together, as the training loop takes them."""
     return {name: jnp.asarray(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
 
 
-def _evaluated(result: FitResult[Network], predict, split: Split) -> Trained[Network]:
-    predicted = np.asarray(jax.jit(predict)(result.network, _batch(split.test)))
+def evaluated(result: FitResult[Network], predict, split: Split) -> Trained[Network]:
+    """A trained network with its held-out error; `predict` maps (network, batch) to what compares with the targets."""
+    predicted = np.asarray(jax.jit(predict)(result.network, batch_of(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
     percent = percent_error(predicted, split.test.targets, full_ranges(np.concatenate(targets)))
     return Trained(result.network, result.curve, percent)

@@ -1,0 +1,230 @@
+"""The data-driven comparison of the paper: an LSTM from tip positions to actions, without a plan.
+
+It reads true states, so it works only where something outside watches the arm: simulation or motion capture.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.data import Recording
+from s2c2a.data.windows import lstm_samples
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.kinematics import configurations_from_states, limit_lengths
+from s2c2a.networks.lstm import TipHistory, TipLSTM
+from s2c2a.networks.sum_and_range import HEADROOM
+from s2c2a.planning import Goal
+from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Configurations, Reading
+from s2c2a.training import FitOptions
+from s2c2a.training.fit import Progress
+from s2c2a.training.lstm import train_lstm
+from s2c2a.training.networks import NetworkSize
+
+
+@dataclass(frozen=True)
+class LSTMOptions:
+    """How the LSTM is trained; the defaults are the best in closed loop on the circle with `simulated_arm`.
+
+    Attributes:
+        size: of the network.
+        fit: how it is trained.
+        history_noise: on past actions in training, normalised.
+    """
+
+    size: NetworkSize = field(default_factory=lambda: NetworkSize(layers=1, hidden=64))
+    fit: FitOptions = field(default_factory=FitOptions)
+    history_noise: float = 0.2
+
+
+@dataclass(frozen=True)
+class TrainedLSTM:
+    """The LSTM of an arm and how it came about.
+
+    Attributes:
+        arm: what it was trained for.
+        options: how it was trained.
+        seed: of the training.
+        network: from tip positions to actions.
+        percent: mean and standard deviation of the held-out error [% of full range].
+        curve: rows of epoch, training loss, validation loss.
+    """
+
+    arm: ArmSpec
+    options: LSTMOptions
+    seed: int
+    network: TipLSTM
+    percent: tuple[float, float]
+    curve: np.ndarray
+
+
+def train_lstm_strategy(
+    recording: Recording, options: LSTMOptions, seed: int, progress: Progress = lambda *_: None
+) -> TrainedLSTM:
+    """Train the LSTM on a recording, on the same stretches of it as the networks of the paper.
+
+    Args:
+        recording: with true states.
+        options: size and training.
+        seed: of everything random.
+        progress: told epoch, most epochs, validation loss.
+
+    Raises:
+        RecordingError: episodes are missing or too short, or the recording holds no true states.
+        TrainingError: too few samples, or the loss is not finite.
+    """
+    recording.check_complete()
+    positions = recording.states[:, :, -1, POSITION]
+    if not np.isfinite(positions).all():
+        raise RecordingError("this recording lacks true states, which the LSTM reads; record with motion capture on")
+    arm = recording.arm
+    split = lstm_samples(positions, recording.actions, ArmGeometry.of(arm).action_neutral)
+    key = jax.random.key(seed)
+    trained = train_lstm(split, arm, options.size, options.history_noise, options.fit, key, progress)
+    return TrainedLSTM(arm, options, seed, trained.network, trained.percent, trained.curve)
+
+
+class LSTMStrategy:
+    """A trained LSTM at work; it has the doors of `Strategy`.
+
+    It hears a goal's wanted tip position and nothing else of it. The bends that its actions stand for change by at
+    most the arm's step limit, as every plan does. Nothing compiles after it is built.
+
+    Attributes:
+        name: "lstm".
+        arm: the arm that it drives.
+        sensed: the latest configuration, as the true states tell it, shape (modules, 3).
+        planned: the same, since it plans none.
+    """
+
+    name = "lstm"
+
+    def __init__(self, trained: TrainedLSTM):
+        """Compile for the arm that the LSTM was trained for."""
+        self.arm = trained.arm
+        policy = _Policy.of(trained)
+        self._begin = jax.jit(lambda tip: policy.start(tip))
+        self._act = jax.jit(lambda tip, wanted, memory: policy.act(tip, wanted, memory))
+        self._sense = jax.jit(configurations_from_states)
+        self._memory: _Memory | None = None
+        self._warm_up()
+
+    def start(self, reading: Reading) -> None:
+        """Begin from an arm at rest.
+
+        Raises:
+            StrategyError: the reading holds no true states.
+        """
+        states = _states(reading)
+        self._sensed = self._sense(states)
+        self._memory = self._begin(states[-1, POSITION])
+
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """The action of one control step.
+
+        Args:
+            reading: the latest, with true states.
+            goal: with the wanted tip position after the action.
+
+        Raises:
+            StrategyError: it was not started, the reading holds no true states, or the goal no tip position.
+
+        Returns:
+            Displacements [m] or tensions [N], shape (modules, cables).
+        """
+        if self._memory is None:
+            raise StrategyError("this strategy was not started; call start(reading) with the arm at rest first")
+        states, wanted = _states(reading), _wanted_tip(goal)
+        self._sensed = self._sense(states)
+        action, self._memory = self._act(states[-1, POSITION], wanted, self._memory)
+        return np.asarray(action, dtype=np.float64)
+
+    @property
+    def sensed(self) -> Configurations:
+        """The latest configuration, shape (modules, 3)."""
+        if self._memory is None:
+            raise StrategyError("this strategy was not started; it has sensed nothing yet")
+        return np.asarray(self._sensed)
+
+    @property
+    def planned(self) -> Configurations:
+        """What was sensed, shape (modules, 3): the LSTM plans no configuration."""
+        return self.sensed
+
+    def _warm_up(self) -> None:
+        heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
+        states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
+        reading = Reading(0.0, np.zeros((self.arm.module_count, self.arm.cable_count)), states)
+        self.start(reading)
+        self.step(reading, Goal.of(self.arm.module_count).with_position(states[-1, POSITION]))
+        self._memory = None
+
+
+class _Memory(NamedTuple):
+    """What is carried from step to step: the past, and the bends [rad] that the last action stands for."""
+
+    history: TipHistory
+    bends: Float[Array, "modules 2"]
+
+
+class _Policy(eqx.Module):
+    """From tip positions to actions, no faster than the arm's step limit.
+
+    Attributes:
+        network: the trained LSTM.
+        bend_units: bend [rad] that a normalised action of one on the bend directions stands for, shape (modules, 1).
+        longest_step: largest change of a module's bend in one step [rad].
+    """
+
+    network: TipLSTM
+    bend_units: Float[Array, "modules 1"]
+    longest_step: float
+
+    @classmethod
+    def of(cls, trained: TrainedLSTM) -> "_Policy":
+        units = HEADROOM * ArmGeometry.of(trained.arm).bend_limits[:, None]
+        longest_step = float(np.deg2rad(trained.arm.step_limit_deg))
+        return cls(trained.network, jnp.asarray(units, dtype=jnp.float32), longest_step)
+
+    def start(self, tip: Float[Array, "3"]) -> _Memory:
+        """A history of rest, as before every episode of the training data."""
+        neutral = self.network.sum_and_range.neutral
+        history = TipHistory(jnp.tile(tip, (ACTION_HISTORY, 1)), jnp.zeros((ACTION_HISTORY, *neutral.shape)))
+        return _Memory(history, jnp.zeros((len(neutral), 2)))
+
+    def act(self, tip: Float[Array, "3"], wanted: Float[Array, "3"], memory: _Memory) -> tuple[Array, _Memory]:
+        """The action [m or N], shape (modules, cables), and the memory after it."""
+        layer = self.network.sum_and_range
+        history = TipHistory(_push(memory.history.positions, tip), memory.history.actions)
+        change = self._bends(self.network.unlimited(wanted, history)) - memory.bends
+        bends = memory.bends + limit_lengths(change, self.longest_step)
+        action = layer.limited(jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units))
+        return layer.actions(action), _Memory(TipHistory(history.positions, _push(history.actions, action)), bends)
+
+    def _bends(self, normalised: Float[Array, "modules cables"]) -> Float[Array, "modules 2"]:
+        """Bends [rad] that normalised actions stand for."""
+        return jnp.einsum("mkc,mc->mk", self.network.sum_and_range.pseudo_inverses, normalised) * self.bend_units
+
+
+def _push(history: Float[Array, "moments *features"], newest: Float[Array, "*features"]) -> Array:
+    return jnp.concatenate([history[1:], newest[None]])
+
+
+def _states(reading: Reading) -> np.ndarray:
+    """True states, refused where the tip is not watched."""
+    if reading.states is None or not np.isfinite(reading.states[-1, POSITION]).all():
+        raise StrategyError("the LSTM reads true states and this reading holds none of the tip; have the arm watched")
+    return np.asarray(reading.states, np.float32)
+
+
+def _wanted_tip(goal: Goal) -> np.ndarray:
+    """The wanted tip position [m], refused where none is asked for."""
+    wanted = np.asarray(goal.positions[-1], np.float32)
+    if not (goal.position_weights[-1] > 0 and np.isfinite(wanted).all()):
+        raise StrategyError("the LSTM follows tip positions and this goal holds none; add one with `with_position`")
+    return wanted

@@ -1,0 +1,126 @@
+"""Files of the LSTM: round trips, arms and strategies that they are not of, and damage."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+from s2c2a.errors import StrategyError
+from s2c2a.networks.lstm import TipHistory
+from s2c2a.strategies import load_strategy
+from s2c2a.strategies.lstm import LSTMOptions, train_lstm_strategy
+from s2c2a.strategies.lstm_files import load_lstm, save_lstm
+from s2c2a.training import FitOptions
+from s2c2a.training.networks import NetworkSize
+
+
+@pytest.fixture(scope="module")
+def trained(recording):
+    return train_lstm_strategy(recording, LSTMOptions(NetworkSize(2, 8), FitOptions(most_epochs=5), 0.1), seed=3)
+
+
+@pytest.fixture(scope="module")
+def file(trained, tmp_path_factory):
+    path = tmp_path_factory.mktemp("lstm") / "deep" / "twin.safetensors"
+    save_lstm(trained, path)
+    return path
+
+
+@pytest.fixture
+def rewrite(file, tmp_path):
+    """Writes the file anew with other metadata or arrays; its path."""
+
+    def write(metadata: dict | None = None, without: tuple = (), **arrays):
+        with safe_open(file, framework="numpy") as opened:
+            known = json.loads(opened.metadata()["s2c2a-lstm"])
+        kept = {name: value for name, value in (load_file(file) | arrays).items() if name not in without}
+        save_file(kept, tmp_path / "changed", metadata={"s2c2a-lstm": json.dumps(known | (metadata or {}))})
+        return tmp_path / "changed"
+
+    return write
+
+
+def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
+    random = np.random.default_rng(0)
+    wanted, *past = (random.normal(size=(4, *shape)).astype(np.float32) for shape in ((3,), (5, 3), (5, 3, 3)))
+    before, after = (network(wanted, TipHistory(*past)) for network in (trained.network, load_lstm(file, twin).network))
+    np.testing.assert_array_equal(after, before)
+
+
+def test_everything_comes_back(file, trained):
+    loaded = load_lstm(file)
+    assert (loaded.arm, loaded.options, loaded.seed) == (trained.arm, trained.options, trained.seed)
+    assert loaded.percent == trained.percent
+    np.testing.assert_array_equal(loaded.curve, trained.curve)
+    before, after = (jax.tree.leaves(one.network) for one in (trained, loaded))
+    for one, two in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_the_file_appears_whole_and_nothing_is_left_beside_it(file):
+    assert [path.name for path in file.parent.iterdir()] == ["twin.safetensors"]
+
+
+def test_an_lstm_of_another_arm_is_refused_and_the_difference_named(file, twin):
+    other = twin.model_copy(update={"name": "other", "control_rate": 20.0})
+    with pytest.raises(StrategyError, match=r"'twin_arm'.*'other' in control_rate;"):
+        load_lstm(file, other)
+
+
+def test_files_of_the_papers_strategy_and_of_the_lstm_are_not_mixed_up(file, strategy_file):
+    with pytest.raises(StrategyError, match="no strategy file"):
+        load_lstm(strategy_file)
+    with pytest.raises(StrategyError, match="no strategy file"):
+        load_strategy(file)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.1, 0.999])
+def test_a_file_that_is_cut_off_is_refused(file, tmp_path, part):
+    whole = file.read_bytes()
+    (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(StrategyError, match="damaged"):
+        load_lstm(tmp_path / "cut")
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(StrategyError, match="no strategy at"):
+        load_lstm(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("name", [".network.bias_head", ".network.layers[1].weight_hidden", ".position_scaling.centre"])
+def test_a_missing_array_is_refused_by_name(rewrite, name):
+    with pytest.raises(StrategyError) as caught:
+        load_lstm(rewrite(without=(name,)))
+    assert name in str(caught.value)
+
+
+def test_weights_that_are_not_finite_are_refused(rewrite):
+    with pytest.raises(StrategyError, match="bias_head"):
+        load_lstm(rewrite(**{".network.bias_head": np.full(9, np.nan, np.float32)}))
+
+
+WRONG = {
+    "schema": ({"schema_version": 2}, "schema 2"),
+    "size": ({"recipe": {"size": {"layers": 0, "hidden": 8}}}, "damaged"),
+    "percent": ({"percent": {}}, "damaged"),
+    "arm": ({"arm": "name ="}, "damaged"),
+}
+
+
+@pytest.mark.parametrize(("metadata", "message"), WRONG.values(), ids=WRONG)
+def test_metadata_that_cannot_be_are_refused(rewrite, metadata, message):
+    with pytest.raises(StrategyError, match=message):
+        load_lstm(rewrite(metadata))
+
+
+def test_a_file_without_its_curve_is_refused(rewrite):
+    with pytest.raises(StrategyError, match="damaged"):
+        load_lstm(rewrite(without=("curve",)))
+
+
+def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
+    loaded = load_lstm(rewrite(**{".sum_and_range.high": np.full((3, 3), 9.0, np.float32)}))
+    np.testing.assert_array_equal(loaded.network.sum_and_range.high, trained.network.sum_and_range.high)

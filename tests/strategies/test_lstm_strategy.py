@@ -1,0 +1,279 @@
+"""The LSTM at work: trained like the networks of the paper, limited like every controller, compiled once."""
+
+import logging
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.data.windows import lstm_samples
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.evaluation import position_errors, rollout
+from s2c2a.networks import SumAndRange
+from s2c2a.networks.lstm import TipHistory, TipLSTM
+from s2c2a.planning import Goal
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Reading
+from s2c2a.strategies.lstm import LSTMOptions, LSTMStrategy, TrainedLSTM, train_lstm_strategy
+from s2c2a.tasks import Task
+from s2c2a.training import FitOptions
+from s2c2a.training.networks import NetworkSize
+
+TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
+FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
+
+
+@pytest.fixture(scope="module")
+def options() -> LSTMOptions:
+    return LSTMOptions(NetworkSize(1, 8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05)
+
+
+@pytest.fixture(scope="module")
+def trained(recording, options) -> TrainedLSTM:
+    """Really trained, on the small recording of the twin, a little."""
+    return train_lstm_strategy(recording, options, seed=7)
+
+
+@pytest.fixture(scope="module")
+def strategy(trained) -> LSTMStrategy:
+    return LSTMStrategy(trained)
+
+
+def untrained(arm, loudness: float = 1.0) -> TrainedLSTM:
+    """A random LSTM of an arm; a loud one asks for full bends at once."""
+    network = TipLSTM.untrained(arm, layers=1, hidden=8, key=jax.random.key(0))
+    network = eqx.tree_at(lambda n: n.network.weight_head, network, loudness * network.network.weight_head)
+    return TrainedLSTM(arm, LSTMOptions(), 0, network, (0.0, 0.0), np.zeros((0, 3)))
+
+
+def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
+    """Actions of a live session and the tips before them."""
+    robot = SimulatedRobot(arm)
+    strategy.start(robot.open())
+    actions, tips = [], []
+    for goal in goals:
+        reading = robot.read()
+        tips.append(reading.states[-1, :3])
+        actions.append(robot.send(strategy.step(reading, goal)))
+    return np.array(actions), np.array(tips)
+
+
+def bends_of(arm, actions) -> np.ndarray:
+    """Bends [deg] that actions stand for: the full bend times the share of it."""
+    geometry = ArmGeometry.of(arm)
+    across = (actions - geometry.action_neutral) / geometry.action_scale[:, None]
+    return np.rad2deg(np.einsum("mkc,tmc->tmk", geometry.bend_matrices, across) * geometry.bend_limits[:, None])
+
+
+def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
+    goals = [
+        TARGET,
+        Goal.of(3, 0.1).with_position([0.0, 0.1, 0.5]).with_axis([0, 1, 1]).with_obstacles([[0, 0, 1]], [0.1]),
+    ]
+    with caplog.at_level(logging.WARNING), jax.log_compiles(True):
+        jax.jit(lambda value: 5 * value - 2)(np.float32(2))
+        counted = sum(record.name.startswith("jax") for record in caplog.records)
+        live(strategy, twin, goals * 3)
+        assert strategy.sensed.shape == strategy.planned.shape == (3, 3)
+        assert counted > 0
+        assert sum(record.name.startswith("jax") for record in caplog.records) == counted
+
+
+def test_training_lowers_both_losses(trained):
+    curve = trained.curve
+    np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
+    assert np.all(np.diff(curve[::3, 1]) < 0)
+    assert curve[-1, 2] < 0.5 * curve[0, 2]
+
+
+def answers(trained, samples) -> np.ndarray:
+    """Actions [m or N] of the network, without noise on its history."""
+    layer = trained.network.sum_and_range
+    history = TipHistory(samples.inputs["positions"], layer.normalised(samples.inputs["actions"]))
+    return np.asarray(layer.actions(trained.network(samples.inputs["wanted"], history)))
+
+
+@pytest.fixture(scope="module")
+def split(recording):
+    return lstm_samples(recording.states[:, :, -1, :3], recording.actions, np.zeros((3, 3)))
+
+
+def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
+    targets = np.concatenate([part.targets for part in (split.training, split.validation, split.test)])
+    percent = 100 * np.abs(answers(trained, split.test) - split.test.targets) / np.ptp(targets, axis=0)
+    assert trained.percent == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    assert 0.5 < percent.mean() < 25
+
+
+def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(recording, options, split):
+    """Weights that do not move: against losses computed here without noise, only those of training can differ."""
+    noisy = train_lstm_strategy(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
+    unit = np.asarray(noisy.network.sum_and_range.unit)
+    calm = [
+        np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
+        for samples in (split.training, split.validation)
+    ]
+    assert np.all(np.abs(noisy.curve[:, 1] - calm[0]) > 0.05 * calm[0])
+    np.testing.assert_allclose(noisy.curve[:, 2], calm[1], rtol=1e-4)
+
+
+def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(trained, recording, options):
+    again, other = (train_lstm_strategy(recording, options, seed) for seed in (7, 8))
+    np.testing.assert_array_equal(again.curve, trained.curve)
+    assert other.curve[0, 2] != pytest.approx(trained.curve[0, 2], rel=1e-3)
+
+
+def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
+    wanted = recording.states[:, 1:70, -1, :3].reshape(-1, 3)
+    scaling = trained.network.position_scaling
+    np.testing.assert_allclose(scaling.half_range, np.ptp(wanted, axis=0) / 2, rtol=1e-4)
+    np.testing.assert_allclose(scaling.centre, (wanted.min(axis=0) + wanted.max(axis=0)) / 2, atol=1e-6)
+
+
+def test_training_without_true_states_is_refused(recording, options):
+    blind = replace(recording, states=np.full_like(recording.states, np.nan))
+    with pytest.raises(RecordingError, match="lacks true states"):
+        train_lstm_strategy(blind, options, seed=0)
+
+
+def test_training_on_a_recording_cut_short_is_refused(recording, options):
+    short = replace(recording, options=recording.options | {"episodes": 18})
+    with pytest.raises(RecordingError, match="6 of 18 episodes"):
+        train_lstm_strategy(short, options, seed=0)
+
+
+@pytest.mark.parametrize("body", ["twin", "simulated"])
+def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, request):
+    """A live session as a recording: the network's answers to its windows are the actions that were taken."""
+    arm = request.getfixturevalue(body).model_copy(update={"step_limit_deg": 90.0})
+    quick = untrained(arm)
+    targets = np.cumsum(np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0) + np.array([0.0, 0.0, 0.5])
+    actions, tips = live(LSTMStrategy(quick), arm, [Goal.of(3).with_position(target) for target in targets])
+    samples = lstm_samples(tips[None], actions[None], ArmGeometry.of(arm).action_neutral).training
+    samples.inputs["wanted"] = targets[: len(samples.targets)].astype(np.float32)
+    span = np.ptp(actions, axis=0).max()
+    assert span > 1e-3 * ArmGeometry.of(arm).action_high.max()
+    np.testing.assert_allclose(answers(quick, samples), actions[: len(samples.targets)], atol=1e-3 * span)
+
+
+@pytest.mark.parametrize("body", ["twin", "simulated"])
+def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(body, request):
+    arm = request.getfixturevalue(body)
+    geometry = ArmGeometry.of(arm)
+    actions, _ = live(LSTMStrategy(untrained(arm, loudness=100.0)), arm, [TARGET] * 30)
+    bends = bends_of(arm, np.concatenate([geometry.action_neutral[None], actions]))
+    changes = np.linalg.norm(np.diff(bends, axis=0), axis=-1)
+    assert changes.max() == pytest.approx(arm.step_limit_deg, rel=1e-3)
+    np.testing.assert_allclose(changes[:3], arm.step_limit_deg, rtol=1e-3)
+    assert np.linalg.norm(bends[-1], axis=-1).min() > 0.7 * 50.0
+
+
+def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(make_arm):
+    """Tension of 1 N at rest and 9 N more at full bend: clipping a cable at zero must not halve the bend asked for."""
+    arm = make_arm(2, 4, {"pretension": 1.0, "tension_range": 9.0}, actuation="tension", sensing="true")
+    strategy = LSTMStrategy(untrained(arm, loudness=100.0))
+    reading = Reading(0.0, np.zeros((2, 4)), np.tile([0.0, 0, 0.4, 0, 0, 1], (2, 1)))
+    strategy.start(reading)
+    goal = Goal.of(2).with_position([0.1, 0.1, 0.35])
+    actions = np.array([strategy.step(reading, goal) for _ in range(30)])
+    assert actions.min() == pytest.approx(0.0, abs=1e-5)
+    assert actions.max() <= 10.0 + 1e-5
+    assert actions[-1].max() > 6.0
+
+
+@pytest.mark.parametrize(("modules", "cables"), [(1, 3), (2, 5), (4, 4)])
+def test_it_drives_an_arm_of_any_module_and_cable_count(make_arm, modules, cables):
+    arm = make_arm(modules, cables)
+    goals = [Goal.of(modules).with_position([0.02, 0.0, 0.15])] * 5
+    actions, _ = live(LSTMStrategy(untrained(arm)), arm, goals)
+    assert actions.shape == (5, modules, cables)
+    assert np.isfinite(actions).all()
+
+
+def test_a_run_does_not_depend_on_the_runs_before_it(strategy, twin):
+    first, _ = live(strategy, twin, [TARGET] * 8)
+    live(strategy, twin, [Goal.of(3).with_position([-0.3, 0.0, 0.4])] * 5)
+    np.testing.assert_array_equal(live(strategy, twin, [TARGET] * 8)[0], first)
+
+
+def test_it_hears_the_wanted_tip_and_nothing_else_of_a_goal(strategy, twin):
+    reading = SimulatedRobot(twin).open()
+    more = TARGET.with_axis([1, 0, 1]).with_obstacles([[0.1, 0.0, 0.5]], [0.1]).with_position([0, 0, 0.1], module=0)
+    other = Goal.of(3).with_position([-0.2, 0.0, 0.5])
+    answers = []
+    for goal in (TARGET, more, other):
+        strategy.start(reading)
+        answers.append(strategy.step(reading, goal))
+    np.testing.assert_array_equal(answers[0], answers[1])
+    assert np.abs(answers[0] - answers[2]).max() > 1e-5
+
+
+def test_it_senses_what_is_true_and_plans_what_it_senses(strategy, twin):
+    robot = SimulatedRobot(twin)
+    strategy.start(robot.open())
+    for _ in range(8):
+        robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+    reading = robot.read()
+    strategy.step(reading, TARGET)
+    np.testing.assert_allclose(strategy.sensed, reading.configurations, atol=3e-3)  # states do not tell torsion
+    assert np.abs(strategy.sensed[:, :2]).max() > 0.05
+    np.testing.assert_array_equal(strategy.planned, strategy.sensed)
+
+
+def without_tip(reading: Reading) -> Reading:
+    states = reading.states.copy()
+    states[-1, 1] = np.nan
+    return replace(reading, states=states)
+
+
+@pytest.mark.parametrize("blind", [lambda reading: replace(reading, states=None), without_tip], ids=["none", "nan"])
+def test_a_reading_without_the_true_tip_is_refused_and_changes_nothing(strategy, twin, blind):
+    reading = SimulatedRobot(twin).open()
+    with pytest.raises(StrategyError, match="reads true states"):
+        strategy.start(blind(reading))
+    strategy.start(reading)
+    expected = [strategy.step(reading, TARGET) for _ in range(2)]
+    strategy.start(reading)
+    first = strategy.step(reading, TARGET)
+    with pytest.raises(StrategyError, match="reads true states"):
+        strategy.step(blind(reading), TARGET)
+    np.testing.assert_array_equal([first, strategy.step(reading, TARGET)], expected)
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [Goal.of(3), Goal.of(3).with_axis([0, 0, 1]), TARGET._replace(positions=np.full((3, 3), np.nan))],
+    ids=["nothing", "axis", "nan"],
+)
+def test_a_goal_without_a_tip_position_is_refused(strategy, twin, goal):
+    reading = SimulatedRobot(twin).open()
+    strategy.start(reading)
+    with pytest.raises(StrategyError, match="follows tip positions"):
+        strategy.step(reading, goal)
+
+
+def test_one_that_was_not_started_says_so(trained, twin):
+    fresh, reading = LSTMStrategy(trained), SimulatedRobot(twin).open()
+    with pytest.raises(StrategyError, match="not started"):
+        fresh.step(reading, TARGET)
+    with pytest.raises(StrategyError, match="not started"):
+        _ = fresh.planned
+
+
+def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towards_a_target(strategy, twin):
+    task = Task("hold", (TARGET,) * 40)
+    done = rollout(SimulatedRobot(twin), strategy, task)
+    errors = position_errors(done.states, task.wanted_positions())
+    assert (done.strategy, done.planned.shape) == ("lstm", (40, 3, 3))
+    assert errors[-10:].mean() < 0.8 * errors[0]
+
+
+def test_layers_units_are_those_that_bends_are_counted_in(twin):
+    """A normalised action on one bend direction stands for the headroom times the full bend."""
+    layer, geometry = SumAndRange.of(twin), ArmGeometry.of(twin)
+    action = np.asarray(layer.actions(layer.matrices[..., 0]))
+    degrees = bends_of(twin, action[None])[0, :, 0]
+    np.testing.assert_allclose(degrees, 1.25 * np.rad2deg(geometry.bend_limits), rtol=1e-5)
