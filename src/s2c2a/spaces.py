@@ -26,6 +26,10 @@ CONFIGURATION_HISTORY = 4
 ACTION_HISTORY = 5
 """How many actions C2A looks back on, A_{t-1} to A_{t-5} (the same)."""
 
+CENTRE_LINE_POINTS = 5
+"""Points of each module's centre line that are watched and guarded, evenly spaced, the last one at its end."""
+
+CentreLine = Float[np.ndarray, "moments points 3"]
 States = Float[np.ndarray, "*batch modules 6"]
 Configurations = Float[np.ndarray, "*batch modules 3"]
 Bends = Float[np.ndarray, "*batch modules 2"]
@@ -41,9 +45,12 @@ class Reading:
         cables: what the cheap inner sensors measure, shape (modules, cables): displacement [m] or tension [N].
         states: true states, shape (modules, 6), base frame, or None where nothing outside watches the arm.
         configurations: true configurations, shape (modules, 3), or None as above.
+        centre_line: where the true centre line was since the last reading, base frame [m]: at some moments, the newest
+            last, `CENTRE_LINE_POINTS` points a module from base to tip, shape (moments, points, 3), or None.
     """
 
     time: float
     cables: Actions
     states: States | None = None
     configurations: Configurations | None = None
+    centre_line: CentreLine | None = None

@@ -28,6 +28,8 @@ class Rollout:
         planned: planned configurations, shape (steps, modules, 3).
         actions: as really sent [m or N], shape (steps, modules, cables).
         tick_times: sense, plan and act together [s], shape (steps,).
+        centre_lines: true centre line between control steps too [m], shape (steps, moments, points, 3), or None where
+            nothing watched it.
     """
 
     task: Task
@@ -39,6 +41,7 @@ class Rollout:
     planned: Float[np.ndarray, "steps modules 3"]
     actions: Float[np.ndarray, "steps modules cables"]
     tick_times: Float[np.ndarray, " steps"]
+    centre_lines: Float[np.ndarray, "steps moments points 3"] | None = None
 
 
 def rollout(
@@ -49,7 +52,7 @@ def rollout(
     Raises:
         S2C2AError: the robot tells no true states, so that nothing can be scored.
     """
-    rows = []
+    rows, lines = [], []
     with robot:
         reading = robot.read()
         if reading.states is None or reading.configurations is None:
@@ -64,9 +67,11 @@ def rollout(
             rows.append(
                 (reading.time, reading.states, reading.configurations, strategy.sensed, strategy.planned, sent, took)
             )
+            lines.append(reading.centre_line)
             progress(step + 1, len(task.goals))
         return_to_rest(robot, sent)
-    return Rollout(task, strategy.name, *(np.array(column) for column in zip(*rows, strict=True)))
+    seen = None if any(line is None for line in lines) else np.array(lines)
+    return Rollout(task, strategy.name, *(np.array(column) for column in zip(*rows, strict=True)), seen)
 
 
 def return_to_rest(robot: Robot, action: np.ndarray) -> None:

@@ -2,6 +2,7 @@
 
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.cables import PCC
+from s2c2a.kinematics.centre_line import centre_line
 from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
 from s2c2a.kinematics.forward_model import ForwardModel, PCCForwardModel
 
@@ -10,6 +11,7 @@ __all__ = [
     "ForwardModel",
     "PCCForwardModel",
     "bends_from_configurations",
+    "centre_line",
     "configurations_from_bends",
     "configurations_from_states",
     "limit_lengths",

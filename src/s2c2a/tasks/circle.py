@@ -1,15 +1,23 @@
-"""The circle of the paper's position control (Chen et al. 2025, sec. IV-B), as the protocol fixes it."""
+"""The circle of the paper's position control, and with wanted orientations (Chen et al. 2025, secs. IV-B and IV-C)."""
 
 import numpy as np
-from jaxtyping import Float
-from scipy.optimize import brentq
 
 from s2c2a.arm import ArmSpec
 from s2c2a.planning import Goal
-from s2c2a.tasks.task import Task
+from s2c2a.tasks.paths import PAPER_LENGTH, Path, approach_shares, out_and_around, round_angles, tilted_axes
+from s2c2a.tasks.task import Score, Task
 
-APPROACH_TIME, ROUND_TIME = 4.0, 16.0  # s
-RADIUS, HEIGHT = 0.22 / 0.6, 0.54 / 0.6  # of the arm's length
+RADIUS, HEIGHT = 0.22 / PAPER_LENGTH, 0.54 / PAPER_LENGTH
+
+
+def circle_path(length: float, control_rate: float) -> Path:
+    """Wanted tip positions [m], base frame: out along the arc of equal bends, then once around, anticlockwise.
+
+    Args:
+        length: of the arm [m].
+        control_rate: steps a second [Hz].
+    """
+    return length * out_and_around(RADIUS, HEIGHT, control_rate)
 
 
 def circle(arm: ArmSpec) -> Task:
@@ -19,25 +27,22 @@ def circle(arm: ArmSpec) -> Task:
     return Task("circle", tuple(rest.with_position(position, weight=1.0) for position in path))
 
 
-def circle_path(length: float, control_rate: float) -> Float[np.ndarray, "steps 3"]:
-    """Wanted tip positions [m], base frame: out along the arc of equal bends, then once around, anticlockwise.
+def tilt(arm: ArmSpec, name: str, angle_deg: float, turned_deg: float = 0.0) -> Task:
+    """The circle with the tip tilted from the vertical, radially or turned from it. mu_p = 1, mu_o = 2, mu_d = 0.5.
 
     Args:
-        length: of the arm [m].
-        control_rate: steps a second [Hz].
+        arm: the arm.
+        name: of the task.
+        angle_deg: between the end axis and the vertical once the circle begins; it grows evenly in the approach.
+        turned_deg: anticlockwise, from the radial direction.
     """
-    steps = round(APPROACH_TIME * control_rate)
-    share = np.arange(1, steps + 1) / steps
-    height = np.array([arc_height(RADIUS * part) for part in share])
-    height += (HEIGHT - height[-1]) * share  # the last arc ends near the circle's height; the rest is spread
-    way_out = np.stack([RADIUS * share, np.zeros(steps), height], axis=-1)
-    steps = round(ROUND_TIME * control_rate)
-    angle = 2 * np.pi * np.arange(1, steps + 1) / steps
-    around = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), np.full(steps, HEIGHT)], axis=-1)
-    return length * np.concatenate([way_out, around])
-
-
-def arc_height(reach: float) -> float:
-    """Height of the end of an arc of length one that reaches so far aside."""
-    angle = brentq(lambda f: (1 - np.cos(f)) / f - reach, 1e-9, 2.0)
-    return float(np.sin(angle) / angle)
+    share, angle = approach_shares(arm.control_rate), round_angles(arm.control_rate)
+    tilts = np.deg2rad(angle_deg) * np.concatenate([share, np.ones_like(angle)])
+    azimuths = np.concatenate([np.zeros_like(share), angle]) + np.deg2rad(turned_deg)
+    axes = tilted_axes(tilts, azimuths)
+    goals = zip(circle(arm).goals, axes, strict=True)
+    after_approach = np.arange(len(axes)) >= len(share)
+    scores = (Score("position"), Score("tilt"))
+    if turned_deg:
+        scores = (*scores, Score("azimuth", steps=after_approach))
+    return Task(name, tuple(goal.with_axis(axis, weight=2.0) for goal, axis in goals), scores)

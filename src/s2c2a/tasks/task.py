@@ -1,12 +1,27 @@
-"""A task: one goal for every control step."""
+"""A task: one goal for every control step, and what its runs are scored by."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
+
+
+@dataclass(frozen=True)
+class Score:
+    """One metric of a task (docs/protocol.md).
+
+    Attributes:
+        metric: its name, such as "position".
+        module: whose end is scored.
+        steps: which steps count; all if None.
+    """
+
+    metric: str
+    module: int = -1
+    steps: Bool[np.ndarray, " steps"] | None = None
 
 
 @dataclass(frozen=True)
@@ -16,10 +31,12 @@ class Task:
     Attributes:
         name: the word a user types.
         goals: one for every control step.
+        scores: what a run is scored by.
     """
 
     name: str
     goals: tuple[Goal, ...]
+    scores: tuple[Score, ...] = (Score("position"),)
 
     def __post_init__(self):
         """Refuse a task that asks for nothing."""

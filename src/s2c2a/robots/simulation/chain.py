@@ -9,6 +9,7 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
 from s2c2a.robots.simulation.fidelity import Fidelity
+from s2c2a.spaces import CENTRE_LINE_POINTS
 
 GRAVITY = 9.81  # m/s2
 _ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
@@ -19,7 +20,7 @@ _MOST_TENSION = 1e6  # N
 def build_model(arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0) -> mujoco.MjModel:
     """Compile the model of an arm.
 
-    Sites `base_k` and `end_k` carry the frames of module k; actuator `cable_k_i` pulls cable i of module k.
+    Sites `base_k` and `end_k` carry the frames of module k, sites `centre_...` are points of the centre line; actuator `cable_k_i` pulls cable i of module k.
 
     Args:
         arm: the description.
@@ -66,6 +67,8 @@ def _add_chain(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: f
             _add_joints(body, module, number, segment, fidelity)
             _set_inertia(body, module, half, following, payload if following is None else 0.0)
             _add_cable_sites(body, arm, number, segment + 1, half)
+            if (segment + 1) % (fidelity.segments // CENTRE_LINE_POINTS) == 0:
+                _add_site(body, f"centre_{number}_{segment}", (0, 0, half))
             reached = half
         _add_site(body, f"end_{number}", (0, 0, half))
 

@@ -11,7 +11,7 @@ class Fidelity:
 
     Attributes:
         name: the word a user types.
-        segments: rigid segments a module.
+        segments: rigid segments a module, a multiple of five: five points of each centre line are watched.
         torsion: whether modules can twist about their own axis.
         routed_cables: cables led through points in space (true), or acting on the joints alone (false: faster).
         time_step: largest physics step [s]; shortened so that it divides the control period.

@@ -31,12 +31,21 @@ class SimulatedRobot(Robot):
         payload: mass at the tip [kg].
         jitter: part of the full bend that every module is moved by, in a random direction, before it settles at rest;
             cables with hysteresis then start in another state.
+        watched: whether readings tell the centre line at every physics step; it costs a little time.
 
     Raises:
         S2C2AError: unknown fidelity, impossible payload.
     """
 
-    def __init__(self, arm: ArmSpec, fidelity: str = "fast", seed: int = 0, payload: float = 0.0, jitter: float = 0.0):
+    def __init__(
+        self,
+        arm: ArmSpec,
+        fidelity: str = "fast",
+        seed: int = 0,
+        payload: float = 0.0,
+        jitter: float = 0.0,
+        watched: bool = False,
+    ):
         if not (np.isfinite(payload) and 0 <= payload <= 50):
             raise S2C2AError(f"payload {payload} kg is not between 0 and 50 kg")
         self.arm = arm
@@ -47,6 +56,9 @@ class SimulatedRobot(Robot):
         self._seed, self._jitter = seed, jitter
         self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
         self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
+        self._centre_sites = self._sites_named("centre_")
+        self._watched = watched
+        self._seen: list[np.ndarray] = []
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
         self._motors: Actions
         self._transmission: CableTransmission
@@ -70,7 +82,8 @@ class SimulatedRobot(Robot):
             SimulationError: the simulated arm blew up before; open it again.
         """
         self._check_sane()
-        return Reading(self.data.time, self._measured_cables(), self.states(), self.configurations())
+        line = np.array(self._seen) if self._seen else None
+        return Reading(self.data.time, self._measured_cables(), self.states(), self.configurations(), line)
 
     def send(self, action: Actions) -> Actions:
         """Hold an action for one control step; see `Robot.send`.
@@ -85,10 +98,13 @@ class SimulatedRobot(Robot):
         felt = self._transmission.pass_on(path, self._times, self.tensions(), self._bend_angles())
         self._motors = path[-1]
         self._apply_push()
+        self._seen = []
         for command in felt.reshape(len(felt), -1):
             self.data.ctrl[:] = command
             mujoco.mj_step(self.model, self.data)
+            self._watch()
         mujoco.mj_forward(self.model, self.data)
+        self._watch()
         self._step += 1
         self._check_sane()
         self._last_states = self.states()
@@ -128,6 +144,15 @@ class SimulatedRobot(Robot):
         shares = self._jitter * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         bends = np.einsum("mck,mk->mc", self._geometry.cable_matrices, shares)
         return self._geometry.action_neutral + self._geometry.action_scale[:, None] * bends
+
+    def _sites_named(self, start: str) -> list[int]:
+        names = [self.model.site(number).name for number in range(self.model.nsite)]
+        return [number for number, name in enumerate(names) if name.startswith(start)]
+
+    def _watch(self) -> None:
+        """Remember the centre line; in `mj_step` positions are those of the step's start."""
+        if self._watched:
+            self._seen.append(self.data.site_xpos[self._centre_sites])
 
     def _rest(self) -> None:
         self._random = np.random.default_rng(self._seed)
