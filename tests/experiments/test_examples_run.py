@@ -15,6 +15,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("01_your_own_arm.py", "module 2 ends at"),
         ("02_follow_a_circle.py", "cm from the circle"),
         ("03_a_target_that_moves.py", "its target was at"),
+        ("04_own_task.py", "out of reach"),
     ],
 )
 def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):

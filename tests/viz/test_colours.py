@@ -1,4 +1,4 @@
-from s2c2a.viz.colours import module_colours, trace_colours
+from s2c2a.viz.colours import colours_by_label, module_colours, trace_colours
 
 
 def test_three_modules_are_blue_green_red_and_any_number_gets_as_many_colours():
@@ -17,3 +17,9 @@ def test_a_controller_keeps_its_colour_whatever_it_is_drawn_with():
 def test_unknown_controllers_get_colours_of_their_own():
     colours = trace_colours(["mine", "s2c2a", "yours", "pcc"])
     assert len(set(colours)) == 4
+
+
+def test_a_label_that_comes_again_keeps_its_colour():
+    assert colours_by_label(["mine", "pcc", "mine"]) == dict(
+        zip(["mine", "pcc"], trace_colours(["mine", "pcc"]), strict=True)
+    )

@@ -66,6 +66,13 @@ def test_a_trace_without_a_target_follows_the_last_module(make_trace):
     assert np.isnan(trace.position_errors).all()
 
 
+def test_the_pointing_module_is_the_outermost_whose_axis_is_asked_for(make_trace):
+    wanted = np.full((200, 3, 3), np.nan)
+    assert make_trace(wanted_axes=wanted).pointing_module == 2
+    wanted[5:, :2] = [0.0, 0.0, 1.0]
+    assert make_trace(wanted_axes=wanted).pointing_module == 1
+
+
 def test_traces_of_another_arm_or_none_at_all_are_refused(make_arm, make_trace):
     with pytest.raises(S2C2AError, match="3 modules and arm 'test_arm' has 4"):
         check_same_arm([make_trace()], make_arm(4))

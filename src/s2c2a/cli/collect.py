@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from s2c2a.cli.console import Arm, FidelityName, progress_bar
+from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
 
 
 def collect(
@@ -13,6 +13,7 @@ def collect(
     episodes: int = 18,
     samples: int = 500,
     seed: int = 0,
+    recipe: RecipeName = "best",
     fidelity: FidelityName = "fast",
     threads: int | None = None,
     resume: bool = False,
@@ -27,6 +28,7 @@ def collect(
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
+        recipe: says how fast to babble; train with the same one.
         fidelity: of the simulation.
         threads: episodes side by side; all cores if not stated. The recording is the same.
         resume: go on with a recording that was cut short.
@@ -36,6 +38,7 @@ def collect(
     from s2c2a.data import CollectOptions
     from s2c2a.data import collect as collect_recording
     from s2c2a.robots.simulation import SimulatedRobot
+    from s2c2a.strategies import recipe_named
     from s2c2a.viz import recording_figure
 
     spec = load_arm(arm)
@@ -44,7 +47,7 @@ def collect(
             out,
             spec,
             lambda number: SimulatedRobot(spec, fidelity, number),
-            CollectOptions(babbling, episodes, samples, seed),
+            CollectOptions(babbling, episodes, samples, seed, recipe_named(recipe).speeds),
             body=f"simulation {fidelity}",
             threads=threads,
             resume=resume,

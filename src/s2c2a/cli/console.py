@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from s2c2a.experiments.workshop import Progress
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an arm file")]
-Controller = Literal["s2c2a", "pcc", "pcc-fitted"]
+Controller = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
-RecipeName = Literal["paper"]
+RecipeName = Literal["best", "paper"]
+GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120
 
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]

@@ -3,26 +3,28 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from s2c2a.cli.console import Arm, Controller, FidelityName, File, RecipeName, print_rows, progress_bar
+from s2c2a.cli.console import Arm, Controller, FidelityName, File, GuardName, RecipeName, print_rows, progress_bar
 
 
 def run(
     task: File,
     arm: Arm = "twin_arm",
     controller: tuple[Controller, ...] = ("s2c2a",),
-    recipe: RecipeName = "paper",
+    recipe: RecipeName = "best",
     strategy: Path | None = None,
     seed: int = 0,
     seeds: int = 1,
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
+    guard: GuardName = "tip",
     out: Path | None = None,
     overwrite: bool = False,
 ) -> None:
     """Let controllers work on a task, and show what happened: results, figure, replay page.
 
     Args:
-        task: its name; circle.
+        task: its name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...), or a file of waypoints
+            (columns time, x, y, z and, where wanted, axis_x, axis_y, axis_z, module) ending in .csv.
         arm: a preset or an arm file.
         controller: one or several, compared in one figure.
         recipe: how networks are trained and plans made; a strategy file brings its own.
@@ -32,19 +34,28 @@ def run(
         seeds: how many.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip [kg].
+        guard: what keeps out of obstacles: the tip, or the whole arm.
         out: the run folder; one with the time in its name if not stated.
         overwrite: replace the run folder if it exists.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.experiments.following import checked_seeds, follow, position_rows, workshop_strategies
+    from s2c2a.experiments.following import (
+        Conditions,
+        checked_seeds,
+        follow,
+        score_rows,
+        workshop_strategies,
+    )
     from s2c2a.experiments.run_folder import draw_runs, open_run_folder, save_results
     from s2c2a.experiments.workshop import Workshop
     from s2c2a.robots.simulation import SimulatedRobot
     from s2c2a.strategies import load_strategy, recipe_named
-    from s2c2a.tasks import task_named
+    from s2c2a.tasks import load_waypoints, out_of_reach, task_named
 
     spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
-    task_named(task, spec)
+    asked = task_named(task, spec)
+    for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
+        print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
     SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
     saved = load_strategy(strategy, spec) if strategy else None
     chosen = saved.recipe if saved else recipe_named(recipe)
@@ -54,17 +65,17 @@ def run(
         "controller": controller,
         "recipe": asdict(chosen),
     }
-    options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "strategy": strategy}
-    folder = open_run_folder(out, f"{task}-{spec.name}", options, overwrite)
+    options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "guard": guard, "strategy": strategy}
+    folder = open_run_folder(out, f"{asked.name}-{spec.name}", options, overwrite)
     with progress_bar() as progress:
-        strategies = workshop_strategies(Workshop(progress=progress), spec, chosen, saved)
-        runs = follow(
-            task, spec, controller, numbers, strategies, fidelity=fidelity, payload=payload, progress=progress
-        )
-    rows = position_rows("run", spec, runs, chosen.name, fidelity)
+        strategies = workshop_strategies(Workshop(progress=progress), spec, chosen, saved, guard)
+        under = Conditions(fidelity, payload, guard)
+        runs = follow([task], spec, controller, numbers, strategies, chosen, under, progress=progress)
+    rows = score_rows("run", spec, runs, chosen.name, fidelity)
     save_results(folder, rows, runs)
     figure, page = draw_runs(folder, spec, runs, chosen.name, fidelity)
-    print_rows(f"{task} with {spec.name}", rows)
+    print_rows(f"{asked.name} with {spec.name}", rows)
     for row in rows:
-        print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
+        if row.metric == "position":
+            print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
     print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")

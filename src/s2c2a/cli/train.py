@@ -5,7 +5,7 @@ from pathlib import Path
 from s2c2a.cli.console import File, RecipeName, print_table, progress_bar
 
 
-def train(recording: File, out: Path, recipe: RecipeName = "paper", seed: int = 0, overwrite: bool = False) -> None:
+def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0, overwrite: bool = False) -> None:
     """Train both networks on a recording, and draw their learning curves beside the file.
 
     Args:

@@ -1,13 +1,13 @@
 """Controllers: the learned C2A with its history, and inverse PCC."""
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics import PCC, bends_from_configurations
+from s2c2a.kinematics import PCC, bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.networks import C2A, History
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
@@ -65,6 +65,47 @@ class NetworkController(Controller):
         action = self.network(wanted, history)
         next_history = History(history.configurations, _push(history.actions, action))
         return self.network.sum_and_range.actions(action), next_history
+
+
+class CorrectedMemory(NamedTuple):
+    """What an integral correction carries.
+
+    Attributes:
+        inner: memory of the controller that is corrected.
+        wanted: bends wanted in the last step [rad], shape (modules, 2).
+        offset: added to what is wanted [rad], shape (modules, 2).
+    """
+
+    inner: Memory
+    wanted: Float[Array, "modules 2"]
+    offset: Float[Array, "modules 2"]
+
+
+class CorrectedController(Controller):
+    """Another controller, whose lasting errors are integrated and added to what is wanted of it.
+
+    Attributes:
+        inner: the controller.
+        gain: part of an error that is added in every step.
+        largest: length at which a module's offset stops growing [rad].
+    """
+
+    inner: Controller
+    gain: float
+    largest: float = 0.1
+
+    def start(self, sensed: Float[Array, "modules 3"]) -> CorrectedMemory:
+        """At rest nothing is to be corrected."""
+        bends = bends_from_configurations(sensed)
+        return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
+
+    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: CorrectedMemory):
+        """See `Controller`."""
+        missed = memory.wanted - bends_from_configurations(sensed)
+        offset = limit_lengths(memory.offset + self.gain * missed, self.largest)
+        bends = bends_from_configurations(wanted)
+        action, inner = self.inner.act(configurations_from_bends(bends + offset), sensed, memory.inner)
+        return action, CorrectedMemory(inner, bends, offset)
 
 
 def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:

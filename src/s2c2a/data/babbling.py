@@ -12,7 +12,13 @@ Shares = Float[np.ndarray, "samples modules 2"]
 
 
 def episode_actions(
-    geometry: ArmGeometry, babbling: str, episode: int, episodes: int, samples: int, seed: int
+    geometry: ArmGeometry,
+    babbling: str,
+    episode: int,
+    episodes: int,
+    samples: int,
+    seed: int,
+    speeds: tuple[float, float] = SPEEDS,
 ) -> Float[np.ndarray, "samples modules cables"]:
     """Actions of one episode; each episode has its own random stream, whoever collects it and when.
 
@@ -23,19 +29,22 @@ def episode_actions(
         episodes: how many there are; the stages share them evenly.
         samples: control steps in an episode.
         seed: of the whole recording.
+        speeds: slowest and fastest approach of a bend target, as part of the full bend per step.
 
     Returns:
         Displacements [m] or tensions [N].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
     groups = BABBLING[babbling](len(geometry.lengths), episode / episodes)
-    paths = np.stack([bend_path(samples, random) for _ in range(max(groups) + 1)], axis=1)
+    paths = np.stack([bend_path(samples, random, speeds) for _ in range(max(groups) + 1)], axis=1)
     shares = np.einsum("mck,smk->smc", geometry.cable_matrices, paths[:, groups])
     actions = geometry.action_neutral + geometry.action_scale[:, None] * shares
     return np.clip(actions, geometry.action_low, geometry.action_high)
 
 
-def bend_path(samples: int, random: np.random.Generator) -> Float[np.ndarray, "samples 2"]:
+def bend_path(
+    samples: int, random: np.random.Generator, speeds: tuple[float, float] = SPEEDS
+) -> Float[np.ndarray, "samples 2"]:
     """A random walk in the unit disc: straight lines to uniform targets, each at a speed of its own.
 
     Speeds are mixed, and log-uniform: a controller trained on one speed fails at others (docs/deviations.md).
@@ -43,7 +52,7 @@ def bend_path(samples: int, random: np.random.Generator) -> Float[np.ndarray, "s
     position = np.zeros(2)
     path: list[np.ndarray] = []
     while len(path) < samples:
-        target, speed = disc_point(random), np.exp(random.uniform(*np.log(SPEEDS)))
+        target, speed = disc_point(random), np.exp(random.uniform(*np.log(speeds)))
         steps = max(1, int(np.ceil(np.linalg.norm(target - position) / speed)))
         path.extend(position + (target - position) * np.arange(1, steps + 1)[:, None] / steps)
         position = target

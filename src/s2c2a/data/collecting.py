@@ -10,7 +10,7 @@ import numpy as np
 
 import s2c2a
 from s2c2a.arm import ArmGeometry, ArmSpec, arm_to_toml
-from s2c2a.data.babbling import BABBLING, episode_actions
+from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions
 from s2c2a.data.recording import Recording, RecordingWriter, load_recording
 from s2c2a.errors import RecordingError
 from s2c2a.robots import Robot
@@ -27,12 +27,14 @@ class CollectOptions:
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
+        speeds: slowest and fastest approach of a bend target, as part of the full bend per step.
     """
 
     babbling: str = "staged"
     episodes: int = 18
     samples: int = 500
     seed: int = 0
+    speeds: tuple[float, float] = SPEEDS
 
     def __post_init__(self):
         if self.babbling not in BABBLING:
@@ -41,6 +43,10 @@ class CollectOptions:
             raise RecordingError(f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive")
         if self.seed < 0:
             raise RecordingError(f"seed {self.seed} asked for; it must not be negative")
+        if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
+            raise RecordingError(
+                f"speeds {self.speeds} asked for; they must rise from above 0 to at most 1 bend a step"
+            )
 
 
 def collect(
@@ -75,7 +81,7 @@ def collect(
     if threads is not None and threads < 1:
         raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
     writer = _open_writer(
-        Path(path), arm, asdict(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
+        Path(path), arm, _as_written(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
     )
     try:
         left = range(writer.committed, options.episodes)
@@ -86,6 +92,13 @@ def collect(
     finally:
         writer.close()
     return load_recording(path)
+
+
+def _as_written(options: CollectOptions) -> dict:
+    """Options as they stand in a file: one number or word each."""
+    written = asdict(options)
+    slowest, fastest = written.pop("speeds")
+    return written | {"slowest": slowest, "fastest": fastest}
 
 
 def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool) -> RecordingWriter:
@@ -129,7 +142,7 @@ def _in_order(work: Callable[[int], dict], numbers: range, threads: int | None) 
 
 def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> dict[str, np.ndarray]:
     actions = episode_actions(
-        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed
+        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, options.speeds
     )
     samples = []
     with make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0])) as robot:

@@ -53,11 +53,12 @@ def clearances(
 
     Args:
         points: where the arm was in each step [m].
-        obstacles: centres and thresholds [m].
+        obstacles: centres and thresholds [m]; one whose threshold is zero is not there, and none leave infinite room.
     """
     flat = points.reshape(len(points), -1, 1, 3)
-    distances = np.linalg.norm(flat - obstacles[:, None, :, :3], axis=-1) - obstacles[:, None, :, 3]
-    return 100.0 * distances.min(axis=(1, 2))
+    centres, thresholds = obstacles[:, None, :, :3], obstacles[:, None, :, 3]
+    distances = np.where(thresholds > 0, np.linalg.norm(flat - centres, axis=-1) - thresholds, np.inf)
+    return 100.0 * distances.min(axis=(1, 2), initial=np.inf)
 
 
 def step_lengths(tips: Float[np.ndarray, "steps 3"]) -> PerStep:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 import s2c2a
+from s2c2a.errors import S2C2AError
 
 PACKAGES = ("jax", "equinox", "optax", "mujoco", "numpy")
 
@@ -44,12 +44,16 @@ class Row:
     damping_ratio: float | None = None
 
 
-def over_seeds(errors: Sequence[Float[np.ndarray, " steps"]]) -> dict[str, Any]:
-    """Mean, mean spread over steps, spread of the means between seeds, from the errors of one run a seed."""
-    means = [float(np.nanmean(values)) for values in errors]
-    spread = float(np.std(means, ddof=1)) if len(means) > 1 else None
-    steps = float(np.mean([np.nanstd(values) for values in errors]))
-    return {"mean": float(np.mean(means)), "std_steps": steps, "std_seeds": spread}
+def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[str, Any]:
+    """Mean over seeds, mean of the spreads over steps if there are any, and spread between seeds.
+
+    Args:
+        values: one number a seed.
+        spreads: over the steps of each run.
+    """
+    between = float(np.std(values, ddof=1)) if len(values) > 1 and np.isfinite(values).all() else None
+    steps = float(np.mean(spreads)) if len(spreads) else None
+    return {"mean": float(np.mean(values)), "std_steps": steps, "std_seeds": between}
 
 
 def versions() -> dict[str, str]:
@@ -61,6 +65,19 @@ def versions() -> dict[str, str]:
 def save_rows(rows: Iterable[Row], path: str | os.PathLike) -> None:
     """Write `results.json`."""
     Path(path).write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", encoding="utf-8")
+
+
+def load_rows(path: str | os.PathLike) -> list[Row]:
+    """Read what `save_rows` wrote.
+
+    Raises:
+        S2C2AError: it is no list of rows.
+    """
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        return [Row(**row | {"seeds": tuple(row["seeds"])}) for row in found]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise S2C2AError(f"{path} holds no result rows: {error}; make the table again") from error
 
 
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | os.PathLike) -> None:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
-from s2c2a.strategies import Strategy
+from s2c2a.strategies import AnyStrategy
 from s2c2a.tasks import Task
 
 
@@ -44,8 +44,11 @@ class Rollout:
     centre_lines: Float[np.ndarray, "steps moments points 3"] | None = None
 
 
+COLUMNS = ("times", "states", "configurations", "sensed", "planned", "actions", "tick_times")
+
+
 def rollout(
-    robot: Robot, strategy: Strategy, task: Task, progress: Callable[[int, int], None] = lambda done, total: None
+    robot: Robot, strategy: AnyStrategy, task: Task, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Rollout:
     """Let a strategy work on a task, from rest and back to rest; the way back is not part of the run.
 
@@ -71,7 +74,8 @@ def rollout(
             progress(step + 1, len(task.goals))
         return_to_rest(robot, sent)
     seen = None if any(line is None for line in lines) else np.array(lines)
-    return Rollout(task, strategy.name, *(np.array(column) for column in zip(*rows, strict=True)), seen)
+    columns = dict(zip(COLUMNS, (np.array(column) for column in zip(*rows, strict=True)), strict=True))
+    return Rollout(task, strategy.name, **columns, centre_lines=seen)
 
 
 def return_to_rest(robot: Robot, action: np.ndarray) -> None:

@@ -21,6 +21,12 @@ RECOVERED = 3.0  # cm
 PerStep = Float[np.ndarray, " steps"]
 
 
+def _mean(values: PerStep) -> float:
+    """NaN where no step counts, as on an arm that reaches none of a path."""
+    counting = values[~np.isnan(values)]
+    return float(counting.mean()) if len(counting) else float("nan")
+
+
 @dataclass(frozen=True)
 class Metric:
     """A metric of the protocol.
@@ -34,7 +40,7 @@ class Metric:
 
     unit: str
     of: Callable[[Rollout, Score], PerStep]
-    summed_up: Callable[[PerStep], float] = lambda values: float(np.nanmean(values))
+    summed_up: Callable[[PerStep], float] = _mean
     averaged: bool = True
 
 
@@ -103,11 +109,15 @@ def _clearance_of_arm(run: Rollout, score: Score) -> PerStep:
 
 
 def _recovery(run: Rollout, score: Score) -> PerStep:
-    """The one number of the run at the last step, so that it can be shown beside the others."""
+    """The one number of the run at the last step, so that it can be shown beside the others.
+
+    The score's steps are those whose target is within reach.
+    """
     errors = metrics.position_errors(run.states, run.task.wanted_positions())
     period = float(run.times[1] - run.times[0])
     values = np.full(len(errors), np.nan)
-    values[-1] = metrics.recovery_time(errors, score.steps, RECOVERED, period)
+    inside = np.ones(len(errors), bool) if score.steps is None else score.steps
+    values[-1] = metrics.recovery_time(errors, inside, RECOVERED, period)
     return values
 
 

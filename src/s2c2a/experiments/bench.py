@@ -17,7 +17,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.experiments.workshop import Progress, Workshop
 from s2c2a.planning import Planner
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
 from s2c2a.strategies import Recipe, TrainedNetworks, s2c2a_strategy
 from s2c2a.strategies.scale import planning_scale
 from s2c2a.tasks import circle
@@ -59,20 +58,20 @@ def step_timings(networks: TrainedNetworks, repeats: int = REPEATS) -> list[Timi
     with SimulatedRobot(arm) as robot:
         reading = robot.read()
         goals = circle(arm).goals
-        estimate = estimator_for(arm)
+        estimate = networks.recipe.estimator(arm)
         sense = jax.jit(lambda cables, truth: estimate(cables, truth))
         cables, truth = reading.cables.astype(np.float32), np.asarray(reading.configurations, np.float32)
         planner = Planner(arm, networks.c2s, planning_scale(arm), networks.recipe.planner)
         controller = NetworkController(networks.c2a)
         sensed = sense(cables, truth)
-        plan, memory = planner.start(sensed, cables), controller.start(sensed)
+        plan, memory = planner.start(sensed), controller.start(sensed)
         act = jax.jit(lambda *arguments: controller.act(*arguments))
         strategy = s2c2a_strategy(networks)
         strategy.start(reading)
         action = strategy.step(reading, goals[0])
         return [
             timed("sense", lambda n: sense(cables, truth), repeats),
-            timed("plan", lambda n: planner.plan(plan, cables, goals[n % len(goals)]), repeats),
+            timed("plan", lambda n: planner.plan(plan, sensed, goals[n % len(goals)]), repeats),
             timed("act", lambda n: act(sensed, sensed, memory), repeats),
             timed("tick: sense, plan, act", lambda n: strategy.step(reading, goals[n % len(goals)]), repeats),
             timed("simulated control step, fast", lambda n: robot.send(action), min(repeats, 200)),
@@ -90,7 +89,7 @@ def work_timings(arm: ArmSpec, recipe: Recipe, progress: Progress) -> tuple[list
     with TemporaryDirectory() as folder:
         workshop = Workshop(Path(folder), progress=told)
         began = time.perf_counter()
-        workshop.recording(arm, CollectOptions())
+        workshop.recording(arm, CollectOptions(speeds=recipe.speeds))
         collected = time.perf_counter()
         networks = workshop.networks(arm, recipe, seed=0)
         trained = time.perf_counter()

@@ -6,12 +6,13 @@ from pathlib import Path
 
 from s2c2a.arm import load_arm
 from s2c2a.evaluation.report import Row
-from s2c2a.experiments.following import Run, follow, position_rows, training_rows, workshop_strategies
+from s2c2a.experiments.following import Conditions, Run, follow, score_rows, training_rows, workshop_strategies
 from s2c2a.experiments.run_folder import draw_runs, save_results
-from s2c2a.experiments.workshop import CONTROLLERS, Workshop
+from s2c2a.experiments.workshop import Workshop
 from s2c2a.strategies import recipe_named
 
 ARMS = ("twin_arm", "simulated_arm")
+CONTROLLERS = ("s2c2a", "pcc", "pcc-fitted")
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class CircleTable:
 
 
 def circle_table(
-    folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: str = "paper", fidelity: str = "fast"
+    folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: str = "best", fidelity: str = "fast"
 ) -> CircleTable:
     """Follow the circle with every controller on both arms, once a seed; results and pictures go to the folder.
 
@@ -42,16 +43,9 @@ def circle_table(
         arm = load_arm(name)
         trained = [workshop.networks(arm, chosen, seed) for seed in seeds]
         strategies = workshop_strategies(workshop, arm, chosen)
-        runs = follow(
-            "circle",
-            arm,
-            CONTROLLERS,
-            seeds,
-            strategies,
-            fidelity=fidelity,
-            progress=workshop.progress,
-        )
-        rows += position_rows("circle", arm, runs, recipe, fidelity)
+        under = Conditions(fidelity)
+        runs = follow(["circle"], arm, CONTROLLERS, seeds, strategies, chosen, under, progress=workshop.progress)
+        rows += score_rows("circle", arm, runs, recipe, fidelity)
         rows += training_rows("circle", trained, workshop.fidelity)
         pictures.append(draw_runs(folder, arm, runs, recipe, fidelity))
         every += runs

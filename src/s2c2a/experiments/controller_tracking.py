@@ -17,7 +17,8 @@ from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import TrainedNetworks, pcc_strategy
-from s2c2a.tasks.circle import APPROACH_TIME, circle_path
+from s2c2a.tasks.circle import circle_path
+from s2c2a.tasks.paths import APPROACH_TIME
 
 SPEEDS = (0.2, 1.0, 2.0)
 """Of the circle, as parts of its own speed."""
@@ -58,7 +59,7 @@ def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Flo
 def drive(
     arm: ArmSpec, network: C2A, wanted: Float[np.ndarray, "steps modules 3"], seed: int
 ) -> Float[np.ndarray, "steps modules"]:
-    """Let C2A follow wanted configurations from rest; returns the errors [deg] of every step and module."""
+    """Let C2A alone follow wanted configurations from rest; returns the errors [deg] of every step and module."""
     controller, sense = NetworkController(network), _sense(arm)
     act = jax.jit(lambda *arguments: controller.act(*arguments))
     errors = []
@@ -90,7 +91,7 @@ def tracking_rows(tracked: list[list[Tracking]], networks: list[TrainedNetworks]
                 recipe=networks[0].recipe.name,
                 metric="configuration error",
                 unit="deg",
-                **over_seeds(errors),
+                **over_seeds([float(one.mean()) for one in errors], [float(one.std()) for one in errors]),
                 seeds=tuple(trained.seed for trained in networks),
                 first_mode_hz=frequency,
                 damping_ratio=damping,

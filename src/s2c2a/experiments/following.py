@@ -1,24 +1,29 @@
-"""Controllers on a task, over seeds: rollouts and their rows."""
+"""Controllers on tasks, over seeds: rollouts and their rows."""
 
+import hashlib
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
+import s2c2a
+from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation import Rollout, position_errors, rollout
+from s2c2a.evaluation import Rollout, Scored, rollout, score_run
 from s2c2a.evaluation.report import Row, over_seeds
+from s2c2a.evaluation.rollout_files import load_rollout, save_rollout
 from s2c2a.experiments.paper import printed
-from s2c2a.experiments.workshop import Progress, Workshop, quiet
+from s2c2a.experiments.workshop import REVISION, Progress, Workshop, quiet
+from s2c2a.planning.options import Guard
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.modes import first_mode
-from s2c2a.strategies import Recipe, Strategy, TrainedNetworks, s2c2a_strategy
+from s2c2a.strategies import AnyStrategy, Recipe, TrainedNetworks, s2c2a_strategy
 from s2c2a.tasks import task_named
 
-MakeStrategy = Callable[[str, int], Strategy]
+MakeStrategy = Callable[[str, int], AnyStrategy]
 
 START_JITTER = 0.05
 """Part of the full bend that every module is moved by before a run settles at rest: the start's own seed."""
@@ -26,19 +31,59 @@ START_JITTER = 0.05
 
 @dataclass(frozen=True)
 class Run:
-    """One controller's run with one seed.
+    """One controller's run on one task with one seed.
 
     Attributes:
         controller: its name.
         seed: of data, training and start.
         rollout: what happened.
-        errors: distance of the tip to its target [cm], one a step.
+        scores: what its task is scored by.
     """
 
     controller: str
     seed: int
     rollout: Rollout
-    errors: Float[np.ndarray, " steps"]
+    scores: list[Scored]
+
+    @property
+    def task(self) -> str:
+        """Its name."""
+        return self.rollout.task.name
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What runs are made under.
+
+    Attributes:
+        fidelity: of the simulation that is driven.
+        payload: at the tip [kg].
+        guard: what keeps out of obstacles.
+    """
+
+    fidelity: str = "fast"
+    payload: float = 0.0
+    guard: Guard = "tip"
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """A folder of finished runs, so that a long table can be cut short and gone on with.
+
+    Attributes:
+        folder: where; nowhere if None.
+        made_by: what else the runs depend on, such as the recipe.
+    """
+
+    folder: Path | None = None
+    made_by: dict = field(default_factory=dict)
+
+    def place(self, *parts) -> Path | None:
+        """The file of a run; another where anything that it depends on differs."""
+        if self.folder is None:
+            return None
+        text = json.dumps([parts, self.made_by, s2c2a.__version__, REVISION], sort_keys=True, default=str)
+        return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
 
 
 def checked_seeds(first: int, count: int) -> range:
@@ -53,81 +98,108 @@ def checked_seeds(first: int, count: int) -> range:
 
 
 def follow(
-    task: str,
+    tasks: Sequence[str],
     arm: ArmSpec,
     controllers: Sequence[str],
     seeds: Sequence[int],
     make_strategy: MakeStrategy,
-    *,
-    fidelity: str = "fast",
-    payload: float = 0.0,
+    recipe: Recipe,
+    conditions: Conditions | None = None,
+    shelf: Shelf | None = None,
     progress: Progress = quiet,
 ) -> list[Run]:
-    """Let every controller work on a task, once a seed.
+    """Let every controller work on every task, once a seed.
 
     Args:
-        task: name of the task.
+        tasks: names.
         arm: the arm to simulate.
         controllers: names.
         seeds: of data, training and start.
-        make_strategy: a strategy for (controller, seed).
-        fidelity: of the simulation that is driven.
-        payload: at the tip [kg].
+        make_strategy: a strategy for (controller, seed); asked for once each, and only where a run is missing.
+        recipe: scored by what the protocol allows it.
+        conditions: simulation, payload, guard.
+        shelf: where finished runs are kept.
         progress: told of every step.
 
     Raises:
         S2C2AError: no such task, impossible payload; before anything is trained.
     """
-    asked = task_named(task, arm)
-    SimulatedRobot(arm, fidelity, payload=payload)
+    under, shelf = conditions or Conditions(), shelf or Shelf()
+    asked = [task_named(name, arm).with_axes_weighed(recipe.axis_weight(name)) for name in dict.fromkeys(tasks)]
+    SimulatedRobot(arm, under.fidelity, payload=under.payload)
     runs = []
     for seed in seeds:
         for controller in dict.fromkeys(controllers):
-            strategy = make_strategy(controller, seed)
-            robot = SimulatedRobot(arm, fidelity, seed, payload, START_JITTER)
-            told = partial(progress, f"{controller} on {task} with {arm.name}, seed {seed}")
-            done = rollout(robot, strategy, asked, told)
-            runs.append(Run(controller, seed, done, position_errors(done.states, done.task.wanted_positions())))
+            strategy: AnyStrategy | None = None
+            for task in asked:
+                place = shelf.place(arm_to_toml(arm), controller, seed, task.name, asdict(under))
+                done = load_rollout(place, task) if place else None
+                if done is None:
+                    strategy = strategy or make_strategy(controller, seed)
+                    watched = task.obstacles().size > 0
+                    robot = SimulatedRobot(arm, under.fidelity, seed, under.payload, START_JITTER, watched)
+                    told = partial(progress, f"{controller} on {task.name} with {arm.name}, seed {seed}")
+                    done = rollout(robot, strategy, task, told)
+                    if place:
+                        save_rollout(done, place)
+                runs.append(Run(controller, seed, done, score_run(done, recipe.name)))
     return runs
 
 
 def workshop_strategies(
-    workshop: Workshop, arm: ArmSpec, recipe: Recipe, saved: TrainedNetworks | None = None
+    workshop: Workshop, arm: ArmSpec, recipe: Recipe, saved: TrainedNetworks | None = None, guard: Guard = "tip"
 ) -> MakeStrategy:
     """Strategies made or found by a workshop; for `s2c2a` the saved networks, if there are any."""
 
-    def make(controller: str, seed: int) -> Strategy:
+    def make(controller: str, seed: int) -> AnyStrategy:
         if saved is not None and controller == "s2c2a":
-            return s2c2a_strategy(saved)
-        return workshop.strategy(controller, arm, recipe, seed)
+            return s2c2a_strategy(saved, guard)
+        return workshop.strategy(controller, arm, recipe, seed, guard)
 
     return make
 
 
-def position_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> list[Row]:
-    """One row a controller: `position` [cm], with the arm's first mode beside it."""
+def score_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> list[Row]:
+    """One row for every task, controller and metric, with the arm's first mode beside it."""
     frequency, damping = first_mode(arm)
+    rows = []
+    for task, controller in dict.fromkeys((run.task, run.controller) for run in runs):
+        mine = [run for run in runs if (run.task, run.controller) == (task, controller)]
+        for number, scored in enumerate(mine[0].scores):
+            each = [run.scores[number] for run in mine]
+            spreads = [float(np.nanstd(one.values)) for one in each] if scored.averaged else []
+            rows.append(
+                Row(
+                    experiment=experiment,
+                    task=task,
+                    arm=arm.name,
+                    fidelity=fidelity,
+                    controller=controller,
+                    recipe=recipe,
+                    metric=scored.score.metric,
+                    unit=scored.unit,
+                    **over_seeds([one.value for one in each], spreads),
+                    seeds=tuple(run.seed for run in mine),
+                    **printed(task, arm, controller, scored.score.metric),
+                    first_mode_hz=frequency,
+                    damping_ratio=damping,
+                )
+            )
+    return rows
+
+
+def tick_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> list[Row]:
+    """Two rows a controller: median and 99th percentile of its control steps [ms], over all its runs."""
     rows = []
     for controller in dict.fromkeys(run.controller for run in runs):
         mine = [run for run in runs if run.controller == controller]
-        task = mine[0].rollout.task.name
-        rows.append(
-            Row(
-                experiment=experiment,
-                task=task,
-                arm=arm.name,
-                fidelity=fidelity,
-                controller=controller,
-                recipe=recipe,
-                metric="position",
-                unit="cm",
-                **over_seeds([run.errors for run in mine]),
-                seeds=tuple(run.seed for run in mine),
-                **printed(task, arm, controller, "position"),
-                first_mode_hz=frequency,
-                damping_ratio=damping,
+        seeds = tuple(dict.fromkeys(run.seed for run in mine))
+        ticks = np.concatenate([1e3 * run.rollout.tick_times for run in mine])
+        for metric, share in (("tick, median", 50), ("tick, 99th percentile", 99)):
+            value = float(np.percentile(ticks, share))
+            rows.append(
+                Row(experiment, "all", arm.name, fidelity, controller, recipe, metric, "ms", value, seeds=seeds)
             )
-        )
     return rows
 
 
@@ -148,9 +220,7 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks], fidelity:
                 recipe=recipe,
                 metric="held-out error",
                 unit="%",
-                mean=float(np.mean(means)),
-                std_steps=float(np.mean(spreads)),
-                std_seeds=float(np.std(means, ddof=1)) if len(means) > 1 else None,
+                **over_seeds(means, spreads),
                 seeds=tuple(networks.seed for networks in trained),
                 **printed("training", arm, network, "held-out error"),
                 first_mode_hz=frequency,

@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -16,13 +16,19 @@ from s2c2a.viz import Trace, replay_page, run_figure
 MARKER = "options.json"
 
 
-def open_run_folder(path: Path | None, label: str, options: dict, overwrite: bool) -> Path:
+def open_run_folder(path: Path | None, label: str, options: dict, overwrite: bool, go_on: bool = False) -> Path:
     """Make a run folder and write down its options and versions; a name with the time if no path is given.
+
+    With `go_on`, a folder that was begun with the same options and versions is opened as it is.
 
     Raises:
         S2C2AError: the folder holds something and `overwrite` was not asked for, or it is no run folder.
     """
     folder = path or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
+    text = json.dumps({"options": options, "versions": versions()}, indent=1, default=str) + "\n"
+    marker = folder / MARKER
+    if go_on and not overwrite and marker.is_file() and marker.read_text(encoding="utf-8") == text:
+        return folder
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         if not overwrite:
             raise S2C2AError(f"{folder} exists and is not empty; say --overwrite or choose another --out")
@@ -34,23 +40,23 @@ def open_run_folder(path: Path | None, label: str, options: dict, overwrite: boo
         folder.rename(aside)  # whole or gone: a kill never leaves half a run folder in its place
         shutil.rmtree(aside)
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"options": options, "versions": versions()}, indent=1, default=str)
-    (folder / MARKER).write_text(text + "\n", encoding="utf-8")
+    marker.write_text(text, encoding="utf-8")
     return folder
 
 
 def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None:
-    """Write `results.json` and `metrics.csv`, the errors of every step."""
+    """Write `results.json` and `metrics.csv`, every score of every step."""
     save_rows(rows, folder / "results.json")
-    header = ("controller", "seed", "step", "time_s", "position_cm", "tick_ms")
-    steps = (
-        (run.controller, run.seed, step, f"{time:.3f}", f"{error:.4f}", f"{1e3 * tick:.4f}")
-        for run in runs
-        for step, (time, error, tick) in enumerate(
-            zip(run.rollout.times, run.errors, run.rollout.tick_times, strict=True)
-        )
-    )
-    save_csv(header, steps, folder / "metrics.csv")
+    header = ("task", "controller", "seed", "step", "time_s", "metric", "value", "tick_ms")
+    save_csv(header, (line for run in runs for line in _steps(run)), folder / "metrics.csv")
+
+
+def _steps(run: Run) -> Iterator[tuple]:
+    for scored in run.scores:
+        columns = zip(run.rollout.times, scored.values, run.rollout.tick_times, strict=True)
+        for step, (time, value, tick) in enumerate(columns):
+            name = (run.task, run.controller, run.seed, step, f"{time:.3f}", scored.score.metric)
+            yield (*name, f"{value:.4f}", f"{1e3 * tick:.4f}")
 
 
 def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> tuple[Path, Path]:
@@ -64,11 +70,11 @@ def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fide
     return figure, page
 
 
-def trace_of(run: Run) -> Trace:
-    """What viz draws of a run."""
+def trace_of(run: Run, label: str | None = None) -> Trace:
+    """What viz draws of a run, under the controller's name unless another is given."""
     task = run.rollout.task
     return Trace(
-        run.controller,
+        label or run.controller,
         run.rollout.times,
         run.rollout.states,
         task.wanted_positions(),

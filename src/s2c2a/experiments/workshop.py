@@ -4,7 +4,8 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,26 +15,34 @@ import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
+from s2c2a.planning.options import Guard
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
+    AnyStrategy,
+    LSTMOptions,
+    LSTMStrategy,
     Recipe,
-    Strategy,
+    TrainedLSTM,
     TrainedNetworks,
+    load_lstm,
     load_strategy,
     pcc_fitted_strategy,
     pcc_strategy,
     s2c2a_strategy,
+    save_lstm,
     save_strategy,
+    train_lstm_strategy,
     train_s2c2a,
 )
 
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how many parts of it are done, and how many there are."""
 
-REVISION = 1
+REVISION = 2
 """Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
 
-CONTROLLERS = ("s2c2a", "pcc", "pcc-fitted")
+CONTROLLERS = ("s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor")
+"""The strategy, its comparisons, and the strategy trained on motor babbling (Chen et al. 2025, sec. IV)."""
 
 
 def quiet(doing: str, done: int, total: int) -> None:
@@ -80,41 +89,54 @@ class Workshop:
         except DamagedRecordingError:  # ours to replace
             return collecting(overwrite=True)
 
-    def networks(self, arm: ArmSpec, recipe: Recipe, seed: int) -> TrainedNetworks:
+    def networks(self, arm: ArmSpec, recipe: Recipe, seed: int, babbling: str = "staged") -> TrainedNetworks:
         """Trained networks of an arm, trained unless they were before."""
-        options = CollectOptions(seed=seed)
-        path = self.folder / f"{self._label(arm, options, recipe)}.safetensors"
-        try:
-            return load_strategy(path, arm)
-        except StrategyError:
-            pass
-        recording = self.recording(arm, options)
+        options = CollectOptions(babbling, seed=seed, speeds=recipe.speeds)
+        path = self.folder / f"{self._label(arm, options, recipe.name, recipe.training)}.safetensors"
+        with suppress(StrategyError):
+            return replace(load_strategy(path, arm), recipe=recipe)
 
         def told(network: str, epoch: int, most: int, loss: float) -> None:
             self.progress(f"training {network} of {arm.name}, seed {seed}", epoch, most)
 
-        networks = train_s2c2a(recording, recipe, seed, told)
+        networks = train_s2c2a(self.recording(arm, options), recipe, seed, told)
         save_strategy(networks, path)
         return networks
 
-    def strategy(self, controller: str, arm: ArmSpec, recipe: Recipe, seed: int) -> Strategy:
+    def lstm(self, arm: ArmSpec, recipe: Recipe, seed: int) -> TrainedLSTM:
+        """The trained LSTM of an arm, on the same data as the recipe's networks, trained unless it was before."""
+        options, size = CollectOptions(seed=seed, speeds=recipe.speeds), LSTMOptions()
+        path = self.folder / f"{self._label(arm, options, 'lstm', asdict(size))}.safetensors"
+        with suppress(StrategyError):
+            return load_lstm(path, arm)
+        told = partial(self.progress, f"training the LSTM of {arm.name}, seed {seed}")
+        trained = train_lstm_strategy(
+            self.recording(arm, options), size, seed, lambda epoch, most, loss: told(epoch, most)
+        )
+        save_lstm(trained, path)
+        return trained
+
+    def strategy(self, controller: str, arm: ArmSpec, recipe: Recipe, seed: int, guard: Guard = "tip") -> AnyStrategy:
         """A strategy by name, with whatever it needs.
 
         Raises:
             S2C2AError: no such controller.
         """
-        if controller == "s2c2a":
-            return s2c2a_strategy(self.networks(arm, recipe, seed))
+        planner = replace(recipe.planner, guard=guard)
+        if controller in ("s2c2a", "s2c2a-motor"):
+            babbling = "motor" if controller == "s2c2a-motor" else "staged"
+            return s2c2a_strategy(self.networks(arm, recipe, seed, babbling), guard)
         if controller == "pcc":
-            return pcc_strategy(arm, recipe.planner)
+            return pcc_strategy(arm, planner)
         if controller == "pcc-fitted":
-            return pcc_fitted_strategy(self.recording(arm, CollectOptions(seed=seed)), recipe.planner)
+            return pcc_fitted_strategy(self.recording(arm, CollectOptions(seed=seed, speeds=recipe.speeds)), planner)
+        if controller == "lstm":
+            return LSTMStrategy(self.lstm(arm, recipe, seed))
         raise S2C2AError(f"no controller '{controller}'; choose one of {', '.join(CONTROLLERS)}")
 
-    def _label(self, arm: ArmSpec, options: CollectOptions, recipe: Recipe | None = None) -> str:
-        """A name that is the same for the same arm, data, recipe and version of the code that makes them."""
+    def _label(self, arm: ArmSpec, options: CollectOptions, kind: str = "", trained: dict | None = None) -> str:
+        """A name that is the same for the same arm, data, training and version of the code that makes them."""
         parts = [arm_to_toml(arm), asdict(options), self.fidelity, s2c2a.__version__, REVISION]
-        parts += [asdict(recipe)] if recipe else []
+        parts += [trained] if trained else []
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
-        kind = f"-{recipe.name}" if recipe else f"-{options.babbling}"
-        return f"{arm.name}{kind}-seed{options.seed}-{digest}"
+        return f"{arm.name}-{f'{kind}-' if kind else ''}{options.babbling}-seed{options.seed}-{digest}"

@@ -31,4 +31,4 @@ def centre_line(
         + (3 * s**2 - 2 * s**3) * after[..., POSITION]
         + (s**3 - s**2) * speed * after[..., AXIS]
     )  # (*batch, modules, points of a module, 3)
-    return points.reshape(*states.shape[:-2], -1, 3)
+    return jnp.asarray(points).reshape(*states.shape[:-2], -1, 3)

@@ -18,7 +18,14 @@ def states_from_bends(
     Returns:
         End position [m] and end axis of every module, base frame.
     """
-    ends, axes = arc_ends(bends, lengths), configurations_from_bends(bends)
+    return states_from_arcs(bends, lengths, jnp.zeros(3))
+
+
+def states_from_arcs(
+    bends: Float[Array, "*batch modules 2"], lengths: Float[Array, " modules"], off: Float[Array, "*#batch #modules 3"]
+) -> Float[Array, "*batch modules 6"]:
+    """`states_from_bends` of arcs whose end points are off by so much [m], module frames."""
+    ends, axes = arc_ends(bends, lengths) + off, configurations_from_bends(bends)
     rotations = _rotations_to(axes)
     position = jnp.zeros((*bends.shape[:-2], 3))
     rotation = jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))

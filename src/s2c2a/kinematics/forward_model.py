@@ -17,28 +17,36 @@ class ForwardModel(eqx.Module):
     """A differentiable map from configurations to states that may remember what the sensors said."""
 
     @abstractmethod
-    def start(self, cables: Float[Array, "modules cables"]) -> Memory:
-        """Memory at rest, given the first reading of the cables [m or N]."""
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+        """Memory at rest, given the first sensed configuration."""
 
     @abstractmethod
-    def observe(self, cables: Float[Array, "modules cables"], memory: Memory) -> Memory:
-        """Memory after one more reading of the cables [m or N]."""
+    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+        """Memory after one more sensed configuration."""
 
     @abstractmethod
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
 
+    @abstractmethod
+    def for_planning(self) -> "ForwardModel":
+        """The same predictions, with slopes that lead a planner where the true ones are zero or jump."""
+
 
 class MemorylessModel(ForwardModel):
     """A forward model whose memory is empty, as in the paper."""
 
-    def start(self, cables: Float[Array, "modules cables"]) -> Memory:
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
         """Nothing to remember."""
         return ()
 
-    def observe(self, cables: Float[Array, "modules cables"], memory: Memory) -> Memory:
+    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
         """Nothing to remember."""
         return memory
+
+    def for_planning(self) -> "MemorylessModel":
+        """The model itself: without memory, slopes lead everywhere."""
+        return self
 
 
 class PCCForwardModel(MemorylessModel):

@@ -2,7 +2,17 @@
 
 from s2c2a.planning.goal import Goal
 from s2c2a.planning.objective import objective
-from s2c2a.planning.planner import Plan, Planner, PlannerOptions
+from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions, PlannerOptions
+from s2c2a.planning.planner import Plan, Planner
 from s2c2a.planning.solver import solve
 
-__all__ = ["Goal", "Plan", "Planner", "PlannerOptions", "objective", "solve"]
+__all__ = [
+    "AnyPlannerOptions",
+    "Goal",
+    "LeastSquaresOptions",
+    "Plan",
+    "Planner",
+    "PlannerOptions",
+    "objective",
+    "solve",
+]

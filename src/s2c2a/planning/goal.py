@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.errors import TargetError
 
-MOST_OBSTACLES = 8
+MOST_OBSTACLES = 64
 Numbers = Array | np.ndarray  # NumPy outside the planner, traced inside
 
 

@@ -61,5 +61,6 @@ def solve_least_squares(
         return kept._replace(damping=damping)
 
     first = project(start)
-    begun = _Step(first, *linearised(first), jnp.asarray(FIRST_DAMPING))
+    values, slopes = linearised(first)
+    begun = _Step(first, values, slopes, jnp.asarray(FIRST_DAMPING))
     return jax.lax.fori_loop(0, iterations, iterate, begun).point

@@ -24,10 +24,10 @@ def target_loss(
 
 
 def obstacle_loss(
-    position: Float[Array, "3"], centres: Float[Numbers, "obstacles 3"], thresholds: Float[Numbers, " obstacles"]
+    points: Float[Array, "points 3"], centres: Float[Numbers, "obstacles 3"], thresholds: Float[Numbers, " obstacles"]
 ) -> Float[Array, ""]:
-    """L_ob, summed over obstacles: 1 / d within the threshold, zero outside (eq. (5))."""
-    distances = norm(centres - position)
+    """L_ob, summed over points and obstacles: 1 / d within the threshold, zero outside (eq. (5))."""
+    distances = norm(centres - points[:, None])
     inside = (distances <= thresholds) & (thresholds > 0.0)
     return jnp.sum(jnp.where(inside, 1.0 / jnp.where(inside & (distances > 1e-3), distances, 1e-3), 0.0))
 

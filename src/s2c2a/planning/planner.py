@@ -1,6 +1,6 @@
 """The planner: one compiled call from a goal to the next configuration."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -9,39 +9,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.errors import TargetError
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.forward_model import Memory
+from s2c2a.planning.detour import workspace_map
 from s2c2a.planning.goal import Goal, Numbers
+from s2c2a.planning.guard import guarded_points
+from s2c2a.planning.least_squares import solve_least_squares
 from s2c2a.planning.losses import norm
 from s2c2a.planning.objective import objective
+from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions, PlannerOptions
+from s2c2a.planning.residuals import goal_residuals
 from s2c2a.planning.solver import solve
 
-MOST_ITERATIONS = 10_000
-
-
-@dataclass(frozen=True)
-class PlannerOptions:
-    """How to plan.
-
-    Attributes:
-        learning_rate: of Adam.
-        iterations: of Adam in a control step.
-        on_sphere: whether each module's vector returns to unit length after every iteration, and stays within the
-            module's bend limit. Sensed configurations under sensing coupling are not of unit length.
-    """
-
-    learning_rate: float = 0.02
-    iterations: int = 10
-    on_sphere: bool = True
-
-    def __post_init__(self):
-        """Refuse what cannot be solved."""
-        if not (self.learning_rate > 0 and 1 <= self.iterations <= MOST_ITERATIONS):
-            raise TargetError(
-                f"a planner with learning rate {self.learning_rate} and {self.iterations} iterations was asked for; "
-                f"take a positive rate and 1 to {MOST_ITERATIONS} iterations"
-            )
+Configurations = Float[Array, "modules 3"]
+Solve = Callable[[Configurations, Memory, Goal], Configurations]
+"""(last configurations, memory, goal) -> next ones."""
 
 
 class Plan(NamedTuple):
@@ -62,41 +44,54 @@ class Planner:
     Compiles once, when built; targets, obstacles and weights may change with every call.
     """
 
-    def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions):
+    def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
         """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
-        self._modules, self._cables = arm.module_count, arm.cable_count
-        self._start = jax.jit(lambda configurations, cables: Plan(configurations, model.start(cables)))
-        self._next = jax.jit(_next_plan(arm, model, length_scale, options))
+        self._modules = arm.module_count
+        if isinstance(options, LeastSquaresOptions):
+            solver = _by_least_squares(arm, model.for_planning(), options)
+        else:
+            solver = _as_the_paper(arm, model, length_scale, options)
+        self._start = jax.jit(lambda sensed: Plan(sensed, model.start(sensed)))
+        self._next = jax.jit(_next_plan(model, solver))
         self._warm_up()
 
-    def start(self, configurations: Float[Numbers, "modules 3"], cables: Float[np.ndarray, "modules cables"]) -> Plan:
+    def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
         """The plan of an arm at rest: stay where the sensors say it is."""
-        return self._start(_single(configurations), _single(cables))
+        return self._start(_single(sensed))
 
-    def plan(self, plan: Plan, cables: Float[np.ndarray, "modules cables"], goal: Goal) -> Plan:
+    def plan(self, plan: Plan, sensed: Float[Numbers, "modules 3"], goal: Goal) -> Plan:
         """The next plan.
 
         Args:
             plan: the last one.
-            cables: the latest reading [m or N].
+            sensed: the latest sensed configuration.
             goal: for the next state.
         """
-        return self._next(plan, _single(cables), goal)
+        return self._next(plan, _single(sensed), goal)
 
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
-        cables = np.zeros((self._modules, self._cables))
-        plan = self.start(straight, cables)
-        jax.block_until_ready(self.plan(plan, cables, Goal.of(self._modules)))
+        jax.block_until_ready(self.plan(self.start(straight), straight, Goal.of(self._modules)))
 
 
 def _single(values: Numbers) -> Numbers:
     return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
 
 
-def _next_plan(arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions):
-    bend_limits = jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32)
-    longest_step = np.deg2rad(arm.step_limit_deg)
+def _next_plan(model: ForwardModel, solver: Solve):
+    def next_plan(plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+        memory = model.observe(sensed, plan.memory)
+        following = solver(plan.configurations, memory, goal)
+        sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
+        return Plan(jnp.where(sound, following, plan.configurations), memory)
+
+    return next_plan
+
+
+def _as_the_paper(arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions) -> Solve:
+    """Adam on configurations, its result then brought within the step and the bend limits."""
+    bend_limits, longest_step = _limits(arm)
+    guarded = guarded_points(arm, options.guard)
 
     def project(configurations):
         return configurations / norm(configurations)[:, None] if options.on_sphere else configurations
@@ -109,12 +104,33 @@ def _next_plan(arm: ArmSpec, model: ForwardModel, length_scale: float, options: 
         change = limit_lengths(bends_from_configurations(wanted), bend_limits) - start
         return configurations_from_bends(start + limit_lengths(change, longest_step))
 
-    def next_plan(plan: Plan, cables, goal: Goal) -> Plan:
-        memory = model.observe(cables, plan.memory)
-        value = objective(model, memory, goal, plan.configurations, length_scale)
-        wanted = solve(value, plan.configurations, project, options.learning_rate, options.iterations)
-        following = within_limits(wanted, plan.configurations)
-        sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
-        return Plan(jnp.where(sound, following, plan.configurations), memory)
+    def solver(last: Configurations, memory: Memory, goal: Goal) -> Configurations:
+        value = objective(model, memory, goal, last, length_scale, guarded)
+        return within_limits(solve(value, last, project, options.learning_rate, options.iterations), last)
 
-    return next_plan
+    return solver
+
+
+def _by_least_squares(arm: ArmSpec, model: ForwardModel, options: LeastSquaresOptions) -> Solve:
+    """Damped least squares on bends; every iterate stays within the step, the result within the bend limits."""
+    bend_limits, longest_step = _limits(arm)
+    guarded = guarded_points(arm, options.guard)
+    workspace = workspace_map(arm, model, guarded)
+
+    def solver(last: Configurations, memory: Memory, goal: Goal) -> Configurations:
+        goal = Goal(*(jnp.asarray(part) for part in goal))
+        start = bends_from_configurations(last)
+
+        def within_step(flat: Float[Array, " variables"]) -> Float[Array, " variables"]:
+            return (start + limit_lengths(flat.reshape(start.shape) - start, longest_step)).reshape(-1)
+
+        residuals = goal_residuals(model, memory, goal, start, bend_limits, arm.length, guarded, workspace, options)
+        flat = solve_least_squares(residuals, start.reshape(-1), within_step, options.iterations)
+        return configurations_from_bends(limit_lengths(flat.reshape(start.shape), bend_limits))
+
+    return solver
+
+
+def _limits(arm: ArmSpec) -> tuple[Float[Array, " modules"], float]:
+    """Largest bends [rad], and their largest change in a step [rad]."""
+    return jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32), float(np.deg2rad(arm.step_limit_deg))

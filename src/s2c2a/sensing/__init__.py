@@ -3,6 +3,7 @@
 from s2c2a.sensing.estimators import (
     PAPER_COUPLING,
     CoupledEstimator,
+    DirectionEstimator,
     EncoderEstimator,
     Estimator,
     TrueEstimator,
@@ -12,6 +13,7 @@ from s2c2a.sensing.estimators import (
 __all__ = [
     "PAPER_COUPLING",
     "CoupledEstimator",
+    "DirectionEstimator",
     "EncoderEstimator",
     "Estimator",
     "TrueEstimator",

@@ -73,6 +73,17 @@ class CoupledEstimator(Estimator):
         return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(cables, truth))
 
 
+class DirectionEstimator(Estimator):
+    """Another estimator's configurations at unit length, whatever mixes them: two numbers a module, as in a bend."""
+
+    inner: Estimator
+
+    def __call__(self, cables: Cables, truth: Configurations | None) -> Sensed:
+        """See `Estimator`."""
+        sensed = self.inner(cables, truth)
+        return sensed / jnp.linalg.norm(sensed, axis=-1, keepdims=True)
+
+
 def estimator_for(arm: ArmSpec) -> Estimator:
     """The estimator that an arm file asks for: its `sensing`, under its `sensing_coupling` if it has one."""
     estimator: Estimator = TrueEstimator() if arm.sensing == "true" else EncoderEstimator(PCC.of(arm))

@@ -1,22 +1,31 @@
 """Strategies: estimator, planner and controller put together; the paper's own and its comparisons."""
 
 from s2c2a.strategies.files import load_strategy, save_strategy
+from s2c2a.strategies.lstm import LSTMOptions, LSTMStrategy, TrainedLSTM, train_lstm_strategy
+from s2c2a.strategies.lstm_files import load_lstm, save_lstm
 from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
 from s2c2a.strategies.recipe import RECIPES, Recipe, recipe_named
 from s2c2a.strategies.s2c2a import TrainedNetworks, s2c2a_strategy, train_s2c2a
-from s2c2a.strategies.strategy import Strategy
+from s2c2a.strategies.strategy import AnyStrategy, Strategy
 
 __all__ = [
     "RECIPES",
+    "AnyStrategy",
+    "LSTMOptions",
+    "LSTMStrategy",
     "Recipe",
     "Strategy",
+    "TrainedLSTM",
     "TrainedNetworks",
     "fitted_gains",
+    "load_lstm",
     "load_strategy",
     "pcc_fitted_strategy",
     "pcc_strategy",
     "recipe_named",
     "s2c2a_strategy",
+    "save_lstm",
     "save_strategy",
+    "train_lstm_strategy",
     "train_s2c2a",
 ]

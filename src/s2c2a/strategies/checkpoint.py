@@ -132,5 +132,5 @@ def filled(blank: Networks, arrays: dict[str, np.ndarray], path: str | os.PathLi
 
 
 def _is_learned(name: str) -> bool:
-    """Whether an array is learned or fitted to data; the last layer follows from the arm."""
-    return "sum_and_range" not in name
+    """Whether an array is learned or fitted to data; the last layer and the body follow from the arm."""
+    return "sum_and_range" not in name and ".body" not in name

@@ -3,15 +3,13 @@
 import os
 from dataclasses import asdict
 
-import jax
 import numpy as np
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
-from s2c2a.networks import C2A, C2S
 from s2c2a.strategies.checkpoint import SCHEMA, Metadata, filled, learned, read, write
 from s2c2a.strategies.recipe import Recipe
-from s2c2a.strategies.s2c2a import TrainedNetworks
+from s2c2a.strategies.s2c2a import TrainedNetworks, blank_networks
 
 KIND = "s2c2a"
 
@@ -42,8 +40,6 @@ def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> Traine
     """
     arrays, metadata = read(path, KIND)
     trained_for, recipe = metadata.trained_for(path, arm), metadata.recipe_as(Recipe, path)
-    key = jax.random.key(0)
-    blank = C2S.untrained(**asdict(recipe.c2s), key=key), C2A.untrained(trained_for, **asdict(recipe.c2a), key=key)
-    c2s, c2a = filled(blank, arrays, path)
+    c2s, c2a = filled(blank_networks(trained_for, recipe), arrays, path)
     curves = {name.removeprefix("curve."): value for name, value in arrays.items() if name.startswith("curve.")}
     return TrainedNetworks(trained_for, recipe, metadata.seed, c2s, c2a, metadata.percent, curves)

@@ -9,18 +9,18 @@ from s2c2a.control import InversePCC
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
 from s2c2a.kinematics import PCC, PCCForwardModel, bends_from_configurations, configurations_from_states
-from s2c2a.planning import Planner, PlannerOptions
+from s2c2a.planning import AnyPlannerOptions, Planner
 from s2c2a.sensing import EncoderEstimator
 from s2c2a.strategies.scale import planning_scale
 from s2c2a.strategies.strategy import Strategy
 
 
-def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
+def pcc_strategy(arm: ArmSpec, options: AnyPlannerOptions) -> Strategy:
     """PCC with the arm's nominal numbers."""
     return _strategy("pcc", arm, options, np.ones(arm.module_count))
 
 
-def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
+def pcc_fitted_strategy(recording: Recording, options: AnyPlannerOptions) -> Strategy:
     """PCC with one gain a module, fitted on a recording."""
     return _strategy("pcc-fitted", recording.arm, options, 1.0 / fitted_gains(recording))
 
@@ -42,7 +42,7 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     return together / alone
 
 
-def _strategy(name: str, arm: ArmSpec, options: PlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
+def _strategy(name: str, arm: ArmSpec, options: AnyPlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
     pcc = PCC.of(arm)
     planner = Planner(arm, PCCForwardModel.of(arm), planning_scale(arm), options)
     return Strategy(name, arm, EncoderEstimator(pcc), planner, InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)))

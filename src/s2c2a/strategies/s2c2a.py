@@ -1,22 +1,25 @@
 """The strategy of the paper: C2S in the planner, C2A as the controller."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import jax
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.control import NetworkController
+from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording, controller_samples, forward_samples
 from s2c2a.errors import RecordingError
-from s2c2a.networks import C2A, C2S
-from s2c2a.planning import Planner
-from s2c2a.sensing import estimator_for
+from s2c2a.kinematics import ForwardModel
+from s2c2a.networks import C2A, C2S, ChainC2S, ChainSize
+from s2c2a.planning import Planner, PlannerOptions
+from s2c2a.planning.options import Guard
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.scale import planning_scale
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.training import train_c2a, train_c2s
+from s2c2a.training.chain import train_chain_c2s
 from s2c2a.training.networks import Trained
 
 NetworkProgress = Callable[[str, int, int, float], None]
@@ -39,7 +42,7 @@ class TrainedNetworks:
     arm: ArmSpec
     recipe: Recipe
     seed: int
-    c2s: C2S
+    c2s: ForwardModel
     c2a: C2A
     percent: dict[str, tuple[float, float]]
     curves: dict[str, np.ndarray]
@@ -64,13 +67,11 @@ def train_s2c2a(
     if not np.isfinite(recording.states).all():
         raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
     arm = recording.arm
-    sensed = np.asarray(estimator_for(arm)(recording.cables, recording.configurations))
+    sensed = np.asarray(recipe.estimator(arm)(recording.cables, recording.configurations))
     if not np.isfinite(sensed).all():
         raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-    forward = train_c2s(
-        forward_samples(sensed, recording.states), recipe.c2s, recipe.c2s_fit, c2s_key, _named(progress, "C2S")
-    )
+    forward = _train_forward(sensed, recording.states, arm, recipe, c2s_key, _named(progress, "C2S"))
     control = train_c2a(
         controller_samples(sensed, recording.actions, ArmGeometry.of(arm).action_neutral),
         arm,
@@ -80,7 +81,7 @@ def train_s2c2a(
         c2a_key,
         _named(progress, "C2A"),
     )
-    both: dict[str, Trained] = {"C2S": forward, "C2A": control}
+    both: dict[str, Trained[Any]] = {"C2S": forward, "C2A": control}
     return TrainedNetworks(
         arm,
         recipe,
@@ -92,17 +93,41 @@ def train_s2c2a(
     )
 
 
-def s2c2a_strategy(networks: TrainedNetworks) -> Strategy:
+def s2c2a_strategy(networks: TrainedNetworks, guard: Guard = "tip") -> Strategy:
     """Put trained networks to work, planning as their recipe says.
 
-    Under sensing coupling configurations are not of unit length, so there they are not kept on the sphere.
+    Under sensing coupling the paper's configurations are not of unit length, so there they are not kept on the sphere.
+
+    Args:
+        networks: of an arm.
+        guard: what keeps out of obstacles.
     """
-    arm = networks.arm
-    options = networks.recipe.planner
-    if arm.sensing_coupling is not None:
+    arm, recipe = networks.arm, networks.recipe
+    options = replace(recipe.planner, guard=guard)
+    if isinstance(options, PlannerOptions) and arm.sensing_coupling is not None:
         options = replace(options, on_sphere=False)
     planner = Planner(arm, networks.c2s, planning_scale(arm), options)
-    return Strategy("s2c2a", arm, estimator_for(arm), planner, NetworkController(networks.c2a))
+    controller: Controller = NetworkController(networks.c2a)
+    if recipe.correction:
+        controller = CorrectedController(controller, recipe.correction)
+    return Strategy("s2c2a", arm, recipe.estimator(arm), planner, controller)
+
+
+def blank_networks(arm: ArmSpec, recipe: Recipe) -> tuple[ForwardModel, C2A]:
+    """Networks of the right shapes for an arm, to be filled."""
+    key = jax.random.key(0)
+    if isinstance(recipe.c2s, ChainSize):
+        forward: ForwardModel = ChainC2S.untrained(arm, recipe.c2s, key)
+    else:
+        forward = C2S.untrained(**asdict(recipe.c2s), key=key)
+    return forward, C2A.untrained(arm, **asdict(recipe.c2a), key=key)
+
+
+def _train_forward(sensed, states, arm: ArmSpec, recipe: Recipe, key, progress) -> Trained[Any]:
+    """The recipe's forward model."""
+    if isinstance(recipe.c2s, ChainSize):
+        return train_chain_c2s(sensed, states, arm, recipe.c2s, recipe.c2s_fit, key, progress)
+    return train_c2s(forward_samples(sensed, states), recipe.c2s, recipe.c2s_fit, key, progress)
 
 
 def _named(progress: NetworkProgress, network: str):

@@ -1,5 +1,7 @@
 """A strategy: sense, plan, act (Chen et al. 2025, fig. 1C)."""
 
+from typing import Protocol
+
 import jax
 import numpy as np
 
@@ -9,6 +11,32 @@ from s2c2a.errors import StrategyError
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.sensing import Estimator
 from s2c2a.spaces import Actions, Configurations, Reading
+
+
+class AnyStrategy(Protocol):
+    """What every strategy can do; `Strategy` says it in full."""
+
+    @property
+    def name(self) -> str:
+        """Such as "s2c2a"."""
+
+    @property
+    def arm(self) -> ArmSpec:
+        """The arm that it drives."""
+
+    @property
+    def sensed(self) -> Configurations:
+        """The latest sensed configuration, shape (modules, 3)."""
+
+    @property
+    def planned(self) -> Configurations:
+        """The latest planned configuration, shape (modules, 3)."""
+
+    def start(self, reading: Reading) -> None:
+        """Begin from an arm at rest."""
+
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """The action of one control step [m or N], shape (modules, cables)."""
 
 
 class Strategy:
@@ -36,7 +64,7 @@ class Strategy:
     def start(self, reading: Reading) -> None:
         """Begin from an arm at rest."""
         self._sensed = self._sensed_in(reading)
-        self._plan = self._planner.start(self._sensed, reading.cables)
+        self._plan = self._planner.start(self._sensed)
         self._memory = self._start_control(self._sensed)
 
     def step(self, reading: Reading, goal: Goal) -> Actions:
@@ -55,7 +83,7 @@ class Strategy:
         if self._plan is None:
             raise StrategyError("this strategy was not started; call start(reading) with the arm at rest first")
         self._sensed = self._sensed_in(reading)
-        self._plan = self._planner.plan(self._plan, reading.cables, goal)
+        self._plan = self._planner.plan(self._plan, self._sensed, goal)
         action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
         return np.asarray(action, dtype=np.float64)
 

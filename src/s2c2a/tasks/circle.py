@@ -42,7 +42,7 @@ def tilt(arm: ArmSpec, name: str, angle_deg: float, turned_deg: float = 0.0) -> 
     axes = tilted_axes(tilts, azimuths)
     goals = zip(circle(arm).goals, axes, strict=True)
     after_approach = np.arange(len(axes)) >= len(share)
-    scores = (Score("position"), Score("tilt"))
+    scores: tuple[Score, ...] = (Score("position"), Score("tilt"))
     if turned_deg:
         scores = (*scores, Score("azimuth", steps=after_approach))
     return Task(name, tuple(goal.with_axis(axis, weight=2.0) for goal, axis in goals), scores)

@@ -31,7 +31,7 @@ def _path(rate: float) -> np.ndarray:
     wander = _wander(time)
     begin = _wander(np.zeros(1))[0]
     rest = np.array([0.0, 0.0, PAPER_LENGTH])
-    line = straight(rest, begin, np.linalg.norm(begin - rest) / LINE_TIME, rate)
+    line = straight(rest, begin, float(np.linalg.norm(begin - rest)) / LINE_TIME, rate)
     out = straight(wander[-1], OUTSIDE, SPEED, rate)
     back = straight(OUTSIDE, wander[-1], SPEED, rate)
     pieces = [line, wander, out, still(OUTSIDE, WAIT_OUTSIDE, rate), back, still(back[-1], HOLD_TIME, rate)]

@@ -1,6 +1,6 @@
 """A task: one goal for every control step, and what its runs are scored by."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -42,6 +42,11 @@ class Task:
         """Refuse a task that asks for nothing."""
         if not self.goals:
             raise TargetError(f"the task '{self.name}' has no goals; give one for every control step")
+
+    def with_axes_weighed(self, factor: float) -> "Task":
+        """The same task with every mu_o multiplied."""
+        goals = (goal._replace(axis_weights=np.float32(factor) * goal.axis_weights) for goal in self.goals)
+        return self if factor == 1.0 else replace(self, goals=tuple(goals))
 
     def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted module ends [m], base frame; NaN where nothing is asked."""

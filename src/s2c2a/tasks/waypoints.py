@@ -4,6 +4,7 @@ import csv
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -52,10 +53,12 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
     """Read a table of comma-separated waypoints, one track for every module named in it.
 
     Raises:
-        TargetError: no such file, a missing or unknown column, something that is no number, times that do not rise, an
-            axis of length zero; the line is named.
+        TargetError: no such file, no waypoint in it, a missing or unknown column, something that is no number, times
+            that do not rise, an axis of length zero; the line or the time is named.
     """
     table = _read(Path(path))
+    if not table:
+        raise TargetError(f"{path} holds no waypoints; give at least one line of numbers below the column names")
     modules = dict.fromkeys(int(row.get("module", -1)) for row in table)
     return [_track(path, module, [row for row in table if int(row.get("module", -1)) == module]) for module in modules]
 
@@ -63,13 +66,18 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
 def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task:
     """Straight lines between waypoints, at the arm's control rate. mu_p = 1, mu_o = 2, mu_d = 0.5.
 
-    The first waypoint's target holds from the start. Raises TargetError for a module that the arm has not.
+    The first waypoint's target holds from the start.
+
+    Raises:
+        TargetError: a module that the arm has not, or that has two tracks; too short or too long a time.
     """
-    steps = int(np.floor(max(track.times[-1] for track in tracks) * arm.control_rate + 1e-6))
+    _check_modules(name, tracks, arm)
+    last = float(max((track.times[-1] for track in tracks), default=0.0))
+    steps = int(min(last * arm.control_rate + 1e-6, LONGEST_STEPS + 1))
     if not 1 <= steps <= LONGEST_STEPS:
         raise TargetError(
-            f"the waypoints of '{name}' make {steps} control steps at {arm.control_rate:g} Hz; the last time must lie "
-            f"between one step and {LONGEST_STEPS} steps after the start"
+            f"the waypoints of '{name}' end at {last:g} s; at {arm.control_rate:g} Hz the last time must lie between "
+            f"one step and {LONGEST_STEPS} steps after the start"
         )
     times = np.arange(1, steps + 1) / arm.control_rate
     goals = [Goal.of(arm.module_count, change_weight=0.5)] * steps
@@ -103,8 +111,9 @@ def _read(path: Path) -> list[dict[str, float]]:
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
-            _check_columns(path, reader.fieldnames or ())
-            return [_numbers(path, line, row) for line, row in enumerate(reader, start=2)]
+            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+            _check_columns(path, reader.fieldnames)
+            return [_numbers(path, reader.line_num, row) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TargetError(f"{path} cannot be read as a table of text: {error}") from error
 
@@ -113,10 +122,10 @@ def _check_columns(path: Path, columns: Sequence[str]) -> None:
     missing = [name for name in REQUIRED if name not in columns]
     unknown = [name for name in columns if name not in ALLOWED]
     some_axis = [name for name in AXIS if name in columns]
-    if missing or unknown or len(some_axis) not in (0, 3):
+    if missing or unknown or len(some_axis) not in (0, 3) or len(set(columns)) < len(columns):
         raise TargetError(
             f"{path} has the columns {', '.join(columns) or 'none'}; it needs {', '.join(REQUIRED)}, and may have "
-            f"{', '.join(AXIS)} (all three) and module"
+            f"{', '.join(AXIS)} (all three) and module, each once"
         )
 
 
@@ -133,8 +142,11 @@ def _numbers(path: Path, line: int, row: dict) -> dict[str, float]:
 
 def _track(path, module: int, rows: list[dict[str, float]]) -> Waypoints:
     times = np.array([row["time"] for row in rows])
-    if not (np.diff(times) > 0).all() or times[0] < 0:
-        raise TargetError(f"{path}: the times of a module must rise from zero or later, got {times.tolist()}")
+    if times[0] < 0:
+        raise TargetError(f"{path}: times count from the start of the task and are not negative, got {times[0]:g}")
+    for before, after in pairwise(times):
+        if after <= before:
+            raise TargetError(f"{path}: the times of a module must rise, got {after:g} after {before:g}")
     positions = np.array([[row[name] for name in ("x", "y", "z")] for row in rows])
     if AXIS[0] not in rows[0]:
         return Waypoints(module, times, positions, None)
@@ -143,6 +155,17 @@ def _track(path, module: int, rows: list[dict[str, float]]) -> Waypoints:
     if (lengths < 1e-9).any():
         raise TargetError(f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; give a direction")
     return Waypoints(module, times, positions, axes / lengths[:, None])
+
+
+def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
+    """Refuse two tracks for one module, which -1 and the last number are; goals refuse one that is not there."""
+    count = arm.module_count
+    modules = [track.module % count for track in tracks if -count <= track.module < count]
+    if len(set(modules)) < len(modules):
+        raise TargetError(
+            f"the waypoints of '{name}' name a module of '{arm.name}' twice, by {[track.module for track in tracks]}; "
+            f"-1 and {count - 1} are both its tip"
+        )
 
 
 def _between(times: np.ndarray, moments: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -29,6 +29,7 @@ class FitOptions:
         most_epochs: stop here at the latest.
         patience: stop after so many epochs without a better validation loss; looked at between calls.
         epochs_per_call: epochs inside one compiled call; progress and interrupts come between calls.
+        decay: whether the learning rate falls to zero over the most epochs, along half a cosine.
     """
 
     learning_rate: float = 1e-3
@@ -36,6 +37,7 @@ class FitOptions:
     most_epochs: int = 100
     patience: int = 15
     epochs_per_call: int = 5
+    decay: bool = False
 
     def __post_init__(self):
         """Refuse what cannot be trained with."""
@@ -95,7 +97,7 @@ def fit(
             f"{samples} training samples are fewer than one batch of {options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
-    optimiser = optax.adam(options.learning_rate)
+    optimiser = optax.adam(_learning_rate(options, samples))
     run = _compiled_epochs(lambda w, batch, k: loss(eqx.combine(w, rest), batch, k), optimiser, samples, options)
     state = _Progress(weights, optimiser.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
@@ -108,6 +110,12 @@ def fit(
         progress(len(curve), options.most_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
+
+
+def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
+    if not options.decay:
+        return options.learning_rate
+    return optax.cosine_decay_schedule(options.learning_rate, options.most_epochs * (samples // options.batch_size))
 
 
 def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Generic
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -139,7 +140,7 @@ def batch_of(samples: Samples) -> dict[str, Array]:
 
 def evaluated(result: FitResult[Network], predict, split: Split) -> Trained[Network]:
     """A trained network with its held-out error; `predict` maps (network, batch) to what compares with the targets."""
-    predicted = np.asarray(jax.jit(predict)(result.network, batch_of(split.test)))
+    predicted = np.asarray(eqx.filter_jit(predict)(result.network, batch_of(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
     percent = percent_error(predicted, split.test.targets, full_ranges(np.concatenate(targets)))
     return Trained(result.network, result.curve, percent)

@@ -1,11 +1,12 @@
 """Colours with a meaning, the same in every figure and on every page (Chen et al. 2025, figures 3 and 6)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import cycle
 
 import numpy as np
 
 WANTED = "#d62728"
+POINTING = "#e0a100"
 INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
@@ -28,3 +29,9 @@ def trace_colours(labels: Sequence[str]) -> list[str]:
     free = [colour for colour in _OTHERS if colour not in own]
     others = cycle(free or _OTHERS)
     return [colour or next(others) for colour in own]
+
+
+def colours_by_label(labels: Iterable[str]) -> dict[str, str]:
+    """The same for labels that may come more than once."""
+    once = list(dict.fromkeys(labels))
+    return dict(zip(once, trace_colours(once), strict=True))

@@ -8,19 +8,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure
-from s2c2a.viz.colours import INK, MUTED, WANTED, module_colours, trace_colours
+from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure, new_time_axes, padded_limits, say_nothing_here
+from s2c2a.viz.colours import INK, module_colours, trace_colours
+from s2c2a.viz.paths import ABOVE, FRONT, WANTED_LINE, draw_obstacles, draw_wanted, named_error, view_axes
 from s2c2a.viz.saving import save_figure
 from s2c2a.viz.trace import Trace, check_same_arm
 
 COORDINATES = ("x", "y", "z")
-LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
 POINTS_SHOWN = 60_000
-FRONT = 50  # drawing order of the first trace, the one in front
 
 
 def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -> Path:
@@ -40,10 +38,11 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colours = trace_colours([trace.label for trace in traces])
-    over_time = _time_axes(figure, grid)
-    above = new_axes(figure, grid[:, 1], "x [m]", "y [m]")
+    labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
+    over_time = new_time_axes(figure, [grid[row, 0] for row in range(4)], labels)
+    above = view_axes(figure, grid[:, 1], ABOVE)
     for axis, axes in enumerate(over_time[:3]):
-        _draw_coordinate(axes, traces, colours, axis)
+        draw_coordinate(axes, traces, colours, axis)
     _draw_errors(over_time[3], traces, colours)
     _draw_from_above(above, traces, colours)
     headline(over_time[0], f"{arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
@@ -51,74 +50,34 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -
     return save_figure(figure, path)
 
 
-def _time_axes(figure, grid) -> list[Axes]:
-    """Four axes over one time axis; only the last one numbers it."""
-    labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
-    axes = [new_axes(figure, grid[0, 0], "", labels[0])]
-    axes += [new_axes(figure, grid[row, 0], "", labels[row], sharex=axes[0]) for row in (1, 2, 3)]
-    for one in axes[:3]:
-        one.tick_params(labelbottom=False)
-    axes[3].set_xlabel("time [s]", color=INK, fontsize=9)
-    figure.align_ylabels(axes)
-    return axes
-
-
-def _draw_coordinate(axes: Axes, traces, colours, axis: int) -> None:
-    axes.plot(traces[0].times, traces[0].wanted_path[:, axis], color=WANTED, linewidth=2.6, alpha=0.75)
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: Sequence[str], axis: int) -> None:
+    """The followed end along one axis over time, where it should have been below it; the first trace in front."""
+    wanted = traces[0].wanted_path[:, axis]
+    axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        axes.plot(trace.times, trace.followed_path[:, axis], color=colour, linewidth=1.4, zorder=FRONT - place)
+        style: dict[str, Any] = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
+        axes.plot(trace.times, trace.followed_path[:, axis], label=named_error(trace), **style)
     shown = [traces[0].wanted_path[:, axis], *(trace.followed_path[:, axis] for trace in traces)]
-    axes.set_ylim(*_limits(np.concatenate(shown)))
+    axes.set_ylim(*padded_limits(np.concatenate(shown)))
 
 
 def _draw_errors(axes: Axes, traces, colours) -> None:
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
         axes.plot(trace.times, 100 * trace.position_errors, color=colour, linewidth=1.4, zorder=FRONT - place)
     axes.set_ylim(bottom=0)
-    axes.margins(x=0.01)
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
-        axes.text(0.5, 0.5, "no position is asked for", transform=axes.transAxes, ha="center", color=MUTED, fontsize=9)
+        say_nothing_here(axes, "no position is asked for")
 
 
 def _draw_from_above(axes: Axes, traces, colours) -> None:
     """Paths in the x-y plane at equal scale, obstacles as they stand at the start, the base as a cross."""
-    wanted = traces[0].wanted_path
-    axes.plot(*wanted[:, :2].T, color=WANTED, linewidth=2.6, alpha=0.75, **_wanted_style(wanted))
+    draw_wanted(axes, traces[0].wanted_path, ABOVE)
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        style = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
-        axes.plot(*trace.followed_path[:, :2].T, label=_named_error(trace), **style)
-    for *centre, _, radius in _standing(traces[0].obstacles[0]):
-        axes.add_patch(Circle(centre, radius, facecolor="#6b6f8633", edgecolor="#6b6f86", linewidth=1))
+        style: dict[str, Any] = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
+        axes.plot(*trace.followed_path[:, :2].T, label=named_error(trace), **style)
+    draw_obstacles(axes, traces[0].obstacles[0], ABOVE)
     axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
-    axes.set_aspect("equal", adjustable="datalim")
     headline(axes, "from above")
-
-
-def _wanted_style(wanted: np.ndarray) -> dict:
-    """A line for a path, a disc for a place, no name where nothing is asked."""
-    finite = wanted[np.isfinite(wanted).all(axis=-1)]
-    if not len(finite):
-        return {}
-    stands = np.ptp(finite, axis=0).max() < 1e-6
-    return {"label": "wanted", "marker": "o" if stands else "", "markersize": 9}
-
-
-def _named_error(trace: Trace) -> str:
-    """Label with mean and standard deviation of the error over time."""
-    errors = 100 * trace.position_errors[np.isfinite(trace.position_errors)]
-    return f"{trace.label}   {errors.mean():.2f} ± {errors.std():.2f} cm" if errors.size else trace.label
-
-
-def _standing(obstacles: np.ndarray) -> np.ndarray:
-    """The obstacles that are there."""
-    return obstacles[np.isfinite(obstacles).all(axis=-1) & (obstacles[:, 3] > 0)]
-
-
-def _limits(values: np.ndarray) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
-    middle, half = (low + high) / 2, max(high - low, LEAST_SPAN) / 2
-    return middle - 1.12 * half, middle + 1.12 * half
 
 
 def recording_figure(states: Float[np.ndarray, "samples modules 6"], path: str | os.PathLike) -> Path:

@@ -35,6 +35,23 @@ def centre_line(
     return np.concatenate([base[..., POSITION], points], axis=-2)
 
 
+def arc_lengths(states: Float[np.ndarray, "time modules 6"]) -> Float[np.ndarray, " modules"]:
+    """How long modules must be [m] to end where they do, each taken for an arc; the median over time.
+
+    An arc over the chord d that turns by the angle a between the axes at its ends is d (a/2) / sin(a/2) long: exact for
+    a constant bend, whatever its angle. For drawing runs of which the arm is not known.
+
+    Args:
+        states: end positions [m] and end axes, shape (time, modules, 6), base frame, all finite.
+    """
+    base = np.broadcast_to(BASE_STATE, (len(states), 1, 6))
+    starts = np.concatenate([base, states[:, :-1]], axis=1)
+    chords = np.linalg.norm(states[..., POSITION] - starts[..., POSITION], axis=-1)
+    half_chords = np.linalg.norm(states[..., AXIS] - starts[..., AXIS], axis=-1) / 2  # of the unit circle: sin(a/2)
+    halves = np.arcsin(np.clip(half_chords, 0.0, 1.0))
+    return np.median(chords / np.sinc(halves / np.pi), axis=0)
+
+
 def _hermite_basis(u: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 4"]:
     """Weights of start, start tangent, end and end tangent at u in [0, 1]."""
     return np.stack([2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u, -2 * u**3 + 3 * u**2, u**3 - u**2], axis=-1)

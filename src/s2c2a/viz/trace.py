@@ -73,8 +73,12 @@ class Trace:
     @property
     def followed_module(self) -> int:
         """Outermost module whose position is asked for, counted from 0; the last one where none is."""
-        asked = np.isfinite(self.wanted_positions).all(axis=-1).any(axis=0)
-        return int(np.flatnonzero(asked)[-1]) if asked.any() else self.module_count - 1
+        return _outermost_asked(self.wanted_positions)
+
+    @property
+    def pointing_module(self) -> int:
+        """Outermost module whose axis is asked for, counted from 0; the last one where none is."""
+        return _outermost_asked(self.wanted_axes)
 
     @property
     def followed_path(self) -> Float[np.ndarray, "time 3"]:
@@ -93,12 +97,16 @@ class Trace:
 
     @property
     def axis_errors(self) -> Float[np.ndarray, " time"]:
-        """Angle between end axis and wanted axis [rad] of the outermost module that is asked for one, or NaN."""
-        asked = np.isfinite(self.wanted_axes).all(axis=-1).any(axis=0)
-        module = int(np.flatnonzero(asked)[-1]) if asked.any() else self.module_count - 1
-        real, wanted = self.states[:, module, AXIS], self.wanted_axes[:, module]
+        """Angle between end axis and wanted axis [rad] of the pointing module, or NaN."""
+        real, wanted = self.states[:, self.pointing_module, AXIS], self.wanted_axes[:, self.pointing_module]
         across = np.linalg.norm(np.cross(real, wanted), axis=-1)
         return np.arctan2(across, np.sum(real * wanted, axis=-1))
+
+
+def _outermost_asked(wanted: np.ndarray) -> int:
+    """Last module of which something is asked at some time, or the last one of all."""
+    asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
+    return int(np.flatnonzero(asked)[-1]) if asked.any() else wanted.shape[1] - 1
 
 
 def _frozen_array(label: str, name: str, value) -> np.ndarray:
@@ -115,6 +123,20 @@ def _check_times(label: str, times: np.ndarray) -> None:
         raise S2C2AError(f"trace '{label}': times has shape {times.shape}, expected (time,) with at least one step")
     if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
         raise S2C2AError(f"trace '{label}': times must be finite and rise from step to step; they are in seconds")
+
+
+def check_told_apart(traces) -> None:
+    """Refuse an empty list of traces, and traces that one label stands for.
+
+    Raises:
+        S2C2AError: there is no trace, or two have the same label.
+    """
+    labels = [trace.label for trace in traces]
+    if not labels:
+        raise S2C2AError("there is no trace to draw; give at least one")
+    twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
+    if twice:
+        raise S2C2AError(f"several traces are labelled '{twice[0]}'; give each a label of its own, for the legend")
 
 
 def check_same_arm(traces, arm) -> None:

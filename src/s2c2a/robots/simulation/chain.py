@@ -20,7 +20,8 @@ _MOST_TENSION = 1e6  # N
 def build_model(arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0) -> mujoco.MjModel:
     """Compile the model of an arm.
 
-    Sites `base_k` and `end_k` carry the frames of module k, sites `centre_...` are points of the centre line; actuator `cable_k_i` pulls cable i of module k.
+    Sites `base_k` and `end_k` carry the frames of module k, sites `centre_...` are points of the centre line; actuator
+    `cable_k_i` pulls cable i of module k.
 
     Args:
         arm: the description.

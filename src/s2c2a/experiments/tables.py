@@ -1,0 +1,145 @@
+"""The paper's tables and figures: which arms, tasks and controllers each is made of, and how it is made."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.report import Row
+from s2c2a.experiments.following import (
+    Conditions,
+    Run,
+    Shelf,
+    follow,
+    score_rows,
+    tick_rows,
+    training_rows,
+    workshop_strategies,
+)
+from s2c2a.experiments.sensing_quality import sensing_rows
+from s2c2a.experiments.table_figures import draw_table
+from s2c2a.experiments.variants import actuation_coupled, sensing_coupled
+from s2c2a.experiments.workshop import Workshop
+from s2c2a.strategies import Recipe
+from s2c2a.tasks.registry import TILTS
+
+PAYLOAD = 0.05  # kg
+SIBLINGS = ("twin_capstan", "twin_creep", "twin_both")
+TRACKING = ("circle", *TILTS)
+HOLDING = ("hold-base", "hold-middle", "hold-end")
+AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Runs of one arm under one set of conditions.
+
+    Attributes:
+        arm: makes it.
+        tasks: names.
+        controllers: names.
+        conditions: simulation, payload, guard.
+        said: what is special about them, for the rows.
+    """
+
+    arm: Callable[[], ArmSpec]
+    tasks: tuple[str, ...]
+    controllers: tuple[str, ...]
+    conditions: Conditions = Conditions()
+    said: str = ""
+
+
+def _preset(name: str) -> Callable[[], ArmSpec]:
+    return lambda: load_arm(name)
+
+
+_TWIN, _SIMULATED = _preset("twin_arm"), _preset("simulated_arm")
+
+TABLES: dict[str, tuple[Part, ...]] = {
+    "simulation": (
+        Part(_SIMULATED, ("circle",), ("s2c2a", "s2c2a-motor", "lstm", "pcc", "pcc-fitted")),
+        Part(lambda: sensing_coupled(_SIMULATED()), ("circle",), ("s2c2a",)),
+        Part(lambda: actuation_coupled(_SIMULATED()), ("circle",), ("s2c2a",)),
+    ),
+    "tracking": (
+        Part(_TWIN, TRACKING, ("s2c2a", "pcc", "pcc-fitted")),
+        *(Part(_preset(name), TRACKING, ("s2c2a",), said="other hysteresis") for name in SIBLINGS),
+        Part(_TWIN, ("circle",), ("s2c2a", "pcc", "pcc-fitted"), Conditions(payload=PAYLOAD), "50 g at the tip"),
+    ),
+    "constraint": (Part(_TWIN, HOLDING, ("s2c2a", "pcc", "pcc-fitted")),),
+    "obstacles": (
+        Part(_TWIN, AVOIDING, ("s2c2a",)),
+        Part(_TWIN, AVOIDING[1:], ("s2c2a",), Conditions(guard="arm"), "whole arm guarded"),
+    ),
+    "interaction": (Part(_TWIN, ("flee", "follow"), ("s2c2a",)),),
+    "networks": (),
+    "workspace": (),
+}
+"""Name -> what it is made of (Chen et al. 2025, secs. II-D, III-B and IV)."""
+
+
+def make_table(
+    name: str, folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: Recipe
+) -> tuple[list[Row], list[Path]]:
+    """Make one table, from nothing or from where an earlier attempt was cut short, and draw its figures.
+
+    Args:
+        name: of the table.
+        folder: for finished runs and figures.
+        seeds: of data, training and start.
+        workshop: where data and networks come from.
+        recipe: how networks are trained and plans made.
+
+    Returns:
+        Its rows, and the figures.
+
+    Raises:
+        S2C2AError: no such table.
+    """
+    if name not in TABLES:
+        raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
+    shelf = Shelf(folder / "runs", {"recipe": recipe})
+    rows: list[Row] = []
+    every: list[tuple[Part, ArmSpec, list[Run]]] = []
+    for part in TABLES[name]:
+        arm = part.arm()
+        strategies = workshop_strategies(workshop, arm, recipe, guard=part.conditions.guard)
+        runs = follow(
+            part.tasks, arm, part.controllers, seeds, strategies, recipe, part.conditions, shelf, workshop.progress
+        )
+        experiment = f"{name}, {part.said}" if part.said else name
+        own = score_rows(experiment, arm, runs, recipe.name, part.conditions.fidelity)
+        rows += own + mean_rows(own) + tick_rows(experiment, arm, runs, recipe.name, part.conditions.fidelity)
+        every.append((part, arm, runs))
+    if name == "networks":
+        for arm in (_TWIN(), _SIMULATED()):
+            rows += training_rows(name, [workshop.networks(arm, recipe, seed) for seed in seeds], workshop.fidelity)
+    if name == "workspace":
+        rows += sensing_rows(name, _TWIN(), seeds, workshop, recipe)
+    drawn = [(part.said, arm, runs) for part, arm, runs in every]
+    return rows, draw_table(name, drawn, folder, workshop, recipe, seeds)
+
+
+def mean_rows(rows: Sequence[Row]) -> list[Row]:
+    """Means over the six tilt tasks, of every controller and metric, the paper's beside them."""
+    means = []
+    for controller, metric in dict.fromkeys((row.controller, row.metric) for row in rows if row.task in TILTS):
+        mine = [row for row in rows if row.task in TILTS and (row.controller, row.metric) == (controller, metric)]
+        means.append(
+            replace(
+                mine[0],
+                task=f"mean of {len(mine)} tilt tasks",
+                mean=sum(row.mean for row in mine) / len(mine),
+                std_steps=_mean([row.std_steps for row in mine]),
+                std_seeds=None,
+                paper_mean=_mean([row.paper_mean for row in mine]),
+                paper_std=_mean([row.paper_std for row in mine]),
+            )
+        )
+    return means
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if len(known) == len(values) else None

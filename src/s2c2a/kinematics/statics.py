@@ -1,0 +1,57 @@
+"""How far a module bends when its cables only pull, and stretch.
+
+Cable i of a module wants the bend that its displacement a_i = r B_i b stands for; where it is taut it pulls with its
+stiffness k. In units of the module's own bending stiffness, kappa = k r^2 L / EI, the bend beta at rest solves
+
+    beta + kappa sum_i B_i max(0, B_i beta - a_i / r + tau) = m
+
+with m the moment of everything else (gravity, neighbours) and tau what a cable is taut by at rest.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+ITERATIONS = 4  # of taut cables found, bend solved; the sum is convex and piecewise linear
+
+
+def bend_at_rest(
+    displacements: Float[Array, "*batch modules cables"],
+    moments: Float[Array, "*batch modules 2"],
+    matrices: Float[Array, "modules cables 2"],
+    stiffness: Float[Array, " modules"],
+    tautness: Float[Array, " modules"],
+    engaged: bool = False,
+) -> Float[Array, "*batch modules 2"]:
+    """Bend vectors [rad] at rest.
+
+    Args:
+        displacements: at the module, over the cable radius [rad].
+        moments: of everything else, over the bending stiffness [rad].
+        matrices: B.
+        stiffness: kappa.
+        tautness: tau [rad].
+        engaged: take slopes as if every cable were taut. Where one cable holds a module alone, the others can move
+            without effect, and a planner with true slopes would not find that they matter later.
+    """
+    wanted = displacements - tautness[:, None]
+    every = jnp.broadcast_to(stiffness[:, None], wanted.shape)
+    if engaged:
+        matrices, stiffness = jax.lax.stop_gradient((matrices, stiffness))
+    linear = _solve(every, wanted, moments, matrices)
+    bends = linear
+    for _ in range(ITERATIONS):
+        stretched = jnp.einsum("mnk,...mk->...mn", matrices, jax.lax.stop_gradient(bends)) > wanted
+        bends = _solve(stretched * stiffness[:, None], wanted, moments, matrices)
+    return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
+
+
+def _solve(pulls, wanted, moments, matrices) -> Array:
+    """(I + sum_i p_i B_i B_i^T) beta = m + sum_i p_i B_i w_i, two by two."""
+    x, y = matrices[..., 0], matrices[..., 1]
+    xx, xy, yy = (jnp.sum(pulls * part, axis=-1) for part in (x * x, x * y, y * y))
+    right = moments + jnp.einsum("mnk,...mn->...mk", matrices, pulls * wanted)
+    first, second = right[..., 0], right[..., 1]
+    determinant = (1.0 + xx) * (1.0 + yy) - xy**2
+    solution = [(1.0 + yy) * first - xy * second, (1.0 + xx) * second - xy * first]
+    return jnp.stack(solution, axis=-1) / determinant[..., None]

@@ -1,0 +1,198 @@
+"""A way round obstacles that a planner of single steps does not see.
+
+Two obstacles side by side hold a tip that only looks one step ahead. So a coarse map of the workspace is made once,
+the arm bent everywhere alike, in a grid over the disc of full bend. In every control step nodes within an obstacle's
+threshold and margin are crossed out, shortest ways from all others to the target are found at once (Bellman and Ford's
+sweeps over the grid), and the tip is drawn along its way instead of straight at the target.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.kinematics import ForwardModel, configurations_from_bends
+from s2c2a.planning.goal import Goal
+from s2c2a.planning.guard import GuardedPoints
+from s2c2a.spaces import POSITION
+
+SIDE = 45  # nodes along the grid
+SWEEPS = 64
+STEPS_AHEAD = 4  # nodes
+NEAR = 0.1  # of the arm's length: how far off the map the tip may be
+LOOKAHEAD = 0.1  # of the arm's length, along a way round
+NEIGHBOURS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
+SAMPLES = 16  # on the straight way
+FAR = 1e6  # m
+
+Nodes = Float[Array, "side side"]
+
+
+class WorkspaceMap(NamedTuple):
+    """Where the arm bent everywhere alike can bring its tip.
+
+    Attributes:
+        length: of the arm [m].
+        bends: of every node [rad], shape (side, side, modules, 2).
+        tips: tip of every node [m], shape (side, side, 3).
+        points: guarded points of every node [m], shape (side, side, points, 3).
+        ways: length of the tip's way to each of eight neighbours [m]; far where there is none, shape (8, side, side).
+    """
+
+    length: float
+    bends: Float[Array, "side side modules 2"]
+    tips: Float[Array, "side side 3"]
+    points: Float[Array, "side side points 3"]
+    ways: Float[Array, "neighbours side side"]
+
+
+class Drawn(NamedTuple):
+    """Where the tip is drawn.
+
+    Attributes:
+        position: [m], shape (3,).
+        bends: of the node there [rad], shape (modules, 2).
+        on_the_map: one where the way goes along the map, so that bends are wanted too: from another shape that reaches
+            as far, the next node can be out of reach by small steps; else zero.
+    """
+
+    position: Float[Array, "3"]
+    bends: Float[Array, "modules 2"]
+    on_the_map: Float[Array, ""]
+
+
+def workspace_map(arm: ArmSpec, model: ForwardModel, guarded: GuardedPoints) -> WorkspaceMap:
+    """Predict the states of all nodes, at rest."""
+    shares = np.linspace(-1.0, 1.0, SIDE)
+    grid = np.stack(np.meshgrid(shares, shares, indexing="ij"), axis=-1)
+    limits = ArmGeometry.of(arm).bend_limits
+    bends = jnp.asarray(grid[:, :, None, :] * limits[:, None], dtype=jnp.float32)  # (side, side, modules, 2)
+
+    def states(bend):
+        configurations = configurations_from_bends(bend)
+        return model.predict(configurations, model.start(configurations))
+
+    every = jax.jit(jax.vmap(jax.vmap(states)))(bends)
+    tips = every[..., -1, POSITION]
+    exists = jnp.asarray(np.linalg.norm(grid, axis=-1) <= 1.0 + 1e-6)
+    ways = [
+        jnp.where(
+            exists & _shifted(exists, step, False), jnp.linalg.norm(_shifted(tips, step, 0.0) - tips, axis=-1), FAR
+        )
+        for step in NEIGHBOURS
+    ]
+    return WorkspaceMap(arm.length, bends, tips, jax.vmap(jax.vmap(guarded))(every), jnp.stack(ways))
+
+
+def drawn_along(
+    workspace: WorkspaceMap,
+    tip: Float[Array, "3"],
+    target: Float[Array, "3"],
+    goal: Goal,
+    margin: float,
+    longest: float,
+) -> Drawn:
+    """The target where the straight way is free, else a point of the way there, or the tip itself if it is too long.
+
+    Args:
+        workspace: of the arm.
+        tip: where it is [m].
+        target: where it shall go [m].
+        goal: its obstacles.
+        margin: kept around them [m].
+        longest: a longer way is not taken [m].
+    """
+    spheres = _Spheres.of(goal, margin)
+    blocked = spheres.meet(workspace.points)
+    to_go, following = _ways_to(workspace, target, blocked)
+    apart = jnp.linalg.norm(workspace.tips - tip, axis=-1)
+    seen = (apart < NEAR * workspace.length) & ~spheres.meet((workspace.tips + tip)[:, :, None] / 2)
+    begins = jnp.where(seen, to_go + apart, FAR)
+    start = jnp.unravel_index(jnp.argmin(begins), begins.shape)
+    worth_it = begins[start] <= longest
+    needed = _straight_is_blocked(workspace, tip, target, spheres, blocked)
+    off_the_map = begins[start] >= FAR
+    node = _ahead(workspace, tip, start, following)
+    along = needed & worth_it & ~off_the_map
+    otherwise = jnp.where(needed & ~off_the_map, tip, target)
+    return Drawn(jnp.where(along, workspace.tips[node], otherwise), workspace.bends[node], along.astype(jnp.float32))
+
+
+class _Spheres(NamedTuple):
+    """Obstacles with their margins.
+
+    Attributes:
+        centres: [m], shape (obstacles, 3).
+        reach: radius [m], not positive where there is no obstacle, shape (obstacles,).
+        used: how many of the array have to be looked at.
+    """
+
+    centres: Float[Array, "obstacles 3"]
+    reach: Float[Array, " obstacles"]
+    used: Array
+
+    @classmethod
+    def of(cls, goal: Goal, margin: float) -> "_Spheres":
+        there = goal.thresholds > 0.0
+        last = jnp.max(jnp.where(there, jnp.arange(len(there)) + 1, 0))
+        return cls(jnp.asarray(goal.obstacles), jnp.where(there, goal.thresholds + margin, 0.0), last)
+
+    def meet(self, points: Float[Array, "*places points 3"]) -> Bool[Array, "*places"]:
+        """Whether any of a place's points lies within any of them; time goes with the number in use."""
+
+        def one_more(number, met):
+            squared = jnp.sum((points - self.centres[number]) ** 2, axis=-1)
+            return met | (squared < self.reach[number] ** 2).any(axis=-1)
+
+        return jax.lax.fori_loop(0, self.used, one_more, jnp.zeros(points.shape[:-2], dtype=bool))
+
+
+def _ways_to(workspace: WorkspaceMap, target, blocked: Bool[Array, "side side"]) -> tuple[Nodes, Array]:
+    """Length of every node's way to the free node nearest to the target, and which neighbour comes next on it."""
+    missing = jnp.linalg.norm(workspace.tips - target, axis=-1)
+    off = blocked | (workspace.ways.min(axis=0) >= FAR)
+    apart = jnp.where(off, FAR, missing)
+    first = jnp.where(apart == apart.min(), missing, FAR)
+
+    def onward(to_go: Nodes) -> Float[Array, "neighbours side side"]:
+        return workspace.ways + jnp.stack([_shifted(to_go, step, FAR) for step in NEIGHBOURS])
+
+    def sweep(_, to_go: Nodes) -> Nodes:
+        return jnp.where(off, FAR, jnp.minimum(to_go, onward(to_go).min(axis=0)))
+
+    to_go = jax.lax.fori_loop(0, SWEEPS, sweep, first)
+    following = jnp.where(first < FAR, len(NEIGHBOURS), jnp.argmin(onward(to_go), axis=0))  # the last one stays
+    return to_go, following
+
+
+def _ahead(workspace: WorkspaceMap, tip, start, following) -> tuple[Array, Array]:
+    """The first node of the way that is so far from the tip, or the last one looked at."""
+    steps = jnp.array([*NEIGHBOURS, (0, 0)])
+
+    def on(_, node):
+        near = jnp.linalg.norm(workspace.tips[node] - tip) < LOOKAHEAD * workspace.length
+        step = jnp.where(near, steps[following[node]], 0)
+        return node[0] + step[0], node[1] + step[1]
+
+    return jax.lax.fori_loop(0, STEPS_AHEAD, on, start)
+
+
+def _straight_is_blocked(workspace: WorkspaceMap, tip, target, spheres: _Spheres, blocked) -> Bool[Array, ""]:
+    """Whether the tip, or the arm in the shape of the nearest node, meets an obstacle on the straight way."""
+    shares = jnp.linspace(0.0, 1.0, SAMPLES + 1)[1:, None]
+    samples = tip + (target - tip) * shares
+    met = spheres.meet(samples[:, None]).any()
+    if workspace.points.shape[-2] == 1:
+        return met
+    apart = jnp.linalg.norm(workspace.tips.reshape(-1, 3) - samples[:, None], axis=-1)
+    return met | blocked.reshape(-1)[jnp.argmin(apart, axis=-1)].any()
+
+
+def _shifted(values: Array, step: tuple[int, int], beyond) -> Array:
+    """Values of the neighbour that lies one step on; `beyond` outside the grid."""
+    padded = jnp.pad(values, [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)], constant_values=beyond)
+    row, column = 1 + step[0], 1 + step[1]
+    return padded[row : row + SIDE, column : column + SIDE]

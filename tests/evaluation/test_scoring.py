@@ -1,0 +1,212 @@
+"""From runs to scores: short runs made up so that every number can be worked out by hand."""
+
+import numpy as np
+import pytest
+
+from s2c2a.evaluation import METRICS, Rollout, score_run
+from s2c2a.planning import Goal
+from s2c2a.tasks import Score, Task
+
+STEPS = 20
+REST = Goal.of(2)
+UNITS = {
+    "position": "cm", "constraint": "cm", "tilt": "deg", "azimuth": "deg", "orientation": "deg", "end distance": "cm",
+    "reached": "of runs", "clearance": "cm", "clearance at steps": "cm", "clearance of the arm": "cm",
+    "path length": "cm", "stillness": "cm", "recovery": "s",
+}  # fmt: skip
+
+
+def made_up(goals, states, scores, centre_lines=None, period=0.1):
+    """A run in which these states happened."""
+    steps = len(goals)
+    none = np.zeros((steps, 2, 3))
+    times = period * np.arange(1, steps + 1)
+    task = Task("made up", tuple(goals), tuple(scores))
+    return Rollout(task, "nobody", times, states, none, none, none, none, np.zeros(steps), centre_lines)
+
+
+def states_at(tips, axes=(0, 0, 1)):
+    """States of two modules: the lower one's end at 0.3 m, the tip as stated."""
+    states = np.zeros((len(tips), 2, 6))
+    states[:, 0, 2], states[:, :, 3:] = 0.3, axes
+    states[:, 1, :3] = tips
+    return states
+
+
+def off_by(centimetres):
+    """A tip that misses its target, at height 0.5 m, by so much aside in every step."""
+    tips = np.array([[miss / 100, 0, 0.5] for miss in centimetres])
+    return [REST.with_position([0, 0, 0.5])] * len(tips), states_at(tips)
+
+
+def scored(run, recipe="paper"):
+    (found,) = score_run(run, recipe)
+    return found
+
+
+def value(goals, states, metric, recipe="paper", centre_lines=None, **score):
+    return scored(made_up(goals, states, [Score(metric, **score)], centre_lines), recipe).value
+
+
+def test_every_metric_has_its_unit():
+    assert {name: metric.unit for name, metric in METRICS.items()} == UNITS
+
+
+def test_scores_come_in_the_order_of_the_task_with_values_for_every_step():
+    scores = [Score("position"), Score("end distance"), Score("path length")]
+    found = score_run(made_up(*off_by(np.arange(STEPS)), scores), "paper")
+    assert [one.score for one in found] == scores
+    assert [one.unit for one in found] == ["cm", "cm", "cm"]
+    assert [one.values.shape for one in found] == [(STEPS,)] * 3
+
+
+def test_position_is_the_mean_distance_over_all_steps():
+    found = scored(made_up(*off_by([3, 1, 2, 6]), [Score("position")]))
+    np.testing.assert_allclose(found.values, [3, 1, 2, 6], rtol=1e-6)
+    assert found.value == pytest.approx(3.0)
+    assert found.averaged
+
+
+def test_steps_that_do_not_count_are_left_out_of_values_and_mean():
+    found = scored(made_up(*off_by([3, 1, 2, 6]), [Score("position", steps=np.array([False, True, True, False]))]))
+    np.testing.assert_allclose(found.values, [np.nan, 1, 2, np.nan], rtol=1e-6)
+    assert found.value == pytest.approx(1.5)
+
+
+def test_where_no_step_counts_the_mean_is_no_number_and_nothing_warns():
+    assert np.isnan(value(*off_by([3, 1]), "position", steps=np.zeros(2, bool)))
+
+
+def test_constraint_is_the_distance_of_the_module_that_is_held():
+    goals = [REST.with_position([0, 0.04, 0.3], module=0).with_position([9, 9, 9])] * 3
+    assert value(goals, states_at(np.zeros((3, 3))), "constraint", module=0) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)])
+def test_orientations_are_scored_against_the_wanted_axis(metric, expected):
+    """An end that lies in x, where 70 deg from the vertical towards y are wanted."""
+    wanted = [0, np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))]
+    states = states_at(np.zeros((2, 3)), axes=(1, 0, 0))
+    assert value([REST.with_axis(wanted)] * 2, states, metric) == pytest.approx(expected, abs=1e-4)
+
+
+def test_an_orientation_is_scored_of_the_module_named():
+    states = states_at(np.zeros((2, 3)))
+    states[:, 0, 3:] = [0, 1, 0]
+    goals = [REST.with_axis([0, 0, 1], module=0).with_axis([0, 0, 1])] * 2
+    assert value(goals, states, "orientation", module=0) == pytest.approx(90)
+    assert value(goals, states, "orientation") == pytest.approx(0)
+
+
+def test_the_end_distance_is_the_mean_of_the_last_ten_steps():
+    found = scored(made_up(*off_by([50.0] * 10 + list(range(10))), [Score("end distance")]))
+    assert found.value == pytest.approx(4.5)
+    assert not found.averaged
+
+
+def test_of_a_run_shorter_than_ten_steps_all_are_the_end():
+    assert value(*off_by([1, 2, 6]), "end distance") == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "miss", "reached"),
+    [("paper", 4.99, 1.0), ("paper", 5.01, 0.0), ("best", 2.99, 1.0), ("best", 3.01, 0.0), ("best", 4.99, 0.0)],
+)
+def test_a_target_is_reached_within_five_centimetres_by_the_papers_recipe_and_three_by_others(recipe, miss, reached):
+    assert value(*off_by([50] * 10 + [miss] * 10), "reached", recipe) == reached
+
+
+def test_reaching_is_a_matter_of_the_mean_and_not_of_every_step():
+    assert value(*off_by([50] * 10 + [9, 0] * 5), "reached") == 1.0
+    assert value(*off_by([0] * 10 + [11, 0] * 5), "reached") == 0.0
+
+
+OBSTACLE = REST.with_obstacles([[0.3, 0, 0.5]], [0.1])
+TIPS = np.array([[0, 0, 0.5], [0.15, 0, 0.5], [0.1, 0, 0.5]])
+
+
+def lines_to(tips, bulge=0.0):
+    """Centre lines of two moments and ten points, all at the base but the tip; in the first moment it is further on."""
+    lines = np.zeros((len(tips), 2, 10, 3))
+    lines[:, :, -1] = tips[:, None]
+    lines[:, 0, -1, 0] += bulge
+    return lines
+
+
+def test_clearance_of_a_run_that_nothing_watched_is_the_smallest_at_control_steps():
+    goals, states = [OBSTACLE] * 3, states_at(TIPS)
+    found = scored(made_up(goals, states, [Score("clearance")]))
+    np.testing.assert_allclose(found.values, [20, 5, 10], atol=1e-5)
+    assert found.value == pytest.approx(5.0, abs=1e-5)
+    assert not found.averaged
+
+
+def test_clearance_of_a_watched_run_counts_what_happened_between_control_steps():
+    goals, states = [OBSTACLE] * 3, states_at(TIPS)
+    assert value(goals, states, "clearance", centre_lines=lines_to(TIPS, bulge=0.07)) == pytest.approx(-2, abs=1e-5)
+
+
+def test_clearance_at_steps_does_not():
+    goals, states = [OBSTACLE] * 3, states_at(TIPS)
+    found = value(goals, states, "clearance at steps", centre_lines=lines_to(TIPS, bulge=0.07))
+    assert found == pytest.approx(5, abs=1e-5)
+
+
+def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
+    lines = lines_to(TIPS)
+    lines[:, :, 3] = [0.3, 0, 0.45]
+    goals, states = [OBSTACLE] * 3, states_at(TIPS)
+    assert value(goals, states, "clearance", centre_lines=lines) == pytest.approx(5, abs=1e-5)
+    assert value(goals, states, "clearance of the arm", centre_lines=lines) == pytest.approx(-5, abs=1e-5)
+
+
+def test_clearance_of_the_arm_takes_module_ends_where_nothing_watched_it():
+    """The lower module's end is at 0.3 m, 2 cm off the edge of the obstacle; the tip is further away."""
+    goals = [REST.with_obstacles([[0, 0.12, 0.3]], [0.1])] * 3
+    assert value(goals, states_at(TIPS), "clearance of the arm") == pytest.approx(2, abs=1e-5)
+    assert value(goals, states_at(TIPS), "clearance") > 10
+
+
+def test_an_obstacle_counts_only_in_the_steps_in_which_it_is_there():
+    found = scored(made_up([REST, OBSTACLE, OBSTACLE], states_at(TIPS), [Score("clearance of the arm")]))
+    np.testing.assert_allclose(found.values, [np.inf, 5, 10], atol=1e-5)
+
+
+def test_the_path_length_is_the_sum_of_the_steps():
+    found = scored(made_up([REST] * 3, states_at(TIPS), [Score("path length")]))
+    np.testing.assert_allclose(found.values, [0, 15, 5], atol=1e-9)
+    assert found.value == pytest.approx(20)
+
+
+def test_stillness_is_the_furthest_that_the_tip_strayed_while_the_obstacle_was_far():
+    tips = np.array([[0, 0, 0.5], [0.006, 0, 0.5], [0.2, 0, 0.5], [0.002, 0, 0.5], [0.006, 0, 0.5]])
+    found = scored(made_up([OBSTACLE] * 5, states_at(tips), [Score("stillness")]))
+    np.testing.assert_allclose(found.values, [0, 0.6, np.nan, 0, 0.4], atol=1e-6)
+    assert found.value == pytest.approx(0.6)
+
+
+INSIDE = np.array([True, False, False, True, True, True])
+
+
+def recovery(misses, inside, period=0.1):
+    return scored(made_up(*off_by(misses), [Score("recovery", steps=inside)], period=period))
+
+
+def test_recovery_is_the_time_from_re_entry_until_the_error_stays_below_three_centimetres():
+    found = recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE)
+    assert found.value == pytest.approx(0.2)
+    np.testing.assert_allclose(found.values, [np.nan] * 5 + [0.2])
+    assert not found.averaged
+
+
+def test_recovery_is_told_in_seconds_whatever_the_control_rate():
+    assert recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE, period=0.05).value == pytest.approx(0.1)
+
+
+def test_an_arm_that_never_recovers_takes_for_ever():
+    assert recovery([1, 9, 9, 9, 1, 3.1], INSIDE).value == np.inf
+
+
+@pytest.mark.parametrize("inside", [np.ones(6, bool), None])
+def test_a_target_that_never_left_leaves_nothing_to_recover_from(inside):
+    assert np.isnan(recovery([9, 9, 9, 9, 9, 9], inside).value)

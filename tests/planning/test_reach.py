@@ -1,0 +1,79 @@
+"""How far points are out of reach: worked by hand for one module, by law for more."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import TargetError
+from s2c2a.kinematics import states_from_bends
+from s2c2a.planning.reach import reach_gaps
+
+TWIN = load_arm("twin_arm")
+POINTS = 24
+"""So many at a time in every test: each other number would be compiled anew."""
+STRAIGHT_UP = [[0, 0, 0.60], [0, 0, 0.65], [0, 0, 0.70]]
+
+
+def gaps(arm, points, module=-1):
+    """Gaps of a few points, among repetitions of them."""
+    return reach_gaps(arm, np.resize(points, (POINTS, 3)), module)[: len(points)]
+
+
+@pytest.fixture
+def column(make_arm):
+    """Three modules of 0.2 m that bend by at most 50 deg."""
+    return make_arm(3, module={"bend_limit_deg": 50.0})
+
+
+def test_above_a_straight_arm_the_gap_is_what_its_length_lacks():
+    np.testing.assert_allclose(gaps(TWIN, STRAIGHT_UP), [0.0, 0.05, 0.10], atol=1e-5)
+
+
+def test_below_the_end_of_one_straight_module_the_gap_is_the_way_down(make_arm):
+    """Its end has no way down the axis: bent, it goes aside faster than down."""
+    np.testing.assert_allclose(gaps(make_arm(1), [[0, 0, 0.19], [0, 0, 0.15]]), [0.01, 0.05], atol=1e-5)
+
+
+def test_a_module_stops_at_its_bend_limit(make_arm):
+    """At 90 deg the end stands a radius up and a radius aside, L / (pi / 2); a limit of 60 deg stops before."""
+    point = 0.2 / (np.pi / 2) * np.array([[1.0, 0.0, 1.0]])
+    stopped = 0.2 / (np.pi / 3) * np.array([[0.5, 0.0, 0.75**0.5]])
+    loose, tight = (make_arm(1, module={"bend_limit_deg": limit}) for limit in (90.0, 60.0))
+    assert gaps(loose, point)[0] == pytest.approx(0, abs=1e-4)
+    assert gaps(tight, point)[0] == pytest.approx(np.linalg.norm(point - stopped), abs=1e-4)
+
+
+@pytest.mark.parametrize("height", [0.599, 0.565, 0.55])
+def test_a_point_on_the_axis_below_the_straight_tip_is_reached_by_an_s(column, height):
+    """Though a straight arm would stay straight, since no bend of it is better than another."""
+    assert gaps(column, [[0, 0, height], [1e-9, 0, height], [0, -1e-5, height]]).max() < 1e-4
+
+
+def test_two_modules_of_three_reach_what_a_held_middle_asks_for(column):
+    assert gaps(column, [[0, 0, 0.396]], module=1)[0] < 1e-4
+
+
+@pytest.mark.parametrize("modules", [2, 3])
+def test_where_an_arm_can_be_there_is_no_gap(make_arm, modules):
+    """At the ends of 24 random shapes within its limits."""
+    arm, random = make_arm(modules, module={"bend_limit_deg": 50.0}), np.random.default_rng(modules)
+    angles, sizes = (
+        random.uniform(-np.pi, np.pi, (POINTS, modules)),
+        np.deg2rad(50) * random.uniform(0, 1, (POINTS, modules)),
+    )
+    bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    ends = states_from_bends(bends.astype(np.float32), np.full(modules, 0.2, np.float32))[:, -1, :3]
+    assert gaps(arm, np.asarray(ends)).max() < 1e-3 * arm.length
+
+
+def test_modules_are_counted_from_the_base_or_back_from_the_tip(column):
+    points = np.array([[0.05, 0.02, 0.38], [0.3, 0.0, 0.5]])
+    np.testing.assert_array_equal(gaps(column, points, 1), gaps(column, points, -2))
+    np.testing.assert_array_equal(gaps(column, points, 2), gaps(column, points))
+    assert gaps(column, points, 1)[1] > 0.1 > 1e-3 > gaps(column, points)[1]
+
+
+@pytest.mark.parametrize("module", [3, -4, 10**30])
+def test_a_module_that_the_arm_lacks_is_refused(module):
+    with pytest.raises(TargetError, match=f"no module {module}; 'twin_arm' has 3"):
+        gaps(TWIN, STRAIGHT_UP, module)

@@ -1,0 +1,130 @@
+"""One module's end stays while something else moves: targets worked by hand from docs/protocol.md."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import TargetError
+from s2c2a.tasks import Score, task_named
+
+TWIN = load_arm("twin_arm")
+HOLDS = ["hold-base", "hold-middle", "hold-end"]
+TURNING = [("hold-middle", 1, 0.4, 0.396, 20), ("hold-end", 2, 0.6, 0.565, 40)]
+
+
+def arm_of(modules):
+    return TWIN.model_copy(update={"modules": (TWIN.modules[0],) * modules})
+
+
+def wanted(name, module, arm=TWIN):
+    """Positions and axes of a module's end."""
+    task = task_named(name, arm)
+    return task.wanted_positions()[:, module], task.wanted_axes()[:, module]
+
+
+@pytest.mark.parametrize("name", HOLDS)
+def test_a_hold_lasts_two_hundred_steps(name):
+    task = task_named(name, TWIN)
+    assert (task.name, len(task.goals)) == (name, 200)
+    assert task.obstacles().shape == (200, 0, 4)
+
+
+def test_the_base_module_stays_where_it_is_at_rest():
+    positions, axes = wanted("hold-base", 0)
+    np.testing.assert_allclose(positions, np.tile([0, 0, 0.2], (200, 1)), atol=1e-7)
+    assert np.isnan(axes).all()
+
+
+@pytest.mark.parametrize(("step", "point"), [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])])
+def test_over_a_held_base_the_tip_goes_once_around_anticlockwise(step, point):
+    np.testing.assert_allclose(wanted("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6)
+
+
+def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
+    tip = wanted("hold-base", -1)[0][:40]
+    np.testing.assert_allclose(tip[:, 0], 0.15 * np.arange(1, 41) / 40, atol=1e-7)
+    np.testing.assert_array_equal(tip[:, 1], 0)
+    assert np.all(np.diff(tip[:, 2]) < 0)
+    assert 0.595 < tip[0, 2] < 0.6
+
+
+def test_a_held_base_counts_four_times_and_the_tip_once():
+    goals = task_named("hold-base", TWIN).goals
+    assert {tuple(goal.position_weights) for goal in goals} == {(4, 0, 1)}
+    assert not any(goal.axis_weights.any() for goal in goals)
+    assert {float(goal.change_weight) for goal in goals} == {0.5}
+
+
+@pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
+def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(name, module, rest, height, tilt):
+    positions, _ = wanted(name, module)
+    shares = np.append(np.arange(1, 41) / 40, np.ones(160))
+    np.testing.assert_array_equal(positions[:, :2], 0)
+    np.testing.assert_allclose(positions[:, 2], rest + (height - rest) * shares, atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
+@pytest.mark.parametrize(
+    ("step", "share", "azimuth"), [(1, 1 / 40, 0), (20, 0.5, 0), (40, 1, 0), (80, 1, 90), (160, 1, 270), (200, 1, 360)]
+)
+def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(name, module, rest, height, tilt, step, share, azimuth):
+    angle, turned = np.deg2rad([tilt * share, azimuth])
+    expected = [np.sin(angle) * np.cos(turned), np.sin(angle) * np.sin(turned), np.cos(angle)]
+    np.testing.assert_allclose(wanted(name, module)[1][step - 1], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
+def test_of_other_modules_than_the_held_one_nothing_is_asked(name, module, rest, height, tilt):
+    goals, only = task_named(name, TWIN).goals, tuple(float(number == module) for number in range(3))
+    assert {tuple(goal.position_weights) for goal in goals} == {only}
+    assert {tuple(goal.axis_weights) for goal in goals} == {only}
+    assert {float(goal.change_weight) for goal in goals} == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("name", "scores"),
+    [
+        ("hold-base", (Score("constraint", 0), Score("position"))),
+        ("hold-middle", (Score("constraint", 1), Score("orientation", 1))),
+        ("hold-end", (Score("constraint", 2), Score("orientation", 2))),
+    ],
+)
+def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
+    assert task_named(name, TWIN).scores == scores
+
+
+@pytest.mark.parametrize(
+    ("name", "modules"), [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)]
+)
+def test_an_arm_with_too_few_modules_is_refused(name, modules):
+    with pytest.raises(TargetError, match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}"):
+        task_named(name, arm_of(modules))
+
+
+@pytest.mark.parametrize(("modules", "middle"), [(3, 1), (4, 1), (5, 2), (6, 2)])
+def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(modules, middle):
+    positions = task_named("hold-middle", arm_of(modules)).wanted_positions()
+    assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
+    assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
+
+
+def test_lengths_scale_with_the_arm_and_angles_do_not():
+    half = TWIN.model_copy(update={"modules": tuple(m.model_copy(update={"length": 0.1}) for m in TWIN.modules)})
+    for name in HOLDS:
+        long, short = task_named(name, TWIN), task_named(name, half)
+        np.testing.assert_allclose(short.wanted_positions(), long.wanted_positions() / 2, atol=1e-6)
+        np.testing.assert_array_equal(short.wanted_axes(), long.wanted_axes())
+
+
+def test_a_faster_control_keeps_the_times():
+    for name in HOLDS:
+        fast = task_named(name, TWIN.model_copy(update={"control_rate": 20.0}))
+        assert len(fast.goals) == 400
+        np.testing.assert_allclose(fast.wanted_positions()[1::2], task_named(name, TWIN).wanted_positions(), atol=1e-6)
+
+
+def test_a_module_of_another_length_is_held_where_it_ends():
+    modules = [TWIN.modules[0].model_copy(update={"length": length}) for length in (0.1, 0.2, 0.3)]
+    arm = TWIN.model_copy(update={"modules": tuple(modules)})
+    np.testing.assert_allclose(wanted("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7)
+    np.testing.assert_allclose(wanted("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7)

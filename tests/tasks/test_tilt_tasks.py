@@ -1,0 +1,98 @@
+"""The circle with wanted orientations: targets worked by hand from docs/protocol.md."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.tasks import Score, circle, task_named
+
+TWIN = load_arm("twin_arm")
+TILTS = {"tilt-40": 40, "tilt-50": 50, "tilt-60": 60, "tilt-0": 0, "tilt-50-a20": 50, "tilt-50-c20": 50}
+TURNS = {"tilt-50-a20": 20, "tilt-50-c20": -20}
+PLAIN = [name for name in TILTS if name not in TURNS]
+
+
+def tip_axes(name, arm=TWIN):
+    return task_named(name, arm).wanted_axes()[:, -1]
+
+
+def angles_to_the_vertical(axes):
+    return np.rad2deg(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2]))
+
+
+def axis(tilt_deg, azimuth_deg):
+    tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
+    return [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)]
+
+
+@pytest.mark.parametrize("name", TILTS)
+def test_the_tip_goes_the_way_of_the_circle(name):
+    task = task_named(name, TWIN)
+    assert (task.name, len(task.goals)) == (name, 200)
+    np.testing.assert_array_equal(task.wanted_positions(), circle(TWIN).wanted_positions())
+
+
+@pytest.mark.parametrize("name", TILTS)
+def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
+    shares = np.append(np.arange(1, 41) / 40, np.ones(160))
+    np.testing.assert_allclose(angles_to_the_vertical(tip_axes(name)), TILTS[name] * shares, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
+def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
+    axes, tips = tip_axes(name), task_named(name, TWIN).wanted_positions()[:, -1]
+    across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
+    outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
+    np.testing.assert_allclose(across, 0, atol=1e-6)
+    assert outward.min() > 0
+
+
+@pytest.mark.parametrize(
+    ("step", "tilt", "azimuth"), [(1, 1.25, 0), (20, 25, 0), (40, 50, 0), (80, 50, 90), (120, 50, 180), (200, 50, 360)]
+)
+def test_a_tilt_of_fifty_degrees_step_by_step(step, tilt, azimuth):
+    np.testing.assert_allclose(tip_axes("tilt-50")[step - 1], axis(tilt, azimuth), atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "turn"), TURNS.items())
+@pytest.mark.parametrize(("step", "tilt", "azimuth"), [(1, 1.25, 0), (40, 50, 0), (80, 50, 90), (200, 50, 360)])
+def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(name, turn, step, tilt, azimuth):
+    np.testing.assert_allclose(tip_axes(name)[step - 1], axis(tilt, azimuth + turn), atol=1e-6)
+
+
+def test_a_quarter_round_and_turned_anticlockwise_the_tip_points_left_and_back():
+    assert np.sign(tip_axes("tilt-50-a20")[79]).tolist() == [-1, 1, 1]
+    assert np.sign(tip_axes("tilt-50-c20")[79]).tolist() == [1, 1, 1]
+
+
+def test_a_tilt_of_zero_points_up_all_the_time():
+    np.testing.assert_array_equal(tip_axes("tilt-0"), np.tile([0.0, 0.0, 1.0], (200, 1)))
+
+
+@pytest.mark.parametrize("name", TILTS)
+def test_position_counts_once_orientation_twice_and_change_half(name):
+    goals = task_named(name, TWIN).goals
+    assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
+    assert {tuple(goal.axis_weights) for goal in goals} == {(0, 0, 2)}
+    assert {float(goal.change_weight) for goal in goals} == {0.5}
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_a_plain_tilt_is_scored_by_position_and_tilt_on_every_step(name):
+    assert task_named(name, TWIN).scores == (Score("position"), Score("tilt"))
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
+    *plain, azimuth = task_named(name, TWIN).scores
+    assert plain == [Score("position"), Score("tilt")]
+    assert (azimuth.metric, azimuth.module) == ("azimuth", -1)
+    np.testing.assert_array_equal(azimuth.steps, [False] * 40 + [True] * 160)
+
+
+@pytest.mark.parametrize("name", TILTS)
+def test_orientations_do_not_scale_with_the_arm_and_keep_their_times_at_a_faster_control(name):
+    short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
+    fast = TWIN.model_copy(update={"control_rate": 20.0})
+    np.testing.assert_array_equal(tip_axes(name, short), tip_axes(name))
+    np.testing.assert_allclose(tip_axes(name, fast)[1::2], tip_axes(name), atol=1e-6)

@@ -1,0 +1,277 @@
+"""A user's own path from a table, and what is refused of it."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import TargetError
+from s2c2a.tasks import Score, Waypoints, load_waypoints, out_of_reach, task_named, waypoints_task
+
+TWIN = load_arm("twin_arm")
+SLOPE = "time,x,y,z\n0,0,0,0.6\n1,0.1,0,0.58\n3,0.1,0.2,0.54\n"
+POINTED = "time,x,y,z,axis_x,axis_y,axis_z\n0,0,0,0.6,0,0,2\n2,0.2,0,0.55,3,0,4\n"
+TWO = "time,x,y,z,module\n0,0,0,0.2,0\n0,0,0,0.6,2\n1,0.02,0,0.19,0\n2,0.1,0,0.58,2\n"
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Writes a file of waypoints."""
+
+    def write(text, encoding="utf-8"):
+        path = tmp_path / "my_path.csv"
+        path.write_text(text, encoding=encoding)
+        return path
+
+    return write
+
+
+def tip_path(tracks, arm=TWIN):
+    return waypoints_task("mine", tracks, arm).wanted_positions()[:, -1]
+
+
+def test_a_table_of_positions_is_a_track_of_the_tip(table):
+    (track,) = load_waypoints(table(SLOPE))
+    assert (track.module, track.axes) == (-1, None)
+    np.testing.assert_array_equal(track.times, [0, 1, 3])
+    np.testing.assert_array_equal(track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]])
+
+
+def test_axes_of_any_length_become_directions(table):
+    (track,) = load_waypoints(table(POINTED))
+    np.testing.assert_allclose(track.axes, [[0, 0, 1], [0.6, 0, 0.8]])
+
+
+def test_every_module_named_has_a_track_of_its_own(table):
+    base, tip = load_waypoints(table(TWO))
+    assert (base.module, tip.module) == (0, 2)
+    np.testing.assert_array_equal(base.times, [0, 1])
+    np.testing.assert_array_equal(tip.positions, [[0, 0, 0.6], [0.1, 0, 0.58]])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SLOPE.replace("\n", "\r\n"),
+        SLOPE.replace(",", ", "),
+        SLOPE.replace(",", " , "),
+        " " + SLOPE.replace("\n", " \n"),
+        SLOPE.replace("\n", "\n\n"),
+        SLOPE.rstrip("\n"),
+        SLOPE.replace("0.6", '"0.6"').replace("0.1", "1e-1"),
+        "y,z,time,x\n0,0.6,0,0\n0,0.58,1,0.1\n0.2,0.54,3,0.1\n",
+        "\ufeff" + SLOPE,
+    ],
+    ids=[
+        "windows",
+        "spaces",
+        "wide",
+        "edges",
+        "blank lines",
+        "no last end",
+        "quotes",
+        "other order",
+        "byte order mark",
+    ],
+)
+def test_tables_as_programs_write_them_say_the_same(table, text):
+    (track,) = load_waypoints(table(text))
+    np.testing.assert_array_equal(track.times, [0, 1, 3])
+    np.testing.assert_array_equal(track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]])
+
+
+def test_a_path_may_be_text(table):
+    assert len(load_waypoints(str(table(SLOPE)))) == 1
+
+
+def test_between_waypoints_the_target_goes_straight_at_the_arms_rate(table):
+    path = tip_path(load_waypoints(table(SLOPE)))
+    assert len(path) == 30
+    for step, point in [(1, [0.01, 0, 0.598]), (5, [0.05, 0, 0.59]), (10, [0.1, 0, 0.58]), (20, [0.1, 0.1, 0.56]),
+                        (30, [0.1, 0.2, 0.54])]:  # fmt: skip
+        np.testing.assert_allclose(path[step - 1], point, atol=1e-7)
+
+
+def test_a_faster_control_makes_more_steps_of_the_same_path(table):
+    tracks = load_waypoints(table(SLOPE))
+    fast = tip_path(tracks, TWIN.model_copy(update={"control_rate": 20.0}))
+    np.testing.assert_allclose(fast[1::2], tip_path(tracks), atol=1e-7)
+
+
+def test_the_first_waypoint_holds_from_the_start_and_the_last_of_a_shorter_track_to_the_end(table):
+    late = table("time,x,y,z,module\n1,0.1,0,0.58,-1\n2,0.2,0,0.55,-1\n0,0,0,0.2,0\n1,0.02,0,0.19,0\n")
+    wanted = waypoints_task("late", load_waypoints(late), TWIN).wanted_positions()
+    np.testing.assert_allclose(wanted[:10, 2], np.tile([0.1, 0, 0.58], (10, 1)), atol=1e-7)
+    np.testing.assert_allclose(wanted[9:, 0], np.tile([0.02, 0, 0.19], (11, 1)), atol=1e-7)
+
+
+def test_a_last_time_between_two_steps_ends_with_the_step_before(table):
+    assert len(tip_path(load_waypoints(table("time,x,y,z\n0,0,0,0.6\n0.57,0.1,0,0.58\n")))) == 5
+
+
+def test_one_waypoint_is_held_until_its_time(table):
+    path = tip_path(load_waypoints(table("time,x,y,z\n2,0.1,0,0.58\n")))
+    np.testing.assert_allclose(path, np.tile([0.1, 0, 0.58], (20, 1)), atol=1e-7)
+
+
+def test_axes_turn_from_one_waypoint_to_the_next(table):
+    """Half-way between (0, 0, 1) and (0.6, 0, 0.8)."""
+    axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).wanted_axes()[:, -1]
+    np.testing.assert_allclose(axes[9], np.array([0.3, 0, 0.9]) / 0.9**0.5, atol=1e-6)
+    np.testing.assert_allclose(axes[19], [0.6, 0, 0.8], atol=1e-6)
+
+
+def test_positions_count_once_axes_twice_and_change_half(table):
+    goals = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).goals
+    assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
+    assert {tuple(goal.axis_weights) for goal in goals} == {(0, 0, 2)}
+    assert {float(goal.change_weight) for goal in goals} == {0.5}
+
+
+def test_every_track_is_scored_by_what_it_asks(table):
+    pointed = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN)
+    assert pointed.scores == (Score("position"), Score("orientation"))
+    two = waypoints_task("mine", load_waypoints(table(TWO)), TWIN)
+    assert two.scores == (Score("position", 0), Score("position", 2))
+
+
+def test_lengths_do_not_scale_with_the_arm(table):
+    half = TWIN.model_copy(update={"modules": TWIN.modules[:1]})
+    tracks = load_waypoints(table(SLOPE))
+    np.testing.assert_array_equal(tip_path(tracks, half), tip_path(tracks))
+
+
+def test_a_file_is_a_task_by_its_name(table):
+    task = task_named(str(table(SLOPE)), TWIN)
+    assert (task.name, len(task.goals)) == ("my_path", 30)
+
+
+def test_a_missing_file_is_refused_and_the_columns_are_told(tmp_path):
+    with pytest.raises(TargetError, match=r"no waypoints at .*nowhere\.csv; .*time, x, y, z"):
+        load_waypoints(tmp_path / "nowhere.csv")
+    with pytest.raises(TargetError, match="no waypoints at"):
+        load_waypoints(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    ["time,x,y", "x,y,z", "time,x,y,z,speed", "time;x;y;z", "Time,x,y,z", "time,x,y,z,axis_x", "time,x,x,y,z",
+     "time,x,y,z,axis_x,axis_y", "time,x,y,z,", "0,0,0,0.6", ""],
+)  # fmt: skip
+def test_other_columns_are_refused_and_the_right_ones_told(table, columns):
+    with pytest.raises(TargetError, match=r"has the columns .*it needs time, x, y, z, and may have axis_x"):
+        load_waypoints(table(columns + "\n0,0,0,0.6\n1,0,0,0.6\n"))
+
+
+@pytest.mark.parametrize("text", ["time,x,y,z", "time,x,y,z\n", "time,x,y,z,module\n\n\n"])
+def test_a_table_without_lines_is_refused(table, text):
+    with pytest.raises(TargetError, match="holds no waypoints; give at least one line"):
+        load_waypoints(table(text))
+
+
+def test_a_file_without_a_word_is_refused(table):
+    with pytest.raises(TargetError, match="has the columns none"):
+        load_waypoints(table(""))
+
+
+@pytest.mark.parametrize("row", ["1,0.1,here,0.5", "1,0.1,,0.5", "1,0.1,0.5", "1,0.1,0.2,0.5,7", "1,0.1,0x2,0.5"])
+def test_what_is_no_number_is_refused_by_its_line(table, row):
+    with pytest.raises(TargetError, match=r"my_path\.csv, line 3: every column must hold one number"):
+        load_waypoints(table("time,x,y,z\n0,0,0,0.6\n" + row + "\n"))
+
+
+@pytest.mark.parametrize("row", ["1,nan,0,0.5", "1,0,inf,0.5", "nan,0,0,0.5", "1,0,0,-inf", "1,0,0,1e999"])
+def test_what_is_not_finite_is_refused_by_its_line(table, row):
+    with pytest.raises(TargetError, match="line 3: numbers must be finite"):
+        load_waypoints(table("time,x,y,z\n0,0,0,0.6\n" + row + "\n"))
+
+
+def test_a_line_is_named_as_an_editor_counts_it(table):
+    with pytest.raises(TargetError, match="line 5"):
+        load_waypoints(table("time,x,y,z\n\n0,0,0,0.6\n\n1,0,0,much\n"))
+
+
+@pytest.mark.parametrize("module", ["0.5", "nan", "inf"])
+def test_a_module_that_is_no_whole_number_is_refused(table, module):
+    with pytest.raises(TargetError, match="line 2: numbers must be finite, and the module a whole number"):
+        load_waypoints(table(f"time,x,y,z,module\n1,0,0,0.6,{module}\n"))
+
+
+@pytest.mark.parametrize(
+    ("times", "told"), [((0, 2, 1), "1 after 2"), ((0, 1, 1), "1 after 1"), ((3, 2, 1), "2 after")]
+)
+def test_times_that_do_not_rise_are_refused(table, times, told):
+    rows = "".join(f"{time},0,0,0.6\n" for time in times)
+    with pytest.raises(TargetError, match=f"times of a module must rise, got {told}"):
+        load_waypoints(table("time,x,y,z\n" + rows))
+
+
+def test_a_time_before_the_start_is_refused(table):
+    with pytest.raises(TargetError, match="not negative, got -1"):
+        load_waypoints(table("time,x,y,z\n-1,0,0,0.6\n1,0,0,0.6\n"))
+
+
+def test_an_axis_of_no_length_is_refused_by_its_time(table):
+    with pytest.raises(TargetError, match=r"an axis of length zero at time 2; give a direction"):
+        load_waypoints(table(POINTED.replace("3,0,4", "0,0,0")))
+
+
+def test_axes_that_turn_right_round_have_no_way_between(table):
+    tracks = load_waypoints(table(POINTED.replace("3,0,4", "0,0,-2")))
+    with pytest.raises(TargetError, match="target axis is zero"):
+        waypoints_task("mine", tracks, TWIN)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\n"])
+def test_what_is_no_text_is_refused(tmp_path, content):
+    path = tmp_path / "picture.csv"
+    path.write_bytes(content)
+    with pytest.raises(TargetError, match=r"picture\.csv cannot be read as a table of text"):
+        load_waypoints(path)
+
+
+@pytest.mark.parametrize("module", [3, -4, 1e30])
+def test_a_module_that_the_arm_lacks_is_refused(table, module):
+    tracks = load_waypoints(table(f"time,x,y,z,module\n1,0,0,0.6,{module}\n"))
+    with pytest.raises(TargetError, match=rf"no module {int(module)}; this goal is for 3"):
+        waypoints_task("mine", tracks, TWIN)
+    with pytest.raises(TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"):
+        out_of_reach(tracks, TWIN)
+
+
+def test_the_tip_cannot_be_asked_for_twice_under_two_numbers(table):
+    tracks = load_waypoints(table("time,x,y,z,module\n1,0,0,0.6,-1\n1,0,0,0.5,2\n"))
+    with pytest.raises(
+        TargetError, match=r"name a module of 'twin_arm' twice, by \[-1, 2\]; -1 and 2 are both its tip"
+    ):
+        waypoints_task("mine", tracks, TWIN)
+
+
+@pytest.mark.parametrize("time", ["0", "0.05", "100000.1", "1e18", "1e308"])
+def test_a_last_time_that_makes_no_step_or_too_many_is_refused(table, time):
+    tracks = load_waypoints(table(f"time,x,y,z\n{time},0,0,0.6\n"))
+    with pytest.raises(TargetError, match="between one step and 1000000 steps"):
+        waypoints_task("mine", tracks, TWIN)
+
+
+def test_no_tracks_are_refused():
+    with pytest.raises(TargetError, match="end at 0 s"):
+        waypoints_task("mine", [], TWIN)
+
+
+def test_waypoints_out_of_reach_are_told_with_module_time_and_gap(table):
+    """The arm is 0.6 m long, its base module 0.2 m."""
+    tracks = load_waypoints(table("time,x,y,z,module\n1,0,0,0.7,-1\n2,0.1,0,0.58,-1\n0,0,0,0.2,0\n4,0,0,0.25,0\n"))
+    tip, base = out_of_reach(tracks, TWIN)
+    assert (tip.module, tip.time, base.module, base.time) == (-1, 1.0, 0, 4.0)
+    assert (tip.gap, base.gap) == pytest.approx((0.1, 0.05), abs=1e-4)
+
+
+def test_gaps_below_a_hundredth_of_the_arm_are_not_told(table):
+    tracks = load_waypoints(table("time,x,y,z\n1,0,0,0.605\n2,0,0,0.607\n"))
+    assert [far.time for far in out_of_reach(tracks, TWIN)] == [2.0]
+
+
+def test_waypoints_need_no_file():
+    track = Waypoints(-1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None)
+    assert len(tip_path([track])) == 10
+    assert out_of_reach([track], TWIN) == []
