@@ -11,9 +11,9 @@ from s2c2a.tasks import circle
 
 episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 18
 arm = load_arm("twin_arm")  # or the path of an arm file
-recipe = recipe_named("paper")
+recipe = recipe_named("best")
 
-options = CollectOptions(episodes=episodes)
+options = CollectOptions(episodes=episodes, speeds=recipe.speeds)
 recording = collect("twin.h5", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
 networks = train_s2c2a(recording, recipe, seed=0)
 strategy = s2c2a_strategy(networks)

@@ -5,7 +5,7 @@ from pathlib import Path
 from s2c2a.cli.console import Arm, RecipeName, print_table, progress_bar
 
 
-def bench(arm: Arm = "twin_arm", recipe: RecipeName = "paper", repeats: int = 1000, out: Path | None = None) -> None:
+def bench(arm: Arm = "twin_arm", recipe: RecipeName = "best", repeats: int = 1000, out: Path | None = None) -> None:
     """Time sensing, planning, control, the whole tick, collecting and training: median and 99th percentile.
 
     Args:

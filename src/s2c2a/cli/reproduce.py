@@ -73,6 +73,30 @@ _table_command("all", "All tables and figures of the paper.", TABLES)
 
 
 @app.command
+def ingredients(
+    seeds: int = 3, arm: Arm = "twin_arm", out: Path = Path("runs/ingredients"), overwrite: bool = False
+) -> None:
+    """What each ingredient of the recipe `best` is worth, alone and together (docs/recipe.md).
+
+    Args:
+        seeds: how many, from zero.
+        arm: a preset or an arm file.
+        out: the run folder; cut short, it goes on where it was.
+        overwrite: begin anew.
+    """
+    from s2c2a.experiments.following import checked_seeds
+    from s2c2a.experiments.ingredients import ingredient_rows
+    from s2c2a.experiments.run_folder import open_run_folder
+    from s2c2a.experiments.table_files import save_across
+    from s2c2a.experiments.workshop import Workshop
+
+    folder = open_run_folder(out, "ingredients", {"seeds": seeds, "arm": arm}, overwrite, go_on=True)
+    with progress_bar() as progress:
+        rows = ingredient_rows(folder, checked_seeds(0, seeds), Workshop(progress=progress), arm)
+    print(save_across("ingredients", rows, folder).read_text(encoding="utf-8"))
+
+
+@app.command
 def circle(
     seeds: int = 3,
     recipe: RecipeName = "best",

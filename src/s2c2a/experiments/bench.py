@@ -20,6 +20,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import Recipe, TrainedNetworks, s2c2a_strategy
 from s2c2a.strategies.scale import planning_scale
 from s2c2a.tasks import circle
+from s2c2a.tasks.obstacles import reach
 
 REPEATS = 1000
 
@@ -69,11 +70,16 @@ def step_timings(networks: TrainedNetworks, repeats: int = REPEATS) -> list[Timi
         strategy = s2c2a_strategy(networks)
         strategy.start(reading)
         action = strategy.step(reading, goals[0])
+        avoiding = reach(arm, "risk-a").goals
+        guarded = s2c2a_strategy(networks, guard="arm")
+        guarded.start(reading)
         return [
             timed("sense", lambda n: sense(cables, truth), repeats),
             timed("plan", lambda n: planner.plan(plan, sensed, goals[n % len(goals)]), repeats),
             timed("act", lambda n: act(sensed, sensed, memory), repeats),
             timed("tick: sense, plan, act", lambda n: strategy.step(reading, goals[n % len(goals)]), repeats),
+            timed("tick past two obstacles", lambda n: strategy.step(reading, avoiding[n % len(avoiding)]), repeats),
+            timed("the same, whole arm guarded", lambda n: guarded.step(reading, avoiding[n % len(avoiding)]), repeats),
             timed("simulated control step, fast", lambda n: robot.send(action), min(repeats, 200)),
         ]
 

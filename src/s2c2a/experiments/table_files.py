@@ -29,6 +29,26 @@ def save_table(name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Ro
     return markdown
 
 
+def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
+    """Write rows with a line for every controller and a column for every task and metric; returns the Markdown file."""
+    save_rows(rows, folder / f"{name}.json")
+    columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
+    values = {(row.controller, row.task, row.metric): row for row in rows}
+    header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
+    text = [_bar(header), _bar(["---"] * len(header))]
+    for controller in dict.fromkeys(row.controller for row in rows):
+        cells = [_across(values[controller, task, metric]) for task, metric, _ in columns]
+        text.append(_bar([controller, *cells]))
+    path = folder / f"{name}.md"
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    return path
+
+
+def _across(row: Row) -> str:
+    """The mean and the spread between seeds."""
+    return _pair(row.mean, row.std_seeds)
+
+
 def rows_beside(folder: Path | None, name: str) -> list[Row]:
     """Rows of a table that stands in another folder, if there is one."""
     path = None if folder is None else folder / f"{name}.json"
@@ -85,6 +105,6 @@ def _latex(lines: Sequence[tuple[str, ...]]) -> str:
 
 
 def _escaped(cell: str) -> str:
-    for plain, escaped in (("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$")):
+    for plain, escaped in (("&", r"\&"), ("%", r"\%"), ("#", r"\#"), ("_", r"\_"), ("±", r"$\pm$")):
         cell = cell.replace(plain, escaped)
     return cell

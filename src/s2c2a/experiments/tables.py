@@ -1,7 +1,7 @@
 """The paper's tables and figures: which arms, tasks and controllers each is made of, and how it is made."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from s2c2a.arm import ArmSpec, load_arm
@@ -46,7 +46,7 @@ class Part:
     arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     controllers: tuple[str, ...]
-    conditions: Conditions = Conditions()
+    conditions: Conditions = field(default_factory=Conditions)
     said: str = ""
 
 

@@ -103,9 +103,12 @@ class Workshop:
         save_strategy(networks, path)
         return networks
 
-    def lstm(self, arm: ArmSpec, recipe: Recipe, seed: int) -> TrainedLSTM:
-        """The trained LSTM of an arm, on the same data as the recipe's networks, trained unless it was before."""
-        options, size = CollectOptions(seed=seed, speeds=recipe.speeds), LSTMOptions()
+    def lstm(self, arm: ArmSpec, seed: int) -> TrainedLSTM:
+        """The trained LSTM of an arm, trained unless it was before.
+
+        On data as fast as the paper recipe's, whatever the recipe: it follows better with them than with slower ones.
+        """
+        options, size = CollectOptions(seed=seed), LSTMOptions()
         path = self.folder / f"{self._label(arm, options, 'lstm', asdict(size))}.safetensors"
         with suppress(StrategyError):
             return load_lstm(path, arm)
@@ -131,7 +134,7 @@ class Workshop:
         if controller == "pcc-fitted":
             return pcc_fitted_strategy(self.recording(arm, CollectOptions(seed=seed, speeds=recipe.speeds)), planner)
         if controller == "lstm":
-            return LSTMStrategy(self.lstm(arm, recipe, seed))
+            return LSTMStrategy(self.lstm(arm, seed))
         raise S2C2AError(f"no controller '{controller}'; choose one of {', '.join(CONTROLLERS)}")
 
     def _label(self, arm: ArmSpec, options: CollectOptions, kind: str = "", trained: dict | None = None) -> str:

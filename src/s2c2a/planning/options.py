@@ -54,6 +54,8 @@ class LeastSquaresOptions:
         margin: kept around obstacles beyond their thresholds, in parts of the arm's length.
         longest_detour: a way round obstacles that is longer is not taken, in parts of the arm's length; the tip then
             waits before them.
+        engaged_slopes: whether slopes are those of taut cables that follow their motors (`ForwardModel.for_planning`),
+            or the true ones.
         guard: what keeps out of obstacles.
     """
 
@@ -68,14 +70,18 @@ class LeastSquaresOptions:
     obstacle: float = 20.0
     margin: float = 0.04
     longest_detour: float = 0.8
+    engaged_slopes: bool = True
     guard: Guard = "tip"
 
     def __post_init__(self):
         """Refuse what cannot be solved."""
         _check_iterations(self.iterations)
-        weights = (self.axis, self.change, self.evenness, self.limit, self.obstacle, self.margin)
-        if not (self.unit > 0 and self.longest_pull > 0 and min(weights) >= 0):
-            raise TargetError(f"{self} asked for; units and pull must be positive, weights and margin not negative")
+        weights = (self.axis, self.change, self.evenness, self.shape, self.limit, self.obstacle)
+        lengths = (self.margin, self.longest_detour)
+        if not (self.unit > 0 and self.longest_pull > 0 and all(value >= 0 for value in (*weights, *lengths))):
+            raise TargetError(
+                f"{self} asked for; unit and pull must be positive, weights, margin and detour not negative"
+            )
 
 
 AnyPlannerOptions = PlannerOptions | LeastSquaresOptions

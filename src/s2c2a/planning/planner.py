@@ -48,7 +48,7 @@ class Planner:
         """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
         self._modules = arm.module_count
         if isinstance(options, LeastSquaresOptions):
-            solver = _by_least_squares(arm, model.for_planning(), options)
+            solver = _by_least_squares(arm, model.for_planning() if options.engaged_slopes else model, options)
         else:
             solver = _as_the_paper(arm, model, length_scale, options)
         self._start = jax.jit(lambda sensed: Plan(sensed, model.start(sensed)))
@@ -126,7 +126,8 @@ def _by_least_squares(arm: ArmSpec, model: ForwardModel, options: LeastSquaresOp
 
         residuals = goal_residuals(model, memory, goal, start, bend_limits, arm.length, guarded, workspace, options)
         flat = solve_least_squares(residuals, start.reshape(-1), within_step, options.iterations)
-        return configurations_from_bends(limit_lengths(flat.reshape(start.shape), bend_limits))
+        allowed = limit_lengths(flat.reshape(start.shape), bend_limits)  # an arm can begin beyond its bend limits
+        return configurations_from_bends(start + limit_lengths(allowed - start, longest_step))
 
     return solver
 
