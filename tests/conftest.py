@@ -8,12 +8,14 @@ import pytest
 
 from s2c2a.arm import ArmSpec, Module, load_arm
 from s2c2a.data import CollectOptions, Recording, collect
+from s2c2a.networks import ChainSize
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, save_strategy, train_s2c2a
 from s2c2a.training import FitOptions
 from s2c2a.training.networks import NetworkSize
 
 EPISODES, SAMPLES = 6, 100
+TINY, QUICK = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
 
 
 def pytest_configure(config):
@@ -58,14 +60,34 @@ def recording(twin, tmp_path_factory) -> Recording:
 @pytest.fixture(scope="session")
 def tiny_recipe() -> Recipe:
     """The paper's recipe with far smaller networks and a few quick epochs."""
-    size, options = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
-    return replace(recipe_named("paper"), name="tiny", c2s=size, c2a=size, c2s_fit=options, c2a_fit=options)
+    return replace(recipe_named("paper"), name="tiny", c2s=TINY, c2a=TINY, c2s_fit=QUICK, c2a_fit=QUICK)
+
+
+@pytest.fixture(scope="session")
+def tiny_best_recipe() -> Recipe:
+    """The recipe `best`, as small and as quick."""
+    size, fit = ChainSize(hidden=8, depth=1, play_widths=(0.005, 0.02), creep_times=(1.0,)), replace(QUICK, decay=True)
+    return replace(recipe_named("best"), name="tiny_best", c2s=size, c2a=TINY, c2s_fit=fit, c2a_fit=fit)
 
 
 @pytest.fixture(scope="session")
 def tiny_networks(recording, tiny_recipe) -> TrainedNetworks:
     """Really trained, on the small recording, a little."""
     return train_s2c2a(recording, tiny_recipe, seed=7)
+
+
+@pytest.fixture(scope="session")
+def tiny_best_networks(recording, tiny_best_recipe) -> TrainedNetworks:
+    """Trained by the recipe `best` on the small recording, a little."""
+    return train_s2c2a(recording, tiny_best_recipe, seed=7)
+
+
+@pytest.fixture(scope="session")
+def best_strategy_file(tiny_best_networks, tmp_path_factory) -> Path:
+    """A saved strategy of the recipe `best` for the twin."""
+    path = tmp_path_factory.mktemp("shared") / "twin_best.safetensors"
+    save_strategy(tiny_best_networks, path)
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """The command line, as a user types it."""
 
+import csv
 import json
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import sys
 import pytest
 
 from s2c2a.cli.main import main
+from s2c2a.cli.reproduce import TABLES
 
 VERBS = ["demo", "collect", "train", "run", "bench", "doctor", "arm", "reproduce"]
 
@@ -27,6 +29,14 @@ def failing(capsys, *arguments: str) -> str:
 def test_every_verb_explains_itself(verb, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([verb, "--help"])
+    assert stopped.value.code == 0
+    assert "usage" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("table", [*TABLES, "all"])
+def test_every_table_explains_itself(table, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["reproduce", table, "--help"])
     assert stopped.value.code == 0
     assert "usage" in capsys.readouterr().out
 
@@ -89,11 +99,21 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     said = capsys.readouterr().out
     assert "replay:" in said
     rows = json.loads((folder / "results.json").read_text())
-    assert {row["controller"] for row in rows} == {"s2c2a", "pcc"}
+    assert [(row["controller"], row["metric"], row["unit"]) for row in rows] == [
+        ("s2c2a", "position", "cm"),
+        ("pcc", "position", "cm"),
+    ]
     assert all(0 < row["mean"] < 30 for row in rows)
-    assert len((folder / "metrics.csv").read_text().splitlines()) == 1 + 2 * 200
+    with open(folder / "metrics.csv", newline="") as file:
+        steps = list(csv.DictReader(file))
+    assert len(steps) == 2 * 200
+    assert {(step["task"], step["seed"], step["metric"]) for step in steps} == {("circle", "0", "position")}
+    for row in rows:
+        values = [float(step["value"]) for step in steps if step["controller"] == row["controller"]]
+        assert abs(sum(values) / 200 - row["mean"]) < 1e-3
     options = json.loads((folder / "options.json").read_text())
     assert options["options"]["task"] == "circle"
+    assert options["options"]["recipe"]["name"] == "best"
     assert "jax" in options["versions"]
     assert (folder / "twin_arm.html").stat().st_size > 10_000
     again = failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(folder))

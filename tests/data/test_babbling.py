@@ -108,10 +108,11 @@ def test_a_longer_episode_begins_like_a_shorter_one(twin):
 
 
 def test_no_step_is_faster_than_the_fastest_speed_the_first_from_rest_included():
-    paths = [bend_path(500, np.random.default_rng(seed)) for seed in range(10)]
-    steps = [np.linalg.norm(np.diff(path, axis=0, prepend=0.0), axis=-1) for path in paths]
-    assert np.max(steps) <= SPEEDS[1] * (1 + 1e-9)
-    assert np.max(steps) > 0.9 * SPEEDS[1]
+    for speeds in (SPEEDS, (0.02, 0.06)):
+        paths = [bend_path(500, np.random.default_rng(seed), speeds) for seed in range(10)]
+        steps = [np.linalg.norm(np.diff(path, axis=0, prepend=0.0), axis=-1) for path in paths]
+        assert np.max(steps) <= speeds[1] * (1 + 1e-9)
+        assert np.max(steps) > 0.9 * speeds[1]
 
 
 def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:

@@ -50,7 +50,8 @@ def test_a_recording_says_how_it_was_made(gather, twin):
     made = gather(body="simulation fast")
     assert made.arm == twin
     assert made.options.pop("version")
-    assert made.options == {"babbling": "staged", "episodes": 4, "samples": 12, "seed": 3, "body": "simulation fast"}
+    chosen = {"babbling": "staged", "episodes": 4, "samples": 12, "seed": 3, "slowest": 0.03, "fastest": 0.22}
+    assert made.options == chosen | {"body": "simulation fast"}
 
 
 def test_every_sample_is_the_reading_before_its_action(gather, twin):
@@ -172,6 +173,7 @@ OTHERS = {
     "samples": replace(SMALL, samples=13),
     "episodes": replace(SMALL, episodes=5),
     "babbling": replace(SMALL, babbling="motor"),
+    "fastest": replace(SMALL, speeds=(0.03, 0.2)),
 }
 
 
@@ -205,6 +207,12 @@ FAULTS = {
 def test_impossible_options_are_refused(name, fault):
     with pytest.raises(RecordingError, match=fault[1]):
         CollectOptions(**{name: fault[0]})
+
+
+@pytest.mark.parametrize("speeds", [(0.0, 0.2), (0.2, 0.1), (0.1, 1.1), (np.nan, 0.2)])
+def test_speeds_that_do_not_rise_within_the_full_bend_are_refused(speeds):
+    with pytest.raises(RecordingError, match="must rise from above 0 to at most 1"):
+        CollectOptions(speeds=speeds)
 
 
 @pytest.mark.parametrize("threads", [0, -1])

@@ -1,4 +1,4 @@
-"""The real pipeline, once for all tests: 9000 samples and both networks of both arms, with fewer epochs."""
+"""The real pipeline, once for all tests: 9000 samples and both networks of both arms; as the paper, of the twin."""
 
 from dataclasses import replace
 
@@ -21,6 +21,12 @@ def workshop(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def trained(workshop):
-    """Both arms' networks: name -> TrainedNetworks."""
-    recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
-    return {name: train_s2c2a(workshop.recording(load_arm(name), CollectOptions()), recipe, seed=0) for name in ARMS}
+    """Both arms' networks by the recipe `best`: name -> TrainedNetworks."""
+    return {name: workshop.networks(load_arm(name), recipe_named("best"), seed=0) for name in ARMS}
+
+
+@pytest.fixture(scope="session")
+def trained_as_the_paper(workshop):
+    """The twin's networks by the recipe `paper`, with fewer epochs."""
+    recipe, twin = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT), load_arm("twin_arm")
+    return train_s2c2a(workshop.recording(twin, CollectOptions(speeds=recipe.speeds)), recipe, seed=0)

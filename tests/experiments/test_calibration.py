@@ -32,8 +32,8 @@ def test_the_twin_errs_and_reaches_as_the_papers_arm_and_pcc_follows_the_circle_
     assert [line.quantity for line in lines if not line.holds(values[line.quantity])] == []
 
 
-def test_the_twins_forward_model_errs_as_the_papers(trained):
-    assert C2S_ERROR.holds(trained["twin_arm"].percent["C2S"][0])
+def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
+    assert C2S_ERROR.holds(trained_as_the_paper.percent["C2S"][0])
 
 
 @pytest.mark.parametrize(

@@ -9,21 +9,21 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
-from s2c2a.experiments.following import follow
+from s2c2a.experiments.following import follow, workshop_strategies
 from s2c2a.experiments.workshop import Workshop
-from s2c2a.strategies import recipe_named, s2c2a_strategy, train_s2c2a
-from s2c2a.training import FitOptions
+from s2c2a.strategies import recipe_named
 
 ARMS = Path(__file__).parents[2] / "examples" / "arms"
 
 
 @pytest.mark.parametrize(("name", "percent"), [("five_cable_arm", 3.0), ("two_module_arm", 5.0)])
 def test_an_arm_that_nobody_tuned_for_follows_its_circle(name, percent, tmp_path):
-    arm, fit = load_arm(ARMS / f"{name}.toml"), FitOptions(most_epochs=20)
-    recipe = replace(recipe_named("paper"), c2s_fit=fit, c2a_fit=fit)
-    networks = train_s2c2a(Workshop(tmp_path).recording(arm, CollectOptions()), recipe, seed=0)
-    runs = follow("circle", arm, ("s2c2a",), [0], lambda controller, seed: s2c2a_strategy(networks))
-    assert runs[0].errors.mean() <= percent * arm.length
+    arm, best = load_arm(ARMS / f"{name}.toml"), recipe_named("best")
+    recipe = replace(best, c2s_fit=replace(best.c2s_fit, most_epochs=10), c2a_fit=replace(best.c2a_fit, most_epochs=10))
+    runs = follow(["circle"], arm, ("s2c2a",), [0], workshop_strategies(Workshop(tmp_path), arm, recipe), recipe)
+    (position,) = runs[0].scores
+    assert (position.score.metric, position.unit) == ("position", "cm")
+    assert position.value <= percent * arm.length
 
 
 SMALL = CollectOptions(episodes=2, samples=20)

@@ -1,9 +1,11 @@
 """Every example runs, in a folder of its own."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -19,8 +21,15 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
     ],
 )
 def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):
+    kept = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}  # as the other tests, see tests/conftest
+    kept |= {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1"}
     done = subprocess.run(
-        [sys.executable, EXAMPLES / name, "1"], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, EXAMPLES / name, "1"],
+        cwd=tmp_path,
+        env=os.environ | kept,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert said in done.stdout

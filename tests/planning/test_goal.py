@@ -43,7 +43,8 @@ def test_changing_a_goal_leaves_the_old_one_as_it_was():
 
 def test_goals_of_one_arm_never_change_their_shapes_or_types():
     plain = Goal.of(3)
-    full = plain.with_position([1, 2, 3], 2).with_axis((0, 1, 0), 1).with_obstacles([[1, 1, 1]] * 8, [1] * 8, 3)
+    full = plain.with_position([1, 2, 3], 2).with_axis((0, 1, 0), 1)
+    full = full.with_obstacles([[1, 1, 1]] * MOST_OBSTACLES, [1] * MOST_OBSTACLES, 3)
     assert [(part.shape, part.dtype) for part in map(np.asarray, plain)] == [
         (part.shape, part.dtype) for part in map(np.asarray, full)
     ]
@@ -96,8 +97,8 @@ def test_an_axis_of_no_length_is_refused():
 
 
 def test_more_obstacles_than_there_is_room_for_are_refused():
-    with pytest.raises(TargetError, match="n at most 8"):
-        Goal.of(3).with_obstacles(np.zeros((9, 3)), np.ones(9))
+    with pytest.raises(TargetError, match="n at most 64"):
+        Goal.of(3).with_obstacles(np.zeros((65, 3)), np.ones(65))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel, configurations_from_bends
 from s2c2a.planning import Goal, losses, objective, solve
+from s2c2a.planning.goal import MOST_OBSTACLES
+from s2c2a.planning.guard import guarded_points
 
 change_loss, change_slope = jax.jit(losses.change_loss), jax.jit(jax.grad(losses.change_loss))
 obstacle_loss, obstacle_slope = jax.jit(losses.obstacle_loss), jax.jit(jax.grad(losses.obstacle_loss))
@@ -18,9 +20,12 @@ PREDICTED, WANTED = RANDOM.normal(size=(2, 3, 3)).astype(np.float32)
 WEIGHTS = np.array([0.5, 0.0, 2.0], np.float32)
 CENTRES = np.array([[0.1, 0.0, 0.6], [0.0, 0.3, 0.5], [0.0, 0.0, 0.0]], np.float32)
 THRESHOLDS = np.array([0.2, 0.35, 0.0], np.float32)
-TIP = np.array([0.02, 0.05, 0.55], np.float32)
+TIP = np.array([[0.02, 0.05, 0.55]], np.float32)
+MIDDLE = np.array([[-0.03, 0.1, 0.4]], np.float32)
 SCALE = 0.46
-MODEL = PCCForwardModel.of(load_arm("twin_arm"))
+TWIN = load_arm("twin_arm")
+MODEL = PCCForwardModel.of(TWIN)
+GUARD_TIP, GUARD_ARM = guarded_points(TWIN, "tip"), guarded_points(TWIN, "arm")
 
 
 def differences(function, place, step=1e-6):
@@ -35,9 +40,10 @@ def slow_target(predicted):
     return sum(w * np.sqrt(np.sum((d - p) ** 2)) for w, d, p in zip(WEIGHTS, WANTED, predicted, strict=True))
 
 
-def slow_obstacles(tip):
-    distances = [np.sqrt(np.sum((centre - tip) ** 2)) for centre in CENTRES]
-    return sum((d <= r) / d for d, r in zip(distances, THRESHOLDS, strict=True) if r > 0)
+def slow_obstacles(points):
+    pairs = [(point, centre, r) for point in points for centre, r in zip(CENTRES, THRESHOLDS, strict=True) if r > 0]
+    distances = [(np.sqrt(np.sum((centre - point) ** 2)), r) for point, centre, r in pairs]
+    return sum((d <= r) / d for d, r in distances)
 
 
 def test_a_target_costs_its_distance_times_its_weight():
@@ -67,41 +73,49 @@ def test_an_almost_reached_target_pulls_with_its_whole_weight(size):
     ("distance", "cost"), [(0.05, 20.0), (0.0999, 10.01001), (0.1001, 0.0), (0.5, 0.0), (0.0, 1000.0), (1e-9, 1000.0)]
 )
 def test_an_obstacle_costs_one_over_the_distance_inside_its_threshold_and_nothing_outside(distance, cost):
-    found = obstacle_loss(np.array([distance, 0.0, 0.0]), np.zeros((1, 3)), np.array([0.1]))
+    found = obstacle_loss(np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
     assert float(found) == pytest.approx(cost, rel=1e-4)
 
 
 def test_an_obstacle_costs_on_its_threshold_too():
     """Eq. (5): d <= r."""
-    assert float(obstacle_loss(np.array([0.25, 0.0, 0.0]), np.zeros((1, 3)), np.array([0.25]))) == 4.0
+    assert float(obstacle_loss(np.array([[0.25, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.25]))) == 4.0
 
 
 def test_obstacles_add_up():
-    expected = 1 / np.linalg.norm(CENTRES[0] - TIP) + 1 / np.linalg.norm(CENTRES[1] - TIP)
+    expected = 1 / np.linalg.norm(CENTRES[0] - TIP[0]) + 1 / np.linalg.norm(CENTRES[1] - TIP[0])
     assert float(obstacle_loss(TIP, CENTRES, THRESHOLDS)) == pytest.approx(expected, rel=1e-5)
 
 
-def test_the_gradient_of_obstacles_is_the_slope_of_their_loss():
-    found = obstacle_slope(TIP, CENTRES, THRESHOLDS)
-    np.testing.assert_allclose(found, differences(slow_obstacles, TIP), rtol=1e-4, atol=1e-4)
+def test_points_that_are_guarded_add_up():
+    both = float(obstacle_loss(np.concatenate([TIP, MIDDLE]), CENTRES, THRESHOLDS))
+    each = [float(obstacle_loss(point, CENTRES, THRESHOLDS)) for point in (TIP, MIDDLE)]
+    assert min(each) > 0
+    assert both == pytest.approx(sum(each), rel=1e-6)
+
+
+@pytest.mark.parametrize("points", [TIP, np.concatenate([TIP, MIDDLE])], ids=["tip", "two points"])
+def test_the_gradient_of_obstacles_is_the_slope_of_their_loss(points):
+    found = obstacle_slope(points, CENTRES, THRESHOLDS)
+    np.testing.assert_allclose(found, differences(slow_obstacles, points), rtol=1e-4, atol=1e-4)
 
 
 def test_going_down_the_obstacle_loss_leads_away_from_its_centre():
-    downhill = -np.asarray(obstacle_slope(np.array([0.03, 0.04, 0.0]), np.zeros((1, 3)), np.array([0.1])))
+    downhill = -np.asarray(obstacle_slope(np.array([[0.03, 0.04, 0.0]]), np.zeros((1, 3)), np.array([0.1])))[0]
     np.testing.assert_allclose(downhill / np.linalg.norm(downhill), [0.6, 0.8, 0.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-20, 1e-6, 1e-3])
 def test_the_gradient_in_the_middle_of_an_obstacle_is_finite(distance):
-    gradient = obstacle_slope(np.array([distance, 0.0, 0.0]), np.zeros((1, 3)), np.array([0.1]))
+    gradient = obstacle_slope(np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
     assert np.isfinite(gradient).all()
 
 
 def test_an_unused_obstacle_costs_nothing_even_in_its_middle():
-    unused = np.zeros(3), np.zeros((8, 3)), np.zeros(8)
+    unused = np.zeros((1, 3)), np.zeros((MOST_OBSTACLES, 3)), np.zeros(MOST_OBSTACLES)
     value, gradient = obstacle_loss(*unused), obstacle_slope(*unused)
     assert float(value) == 0.0
-    np.testing.assert_array_equal(gradient, np.zeros(3))
+    np.testing.assert_array_equal(gradient, np.zeros((1, 3)))
 
 
 def test_change_costs_the_norm_over_all_modules_together():
@@ -134,13 +148,26 @@ def test_the_objective_is_the_weighted_sum_in_units_of_the_length_scale():
         + 0.4 * SCALE / np.linalg.norm([0.1, 0.0, 0.6] - tip)
         + 0.7 * np.linalg.norm(np.asarray(BENT) - np.asarray(STRAIGHT))
     )
-    assert float(jax.jit(objective(MODEL, (), a_rich_goal(), STRAIGHT, SCALE))(BENT)) == pytest.approx(
-        expected, rel=1e-5
-    )
+    found = jax.jit(objective(MODEL, (), a_rich_goal(), STRAIGHT, SCALE, GUARD_TIP))(BENT)
+    assert float(found) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_guarded_arm_pays_for_every_point_of_its_centre_line():
+    goal = Goal.of(3).with_obstacles([[0.03, 0.0, 0.3]], [0.12], 0.4)
+    distances = np.linalg.norm(np.asarray(GUARD_ARM(MODEL.predict(BENT, ()))) - [0.03, 0.0, 0.3], axis=-1)
+    change = 0.5 * np.linalg.norm(np.asarray(BENT) - np.asarray(STRAIGHT))
+    paid = {
+        name: float(jax.jit(objective(MODEL, (), goal, STRAIGHT, SCALE, points))(BENT)) - change
+        for name, points in (("tip", GUARD_TIP), ("arm", GUARD_ARM))
+    }
+    assert (distances <= 0.12).sum() > 1
+    assert paid["tip"] == pytest.approx(0.0, abs=1e-6)
+    assert paid["arm"] == pytest.approx(0.4 * np.sum(SCALE / distances[distances <= 0.12]), rel=1e-5)
 
 
 def test_an_arm_at_rest_with_nothing_asked_has_no_slope():
-    value, gradient = jax.jit(jax.value_and_grad(objective(MODEL, (), Goal.of(3), STRAIGHT, SCALE)))(STRAIGHT)
+    nothing_asked = objective(MODEL, (), Goal.of(3), STRAIGHT, SCALE, GUARD_TIP)
+    value, gradient = jax.jit(jax.value_and_grad(nothing_asked))(STRAIGHT)
     assert float(value) == 0.0
     np.testing.assert_array_equal(gradient, np.zeros((3, 3)))
 
@@ -151,7 +178,7 @@ def onto_sphere(configurations):
 
 @jax.jit
 def value_after(goal, iterations):
-    value = objective(MODEL, (), goal, STRAIGHT, SCALE)
+    value = objective(MODEL, (), goal, STRAIGHT, SCALE, GUARD_TIP)
     return value(solve(value, STRAIGHT, onto_sphere, 0.02, iterations))
 
 

@@ -25,6 +25,18 @@ def trained(tiny_networks, tiny_recipe):
 
 
 @pytest.fixture(scope="module")
+def best(tiny_best_networks):
+    """The strategy of the recipe `best` with tiny networks."""
+    return s2c2a_strategy(tiny_best_networks)
+
+
+@pytest.fixture(params=["trained", "best"])
+def either(request):
+    """A trained strategy of either recipe."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
 def simulated_pcc(simulated):
     """PCC for the arm that senses its true configuration."""
     return pcc_strategy(simulated, PlannerOptions())
@@ -65,7 +77,13 @@ def compilations(caplog):
 
 @pytest.mark.parametrize(
     ("strategy", "arm", "watched"),
-    [("trained", "twin", True), ("trained", "twin", False), ("simulated_pcc", "simulated", True)],
+    [
+        ("trained", "twin", True),
+        ("trained", "twin", False),
+        ("best", "twin", True),
+        ("best", "twin", False),
+        ("simulated_pcc", "simulated", True),
+    ],
 )
 def test_nothing_compiles_after_a_strategy_is_built(strategy, arm, watched, request, compilations):
     built, body = request.getfixturevalue(strategy), request.getfixturevalue(arm)
@@ -81,19 +99,19 @@ def test_the_count_of_compilations_does_count(compilations):
     assert len(compilations()) > before
 
 
-def test_a_trained_strategy_drives_the_arm_within_its_limits(trained, twin):
+def test_a_trained_strategy_drives_the_arm_within_its_limits(either, twin):
     geometry = ArmGeometry.of(twin)
-    actions = live(trained, twin, [Goal.of(3).with_position([0.15, 0.0, 0.55])] * 30)
+    actions = live(either, twin, [Goal.of(3).with_position([0.15, 0.0, 0.55])] * 30)
     assert np.isfinite(actions).all()
     assert np.all((actions >= geometry.action_low) & (actions <= geometry.action_high))
     assert np.ptp(actions, axis=0).max() > 1e-4
 
 
-def test_a_run_does_not_depend_on_the_runs_before_it(trained, twin):
+def test_a_run_does_not_depend_on_the_runs_before_it(either, twin):
     goals = [Goal.of(3).with_position([0.15, 0.05, 0.5])] * 10
-    first = live(trained, twin, goals)
-    live(trained, twin, [Goal.of(3).with_position([-0.3, 0.0, 0.4])] * 7)
-    np.testing.assert_array_equal(live(trained, twin, goals), first)
+    first = live(either, twin, goals)
+    live(either, twin, [Goal.of(3).with_position([-0.3, 0.0, 0.4])] * 7)
+    np.testing.assert_array_equal(live(either, twin, goals), first)
 
 
 def test_the_controller_remembers_its_actions(trained, twin):
@@ -105,15 +123,15 @@ def test_the_controller_remembers_its_actions(trained, twin):
     assert np.abs(actions[1] - actions[0]).max() > 1e-7
 
 
-def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(trained, twin):
+def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin):
     robot = SimulatedRobot(twin)
-    trained.start(robot.open())
+    either.start(robot.open())
     for _ in range(8):
         robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
     reading = robot.read()
-    trained.step(reading, REST)
-    np.testing.assert_allclose(trained.sensed, estimator_for(twin)(reading.cables, None), atol=1e-6)
-    assert np.linalg.norm(trained.sensed - reading.configurations, axis=-1).max() > 0.02
+    either.step(reading, REST)
+    np.testing.assert_allclose(either.sensed, estimator_for(twin)(reading.cables, None), atol=1e-6)
+    assert np.linalg.norm(either.sensed - reading.configurations, axis=-1).max() > 0.02
 
 
 def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
@@ -143,8 +161,8 @@ def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
 
 
 def test_recipes_are_known_by_name_and_others_refused():
-    assert recipe_named("paper") is RECIPES["paper"]
-    with pytest.raises(StrategyError, match=r"'soup'.*paper"):
+    assert {name: recipe_named(name).name for name in RECIPES} == {"best": "best", "paper": "paper"}
+    with pytest.raises(StrategyError, match=r"'soup'.*best, paper"):
         recipe_named("soup")
 
 
@@ -156,3 +174,19 @@ def test_the_papers_recipe_has_the_papers_numbers():
     assert (paper.c2a_fit.learning_rate, paper.c2a_fit.batch_size) == (1e-3, 64)
     assert (paper.planner.learning_rate, paper.planner.iterations, paper.planner.on_sphere) == (0.02, 10, True)
     assert paper.history_noise > 0
+
+
+def test_the_papers_recipe_has_nothing_of_the_best_ones():
+    """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
+    paper = recipe_named("paper")
+    assert (paper.planner.guard, paper.correction, paper.directions) == ("tip", 0.0, False)
+    assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {1.0}
+    assert (recipe_named("best").axis_weight("hold-end"), recipe_named("best").axis_weight("circle")) == (9.0, 1.0)
+
+
+def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
+    best = recipe_named("best")
+    at_work = replace(best, name="other", planner=PlannerOptions(), correction=0.0, axis_weights=())
+    assert at_work.training == best.training
+    for change in ({"speeds": (0.03, 0.2)}, {"directions": False}, {"c2s": recipe_named("paper").c2s}):
+        assert replace(best, **change).training != best.training

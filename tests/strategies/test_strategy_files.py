@@ -22,8 +22,24 @@ def outputs(networks, seed=0) -> list[np.ndarray]:
     random = np.random.default_rng(seed)
     shapes = (random.normal(size=(5, 3, *shape)).astype(np.float32) for shape in ((3,), (4, 3), (5, 3)))
     wanted, configurations, actions = shapes
-    answer = eqx.filter_jit(lambda c2s, c2a: (c2s.predict(wanted, ()), c2a(wanted, History(configurations, actions))))
+
+    def predicted(c2s, sensed):
+        return c2s.predict(sensed, c2s.observe(sensed, c2s.start(-sensed)))
+
+    answer = eqx.filter_jit(
+        lambda c2s, c2a: (
+            jax.vmap(predicted, in_axes=(None, 0))(c2s, wanted),
+            c2a(wanted, History(configurations, actions)),
+        )
+    )
     return [np.asarray(values) for values in answer(networks.c2s, networks.c2a)]
+
+
+@pytest.fixture(params=["paper", "best"])
+def saved(request):
+    """Networks of either recipe, and the file that they were saved to."""
+    of_kind = {"paper": ("tiny_networks", "strategy_file"), "best": ("tiny_best_networks", "best_strategy_file")}
+    return tuple(request.getfixturevalue(name) for name in of_kind[request.param])
 
 
 def contents(path) -> tuple[dict, dict]:
@@ -46,30 +62,32 @@ def rewrite(strategy_file, tmp_path):
     return write
 
 
-def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(strategy_file, tiny_networks, twin):
-    for before, after in zip(outputs(tiny_networks), outputs(load_strategy(strategy_file, twin)), strict=True):
+def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(saved, twin):
+    networks, path = saved
+    for before, after in zip(outputs(networks), outputs(load_strategy(path, twin)), strict=True):
         np.testing.assert_array_equal(after, before)
 
 
-def test_every_weight_and_scaling_comes_back(strategy_file, tiny_networks):
-    loaded = load_strategy(strategy_file)
-    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (tiny_networks, loaded))
+def test_every_weight_and_scaling_comes_back(saved):
+    loaded = load_strategy(saved[1])
+    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (saved[0], loaded))
     assert len(before) > 20
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
 
 
-def test_what_is_known_of_the_training_comes_back(strategy_file, tiny_networks, tiny_recipe, twin):
-    loaded = load_strategy(strategy_file)
+def test_what_is_known_of_the_training_comes_back(saved, twin):
+    networks, path = saved
+    loaded = load_strategy(path)
     assert loaded.arm == twin
-    assert (loaded.recipe, loaded.seed, loaded.percent) == (tiny_recipe, 7, tiny_networks.percent)
-    assert loaded.curves.keys() == tiny_networks.curves.keys()
-    np.testing.assert_array_equal(loaded.curves["C2A"], tiny_networks.curves["C2A"])
+    assert (loaded.recipe, loaded.seed, loaded.percent) == (networks.recipe, 7, networks.percent)
+    assert loaded.curves.keys() == networks.curves.keys()
+    np.testing.assert_array_equal(loaded.curves["C2A"], networks.curves["C2A"])
 
 
-def test_saving_what_was_loaded_writes_the_same_file(strategy_file, tmp_path):
-    save_strategy(load_strategy(strategy_file), tmp_path / "again.safetensors")
-    one, two = contents(strategy_file), contents(tmp_path / "again.safetensors")
+def test_saving_what_was_loaded_writes_the_same_file(saved, tmp_path):
+    save_strategy(load_strategy(saved[1]), tmp_path / "again.safetensors")
+    one, two = contents(saved[1]), contents(tmp_path / "again.safetensors")
     assert one[1] == two[1]
     assert one[0].keys() == two[0].keys()
 
@@ -178,6 +196,8 @@ WRONG_RECIPES = {
     "fewer than none": {"c2a": {"layers": 1, "hidden": -8}},
     "no iteration": {"planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}},
     "no number": {"planner": {"learning_rate": "fast", "iterations": 10, "on_sphere": True}},
+    "a size of no known form": {"c2a": {"layers": 1, "hidden": 8, "heads": 2}},
+    "a word that no recipe has": {"luck": 1.0},
 }
 
 
@@ -204,6 +224,13 @@ def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, tiny_netw
     loaded, layer = load_strategy(rewrite(**forged)), tiny_networks.c2a.sum_and_range
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.high, layer.high)
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.unit, layer.unit)
+
+
+def test_what_follows_from_the_arm_is_no_part_of_the_file_of_a_chain(best_strategy_file, tiny_best_networks):
+    """Lengths and cables are the arm's; the file holds only what was learned."""
+    names = contents(best_strategy_file)[0].keys()
+    assert len(jax.tree.leaves(tiny_best_networks.c2s.body)) > 0
+    assert [name for name in names if ".body" in name] == []
 
 
 @pytest.mark.parametrize("name", ["[0].network.bias_head", "[1].network.layers[0][1].weight_hidden"])

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
@@ -167,7 +168,7 @@ def score_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, 
         mine = [run for run in runs if (run.task, run.controller) == (task, controller)]
         for number, scored in enumerate(mine[0].scores):
             each = [run.scores[number] for run in mine]
-            spreads = [float(np.nanstd(one.values)) for one in each] if scored.averaged else []
+            spreads = [_spread(one.values) for one in each] if scored.averaged else []
             rows.append(
                 Row(
                     experiment=experiment,
@@ -186,6 +187,12 @@ def score_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, 
                 )
             )
     return rows
+
+
+def _spread(values: Float[np.ndarray, " steps"]) -> float:
+    """Over the steps that count; NaN where none does."""
+    counted = values[np.isfinite(values)]
+    return float(counted.std()) if len(counted) else float("nan")
 
 
 def tick_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> list[Row]:

@@ -55,12 +55,13 @@ def _stretched(bends, wanted, moments, matrices, stiffness) -> Array:
         pulled = stiffness * jnp.sum(jnp.maximum(stretches(bends), 0.0) ** 2, axis=-1)
         return (jnp.sum(bends**2, axis=-1) + pulled) / 2.0 - jnp.sum(moments * bends, axis=-1)
 
-    for _ in range(ITERATIONS):
+    def on(_, bends):
         step = _solve((stretches(bends) > 0.0) * stiffness[:, None], wanted, moments, matrices) - bends
         tried = jnp.stack([bends + share * step for share in SHARES])
         best = jnp.argmin(energy(tried), axis=0)[None, ..., None]
-        bends = jnp.take_along_axis(tried, best, axis=0)[0]
-    return stretches(bends) > 0.0
+        return jnp.take_along_axis(tried, best, axis=0)[0]
+
+    return stretches(jax.lax.fori_loop(0, ITERATIONS, on, bends)) > 0.0
 
 
 def _solve(pulls, wanted, moments, matrices) -> Array:

@@ -76,12 +76,10 @@ class LeastSquaresOptions:
     def __post_init__(self):
         """Refuse what cannot be solved."""
         _check_iterations(self.iterations)
-        weights = (self.axis, self.change, self.evenness, self.shape, self.limit, self.obstacle)
-        lengths = (self.margin, self.longest_detour)
-        if not (self.unit > 0 and self.longest_pull > 0 and all(value >= 0 for value in (*weights, *lengths))):
-            raise TargetError(
-                f"{self} asked for; unit and pull must be positive, weights, margin and detour not negative"
-            )
+        positive = (self.unit, self.longest_pull)
+        weights = (self.axis, self.change, self.evenness, self.shape, self.limit, self.obstacle, self.margin)
+        if not (all(value > 0 for value in positive) and all(value >= 0 for value in (*weights, self.longest_detour))):
+            raise TargetError(f"{self} asked for; units and pull must be positive, weights and lengths not negative")
 
 
 AnyPlannerOptions = PlannerOptions | LeastSquaresOptions
