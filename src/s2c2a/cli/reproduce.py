@@ -9,9 +9,6 @@ from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_rows, print_t
 app = SubcommandApp()
 
 
-TABLES = ("simulation", "tracking", "constraint", "obstacles", "interaction", "networks", "workspace")
-
-
 def _tables(names: tuple[str, ...], label: str, recipe: str, seeds: int, beside, out, overwrite: bool) -> None:
     from s2c2a.experiments.following import checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
@@ -67,9 +64,9 @@ ABOUT = {
     "networks": "Table II: held-out errors of both networks.",
     "workspace": "Estimation errors and workspaces of section II-D.",
 }
-for _name in TABLES:
-    _table_command(_name, ABOUT[_name], (_name,))
-_table_command("all", "All tables and figures of the paper.", TABLES)
+for _name, _about in ABOUT.items():
+    _table_command(_name, _about, (_name,))
+_table_command("all", "All tables and figures of the paper.", tuple(ABOUT))
 
 
 @app.command

@@ -62,12 +62,17 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
 
 
 def _of_recording(recording: Recording) -> dict[str, float]:
-    sensed = np.asarray(estimator_for(recording.arm)(recording.cables, None))
-    angles = configuration_errors_deg(recording.configurations, sensed)
+    angles = estimation_errors_deg(recording)
     extents = np.ptp(recording.states[..., -1, :3].reshape(-1, 3), axis=0)
     values = {line.quantity: float(mean) for line, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
     values |= {line.quantity: float(extent) for line, extent in zip(WORKSPACE, extents, strict=True)}
     return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
+
+
+def estimation_errors_deg(recording: Recording) -> np.ndarray:
+    """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
+    sensed = np.asarray(estimator_for(recording.arm)(recording.cables, recording.configurations))
+    return configuration_errors_deg(recording.configurations, sensed)
 
 
 def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:

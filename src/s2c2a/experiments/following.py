@@ -22,7 +22,7 @@ from s2c2a.planning.options import Guard
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.strategies import AnyStrategy, Recipe, TrainedNetworks, s2c2a_strategy
-from s2c2a.tasks import task_named
+from s2c2a.tasks import Task, task_named
 
 MakeStrategy = Callable[[str, int], AnyStrategy]
 
@@ -133,7 +133,7 @@ def follow(
         for controller in dict.fromkeys(controllers):
             strategy: AnyStrategy | None = None
             for task in asked:
-                place = shelf.place(arm_to_toml(arm), controller, seed, task.name, asdict(under))
+                place = shelf.place(arm_to_toml(arm), controller, seed, _asked(task), asdict(under))
                 done = load_rollout(place, task) if place else None
                 if done is None:
                     strategy = strategy or make_strategy(controller, seed)
@@ -187,6 +187,15 @@ def score_rows(experiment: str, arm: ArmSpec, runs: Sequence[Run], recipe: str, 
                 )
             )
     return rows
+
+
+def _asked(task: Task) -> str:
+    """A task's name and what it asks for: waypoints can change under one name."""
+    digest = hashlib.sha256()
+    for goal in task.goals:
+        for part in goal:
+            digest.update(np.ascontiguousarray(part).tobytes())
+    return f"{task.name}-{digest.hexdigest()[:16]}"
 
 
 def _spread(values: Float[np.ndarray, " steps"]) -> float:

@@ -6,23 +6,20 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.evaluation.metrics import configuration_errors_deg
 from s2c2a.evaluation.report import Row, over_seeds
+from s2c2a.experiments.calibration import ESTIMATION, LARGEST, WORKSPACE, estimation_errors_deg
 from s2c2a.experiments.workshop import Workshop
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe
 
-ESTIMATION = {"I": (2.6, 8.8), "II": (5.1, 19.6), "III": (8.9, 36.3)}
-"""Module -> mean and largest estimation error that the paper prints [deg]."""
-WORKSPACE = {"staged": (0.92, 0.92, 0.39), "motor": (0.87, 0.87, 0.34)}
+EXTENTS = {"staged": tuple(line.paper for line in WORKSPACE), "motor": (0.87, 0.87, 0.34)}
 """Babbling -> extent of the tip's workspace that the paper prints [m]."""
 
 
 def sensing_rows(experiment: str, arm: ArmSpec, seeds: Sequence[int], workshop: Workshop, recipe: Recipe) -> list[Row]:
     """Estimation errors of every module, and the extents of staged and motor babbling."""
     rows = []
-    for babbling, extents in WORKSPACE.items():
+    for babbling, extents in EXTENTS.items():
         options = [CollectOptions(babbling, seed=seed, speeds=recipe.speeds) for seed in seeds]
         recordings = [workshop.recording(arm, option) for option in options]
         reached = [np.ptp(one.states[..., -1, POSITION].reshape(-1, 3), axis=0) for one in recordings]
@@ -46,19 +43,13 @@ def sensing_rows(experiment: str, arm: ArmSpec, seeds: Sequence[int], workshop: 
     return rows
 
 
-def estimation_errors_deg(recording: Recording) -> np.ndarray:
-    """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
-    sensed = np.asarray(estimator_for(recording.arm)(recording.cables, recording.configurations))
-    return configuration_errors_deg(recording.configurations, sensed)
-
-
 def _estimation_rows(experiment, arm: ArmSpec, recordings: Sequence[Recording], seeds, recipe: Recipe) -> list[Row]:
     angles = [estimation_errors_deg(recording) for recording in recordings]
     rows = []
-    for module, (name, (mean, largest)) in enumerate(ESTIMATION.items()):
+    for module, (line, (name, largest)) in enumerate(zip(ESTIMATION, LARGEST.items(), strict=True)):
         means = [float(angle[..., module].mean()) for angle in angles]
         tops = [float(angle[..., module].max()) for angle in angles]
-        for metric, values, printed in (("mean", means, mean), ("largest", tops, largest)):
+        for metric, values, printed in (("mean", means, line.paper), ("largest", tops, largest)):
             what = f"estimation error {name}, {metric}"
             rows.append(_row(experiment, arm, "sensors", recipe, what, "deg", values, seeds, printed))
     return rows

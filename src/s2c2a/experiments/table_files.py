@@ -21,7 +21,11 @@ def save_table(name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Ro
     folder.mkdir(parents=True, exist_ok=True)
     save_rows(rows, folder / f"{name}.json")
     columns = [field.name for field in fields(Row)]
-    save_csv(columns, ([str(value) for value in asdict(row).values()] for row in rows), folder / f"{name}.csv")
+    save_csv(
+        columns,
+        (["" if value is None else str(value) for value in asdict(row).values()] for row in rows),
+        folder / f"{name}.csv",
+    )
     lines = table_lines(rows, beside)
     markdown = folder / f"{name}.md"
     markdown.write_text(_markdown(name, rows, lines, beside), encoding="utf-8")

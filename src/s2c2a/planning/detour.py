@@ -107,17 +107,23 @@ def drawn_along(
     """
     spheres = _Spheres.of(goal, margin)
     blocked = spheres.meet(workspace.points)
+    return jax.lax.cond(
+        _straight_is_blocked(workspace, tip, target, spheres, blocked),
+        lambda: _on_the_map(workspace, tip, target, spheres, blocked, longest),
+        lambda: Drawn(target, workspace.bends[0, 0], jnp.zeros(())),
+    )
+
+
+def _on_the_map(workspace: WorkspaceMap, tip, target, spheres: "_Spheres", blocked, longest: float) -> Drawn:
+    """A point of the way, the tip where the way is too long, the target where the tip is off the map."""
     to_go, following = _ways_to(workspace, target, blocked)
     apart = jnp.linalg.norm(workspace.tips - tip, axis=-1)
     seen = (apart < NEAR * workspace.length) & ~spheres.meet((workspace.tips + tip)[:, :, None] / 2)
     begins = jnp.where(seen, to_go + apart, FAR)
     start = jnp.unravel_index(jnp.argmin(begins), begins.shape)
-    worth_it = begins[start] <= longest
-    needed = _straight_is_blocked(workspace, tip, target, spheres, blocked)
-    off_the_map = begins[start] >= FAR
+    along = begins[start] <= longest
     node = _ahead(workspace, tip, start, following)
-    along = needed & worth_it & ~off_the_map
-    otherwise = jnp.where(needed & ~off_the_map, tip, target)
+    otherwise = jnp.where(begins[start] < FAR, tip, target)
     return Drawn(jnp.where(along, workspace.tips[node], otherwise), workspace.bends[node], along.astype(jnp.float32))
 
 

@@ -118,7 +118,6 @@ def _by_least_squares(arm: ArmSpec, model: ForwardModel, options: LeastSquaresOp
     workspace = workspace_map(arm, model, guarded)
 
     def solver(last: Configurations, memory: Memory, goal: Goal) -> Configurations:
-        goal = Goal(*(jnp.asarray(part) for part in goal))
         start = bends_from_configurations(last)
 
         def within_step(flat: Float[Array, " variables"]) -> Float[Array, " variables"]:
