@@ -1,4 +1,4 @@
-"""The real pipeline, once for all tests: 9000 samples and both networks of both arms; as the paper, of the twin."""
+"""The real pipeline, once for all tests: 9000 samples and both networks of both arms, for both recipes."""
 
 from dataclasses import replace
 
@@ -27,6 +27,7 @@ def trained(workshop):
 
 @pytest.fixture(scope="session")
 def trained_as_the_paper(workshop):
-    """The twin's networks by the recipe `paper`, with fewer epochs."""
-    recipe, twin = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT), load_arm("twin_arm")
-    return train_s2c2a(workshop.recording(twin, CollectOptions(speeds=recipe.speeds)), recipe, seed=0)
+    """Both arms' networks by the recipe `paper`, with fewer epochs: name -> TrainedNetworks."""
+    recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
+    options = CollectOptions(speeds=recipe.speeds)
+    return {name: train_s2c2a(workshop.recording(load_arm(name), options), recipe, seed=0) for name in ARMS}
