@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from s2c2a.cli.main import main
-from s2c2a.cli.reproduce import TABLES
+from s2c2a.experiments.tables import TABLES
 
 VERBS = ["demo", "collect", "train", "run", "bench", "doctor", "arm", "reproduce"]
 
