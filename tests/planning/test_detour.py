@@ -11,7 +11,6 @@ from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel, states_from_bends
 from s2c2a.planning import Goal
 from s2c2a.planning.detour import FAR, NEIGHBOURS, SIDE, _ways_to, drawn_along, workspace_map
-from s2c2a.planning.guard import guarded_points
 
 TWIN = load_arm("twin_arm")
 MARGIN, LONGEST = 0.02, 0.8
@@ -32,7 +31,7 @@ BETWEEN = (TIP + TARGET) / 2
 
 @pytest.fixture(scope="module")
 def workspace():
-    return workspace_map(TWIN, PCCForwardModel.of(TWIN), guarded_points(TWIN, "tip"))
+    return workspace_map(TWIN, PCCForwardModel.of(TWIN), "tip")
 
 
 def past(*spheres):
@@ -148,7 +147,7 @@ def test_a_guarded_arm_turns_aside_where_its_tip_alone_would_pass():
     """An obstacle beside the middle of the straight way's shapes, low enough that the tip never meets it."""
     middle = np.asarray(states_from_bends(jnp.tile(jnp.array([0.4, 0.0]), (3, 1)), jnp.full(3, 0.2)))[1, :3]
     goal = past([*middle, 0.02])
-    maps = [workspace_map(TWIN, PCCForwardModel.of(TWIN), guarded_points(TWIN, guard)) for guard in ("tip", "arm")]
+    maps = [workspace_map(TWIN, PCCForwardModel.of(TWIN), guard) for guard in ("tip", "arm")]
     assert maps[1].points.shape == (SIDE, SIDE, 15, 3)
     tip_alone, whole = (draw(one, TIP, TARGET, goal, 0.01, LONGEST) for one in maps)
     np.testing.assert_allclose(tip_alone.position, TARGET, atol=1e-7)

@@ -26,7 +26,7 @@ NEXT = LAST + np.array([[0.02, 0.0], [0.0, -0.03], [0.01, 0.01]], np.float32)
 @pytest.fixture(scope="module")
 def residuals_at():
     """(bends, goal) -> blocks of residuals by name, the last plan being LAST."""
-    workspace = workspace_map(TWIN, MODEL, TIP_ONLY)
+    workspace = workspace_map(TWIN, MODEL, "tip")
     limits = jnp.asarray(ArmGeometry.of(TWIN).bend_limits, dtype=jnp.float32)
 
     @jax.jit

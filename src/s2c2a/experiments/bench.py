@@ -1,5 +1,6 @@
 """How fast it is here: median and 99th percentile of what happens in every control step, and of the long work."""
 
+import operator
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.experiments.workshop import Progress, Workshop
 from s2c2a.planning import Planner
+from s2c2a.programs import compiled
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import Recipe, TrainedNetworks, s2c2a_strategy
 from s2c2a.strategies.scale import planning_scale
@@ -59,14 +61,13 @@ def step_timings(networks: TrainedNetworks, repeats: int = REPEATS) -> list[Timi
     with SimulatedRobot(arm) as robot:
         reading = robot.read()
         goals = circle(arm).goals
-        estimate = networks.recipe.estimator(arm)
-        sense = jax.jit(lambda cables, truth: estimate(cables, truth))
+        sense = compiled(operator.call, networks.recipe.estimator(arm))
         cables, truth = reading.cables.astype(np.float32), np.asarray(reading.configurations, np.float32)
         planner = Planner(arm, networks.c2s, planning_scale(arm), networks.recipe.planner)
         controller = NetworkController(networks.c2a)
         sensed = sense(cables, truth)
         plan, memory = planner.start(sensed), controller.start(sensed)
-        act = jax.jit(lambda *arguments: controller.act(*arguments))
+        act = compiled(NetworkController.act, controller)
         strategy = s2c2a_strategy(networks)
         strategy.start(reading)
         action = strategy.step(reading, goals[0])

@@ -1,5 +1,6 @@
 """C2A on its own, in closed loop, on references that it has not seen: a low held-out error proves nothing."""
 
+import operator
 from dataclasses import dataclass
 
 import jax
@@ -12,6 +13,7 @@ from s2c2a.evaluation.metrics import configuration_errors_deg
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.networks import C2A
 from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.programs import compiled
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.sensing import estimator_for
@@ -61,7 +63,7 @@ def drive(
 ) -> Float[np.ndarray, "steps modules"]:
     """Let C2A alone follow wanted configurations from rest; returns the errors [deg] of every step and module."""
     controller, sense = NetworkController(network), _sense(arm)
-    act = jax.jit(lambda *arguments: controller.act(*arguments))
+    act = compiled(NetworkController.act, controller)
     errors = []
     with SimulatedRobot(arm, seed=seed + 1) as robot:
         sensed = sense(robot.read())
@@ -101,7 +103,7 @@ def tracking_rows(tracked: list[list[Tracking]], networks: list[TrainedNetworks]
 
 
 def _sense(arm: ArmSpec):
-    estimate = jax.jit(lambda cables, truth: estimator_for(arm)(cables, truth))
+    estimate = compiled(operator.call, estimator_for(arm))
 
     def sense(reading: Reading) -> Float[np.ndarray, "modules 3"]:
         truth = None if reading.configurations is None else reading.configurations.astype(np.float32)

@@ -16,7 +16,9 @@ from jaxtyping import Array, Bool, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import ForwardModel, configurations_from_bends
 from s2c2a.planning.goal import Goal
-from s2c2a.planning.guard import GuardedPoints
+from s2c2a.planning.guard import guarded_points
+from s2c2a.planning.options import Guard
+from s2c2a.programs import compiled
 from s2c2a.spaces import POSITION
 
 SIDE = 45  # nodes along the grid
@@ -29,6 +31,7 @@ SAMPLES = 16  # on the straight way
 FAR = 1e6  # m
 
 Nodes = Float[Array, "side side"]
+Length = Float[Array, ""] | float
 
 
 class WorkspaceMap(NamedTuple):
@@ -42,7 +45,7 @@ class WorkspaceMap(NamedTuple):
         ways: length of the tip's way to each of eight neighbours [m]; far where there is none, shape (8, side, side).
     """
 
-    length: float
+    length: Float[Array, ""]
     bends: Float[Array, "side side modules 2"]
     tips: Float[Array, "side side 3"]
     points: Float[Array, "side side points 3"]
@@ -64,27 +67,32 @@ class Drawn(NamedTuple):
     on_the_map: Float[Array, ""]
 
 
-def workspace_map(arm: ArmSpec, model: ForwardModel, guarded: GuardedPoints) -> WorkspaceMap:
+def workspace_map(arm: ArmSpec, model: ForwardModel, guard: Guard) -> WorkspaceMap:
     """Predict the states of all nodes, at rest."""
     shares = np.linspace(-1.0, 1.0, SIDE)
     grid = np.stack(np.meshgrid(shares, shares, indexing="ij"), axis=-1)
-    limits = ArmGeometry.of(arm).bend_limits
-    bends = jnp.asarray(grid[:, :, None, :] * limits[:, None], dtype=jnp.float32)  # (side, side, modules, 2)
+    return compiled(_mapped, arm, model, guard)(np.asarray(grid, np.float32))
+
+
+def _mapped(arm: ArmSpec, model: ForwardModel, guard: Guard, grid: Float[Array, "side side 2"]) -> WorkspaceMap:
+    limits = jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32)
+    bends = grid[:, :, None, :] * limits[:, None]  # (side, side, modules, 2)
 
     def states(bend):
         configurations = configurations_from_bends(bend)
         return model.predict(configurations, model.start(configurations))
 
-    every = jax.jit(jax.vmap(jax.vmap(states)))(bends)
+    every = jax.vmap(jax.vmap(states))(bends)
     tips = every[..., -1, POSITION]
-    exists = jnp.asarray(np.linalg.norm(grid, axis=-1) <= 1.0 + 1e-6)
+    exists = jnp.linalg.norm(grid, axis=-1) <= 1.0 + 1e-6
     ways = [
         jnp.where(
             exists & _shifted(exists, step, False), jnp.linalg.norm(_shifted(tips, step, 0.0) - tips, axis=-1), FAR
         )
         for step in NEIGHBOURS
     ]
-    return WorkspaceMap(arm.length, bends, tips, jax.vmap(jax.vmap(guarded))(every), jnp.stack(ways))
+    points = jax.vmap(jax.vmap(guarded_points(arm, guard)))(every)
+    return WorkspaceMap(jnp.asarray(arm.length), bends, tips, points, jnp.stack(ways))
 
 
 def drawn_along(
@@ -92,8 +100,8 @@ def drawn_along(
     tip: Float[Array, "3"],
     target: Float[Array, "3"],
     goal: Goal,
-    margin: float,
-    longest: float,
+    margin: Length,
+    longest: Length,
 ) -> Drawn:
     """The target where the straight way is free, else a point of the way there, or the tip itself if it is too long.
 
@@ -114,7 +122,7 @@ def drawn_along(
     )
 
 
-def _on_the_map(workspace: WorkspaceMap, tip, target, spheres: "_Spheres", blocked, longest: float) -> Drawn:
+def _on_the_map(workspace: WorkspaceMap, tip, target, spheres: "_Spheres", blocked, longest: Length) -> Drawn:
     """A point of the way, the tip where the way is too long, the target where the tip is off the map."""
     to_go, following = _ways_to(workspace, target, blocked)
     apart = jnp.linalg.norm(workspace.tips - tip, axis=-1)
@@ -141,7 +149,7 @@ class _Spheres(NamedTuple):
     used: Array
 
     @classmethod
-    def of(cls, goal: Goal, margin: float) -> "_Spheres":
+    def of(cls, goal: Goal, margin: Length) -> "_Spheres":
         there = goal.thresholds > 0.0
         last = jnp.max(jnp.where(there, jnp.arange(len(there)) + 1, 0))
         return cls(jnp.asarray(goal.obstacles), jnp.where(there, goal.thresholds + margin, 0.0), last)

@@ -1,6 +1,5 @@
 """The planner: one compiled call from a goal to the next configuration."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -11,7 +10,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.forward_model import Memory
-from s2c2a.planning.detour import workspace_map
+from s2c2a.planning.detour import WorkspaceMap, workspace_map
 from s2c2a.planning.goal import Goal, Numbers
 from s2c2a.planning.guard import guarded_points
 from s2c2a.planning.least_squares import solve_least_squares
@@ -20,10 +19,9 @@ from s2c2a.planning.objective import objective
 from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions, PlannerOptions
 from s2c2a.planning.residuals import goal_residuals
 from s2c2a.planning.solver import solve
+from s2c2a.programs import compiled
 
 Configurations = Float[Array, "modules 3"]
-Solve = Callable[[Configurations, Memory, Goal], Configurations]
-"""(last configurations, memory, goal) -> next ones."""
 
 
 class Plan(NamedTuple):
@@ -47,12 +45,12 @@ class Planner:
     def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
         """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
         self._modules = arm.module_count
+        self._start = compiled(_started, model)
         if isinstance(options, LeastSquaresOptions):
-            solver = _by_least_squares(arm, model.for_planning() if options.engaged_slopes else model, options)
+            workspace = workspace_map(arm, model, options.guard)
+            self._next = compiled(_next_plan, _by_least_squares, (arm, options, workspace), model)
         else:
-            solver = _as_the_paper(arm, model, length_scale, options)
-        self._start = jax.jit(lambda sensed: Plan(sensed, model.start(sensed)))
-        self._next = jax.jit(_next_plan(model, solver))
+            self._next = compiled(_next_plan, _as_the_paper, (arm, options, length_scale), model)
         self._warm_up()
 
     def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
@@ -78,25 +76,33 @@ def _single(values: Numbers) -> Numbers:
     return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
 
 
-def _next_plan(model: ForwardModel, solver: Solve):
-    def next_plan(plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
-        memory = model.observe(sensed, plan.memory)
-        following = solver(plan.configurations, memory, goal)
-        sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
-        return Plan(jnp.where(sound, following, plan.configurations), memory)
-
-    return next_plan
+def _started(model: ForwardModel, sensed: Configurations) -> Plan:
+    return Plan(sensed, model.start(sensed))
 
 
-def _as_the_paper(arm: ArmSpec, model: ForwardModel, length_scale: float, options: PlannerOptions) -> Solve:
+def _next_plan(solver, parts: tuple, model: ForwardModel, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+    memory = model.observe(sensed, plan.memory)
+    following = solver(*parts, model, memory, goal, plan.configurations)
+    sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
+    return Plan(jnp.where(sound, following, plan.configurations), memory)
+
+
+def _as_the_paper(
+    arm: ArmSpec,
+    options: PlannerOptions,
+    length_scale: float,
+    model: ForwardModel,
+    memory: Memory,
+    goal: Goal,
+    last: Configurations,
+) -> Configurations:
     """Adam on configurations, its result then brought within the step and the bend limits."""
     bend_limits, longest_step = _limits(arm)
-    guarded = guarded_points(arm, options.guard)
 
     def project(configurations):
         return configurations / norm(configurations)[:, None] if options.on_sphere else configurations
 
-    def within_limits(wanted, last):
+    def within_limits(wanted):
         """Bends change by at most the step; the angle between two configurations is never more than that."""
         if not options.on_sphere:
             return last + limit_lengths(wanted - last, longest_step)
@@ -104,31 +110,41 @@ def _as_the_paper(arm: ArmSpec, model: ForwardModel, length_scale: float, option
         change = limit_lengths(bends_from_configurations(wanted), bend_limits) - start
         return configurations_from_bends(start + limit_lengths(change, longest_step))
 
-    def solver(last: Configurations, memory: Memory, goal: Goal) -> Configurations:
-        value = objective(model, memory, goal, last, length_scale, guarded)
-        return within_limits(solve(value, last, project, options.learning_rate, options.iterations), last)
-
-    return solver
+    guarded = guarded_points(arm, options.guard)
+    value = objective(model, memory, goal, last, length_scale, guarded)
+    return within_limits(solve(value, last, project, options.learning_rate, options.iterations))
 
 
-def _by_least_squares(arm: ArmSpec, model: ForwardModel, options: LeastSquaresOptions) -> Solve:
+def _by_least_squares(
+    arm: ArmSpec,
+    options: LeastSquaresOptions,
+    workspace: WorkspaceMap,
+    model: ForwardModel,
+    memory: Memory,
+    goal: Goal,
+    last: Configurations,
+) -> Configurations:
     """Damped least squares on bends; every iterate stays within the step, the result within the bend limits."""
     bend_limits, longest_step = _limits(arm)
-    guarded = guarded_points(arm, options.guard)
-    workspace = workspace_map(arm, model, guarded)
+    start = bends_from_configurations(last)
 
-    def solver(last: Configurations, memory: Memory, goal: Goal) -> Configurations:
-        start = bends_from_configurations(last)
+    def within_step(flat: Float[Array, " variables"]) -> Float[Array, " variables"]:
+        return (start + limit_lengths(flat.reshape(start.shape) - start, longest_step)).reshape(-1)
 
-        def within_step(flat: Float[Array, " variables"]) -> Float[Array, " variables"]:
-            return (start + limit_lengths(flat.reshape(start.shape) - start, longest_step)).reshape(-1)
-
-        residuals = goal_residuals(model, memory, goal, start, bend_limits, arm.length, guarded, workspace, options)
-        flat = solve_least_squares(residuals, start.reshape(-1), within_step, options.iterations)
-        allowed = limit_lengths(flat.reshape(start.shape), bend_limits)  # an arm can begin beyond its bend limits
-        return configurations_from_bends(start + limit_lengths(allowed - start, longest_step))
-
-    return solver
+    residuals = goal_residuals(
+        model.for_planning() if options.engaged_slopes else model,
+        memory,
+        goal,
+        start,
+        bend_limits,
+        arm.length,
+        guarded_points(arm, options.guard),
+        workspace,
+        options,
+    )
+    flat = solve_least_squares(residuals, start.reshape(-1), within_step, options.iterations)
+    allowed = limit_lengths(flat.reshape(start.shape), bend_limits)  # an arm can begin beyond its bend limits
+    return configurations_from_bends(start + limit_lengths(allowed - start, longest_step))
 
 
 def _limits(arm: ArmSpec) -> tuple[Float[Array, " modules"], float]:

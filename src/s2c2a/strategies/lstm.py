@@ -20,6 +20,7 @@ from s2c2a.kinematics import configurations_from_states, limit_lengths
 from s2c2a.networks.lstm import TipHistory, TipLSTM
 from s2c2a.networks.sum_and_range import HEADROOM
 from s2c2a.planning import Goal
+from s2c2a.programs import compiled
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Configurations, Reading
 from s2c2a.training import FitOptions
 from s2c2a.training.fit import Progress
@@ -108,9 +109,9 @@ class LSTMStrategy:
         """Compile for the arm that the LSTM was trained for."""
         self.arm = trained.arm
         policy = _Policy.of(trained)
-        self._begin = jax.jit(lambda tip: policy.start(tip))
-        self._act = jax.jit(lambda tip, wanted, memory: policy.act(tip, wanted, memory))
-        self._sense = jax.jit(configurations_from_states)
+        self._begin = compiled(_Policy.start, policy)
+        self._act = compiled(_Policy.act, policy)
+        self._sense = compiled(configurations_from_states)
         self._memory: _Memory | None = None
         self._warm_up()
 

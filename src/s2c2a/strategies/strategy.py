@@ -1,14 +1,15 @@
 """A strategy: sense, plan, act (Chen et al. 2025, fig. 1C)."""
 
+import operator
 from typing import Protocol
 
-import jax
 import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.planning import Goal, Plan, Planner
+from s2c2a.programs import compiled
 from s2c2a.sensing import Estimator
 from s2c2a.spaces import Actions, Configurations, Reading
 
@@ -56,9 +57,9 @@ class Strategy:
         self.name, self.arm = name, arm
         self._planner = planner
         self._plan: Plan | None = None
-        self._sense = jax.jit(lambda cables, truth: estimator(cables, truth))
-        self._start_control = jax.jit(lambda sensed: controller.start(sensed))
-        self._act = jax.jit(lambda wanted, sensed, memory: controller.act(wanted, sensed, memory))
+        self._sense = compiled(operator.call, estimator)
+        self._start_control = compiled(_start_control, controller)
+        self._act = compiled(_act, controller)
         self._warm_up()
 
     def start(self, reading: Reading) -> None:
@@ -114,3 +115,11 @@ class Strategy:
 
 def _single(values: np.ndarray) -> np.ndarray:
     return np.asarray(values, np.float32)
+
+
+def _start_control(controller: Controller, sensed):
+    return controller.start(sensed)
+
+
+def _act(controller: Controller, wanted, sensed, memory):
+    return controller.act(wanted, sensed, memory)
