@@ -11,6 +11,7 @@ from s2c2a.planning import Goal, LeastSquaresOptions
 from s2c2a.planning.detour import workspace_map
 from s2c2a.planning.goal import MOST_OBSTACLES
 from s2c2a.planning.guard import guarded_points
+from s2c2a.planning.residuals import OBSTACLES_AT_HAND as AT_HAND
 from s2c2a.planning.residuals import goal_residuals
 
 TWIN = load_arm("twin_arm")
@@ -18,7 +19,7 @@ MODEL, TIP_ONLY = PCCForwardModel.of(TWIN), guarded_points(TWIN, "tip")
 LENGTHS = jnp.full(3, 0.2)
 OPTIONS = LeastSquaresOptions()
 UNIT, PULL = 0.4 * 0.6, 0.035 * 0.6
-BLOCKS = {"position": 9, "axis": 9, "change": 6, "shape": 6, "evenness": 4, "limit": 3, "obstacle": MOST_OBSTACLES}
+BLOCKS = {"position": 9, "axis": 9, "change": 6, "shape": 6, "evenness": 4, "limit": 3, "obstacle": AT_HAND}
 LAST = np.array([[0.3, 0.1], [-0.2, 0.4], [0.1, -0.1]], np.float32)
 NEXT = LAST + np.array([[0.02, 0.0], [0.0, -0.03], [0.01, 0.01]], np.float32)
 
@@ -101,13 +102,24 @@ def test_a_bend_beyond_its_limit_costs_what_is_too_much(residuals_at):
 def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin(residuals_at, distance, depth):
     centre = state_of(LAST)[-1, :3] + np.array([0.0, distance, 0.0])
     blocks = residuals_at(LAST, Goal.of(3).with_obstacles([centre], [0.05], weight=4.0))
-    np.testing.assert_allclose(blocks["obstacle"], [2.0 * 20.0 * depth / UNIT] + [0.0] * 63, atol=1e-4)
+    np.testing.assert_allclose(blocks["obstacle"], [2.0 * 20.0 * depth / UNIT] + [0.0] * (AT_HAND - 1), atol=1e-4)
 
 
 def test_places_for_obstacles_that_are_not_in_use_cost_nothing(residuals_at):
     """Even where the tip stands on their centre."""
     goal = Goal.of(3)._replace(obstacles=np.tile(state_of(LAST)[-1, :3], (MOST_OBSTACLES, 1)).astype(np.float32))
     assert not residuals_at(LAST, goal)["obstacle"].any()
+
+
+def test_of_many_obstacles_those_count_that_the_tip_is_deepest_in(residuals_at):
+    """64 of them, all about the tip: a weight of one, and depths of 1 to 64 mm."""
+    depths = 1e-3 * np.random.default_rng(0).permutation(np.arange(1, MOST_OBSTACLES + 1))
+    away = np.random.default_rng(1).normal(size=(MOST_OBSTACLES, 3))
+    away *= 0.2 / np.linalg.norm(away, axis=-1, keepdims=True)
+    centres, thresholds = state_of(LAST)[-1, :3] + away, 0.2 - 0.04 * 0.6 + depths
+    found = residuals_at(LAST, Goal.of(3).with_obstacles(centres, thresholds))["obstacle"]
+    deepest = 1e-3 * np.arange(MOST_OBSTACLES, MOST_OBSTACLES - AT_HAND, -1)
+    np.testing.assert_allclose(found, 20.0 * deepest / UNIT, atol=1e-4)
 
 
 def test_round_an_obstacle_the_tip_is_drawn_aside_and_shape_counts(residuals_at):
