@@ -18,6 +18,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("02_follow_a_circle.py", "cm from the circle"),
         ("03_a_target_that_moves.py", "its target was at"),
         ("04_own_task.py", "out of reach"),
+        ("05_plan_many.py", "in one call: 0."),
     ],
 )
 def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):

@@ -91,7 +91,7 @@ def _numerics() -> tuple[str, str, str]:
 
 
 def _cache() -> tuple[str, str, str]:
-    from s2c2a.experiments.workshop import cache_folder
+    from s2c2a.cache import cache_folder
 
     folder = cache_folder()
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from tyro.extras import SubcommandApp
 
+from s2c2a.cache import keep_programs
 from s2c2a.cli.arm import app as arm_verbs
 from s2c2a.cli.bench import bench
 from s2c2a.cli.collect import collect
@@ -26,6 +27,7 @@ app.command(reproduce_verbs, name="reproduce", help="Make the project's tables a
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
+    keep_programs()
     try:
         app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
     except S2C2AError as error:

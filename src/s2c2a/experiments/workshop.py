@@ -2,17 +2,15 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-import platformdirs
-
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
+from s2c2a.cache import cache_folder
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
 from s2c2a.planning.options import Guard
@@ -47,11 +45,6 @@ CONTROLLERS = ("s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor")
 
 def quiet(doing: str, done: int, total: int) -> None:
     """A progress that tells nobody."""
-
-
-def cache_folder() -> Path:
-    """Where recordings and networks are kept between runs; safe to delete. `S2C2A_CACHE` moves it."""
-    return Path(os.environ.get("S2C2A_CACHE") or platformdirs.user_cache_dir("s2c2a"))
 
 
 @dataclass(frozen=True)

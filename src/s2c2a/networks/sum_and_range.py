@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -51,7 +52,7 @@ class SumAndRange(eqx.Module):
             geometry.action_low,
             geometry.action_high,
         )
-        even = arm.cable_count == 3 and bool(jnp.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
+        even = arm.cable_count == 3 and bool(np.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
         matrices, inverses, neutral, unit, low, high = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
         return cls(matrices, inverses, neutral, unit, low, high, even)
 

@@ -1,5 +1,6 @@
 """What is asked of the next state: targets, obstacles, weights. Always of one size, so that nothing compiles anew."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,17 @@ class Goal(NamedTuple):
             axes=_put(self.axes, module, vector / length),
             axis_weights=_put(self.axis_weights, module, mu),
         )
+
+    @classmethod
+    def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
+        """Many goals as one, every array with the number of goals in front.
+
+        Raises:
+            TargetError: none, or for arms of different numbers of modules.
+        """
+        if len({len(goal.positions) for goal in goals}) != 1:
+            raise TargetError("goals of one arm are needed, at least one; got none, or goals for different arms")
+        return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
 
     def _check_module(self, module: int) -> None:
         count = len(self.positions)

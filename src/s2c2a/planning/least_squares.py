@@ -15,15 +15,17 @@ Residuals = Callable[[Float[Array, " variables"]], Float[Array, " residuals"]]
 Projection = Callable[[Float[Array, " variables"]], Float[Array, " variables"]]
 
 FIRST_DAMPING = 1e-2
+AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP = 0.2, 10.0
 DAMPING_RANGE = (1e-6, 1e4)
 
 
 class _Step(NamedTuple):
-    """Where the search stands."""
+    """Where the search stands: a point, the sum of squares there, and the normal equations."""
 
     point: Float[Array, " variables"]
-    residuals: Float[Array, " residuals"]
-    jacobian: Float[Array, "residuals variables"]
+    cost: Float[Array, ""]
+    gradient: Float[Array, " variables"]
+    curvature: Float[Array, "variables variables"]
     damping: Float[Array, ""]
 
 
@@ -50,17 +52,19 @@ def solve_least_squares(
         return values, slopes
 
     def iterate(_, step: _Step) -> _Step:
-        normal = step.jacobian.T @ step.jacobian + step.damping * directions
-        change = jnp.linalg.solve(normal, step.jacobian.T @ step.residuals)
+        change = jnp.linalg.solve(step.curvature + step.damping * directions, step.gradient)
         point = project(step.point - change)
         values, slopes = linearised(point)
-        better = jnp.sum(values**2) < jnp.sum(step.residuals**2)
-        damping = jnp.clip(step.damping * jnp.where(better, 0.2, 10.0), *DAMPING_RANGE)
-        tried = _Step(point, values, slopes, damping)
+        cost = jnp.sum(values**2)
+        better = cost < step.cost
+        damping = jnp.clip(step.damping * jnp.where(better, AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP), *DAMPING_RANGE)
+        tried = _Step(point, cost, slopes.T @ values, slopes.T @ slopes, damping)
         kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, step)
         return kept._replace(damping=damping)
 
-    first = project(start)
-    values, slopes = linearised(first)
-    begun = _Step(first, values, slopes, jnp.asarray(FIRST_DAMPING))
-    return jax.lax.fori_loop(0, iterations, iterate, begun).point
+    # The first turn goes nowhere and looks at the start, so that the model stands once in the program, not twice.
+    nothing = jnp.zeros_like(start)
+    begun = _Step(
+        start, jnp.asarray(jnp.inf), nothing, jnp.zeros_like(directions), jnp.asarray(FIRST_DAMPING / AFTER_A_KEPT_STEP)
+    )
+    return jax.lax.fori_loop(0, iterations + 1, iterate, begun).point

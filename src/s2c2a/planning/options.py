@@ -53,7 +53,7 @@ class LeastSquaresOptions:
         obstacle: weight of points within a threshold and its margin, in `unit`.
         margin: kept around obstacles beyond their thresholds, in parts of the arm's length.
         longest_detour: a way round obstacles that is longer is not taken, in parts of the arm's length; the tip then
-            waits before them.
+            waits before them. With zero none is looked for, and the tip is always drawn straight at its target.
         engaged_slopes: whether slopes are those of taut cables that follow their motors (`ForwardModel.for_planning`),
             or the true ones.
         guard: what keeps out of obstacles.

@@ -45,12 +45,8 @@ class Planner:
     def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
         """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
         self._modules = arm.module_count
-        self._start = compiled(_started, model)
-        if isinstance(options, LeastSquaresOptions):
-            workspace = workspace_map(arm, model, options.guard)
-            self._next = compiled(_next_plan, _by_least_squares, (arm, options, workspace), model)
-        else:
-            self._next = compiled(_next_plan, _as_the_paper, (arm, options, length_scale), model)
+        self._start = compiled(started, model)
+        self._next = compiled(next_plan, *solver_of(arm, model, length_scale, options), model)
         self._warm_up()
 
     def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
@@ -76,11 +72,20 @@ def _single(values: Numbers) -> Numbers:
     return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
 
 
-def _started(model: ForwardModel, sensed: Configurations) -> Plan:
+def started(model: ForwardModel, sensed: Configurations) -> Plan:
+    """The plan of an arm at rest (`Planner.start`)."""
     return Plan(sensed, model.start(sensed))
 
 
-def _next_plan(solver, parts: tuple, model: ForwardModel, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+def solver_of(arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
+    """The solver that the options ask for, and the parts that it takes first."""
+    if isinstance(options, LeastSquaresOptions):
+        return _by_least_squares, (arm, options, workspace_map(arm, model, options.guard))
+    return _as_the_paper, (arm, options, length_scale)
+
+
+def next_plan(solver, parts: tuple, model: ForwardModel, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+    """What one control step plans (`Planner.plan`)."""
     memory = model.observe(sensed, plan.memory)
     following = solver(*parts, model, memory, goal, plan.configurations)
     sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan

@@ -76,12 +76,15 @@ def goal_residuals(
 def _round_obstacles(goal: Goal, tip, last, workspace: WorkspaceMap, options: LeastSquaresOptions) -> Drawn:
     """Where the tip is drawn: straight at its target, unless obstacles stand in between."""
     target, length = goal.positions[-1], workspace.length
+    straight = Drawn(target, last, jnp.zeros(()))
+    if options.longest_detour == 0:
+        return straight
 
     def along() -> Drawn:
         return drawn_along(workspace, tip, target, goal, options.margin * length, options.longest_detour * length)
 
     needed = (goal.position_weights[-1] > 0.0) & (goal.thresholds > 0.0).any()
-    return jax.lax.cond(needed, along, lambda: Drawn(target, last, jnp.zeros(())))
+    return jax.lax.cond(needed, along, lambda: straight)
 
 
 def _near_enough(goal: Goal, states: Float[Array, "modules 6"], longest: float) -> Float[Array, "modules 3"]:

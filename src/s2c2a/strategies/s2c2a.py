@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -13,7 +14,7 @@ from s2c2a.data import Recording, controller_samples, forward_samples
 from s2c2a.errors import RecordingError
 from s2c2a.kinematics import ForwardModel
 from s2c2a.networks import C2A, C2S, ChainC2S, ChainSize
-from s2c2a.planning import Planner, PlannerOptions
+from s2c2a.planning import AnyPlannerOptions, BatchPlanner, Planner, PlannerOptions
 from s2c2a.planning.options import Guard
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.scale import planning_scale
@@ -96,25 +97,41 @@ def train_s2c2a(
 def s2c2a_strategy(networks: TrainedNetworks, guard: Guard = "tip") -> Strategy:
     """Put trained networks to work, planning as their recipe says.
 
-    Under sensing coupling the paper's configurations are not of unit length, so there they are not kept on the sphere.
-
     Args:
         networks: of an arm.
         guard: what keeps out of obstacles.
     """
     arm, recipe = networks.arm, networks.recipe
-    options = replace(recipe.planner, guard=guard)
-    if isinstance(options, PlannerOptions) and arm.sensing_coupling is not None:
-        options = replace(options, on_sphere=False)
-    planner = Planner(arm, networks.c2s, planning_scale(arm), options)
+    planner = Planner(arm, networks.c2s, planning_scale(arm), _planner_options(networks, guard))
     controller: Controller = NetworkController(networks.c2a)
     if recipe.correction:
         controller = CorrectedController(controller, recipe.correction)
     return Strategy("s2c2a", arm, recipe.estimator(arm), planner, controller)
 
 
+def s2c2a_batch_planner(networks: TrainedNetworks, guard: Guard = "tip", **sizes: int) -> BatchPlanner:
+    """Plan for many at once with trained networks, as their recipe says.
+
+    Args:
+        networks: of an arm.
+        guard: what keeps out of obstacles.
+        sizes: `chunk` and `threads` (`BatchPlanner`).
+    """
+    options = _planner_options(networks, guard)
+    return BatchPlanner(networks.arm, networks.c2s, planning_scale(networks.arm), options, **sizes)
+
+
+def _planner_options(networks: TrainedNetworks, guard: Guard) -> AnyPlannerOptions:
+    """The recipe's; under sensing coupling the paper's configurations are not of unit length, so not kept there."""
+    options = replace(networks.recipe.planner, guard=guard)
+    if isinstance(options, PlannerOptions) and networks.arm.sensing_coupling is not None:
+        options = replace(options, on_sphere=False)
+    return options
+
+
+@eqx.filter_jit
 def blank_networks(arm: ArmSpec, recipe: Recipe) -> tuple[ForwardModel, C2A]:
-    """Networks of the right shapes for an arm, to be filled."""
+    """Networks of the right shapes for an arm, to be filled; one program, for else each array would be one."""
     key = jax.random.key(0)
     if isinstance(recipe.c2s, ChainSize):
         forward: ForwardModel = ChainC2S.untrained(arm, recipe.c2s, key)

@@ -1,0 +1,210 @@
+"""Planning for many at once, offline: many goals, many starts, whole paths. Objective and options are the planner's.
+
+Work goes in chunks of one size, padded, over threads: nothing compiles anew for another number, and results do not
+depend on the number of threads.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import TargetError
+from s2c2a.kinematics import ForwardModel
+from s2c2a.planning.goal import Goal, Numbers
+from s2c2a.planning.guard import guarded_points
+from s2c2a.planning.objective import objective
+from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions
+from s2c2a.planning.planner import Plan, next_plan, solver_of, started
+from s2c2a.programs import compiled
+
+CHUNK = 64
+
+
+class Path(NamedTuple):
+    """A planned path.
+
+    Attributes:
+        configurations: of every step, shape (steps, modules, 3), module frames.
+        states: that the forward model predicts [m, 1], shape (steps, modules, 6), base frame.
+    """
+
+    configurations: Float[Numbers, "steps modules 3"]
+    states: Float[Numbers, "steps modules 6"]
+
+
+class Best(NamedTuple):
+    """The best of many ways to a goal.
+
+    Attributes:
+        configurations: where it ends, shape (modules, 3), module frames.
+        value: of the objective there (Chen et al. 2025, eq. (7)).
+        start: number of the start that it began from.
+        values: of the objective where every start has led to, shape (starts,).
+    """
+
+    configurations: Float[np.ndarray, "modules 3"]
+    value: float
+    start: int
+    values: Float[np.ndarray, " starts"]
+
+
+class BatchPlanner:
+    """Plans for many at once; a program compiles when first needed, for any number after it.
+
+    What follows a plan is taken to be what was planned, so paths are those of an arm whose controller misses nothing.
+    """
+
+    def __init__(
+        self,
+        arm: ArmSpec,
+        model: ForwardModel,
+        length_scale: float,
+        options: AnyPlannerOptions,
+        chunk: int = CHUNK,
+        threads: int | None = None,
+    ):
+        """Prepare for an arm and a forward model; nothing compiles yet.
+
+        Args:
+            arm: its limits count.
+            model: predicts states.
+            length_scale: what a length of one stands for [m].
+            options: how to plan.
+            chunk: plans in one call; larger ones suit a GPU.
+            threads: chunks side by side; all cores if not stated.
+
+        Raises:
+            TargetError: a chunk or a number of threads below one.
+        """
+        if chunk < 1 or (threads is not None and threads < 1):
+            raise TargetError(f"chunks of {chunk} on {threads} threads asked for; both must be at least one")
+        self._modules, self._chunk, self._threads = arm.module_count, chunk, threads or os.cpu_count() or 1
+        solver, parts = solver_of(arm, model, length_scale, options)
+        self._start = compiled(_start_each, model)
+        self._each_past_obstacles = compiled(_next_in_turn, solver, parts, model)
+        self._each_freely = compiled(_next_side_by_side, solver, (arm, _without_ways_round(options), parts[-1]), model)
+        self._along = compiled(_along, solver, parts, model)
+        self._values = compiled(_values, arm, model, length_scale, options.guard)
+
+    def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
+        """Plans of arms at rest; arrays of the plan have the batch in front."""
+        return self._in_chunks(self._start, len(sensed), np.asarray(sensed, np.float32))
+
+    def plan(self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal) -> Plan:
+        """The next plan of each, towards goals of their own (`Goal.stacked`).
+
+        Args:
+            plans: the last ones.
+            sensed: the latest sensed configurations.
+            goals: with the batch in front.
+
+        Raises:
+            TargetError: not as many goals as plans.
+        """
+        count = len(plans.configurations)
+        if not count == len(sensed) == len(goals.positions):
+            raise TargetError(
+                f"{count} plans, {len(sensed)} sensed arms and {len(goals.positions)} goals; give as many"
+            )
+        past_obstacles = bool((np.asarray(goals.thresholds) > 0).any())
+        step = self._each_past_obstacles if past_obstacles else self._each_freely
+        return self._in_chunks(step, count, plans, np.asarray(sensed, np.float32), goals)
+
+    def best(self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50) -> Best:
+        """From many starts towards one goal, and the best end of all: what a single start stays short of.
+
+        Args:
+            starts: configurations to begin from.
+            goal: for the end.
+            steps: control steps that each may take.
+
+        Raises:
+            TargetError: no start, or no step.
+        """
+        if len(starts) < 1 or steps < 1:
+            raise TargetError(f"{len(starts)} starts and {steps} steps asked for; both must be at least one")
+        goals = Goal.stacked([goal] * len(starts))
+        plans = self.start(starts)
+        for _ in range(steps):
+            plans = self.plan(plans, plans.configurations, goals)
+        values = self._in_chunks(self._values, len(starts), plans, goals)
+        first = int(np.argmin(values))
+        return Best(np.asarray(plans.configurations[first]), float(values[first]), first, values)
+
+    def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> Path:
+        """A whole path from an arm at rest.
+
+        Args:
+            start: where it rests.
+            goals: one a step (`Goal.stacked`), at least one.
+        """
+        count = len(goals.positions)
+        plan, parts = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None])), []
+        for begin in range(0, count, self._chunk):
+            plan, part = self._along(plan, self._chunk_of(goals, begin))
+            parts.append(part)
+        return Path(*(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True)))
+
+    def _in_chunks(self, program: Callable[..., Any], count: int, *inputs: Any) -> Any:
+        """A program over all chunks, on threads, its results put together again."""
+        begins = range(0, count, self._chunk)
+        inputs = jax.tree.map(np.asarray, inputs)
+
+        def one(begin: int):
+            return jax.tree.map(np.asarray, program(*self._chunk_of(inputs, begin)))
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            results = list(pool.map(one, begins))
+        return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *results)
+
+    def _chunk_of(self, inputs: Any, begin: int) -> Any:
+        """One chunk; the last one filled up with its last row."""
+
+        def cut(values):
+            part = np.asarray(values[begin : begin + self._chunk])
+            missing = self._chunk - len(part)
+            return np.concatenate([part, np.repeat(part[-1:], missing, axis=0)]) if missing else part
+
+        return jax.tree.map(cut, inputs)
+
+
+def _without_ways_round(options: AnyPlannerOptions) -> AnyPlannerOptions:
+    """Where no goal has obstacles: side by side, the search for ways round them would be made for every plan."""
+    return replace(options, longest_detour=0.0) if isinstance(options, LeastSquaresOptions) else options
+
+
+def _start_each(model: ForwardModel, sensed) -> Plan:
+    return jax.vmap(partial(started, model))(sensed)
+
+
+def _next_side_by_side(solver, parts: tuple, model: ForwardModel, plans: Plan, sensed, goals: Goal) -> Plan:
+    return jax.vmap(partial(next_plan, solver, parts, model))(plans, sensed, goals)
+
+
+def _next_in_turn(solver, parts: tuple, model: ForwardModel, plans: Plan, sensed, goals: Goal) -> Plan:
+    return jax.lax.map(lambda each: next_plan(solver, parts, model, *each), (plans, sensed, goals))
+
+
+def _along(solver, parts: tuple, model: ForwardModel, plan: Plan, goals: Goal) -> tuple[Plan, Path]:
+    def step(last: Plan, goal: Goal) -> tuple[Plan, Path]:
+        plan = next_plan(solver, parts, model, last, last.configurations, goal)
+        return plan, Path(plan.configurations, model.predict(plan.configurations, plan.memory))
+
+    return jax.lax.scan(step, plan, goals)
+
+
+def _values(arm: ArmSpec, model: ForwardModel, length_scale: float, guard, plans: Plan, goals: Goal):
+    guarded = guarded_points(arm, guard)
+
+    def value(plan: Plan, goal: Goal):
+        return objective(model, plan.memory, goal, plan.configurations, length_scale, guarded)(plan.configurations)
+
+    return jax.vmap(value)(plans, goals)

@@ -1,0 +1,104 @@
+"""Many plans at once are the plans of the planner; the best of many starts is better than one."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import TargetError
+from s2c2a.kinematics import PCCForwardModel, states_from_configurations
+from s2c2a.planning import BatchPlanner, Goal, LeastSquaresOptions, Planner, PlannerOptions
+
+TWIN = load_arm("twin_arm")
+PARTS = TWIN, PCCForwardModel.of(TWIN), 0.46
+CHUNK = 4
+STRAIGHT = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, 3, 1))
+TARGETS = np.array([[0.1, 0.05, 0.55], [-0.2, 0.1, 0.5], [0.0, -0.15, 0.55], [0.05, 0.2, 0.5], [0.2, 0.2, 0.45]])
+BOTH = pytest.mark.parametrize("options", [PlannerOptions(), LeastSquaresOptions()], ids=["adam", "least squares"])
+
+
+@pytest.fixture(scope="module")
+def batch_of():
+    made = {}
+
+    def of(options) -> BatchPlanner:
+        return made.setdefault(options, BatchPlanner(*PARTS, options, chunk=CHUNK, threads=2))
+
+    return of
+
+
+def somewhere(count, seed=0):
+    """Configurations a little bent, shape (count, 3, 3)."""
+    bent = np.random.default_rng(seed).normal([0.1, 0.05, 1.0], [0.1, 0.1, 0.0], (count, 3, 3))
+    return (bent / np.linalg.norm(bent, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def tips(configurations):
+    return np.asarray(states_from_configurations(configurations, PARTS[1].lengths))[..., -1, :3]
+
+
+def goals(**obstacles):
+    wanted = [Goal.of(3).with_position(target) for target in TARGETS]
+    return [goal.with_obstacles(**obstacles) if obstacles else goal for goal in wanted]
+
+
+@BOTH
+@pytest.mark.parametrize("obstacles", [{}, {"centres": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}])
+def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
+    """Five, in chunks of four: the last chunk is filled up, and what fills it is thrown away."""
+    batch, planner, wanted, sensed = batch_of(options), Planner(*PARTS, options), goals(**obstacles), somewhere(5)
+    many = batch.plan(batch.start(sensed), sensed, Goal.stacked(wanted))
+    each = [
+        planner.plan(planner.start(one), one, goal).configurations for one, goal in zip(sensed, wanted, strict=True)
+    ]
+    np.testing.assert_allclose(many.configurations, each, atol=2e-4)
+
+
+@BOTH
+def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
+    batch, planner, start = batch_of(options), Planner(*PARTS, options), somewhere(1)[0]
+    wanted = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
+    path = batch.path(start, Goal.stacked(wanted))
+    plan, each = planner.start(start), []
+    for goal in wanted:
+        plan = planner.plan(plan, plan.configurations, goal)
+        each.append(plan.configurations)
+    np.testing.assert_allclose(path.configurations, each, atol=1e-3)
+    np.testing.assert_allclose(path.states[:, -1, :3], tips(path.configurations), atol=1e-6)
+
+
+def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
+    batch, starts = batch_of(LeastSquaresOptions()), somewhere(6)
+    best = batch.best(starts, Goal.of(3).with_position([0.15, 0.1, 0.52]), steps=25)
+    assert best.values.shape == (6,)
+    assert best.value == best.values.min() == best.values[best.start]
+    assert np.linalg.norm(tips(best.configurations) - [0.15, 0.1, 0.52]) < 0.002
+
+
+def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
+    """The tip on the arm's axis, but lower: a straight arm could go to any side, and so goes to none."""
+    goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
+    best = batch_of(LeastSquaresOptions()).best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
+    assert best.value < 0.9 * best.values[0]
+
+
+def test_results_do_not_depend_on_threads():
+    wanted, sensed = Goal.stacked(goals()), somewhere(5)
+    answers = []
+    for threads in (1, 3):
+        batch = BatchPlanner(*PARTS, PlannerOptions(), chunk=2, threads=threads)
+        answers.append(batch.plan(batch.start(sensed), sensed, wanted).configurations)
+    np.testing.assert_array_equal(*answers)
+
+
+def test_numbers_that_do_not_fit_are_refused(batch_of):
+    batch, sensed = batch_of(PlannerOptions()), somewhere(3)
+    with pytest.raises(TargetError, match="3 plans, 3 sensed arms and 5 goals"):
+        batch.plan(batch.start(sensed), sensed, Goal.stacked(goals()))
+    with pytest.raises(TargetError, match="0 starts"):
+        batch.best(sensed[:0], Goal.of(3))
+    with pytest.raises(TargetError, match="at least one"):
+        BatchPlanner(*PARTS, PlannerOptions(), chunk=0)
+    with pytest.raises(TargetError, match="at least one"):
+        Goal.stacked([])
+    with pytest.raises(TargetError, match="different arms"):
+        Goal.stacked([Goal.of(3), Goal.of(2)])
