@@ -21,9 +21,7 @@ print(f"one step towards {len(targets)} targets: configurations of shape {plans.
 
 wanted = Goal.of(arm.module_count).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
 best = planner.best(starts, wanted, steps=40)
-print(
-    f"upright but low: start {best.start} ends best, {best.value:.3f} against {np.median(best.values):.3f} in the middle"
-)
+print(f"upright but low: start {best.start} ends best, {best.value:.3f} against {best.values.max():.3f} at worst")
 
 angles = np.linspace(0.0, 2.0 * np.pi, 200)
 circle = [Goal.of(arm.module_count).with_position([0.2 * np.cos(a), 0.2 * np.sin(a), 0.52]) for a in angles]

@@ -5,9 +5,9 @@ import pytest
 
 from s2c2a.evaluation import position_errors
 from s2c2a.evaluation.metrics import (
+    angles_deg,
     azimuth_errors_deg,
     clearances,
-    configuration_errors_deg,
     orientation_errors_deg,
     recovery_time,
     step_lengths,
@@ -70,20 +70,20 @@ def test_where_the_end_points_does_not_count():
 )
 def test_configuration_errors_are_angles_whatever_the_lengths(one, two, angle):
     true, wanted = (np.array(vector, float).reshape(1, 1, 3) for vector in (one, two))
-    assert configuration_errors_deg(true, wanted)[0, 0] == pytest.approx(angle)
-    assert configuration_errors_deg(wanted, 5 * true)[0, 0] == pytest.approx(angle)
+    assert angles_deg(true, wanted)[0, 0] == pytest.approx(angle)
+    assert angles_deg(wanted, 5 * true)[0, 0] == pytest.approx(angle)
 
 
 def test_small_angles_keep_their_digits():
     tilted = np.array([[[1e-7, 0.0, 1.0]]])
-    assert configuration_errors_deg(np.array([[[0.0, 0.0, 1.0]]]), tilted)[0, 0] == pytest.approx(np.rad2deg(1e-7))
+    assert angles_deg(np.array([[[0.0, 0.0, 1.0]]]), tilted)[0, 0] == pytest.approx(np.rad2deg(1e-7))
 
 
 def test_every_step_and_module_has_its_own_angle():
     true = np.tile([0.0, 0.0, 1.0], (2, 3, 1))
     wanted = true.copy()
     wanted[1, 2] = [0.0, 1.0, 0.0]
-    np.testing.assert_allclose(configuration_errors_deg(true, wanted), [[0, 0, 0], [0, 0, 90]])
+    np.testing.assert_allclose(angles_deg(true, wanted), [[0, 0, 0], [0, 0, 90]])
 
 
 def test_tilt_errors_compare_angles_to_the_vertical_whatever_the_azimuth():

@@ -1,6 +1,7 @@
 """What tables are made of, how runs are kept, and how tables look as files."""
 
 import csv
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -166,6 +167,14 @@ def test_latex_escapes_what_would_break_it_and_keeps_its_columns(tmp_path):
     assert [line.replace(r"\&", "").count("&") for line in lines[1:4]] == [6, 6, 6]
     assert all(line.endswith(r"\\") for line in lines[2:4])
     assert lines[-1] == r"\end{tabular}"
+
+
+def test_what_never_recovers_comes_back_from_strict_json(tmp_path):
+    never = replace(OTHER, mean=float("inf"), std_steps=None)
+    save_table("tracking", [never], tmp_path)
+    written = json.loads((tmp_path / "tracking.json").read_text(), parse_constant=lambda word: pytest.fail(word))
+    assert written[0]["mean"] == "inf"
+    assert load_rows(tmp_path / "tracking.json") == [never]
 
 
 def test_rows_come_back_from_json_to_stand_beside_others(tmp_path):

@@ -10,7 +10,7 @@ from s2c2a.arm import ArmGeometry, Cable, Motor
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
 from s2c2a.evaluation import position_errors, rollout
-from s2c2a.evaluation.metrics import configuration_errors_deg
+from s2c2a.evaluation.metrics import angles_deg
 from s2c2a.kinematics import PCC, configurations_from_bends, states_from_bends
 from s2c2a.planning import Goal, PlannerOptions
 from s2c2a.robots.simulation import SimulatedRobot
@@ -90,7 +90,7 @@ def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_lim
         robot.send(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
         reading = robot.read()
         plans.append(pcc.planned)
-    turns = configuration_errors_deg(np.array(plans[:-1]), np.array(plans[1:]))
+    turns = angles_deg(np.array(plans[:-1]), np.array(plans[1:]))
     assert 0.98 * ideal.step_limit_deg < turns.max() < 1.001 * ideal.step_limit_deg
     tip = reading.states[-1, :3]
     assert tip[1] > 0.35

@@ -13,6 +13,7 @@ from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.planning import Goal, PlannerOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
+from s2c2a.spaces import Reading
 from s2c2a.strategies import RECIPES, pcc_strategy, recipe_named, s2c2a_strategy, train_s2c2a
 
 REST = Goal.of(3)
@@ -105,6 +106,23 @@ def test_a_trained_strategy_drives_the_arm_within_its_limits(either, twin):
     assert np.isfinite(actions).all()
     assert np.all((actions >= geometry.action_low) & (actions <= geometry.action_high))
     assert np.ptp(actions, axis=0).max() > 1e-4
+
+
+def test_readings_that_are_no_numbers_are_refused_and_leave_no_trace(either, twin):
+    good = [Reading(0.1 * step, np.full((3, 3), 1e-3 * step)) for step in range(3)]
+    bad = Reading(0.1, np.full((3, 3), np.nan))
+
+    def driven(with_a_bad_one):
+        either.start(good[0])
+        either.step(good[1], Goal.of(3).with_position([0.1, 0.0, 0.55]))
+        if with_a_bad_one:
+            with pytest.raises(StrategyError, match="no finite numbers"):
+                either.step(bad, Goal.of(3))
+        return either.step(good[2], Goal.of(3).with_position([0.1, 0.0, 0.55]))
+
+    np.testing.assert_array_equal(driven(True), driven(False))
+    with pytest.raises(StrategyError, match="no finite numbers"):
+        either.start(bad)
 
 
 def test_a_run_does_not_depend_on_the_runs_before_it(either, twin):

@@ -32,15 +32,8 @@ def orientation_errors_deg(states: States, wanted: Wanted, module: int = -1) -> 
     return angles_deg(states[:, module, AXIS], wanted[:, module])
 
 
-def configuration_errors_deg(
-    true: Float[np.ndarray, "steps modules 3"], wanted: Float[np.ndarray, "steps modules 3"]
-) -> Float[np.ndarray, "steps modules"]:
-    """Angle between two configurations of each module [deg]; neither needs unit length."""
-    return angles_deg(true, wanted)
-
-
 def angles_deg(first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"]) -> np.ndarray:
-    """Angle between vectors of any length [deg]."""
+    """Angle between vectors, such as configurations, of any length [deg]."""
     cosine = np.sum(first * second, axis=-1)
     sine = np.linalg.norm(np.cross(first, second), axis=-1)
     return np.rad2deg(np.arctan2(sine, cosine))

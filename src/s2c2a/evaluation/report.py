@@ -63,8 +63,9 @@ def versions() -> dict[str, str]:
 
 
 def save_rows(rows: Iterable[Row], path: str | os.PathLike) -> None:
-    """Write `results.json`."""
-    Path(path).write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", encoding="utf-8")
+    """Write `results.json`; numbers that are not finite stand as words, for JSON knows none."""
+    written = [{key: _as_word(value) for key, value in asdict(row).items()} for row in rows]
+    Path(path).write_text(json.dumps(written, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def load_rows(path: str | os.PathLike) -> list[Row]:
@@ -75,9 +76,17 @@ def load_rows(path: str | os.PathLike) -> list[Row]:
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
-        return [Row(**row | {"seeds": tuple(row["seeds"])}) for row in found]
+        return [Row(**row | {"seeds": tuple(row["seeds"])} | _from_words(row)) for row in found]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise S2C2AError(f"{path} holds no result rows: {error}; make the table again") from error
+
+
+def _as_word(value: Any) -> Any:
+    return str(value) if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _from_words(row: dict[str, Any]) -> dict[str, float]:
+    return {key: float(row[key]) for key in ("mean", "std_steps", "std_seeds") if isinstance(row[key], str)}
 
 
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | os.PathLike) -> None:

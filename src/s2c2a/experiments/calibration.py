@@ -13,7 +13,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.errors import ArmError, SimulationError
 from s2c2a.evaluation import position_errors, rollout
-from s2c2a.evaluation.metrics import configuration_errors_deg
+from s2c2a.evaluation.metrics import angles_deg
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.strategies import pcc_strategy, recipe_named, train_s2c2a
@@ -72,7 +72,7 @@ def _of_recording(recording: Recording) -> dict[str, float]:
 def estimation_errors_deg(recording: Recording) -> np.ndarray:
     """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
     sensed = np.asarray(estimator_for(recording.arm)(recording.cables, recording.configurations))
-    return configuration_errors_deg(recording.configurations, sensed)
+    return angles_deg(recording.configurations, sensed)
 
 
 def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:

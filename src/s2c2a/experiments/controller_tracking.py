@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control import NetworkController
-from s2c2a.evaluation.metrics import configuration_errors_deg
+from s2c2a.evaluation.metrics import angles_deg
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.networks import C2A
 from s2c2a.planning import Goal, PlannerOptions
@@ -72,7 +72,7 @@ def drive(
             action, memory = act(configuration, sensed, memory)
             robot.send(np.asarray(action, dtype=np.float64))
             sensed = sense(robot.read())
-            errors.append(configuration_errors_deg(sensed, configuration))
+            errors.append(angles_deg(sensed, configuration))
     return np.array(errors)
 
 

@@ -63,7 +63,11 @@ class Strategy:
         self._warm_up()
 
     def start(self, reading: Reading) -> None:
-        """Begin from an arm at rest."""
+        """Begin from an arm at rest.
+
+        Raises:
+            StrategyError: the sensors gave no finite numbers.
+        """
         self._sensed = self._sensed_in(reading)
         self._plan = self._planner.start(self._sensed)
         self._memory = self._start_control(self._sensed)
@@ -76,7 +80,7 @@ class Strategy:
             goal: for the state after the action.
 
         Raises:
-            StrategyError: it was not started.
+            StrategyError: it was not started, or the sensors gave no finite numbers; the next reading may be better.
 
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
@@ -102,7 +106,10 @@ class Strategy:
 
     def _sensed_in(self, reading: Reading):
         truth = reading.configurations
-        return self._sense(_single(reading.cables), None if truth is None else _single(truth))
+        sensed = self._sense(_single(reading.cables), None if truth is None else _single(truth))
+        if not np.isfinite(np.asarray(sensed)).all():  # it would stay in what planner and controller remember
+            raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
+        return sensed
 
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self.arm.module_count, 1))
