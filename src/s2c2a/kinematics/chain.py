@@ -1,9 +1,12 @@
 """The chain from module shapes to states: constant-curvature arcs, one after the other."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, sinc, squared_norm
+
+UNROLLED = 8  # modules: a loop of its own only for longer arms
 
 
 def states_from_bends(
@@ -27,14 +30,16 @@ def states_from_arcs(
     """`states_from_bends` of arcs whose end points are off by so much [m], module frames."""
     ends, axes = arc_ends(bends, lengths) + off, configurations_from_bends(bends)
     rotations = _rotations_to(axes)
-    position = jnp.zeros((*bends.shape[:-2], 3))
-    rotation = jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))
-    states = []
-    for module in range(bends.shape[-2]):
-        position = position + _rotate(rotation, ends[..., module, :])
-        states.append(jnp.concatenate([position, _rotate(rotation, axes[..., module, :])], axis=-1))
-        rotation = rotation @ rotations[..., module, :, :]
-    return jnp.stack(states, axis=-2)
+    start = jnp.zeros((*bends.shape[:-2], 3)), jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))
+
+    def on(base, arc):
+        (position, rotation), (end, axis, turn) = base, arc
+        position = position + _rotate(rotation, end)
+        state = jnp.concatenate([position, _rotate(rotation, axis)], axis=-1)
+        return (position, rotation @ turn), state
+
+    arcs = jnp.moveaxis(ends, -2, 0), jnp.moveaxis(axes, -2, 0), jnp.moveaxis(rotations, -3, 0)
+    return jnp.moveaxis(jax.lax.scan(on, start, arcs, unroll=UNROLLED)[1], 0, -2)
 
 
 def states_from_configurations(

@@ -5,6 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+MOST_UNROLLED = 8  # modules
+
 
 class Direction(eqx.Module):
     """One LSTM layer in one direction; gates in the order input, forget, cell, output."""
@@ -23,6 +25,8 @@ class Direction(eqx.Module):
     def __call__(self, inputs: Float[Array, "*batch modules features"], reverse: bool) -> Array:
         """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
         driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
+        if inputs.shape[-2] > MOST_UNROLLED:
+            return self._rolled(driven, reverse)
         order = range(inputs.shape[-2])
         outputs = {}
         cell = hidden = None
@@ -33,6 +37,18 @@ class Direction(eqx.Module):
             hidden, cell = _cell(gates, cell)
             outputs[module] = hidden
         return jnp.stack([outputs[module] for module in order], axis=-2)
+
+    def _rolled(self, driven: Float[Array, "*batch modules gates"], reverse: bool) -> Array:
+        """The same for long rows: as one loop they compile, and run, far sooner than one after the other."""
+        rows = jnp.moveaxis(driven, -2, 0)
+        nothing = jnp.zeros((*rows.shape[1:-1], self.weight_hidden.shape[0]))
+
+        def on(carried: tuple[Array, Array], gates: Array) -> tuple[tuple[Array, Array], Array]:
+            hidden, cell = _cell(gates + carried[0] @ self.weight_hidden, carried[1])
+            return (hidden, cell), hidden
+
+        outputs = jax.lax.scan(on, (nothing, nothing), rows, reverse=reverse)[1]
+        return jnp.moveaxis(outputs, 0, -2)
 
 
 def _cell(gates: Float[Array, "*batch gates"], cell: Array | None) -> tuple[Array, Array]:
