@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,15 +17,22 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import recipe_named
 
-COLLECT_LIMIT = Limit(8.0)
+COLLECT_LIMIT = Limit(8.0)  # of 9000 samples
+FEW_EPISODES = 2
 
 
 def measure(options: BenchOptions, progress: Progress) -> Iterator[Measurement]:
     """Whole recordings as a user collects them, file and all."""
-    yield collecting(options, CollectOptions(seed=options.seed, speeds=recipe_named("best").speeds), progress)
+    how = CollectOptions(seed=options.seed, speeds=recipe_named("best").speeds)
+    if options.quick:
+        yield collecting(options, replace(how, episodes=FEW_EPISODES), progress)
+    else:
+        yield collecting(options, how, progress, COLLECT_LIMIT)
 
 
-def collecting(options: BenchOptions, how: CollectOptions, progress: Progress) -> Measurement:
+def collecting(
+    options: BenchOptions, how: CollectOptions, progress: Progress, limit: Limit | None = None
+) -> Measurement:
     """The time of a recording, on every core that there is."""
     arm, seconds = options.arm, []
     with TemporaryDirectory() as folder:
@@ -42,4 +50,4 @@ def collecting(options: BenchOptions, how: CollectOptions, progress: Progress) -
             )
             seconds.append(time.perf_counter() - began)
     samples, cores = how.episodes * how.samples, available_cores()
-    return timing(f"{samples} samples, fast, {cores} core(s)", np.array(seconds), COLLECT_LIMIT)
+    return timing(f"{samples} samples, fast, {cores} core(s)", np.array(seconds), limit)

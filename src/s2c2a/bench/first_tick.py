@@ -1,4 +1,4 @@
-"""A process of its own that loads a strategy and does one tick: `python -m s2c2a.bench.first_tick FILE`."""
+"""What a user waits for: a strategy is loaded and does its first tick."""
 
 import sys
 
@@ -20,5 +20,6 @@ def first_tick(path: str) -> np.ndarray:
     return strategy.step(reading, circle(arm).goals[0])
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Entry point of a process that is timed; its argument is the strategy's file."""
     first_tick(sys.argv[1])

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.bench.measurement import Growth, Limit, Measurement, timing
+from s2c2a.bench.measurement import Growth, Limit, Measurement, growing, timing
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.plan import following, planner_of
 from s2c2a.bench.timing import Call, Progress, taken_in_turn
@@ -57,7 +57,7 @@ def with_obstacles(arm: ArmSpec, sizes: Sequence[int], repeats: int, progress: P
         planner = planner_of(untrained(arm, recipe))
         calls = {str(size): following(planner, among_obstacles(arm, size)) for size in sizes}
         times = taken_in_turn(calls, repeats, partial(progress, f"obstacles, {recipe}"))
-        yield from _growth("obstacles", f"plan, {recipe}", sizes, list(times.values()), Limit(1.0))
+        yield from growing("obstacles", f"plan, {recipe}", sizes, list(times.values()), Limit(1.0))
 
 
 def with_waypoints(arm: ArmSpec, sizes: Sequence[int], repeats: int, progress: Progress) -> Iterator[Measured]:
@@ -67,7 +67,7 @@ def with_waypoints(arm: ArmSpec, sizes: Sequence[int], repeats: int, progress: P
         for what, work in (("read and make a task", _task_of), ("check the reach", _reach_of)):
             calls = {path.name: partial(_done, work, arm, path) for path in files}
             times = taken_in_turn(calls, repeats, partial(progress, f"waypoints: {what}"))
-            yield from _growth("waypoints", what, sizes, list(times.values()), None)
+            yield from growing("waypoints", what, sizes, list(times.values()))
 
 
 def _growing_arms(of: str, arms: dict[int, ArmSpec], repeats: int, progress: Progress) -> Iterator[Measured]:
@@ -80,24 +80,12 @@ def _growing_arms(of: str, arms: dict[int, ArmSpec], repeats: int, progress: Pro
             networks = untrained(arm, recipe)
             plans[str(size)] = following(planner_of(networks), circle(arm).goals)
             ticks[str(size)] = _ticking(networks)
-            note = "none of it kept from before"
-            yield timing(f"compiling, {recipe}, {size} {of}", np.array([time.perf_counter() - began]), note=note)
+            yield timing(f"compiling, {recipe}, {size} {of}", np.array([time.perf_counter() - began]))
         progress(f"{of}: compiling, {recipe}", len(arms), len(arms))
         for what, calls in (("plan", plans), ("whole tick", ticks)):
             times = taken_in_turn(calls, repeats, partial(progress, f"{of}: {what}, {recipe}"))
             limit = Limit(1.0) if (of, what) == ("modules", "plan") else None
-            yield from _growth(of, f"{what}, {recipe}", list(arms), list(times.values()), limit)
-
-
-def _growth(
-    of: str, what: str, sizes: Sequence[int], times: Sequence[np.ndarray], limit: Limit | None
-) -> Iterator[Measured]:
-    """The sizes' times, and the exponent that fits them."""
-    medians, tails = ([float(np.percentile(seconds, share)) for seconds in times] for share in (50, 99))
-    growth = Growth(of, what, tuple(sizes), tuple(medians), tuple(tails), len(times[0]))
-    yield growth
-    note = f"{sizes[0]} to {sizes[-1]} {of}; steepest between neighbours {growth.steepest:.2f}"
-    yield Measurement(f"exponent: {what}", "1", growth.slope, None, growth.repeats, limit, note=note)
+            yield from growing(of, f"{what}, {recipe}", list(arms), list(times.values()), limit)
 
 
 def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:

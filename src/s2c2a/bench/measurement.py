@@ -1,6 +1,6 @@
 """What a benchmark measures: one line of its tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,3 +125,14 @@ def ratio(what: str, slow: np.ndarray, fast: np.ndarray, limit: Limit | None = N
     """Ratio of the medians of times taken in turn."""
     times = float(np.median(slow) / np.median(fast))
     return Measurement(what, "x", times, None, min(len(slow), len(fast)), limit, note=note)
+
+
+def growing(
+    of: str, what: str, sizes: Sequence[int], times: Sequence[np.ndarray], limit: Limit | None = None
+) -> Iterator[Measurement | Growth]:
+    """A growth from the times of every size [s], and the exponent that fits it."""
+    medians, tails = ([float(np.percentile(seconds, share)) for seconds in times] for share in (50, 99))
+    growth = Growth(of, what, tuple(sizes), tuple(medians), tuple(tails), len(times[0]))
+    yield growth
+    note = f"{sizes[0]} to {sizes[-1]} {of}; steepest between neighbours {growth.steepest:.2f}"
+    yield Measurement(f"exponent: {what}", "1", growth.slope, None, growth.repeats, limit, note=note)

@@ -1,6 +1,7 @@
 """What to measure with, and how often."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
@@ -20,6 +21,7 @@ class BenchOptions:
         long_repeats: of what takes seconds.
         ticks: at 100 Hz with a real clock.
         memory_ticks: one after the other, while the memory is watched.
+        device: that JAX computes on.
         quick: whether growth is followed over a few small sizes alone, and training is cut short.
         whole: whether PyTorch trains as many epochs as we do, or one for every call of ours.
     """
@@ -30,6 +32,7 @@ class BenchOptions:
     long_repeats: int = 5
     ticks: int = 10_000
     memory_ticks: int = 100_000
+    device: Literal["cpu", "gpu"] = "cpu"
     quick: bool = False
     whole: bool = False
 

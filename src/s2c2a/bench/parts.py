@@ -31,6 +31,7 @@ PARTS = {
     for part in (
         Part("startup", 1, "from the start of a process to its end, and its memory"),
         Part("plan", 1, "one plan, against eager PyTorch, and the room for obstacles"),
+        Part("batch", 2, "many plans in one call"),
         Part("step", 1, "what happens in every control step"),
         Part("jitter", 1, "ticks at 100 Hz with a real clock, and memory over many ticks"),
         Part("collect", 2, "a recording of 9000 samples"),

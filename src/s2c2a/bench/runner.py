@@ -14,6 +14,11 @@ from s2c2a.bench.parts import PARTS, Part
 from s2c2a.bench.timing import Progress
 from s2c2a.errors import S2C2AError
 
+WORKER = "s2c2a.bench.worker"
+ALONE = {"JAX_ENABLE_COMPILATION_CACHE": "false", "PYTHONIOENCODING": "utf-8"}
+"""What a part's process is told: to compile everything itself, so that no figure depends on what ran before."""
+
+PLATFORMS = {"cpu": "cpu", "gpu": "cuda"}
 LAST_WORDS = 2000  # characters of what a process complained of
 
 
@@ -37,13 +42,13 @@ def lines_of(part: Part, options: BenchOptions, progress: Progress) -> Iterator[
     twin = load_arm("twin_arm")
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as complaints:
         process = subprocess.Popen(
-            [sys.executable, "-m", "s2c2a.bench.worker", str(part.cores)],
+            [sys.executable, "-m", WORKER, str(part.cores)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=complaints,
             text=True,
             encoding="utf-8",
-            env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+            env={**os.environ, **ALONE, "JAX_PLATFORMS": PLATFORMS[options.device]},
         )
         try:
             for line in _heard(process, part, options, progress):

@@ -4,11 +4,29 @@ import json
 import traceback
 from typing import Any, TextIO
 
+import jax
+
 from s2c2a.bench.lines import Failed, Line, line_to_json, options_from_json
 from s2c2a.bench.machine import peak_memory
 from s2c2a.bench.measurement import memory
 from s2c2a.bench.parts import PARTS
 from s2c2a.errors import S2C2AError
+
+
+def check_device(device: str) -> None:
+    """See whether JAX finds the device.
+
+    Raises:
+        S2C2AError: it finds no GPU, and one was asked for.
+    """
+    if device == "cpu":
+        return
+    try:
+        jax.devices()
+    except Exception as error:  # JAX has several for it
+        raise S2C2AError(
+            'JAX finds no GPU here; take --device cpu, or install `pip install "s2c2a[gpu]"` where there is one'
+        ) from error
 
 
 def serve(order: str, said: TextIO) -> None:
@@ -29,9 +47,9 @@ def serve(order: str, said: TextIO) -> None:
         say({"line": line_to_json(line)})
 
     try:
-        for line in PARTS[name].measure(
-            options_from_json(asked["options"]), lambda doing, done, total: say({"progress": [doing, done, total]})
-        ):
+        options = options_from_json(asked["options"])
+        check_device(options.device)
+        for line in PARTS[name].measure(options, lambda *progress: say({"progress": progress})):
             tell(line)
     except S2C2AError as error:
         tell(Failed(name, str(error)))

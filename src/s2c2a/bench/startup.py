@@ -20,6 +20,7 @@ from s2c2a.strategies import recipe_named, save_strategy
 
 LIMITS = {"s2c2a --help": Limit(0.6), "import s2c2a": Limit(0.3)}
 SECOND_START = Limit(3.0)
+FIRST_TICK = "from s2c2a.cache import keep_programs; keep_programs(); from s2c2a.bench.first_tick import main; main()"
 LAUNCHER = str(Path(__file__).with_name("launcher.py"))
 COMMANDS = {
     "s2c2a --help": (sys.executable, "-c", "from s2c2a.cli.main import main; main()", "--help"),
@@ -37,7 +38,8 @@ class Launch:
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None):
         self._command = (sys.executable, "-I", "-S", LAUNCHER, *command)
-        self._environment = {**os.environ, **(environment or {})}
+        bare = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}  # as a user's
+        self._environment = {**bare, **(environment or {})}
         self.seconds: list[float] = []
         self.peaks: list[float] = []
 
@@ -86,5 +88,4 @@ def launched(
 
 def first_ticks(path: Path, programs: Path) -> Launch:
     """A process from its start to a trained strategy's first tick; what it compiles is kept for the next one."""
-    kept = {"JAX_COMPILATION_CACHE_DIR": str(programs), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
-    return Launch((sys.executable, "-m", "s2c2a.bench.first_tick", str(path)), kept)
+    return Launch((sys.executable, "-c", FIRST_TICK, str(path)), {"S2C2A_CACHE": str(programs)})

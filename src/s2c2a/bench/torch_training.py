@@ -35,7 +35,7 @@ class TorchTraining:
         self.model, self._loss, self._size = model, loss, options.batch_size
         self._training, self._validation = training, validation
         self._optimiser = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
-        self._best = float("inf")
+        self.best_loss = float("inf")
 
     def epoch(self) -> float:
         """Train for an epoch; how long it took [s]."""
@@ -43,8 +43,8 @@ class TorchTraining:
         self._steps(self._batches())
         with torch.no_grad():
             held_out = float(self._loss(self._validation, False))
-        if held_out < self._best:
-            self._best, self.best_weights = held_out, deepcopy(self.model.state_dict())
+        if held_out < self.best_loss:
+            self.best_loss, self.best_weights = held_out, deepcopy(self.model.state_dict())
         return time.perf_counter() - began
 
     def take_best_threads(self, most: int) -> int:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from s2c2a.bench.parts import Part
     from s2c2a.bench.report import Report
 
-PartName = Literal["startup", "plan", "step", "jitter", "collect", "training", "simulation", "rods", "growth"]
+PartName = Literal["startup", "plan", "batch", "step", "jitter", "collect", "training", "simulation", "rods", "growth"]
 Parts = tyro.conf.Positional[Annotated[tuple[PartName, ...], tyro.conf.arg(metavar="[PART ...]")]]
 
 
@@ -25,6 +25,7 @@ def bench(
     long_repeats: int = 5,
     ticks: int = 10_000,
     memory_ticks: int = 100_000,
+    device: Literal["cpu", "gpu"] = "cpu",
     quick: bool = False,
     whole_torch: bool = False,
     out: Path | None = None,
@@ -40,7 +41,8 @@ def bench(
         long_repeats: of what takes seconds.
         ticks: at 100 Hz with a real clock.
         memory_ticks: while memory is watched.
-        quick: a twentieth of all repeats and ticks, and few sizes: a look, not a result.
+        device: that JAX computes on; a GPU suits the parts batch and training.
+        quick: a twentieth of all repeats and ticks, few sizes, few epochs: a look, not a result.
         whole_torch: let PyTorch train as many epochs as we do, instead of one for every call of ours.
         out: the run folder; one with the time in its name if not stated.
         overwrite: replace the run folder if it exists.
@@ -53,7 +55,7 @@ def bench(
     from s2c2a.bench.runner import chosen
     from s2c2a.experiments.run_folder import open_run_folder
 
-    options = BenchOptions(load_arm(arm), seed, repeats, long_repeats, ticks, memory_ticks, whole=whole_torch)
+    options = BenchOptions(load_arm(arm), seed, repeats, long_repeats, ticks, memory_ticks, device, whole=whole_torch)
     options = options.quicker() if quick else options
     wanted = chosen(parts)
     folder = open_run_folder(out, "bench", options_to_json(options) | {"parts": parts}, overwrite)
