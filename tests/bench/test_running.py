@@ -88,6 +88,23 @@ def test_a_process_that_dies_is_told_with_its_last_words(monkeypatch, twin):
     assert "no_such_module" in failed.why
 
 
+def test_leaving_early_ends_the_process(monkeypatch, twin):
+    started = []
+
+    class Watched(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    def interrupted(doing, done, total):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner.subprocess, "Popen", Watched)
+    with pytest.raises(KeyboardInterrupt):
+        list(lines_of(PARTS["collect"], BenchOptions(twin), interrupted))
+    assert started[0].poll() is not None
+
+
 def test_every_part_is_a_module_that_measures_and_a_word_on_the_command_line():
     assert set(get_args(PartName)) == set(PARTS)
     assert all(callable(part.measure) for part in PARTS.values())
@@ -149,12 +166,12 @@ def test_the_machine_tells_its_memory_and_what_is_installed():
 def test_one_part_goes_from_the_command_line_to_table_and_file(tmp_path, capsys):
     main(["bench", "collect", "--quick", "--arm", "simulated_arm", "--out", str(tmp_path / "run")])
     said = capsys.readouterr().out
-    assert "9000 samples" in said
+    assert "1000 samples" in said
     assert "peak memory of this part" in said
     report = json.loads((tmp_path / "run" / "bench.json").read_text())
     line = report["parts"]["collect"]["lines"][0]
     assert 0 < line["median"] < 600
-    assert line["limit"] is None  # limits are for the twin
+    assert line["limit"] is None
     assert report["options"]["quick"] is True
 
 

@@ -6,13 +6,14 @@ import resource
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 MIB = 2**20
 EXTRAS = ("torch", "pyelastica", "numba")
 """What is compared with; the extra `bench` brings it."""
 
 
-def describe() -> dict[str, object]:
+def describe() -> dict[str, Any]:
     """Processor, cores, memory, system, and the load before anything was measured."""
     return {
         "processor": _processor(),

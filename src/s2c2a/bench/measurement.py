@@ -134,5 +134,5 @@ def growing(
     medians, tails = ([float(np.percentile(seconds, share)) for seconds in times] for share in (50, 99))
     growth = Growth(of, what, tuple(sizes), tuple(medians), tuple(tails), len(times[0]))
     yield growth
-    note = f"{sizes[0]} to {sizes[-1]} {of}; steepest between neighbours {growth.steepest:.2f}"
-    yield Measurement(f"exponent: {what}", "1", growth.slope, None, growth.repeats, limit, note=note)
+    note = f"{sizes[0]} to {sizes[-1]}; steepest between neighbours {growth.steepest:.2f}"
+    yield Measurement(f"exponent of {of}: {what}", "1", growth.slope, None, growth.repeats, limit, note=note)

@@ -72,8 +72,8 @@ def against_torch(
     calls = {"ours": following(planner, goals), "torch": torch_planner.following(networks, goals)}
     times = taken_in_turn(calls, repeats, progress)
     yield timing("one plan, paper", times["ours"], PLAN_LIMIT)
-    yield timing("the same, eager PyTorch", times["torch"])
-    yield ratio("PyTorch over ours", times["torch"], times["ours"], FASTER)
+    yield timing("one plan, paper, eager PyTorch", times["torch"])
+    yield ratio("one plan: PyTorch over ours", times["torch"], times["ours"], FASTER)
 
 
 def _difference(networks: TrainedNetworks, torch_planner) -> float:
@@ -100,8 +100,8 @@ def room_for_obstacles(
     room = len(goals[0].thresholds)
     times = taken_in_turn({"all": following(planner, goals), "least": following(planner, small)}, repeats, progress)
     yield timing(f"one plan, {recipe}, room for {room} obstacles, none in use", times["all"])
-    yield timing(f"the same, room for {least}", times["least"])
-    yield ratio("all room over the least", times["all"], times["least"], ROOM, f"{recipe}, {room} and {least}")
+    yield timing(f"one plan, {recipe}, room for {least}", times["least"])
+    yield ratio(f"{recipe}: room for {room} over room for {least}", times["all"], times["least"], ROOM)
 
 
 def _with_room(goal: Goal, room: int) -> Goal:

@@ -46,7 +46,7 @@ class Report:
 
     path: Path
     options: BenchOptions
-    machine: dict[str, object] = field(default_factory=describe)
+    machine: dict[str, Any] = field(default_factory=describe)
     sections: dict[str, Section] = field(default_factory=dict)
 
     def begin(self, part: Part) -> Section:
@@ -78,6 +78,11 @@ class Report:
             "seed": self.options.seed,
             "parts": {name: _section_to_json(section) for name, section in self.sections.items()},
         }
+
+    @property
+    def load(self) -> float:
+        """How busy the machine was before anything was measured."""
+        return float(self.machine["load_average"])
 
     def lines(self) -> Iterator[tuple[str, Line]]:
         """All lines, with the names of their parts."""

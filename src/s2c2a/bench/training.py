@@ -74,8 +74,8 @@ def training(
     for network, course in courses.items():
         yield timing(f"an epoch of {network}, {recipe.name}", course.compiled)
         if course.torch:
-            yield timing(f"the same, PyTorch on {course.threads} thread(s)", np.array(course.torch))
-            yield ratio("PyTorch over ours", np.array(course.torch), course.compiled)
+            yield timing(f"an epoch of {network}, PyTorch on {course.threads} thread(s)", np.array(course.torch))
+            yield ratio(f"an epoch of {network}: PyTorch over ours", np.array(course.torch), course.compiled)
     yield _to_stop(recipe, courses, total, networks)
     if rivals:
         yield from _beside_to_stop(courses, total)
@@ -120,4 +120,4 @@ def _beside_to_stop(courses: dict[str, Course], total: float) -> Iterator[Measur
     how = "trained whole" if trained == wanted else f"epochs times their median, {trained} of {wanted} trained"
     seconds = np.array([sum(course.torch_to_stop for course in courses.values())])
     yield timing("as many epochs in PyTorch", seconds, note=how)
-    yield ratio("PyTorch over ours, to the stop", seconds, np.array([total]), FASTER, "ours with compilation")
+    yield ratio("to the stop: PyTorch over ours", seconds, np.array([total]), FASTER, "ours with compilation")

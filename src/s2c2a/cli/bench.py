@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from s2c2a.bench.report import Report
 
 PartName = Literal["startup", "plan", "batch", "step", "jitter", "collect", "training", "simulation", "rods", "growth"]
+QUIET_LOAD = 0.5
 Parts = tyro.conf.Positional[Annotated[tuple[PartName, ...], tyro.conf.arg(metavar="[PART ...]")]]
 
 
@@ -60,6 +61,8 @@ def bench(
     wanted = chosen(parts)
     folder = open_run_folder(out, "bench", options_to_json(options) | {"parts": parts}, overwrite)
     report = Report(folder / "bench.json", options)
+    if report.load > QUIET_LOAD:
+        print(f"this machine is busy (load {report.load:.1f}): times will be too long, and limits missed for it")
     for part in wanted:
         _measure(part, options, report)
     if report.growths():
@@ -78,7 +81,7 @@ def _measure(part: "Part", options: "BenchOptions", report: "Report") -> None:
             for line in lines_of(part, options, progress):
                 report.add(part, line)
     finally:
-        title = f"{part.name}: {part.about} ({part.cores} core(s), load before it {section.load_average:.1f})"
+        title = f"{part.name}: {part.about} ({part.cores} core(s))"
         print_table(title, HEADER, table_rows(section.lines))
         print(f"kept in {report.path}")
 
