@@ -147,6 +147,15 @@ def test_a_launch_tells_time_and_peak_of_the_command_and_not_of_who_starts_it():
 LAUNCHED = {"sleep": "import time; time.sleep(0.3)", "hold": "held = bytes([1]) * 160_000_000"}
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems count otherwise")
+def test_the_peak_of_a_part_is_not_that_of_who_starts_it():
+    held = bytes([1]) * 200_000_000
+    code = "from s2c2a.bench.machine import peak_memory; print(peak_memory())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert len(held) == 200_000_000
+    assert float(done.stdout) < 60.0
+
+
 def test_a_command_that_fails_is_told():
     with pytest.raises(S2C2AError, match="ended with 3"):
         Launch((sys.executable, "-c", "import sys; sys.exit(3)"))()

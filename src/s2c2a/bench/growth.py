@@ -22,7 +22,7 @@ from s2c2a.tasks import Task, circle, load_waypoints, out_of_reach, waypoints_ta
 
 RECIPES = ("best", "paper")
 MODULES, FEW_MODULES = (1, 2, 3, 5, 10, 20), (1, 2)
-CABLES, FEW_CABLES = (3, 4, 5, 6, 7, 8), (3, 4)
+CABLES, FEW_CABLES = (3, 4, 6, 8), (3, 4)
 OBSTACLES, FEW_OBSTACLES = (0, 1, 2, 4, 8, 16, 32, 64), (0, 1, 64)
 WAYPOINTS, FEW_WAYPOINTS = (100, 1000, 10_000, 100_000), (100, 1000)
 SHARE_OF_REPEATS = 5  # one of so many at every size: 1000 repeats make 200
@@ -36,7 +36,9 @@ def measure(options: BenchOptions, progress: Progress) -> Iterator[Measured]:
     yield from with_modules(options.arm, FEW_MODULES if few else MODULES, repeats, progress)
     yield from with_cables(options.arm, FEW_CABLES if few else CABLES, repeats, progress)
     yield from with_obstacles(options.arm, FEW_OBSTACLES if few else OBSTACLES, repeats, progress)
-    yield from with_waypoints(options.arm, FEW_WAYPOINTS if few else WAYPOINTS, options.long_repeats, progress)
+    yield from with_waypoints(
+        options.arm, FEW_WAYPOINTS if few else WAYPOINTS, max(1, options.long_repeats // 2), progress
+    )
 
 
 def with_modules(arm: ArmSpec, sizes: Sequence[int], repeats: int, progress: Progress) -> Iterator[Measured]:

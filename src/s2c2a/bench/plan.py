@@ -99,7 +99,7 @@ def room_for_obstacles(
     small = [_with_room(goal, least) for goal in goals]
     room = len(goals[0].thresholds)
     times = taken_in_turn({"all": following(planner, goals), "least": following(planner, small)}, repeats, progress)
-    yield timing(f"one plan, {recipe}, room for {room} obstacles, none in use", times["all"])
+    yield timing(f"one plan, {recipe}, room for {room} obstacles, none in use", times["all"], PLAN_LIMIT)
     yield timing(f"one plan, {recipe}, room for {least}", times["least"])
     yield ratio(f"{recipe}: room for {room} over room for {least}", times["all"], times["least"], ROOM)
 
