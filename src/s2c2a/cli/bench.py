@@ -20,9 +20,9 @@ def bench(arm: Arm = "twin_arm", recipe: RecipeName = "best", repeats: int = 100
     from s2c2a.arm import load_arm
     from s2c2a.evaluation.report import versions
     from s2c2a.experiments.bench import step_timings, work_timings
-    from s2c2a.strategies import recipe_named
+    from s2c2a.strategies import recipe_from
 
-    spec, chosen = load_arm(arm), recipe_named(recipe)
+    spec, chosen = load_arm(arm), recipe_from(recipe)
     with progress_bar() as progress:
         work, networks = work_timings(spec, chosen, progress)
     timings = step_timings(networks, repeats) + work
