@@ -63,7 +63,7 @@ def quick_programs():
 @pytest.fixture(scope="module")
 def scheduler(quick_programs):
     """Of two workers, a process each, that come back when they are killed."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as workers:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as workers:
         yield workers
 
 
@@ -284,7 +284,7 @@ def test_an_address_that_is_none_is_refused(monkeypatch):
 
 
 def test_jobs_are_for_this_machine_alone():
-    with pytest.raises(S2C2AError, match="--jobs 3 is for this machine"):
+    with pytest.raises(S2C2AError, match="3 side by side asked for; how many workers"):
         crew_for(3, "tcp://127.0.0.1:9")
 
 

@@ -38,7 +38,7 @@ def crew_for(jobs: int | None, cluster: str | None) -> "Crew":
     from s2c2a.experiments.cluster import LOCAL, Cluster
 
     if jobs is not None and cluster != LOCAL:
-        raise S2C2AError(f"--jobs {jobs} is for this machine; how many workers {cluster} has is said where they start")
+        raise S2C2AError(f"{jobs} side by side asked for; how many workers {cluster} has is said where they start")
     return Cluster(cluster, jobs)
 
 

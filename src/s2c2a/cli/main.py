@@ -39,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(FAULT)
     except KeyboardInterrupt:
         print(
-            "\ns2c2a: interrupted; what was whole is kept, and `collect --resume` goes on from there", file=sys.stderr
+            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on from there, and `collect` with "
+            "--resume",
+            file=sys.stderr,
         )
         sys.exit(INTERRUPTED)

@@ -91,7 +91,7 @@ def _local_cluster(count: int) -> LocalCluster:
         n_workers=count,
         threads_per_worker=1,
         processes=True,
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # else it would listen to everybody
         silence_logs=logging.CRITICAL,  # on closing, workers complain of a scheduler that is gone
     )
 
