@@ -22,7 +22,9 @@ def pytest_configure(config):
     """Keep what JAX compiles from test to test and run to run; compiling is most of the tests' time."""
     jax.config.update("jax_compilation_cache_dir", str(config.rootpath / ".pytest_cache" / "programs"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    jax.config.update("jax_compilation_cache_max_size", 2_000_000_000)  # with a bound comes a lock: two workers share it
+    jax.config.update(
+        "jax_compilation_cache_max_size", 2_000_000_000
+    )  # with a bound comes a lock: two workers share it
 
 
 @pytest.fixture(scope="session")

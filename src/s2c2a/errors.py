@@ -36,6 +36,10 @@ class TrainingError(S2C2AError):
     """Training cannot start or has failed to learn."""
 
 
+class ClusterError(S2C2AError):
+    """A cluster cannot be reached, is of other versions, or failed."""
+
+
 class SimulationError(S2C2AError):
     """The simulated arm left the physically possible.
 
@@ -48,3 +52,7 @@ class SimulationError(S2C2AError):
         super().__init__(message)
         self.step = step
         self.last_states = last_states
+
+    def __reduce__(self):
+        """Errors travel between processes."""
+        return type(self), (*self.args, self.step, self.last_states)

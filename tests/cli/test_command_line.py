@@ -10,7 +10,7 @@ import pytest
 from s2c2a.cli.main import main
 from s2c2a.experiments.tables import TABLES
 
-VERBS = ["demo", "collect", "train", "run", "bench", "doctor", "arm", "reproduce"]
+VERBS = ["demo", "collect", "train", "run", "sweep", "bench", "doctor", "arm", "reproduce"]
 
 
 def run(*arguments: str) -> None:
@@ -47,7 +47,7 @@ def test_help_imports_nothing_heavy():
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py'} & set(sys.modules)\n"
+        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py', 'distributed', 'optuna'} & set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -120,6 +120,25 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     assert "--overwrite" in again
     other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--strategy", str(strategy))
     assert "trained for 'twin_arm'" in other
+
+
+def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, capsys):
+    def said(*arguments):
+        return failing(capsys, "sweep", *arguments, "--out", str(tmp_path / "sweep"))
+
+    assert "planner.iterations" in said("circle", "--vary", "planner.iteration=5:60")
+    assert "no task 'square'" in said("square", "--vary", "correction=0,1")
+    assert "at least one, such as circle" in said("--vary", "correction=0,1")
+    assert "they share position" in said("circle", "--vary", "correction=0,1", "--metric", "tilt")
+    assert "no recipe" in said("circle", "--vary", "correction=0,1", "--recipe", "none.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cluster_that_is_none_is_refused_before_anything_is_collected(tmp_path, capsys):
+    said = failing(capsys, "collect", "--out", str(tmp_path / "twin.h5"), "--cluster", "nowhere")
+    assert "no cluster 'nowhere'" in said
+    assert "local for this machine" in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_is_no_run_is_never_overwritten(tmp_path, capsys):

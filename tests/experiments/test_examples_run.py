@@ -19,6 +19,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("03_a_target_that_moves.py", "its target was at"),
         ("04_own_task.py", "out of reach"),
         ("05_plan_many.py", "in one call: 0."),
+        ("06_many_machines.py", "a million arm-hours"),
     ],
 )
 def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz import Trace, learning_curves, recording_figure, run_figure
+from s2c2a.viz import Trace, learning_curves, recording_figure, run_figure, trials_figure
 
 PNG = b"\x89PNG\r\n"
 ROWS = [{"epoch": epoch, "train": 0.5**epoch, "validation": 0.6**epoch} for epoch in range(5)]
@@ -57,3 +57,14 @@ def test_learning_curves_are_drawn_from_rows_of_numbers_or_of_text(tmp_path):
 def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
     with pytest.raises(S2C2AError, match="curve"):
         learning_curves(curves, tmp_path / "curves.png")
+
+
+@pytest.mark.parametrize("rises", [False, True])
+def test_trials_are_drawn_over_time_and_over_what_was_tried(rises, tmp_path):
+    scores, values = np.array([3.0, 0.1, 2.0]), {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])}
+    assert is_png(trials_figure([0, 1, 3], scores, values, "error [cm]", ["a.b"], tmp_path / "trials.png", rises))
+
+
+def test_without_a_finished_trial_there_is_nothing_to_draw(tmp_path):
+    with pytest.raises(S2C2AError, match="no finished trial"):
+        trials_figure([], np.array([]), {}, "error [cm]", [], tmp_path / "trials.png")

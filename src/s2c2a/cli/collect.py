@@ -1,9 +1,11 @@
 """`s2c2a collect`: a recording of an arm."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Literal
 
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
+from s2c2a.cli.crews import Address, crew_for
 
 
 def collect(
@@ -16,6 +18,7 @@ def collect(
     recipe: RecipeName = "best",
     fidelity: FidelityName = "fast",
     threads: int | None = None,
+    cluster: Address = None,
     resume: bool = False,
     overwrite: bool = False,
 ) -> None:
@@ -31,25 +34,29 @@ def collect(
         recipe: says how fast to babble; train with the same one.
         fidelity: of the simulation.
         threads: episodes side by side; all cores if not stated. The recording is the same.
+        cluster: let its workers drive the episodes. The recording is the same.
         resume: go on with a recording that was cut short.
         overwrite: replace the recording if it exists.
     """
+    from functools import partial
+
     from s2c2a.arm import load_arm
     from s2c2a.data import CollectOptions
     from s2c2a.data import collect as collect_recording
     from s2c2a.robots.simulation import SimulatedRobot
-    from s2c2a.strategies import recipe_named
+    from s2c2a.strategies import recipe_from
     from s2c2a.viz import recording_figure
 
-    spec = load_arm(arm)
-    with progress_bar() as progress:
+    spec, chosen = load_arm(arm), recipe_from(recipe)
+    with crew_for(threads, cluster) if cluster else nullcontext() as crew, progress_bar() as progress:
         recording = collect_recording(
             out,
             spec,
-            lambda number: SimulatedRobot(spec, fidelity, number),
-            CollectOptions(babbling, episodes, samples, seed, recipe_named(recipe).speeds),
+            partial(SimulatedRobot, spec, fidelity),
+            CollectOptions(babbling, episodes, samples, seed, chosen.speeds),
             body=f"simulation {fidelity}",
             threads=threads,
+            crew=crew,
             resume=resume,
             overwrite=overwrite,
             progress=lambda done, total: progress(f"collecting from {spec.name}", done, total),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an arm file")]
 Controller = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
-RecipeName = Literal["best", "paper"]
+RecipeName = Annotated[str, tyro.conf.arg(metavar="best|paper|FILE")]
 GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120
 

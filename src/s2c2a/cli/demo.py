@@ -15,7 +15,9 @@ def demo(out: Path | None = None, seed: int = 0, overwrite: bool = False) -> Non
     from s2c2a.experiments.circle import circle_table
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.workshop import Workshop
+    from s2c2a.shards import compute_on_one_thread
 
+    compute_on_one_thread()
     folder = open_run_folder(out, "demo", {"seed": seed}, overwrite)
     with progress_bar() as progress:
         table = circle_table(folder, [seed], Workshop(folder / "data", progress=progress))

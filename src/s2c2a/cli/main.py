@@ -13,13 +13,14 @@ from s2c2a.cli.demo import demo
 from s2c2a.cli.doctor import doctor
 from s2c2a.cli.reproduce import app as reproduce_verbs
 from s2c2a.cli.run import run
+from s2c2a.cli.sweep import sweep
 from s2c2a.cli.train import train
 from s2c2a.errors import S2C2AError
 
 FAULT, INTERRUPTED = 2, 130  # exit codes
 
 app = SubcommandApp()
-for verb in (demo, collect, train, run, bench, doctor):
+for verb in (demo, collect, train, run, sweep, bench, doctor):
     app.command(verb)
 app.command(arm_verbs, name="arm", help="Check, describe, draw or copy an arm file.")
 app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
@@ -38,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(FAULT)
     except KeyboardInterrupt:
         print(
-            "\ns2c2a: interrupted; what was whole is kept, and `collect --resume` goes on from there", file=sys.stderr
+            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on from there, and `collect` with "
+            "--resume",
+            file=sys.stderr,
         )
         sys.exit(INTERRUPTED)

@@ -5,26 +5,29 @@ from pathlib import Path
 from tyro.extras import SubcommandApp
 
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_rows, print_table, progress_bar
+from s2c2a.cli.crews import Address, crew_for
 
 app = SubcommandApp()
 
 
-def _tables(names: tuple[str, ...], label: str, recipe: str, seeds: int, beside, out, overwrite: bool) -> None:
+def _tables(names: tuple[str, ...], label: str, recipe: str, seeds: int, beside, out, overwrite, crew) -> None:
+    from dataclasses import asdict
+
     from s2c2a.experiments.following import checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.table_files import rows_beside, save_table
     from s2c2a.experiments.tables import make_table
     from s2c2a.experiments.workshop import Workshop
-    from s2c2a.strategies import recipe_named
+    from s2c2a.strategies import RECIPES, recipe_from
 
-    numbers, chosen = checked_seeds(0, seeds), recipe_named(recipe)
-    options = {"tables": names, "recipe": recipe, "seeds": seeds}
-    folder = open_run_folder(out or Path("runs") / f"{label}-{recipe}", label, options, overwrite, go_on=True)
+    numbers, chosen = checked_seeds(0, seeds), recipe_from(recipe)
+    options = {"tables": names, "recipe": recipe if recipe in RECIPES else asdict(chosen), "seeds": seeds}
+    folder = open_run_folder(out or Path("runs") / f"{label}-{chosen.name}", label, options, overwrite, go_on=True)
     for name in names:
         with progress_bar() as progress:
-            rows, figures = make_table(name, folder, numbers, Workshop(progress=progress), chosen)
+            rows, figures = make_table(name, folder, numbers, Workshop(progress=progress), chosen, crew)
         written = save_table(name, rows, folder, rows_beside(beside, name))
-        print_rows(f"{name}, recipe {recipe}, {seeds} seeds", rows)
+        print_rows(f"{name}, recipe {chosen.name}, {seeds} seeds", rows)
         print(f"table: {written} (.csv, .tex, .json beside it)")
         for figure in figures:
             print(f"figure: {figure}")
@@ -37,8 +40,11 @@ def _table_command(name: str, about: str, names: tuple[str, ...]):
         beside: Path | None = None,
         out: Path | None = None,
         overwrite: bool = False,
+        jobs: int | None = None,
+        cluster: Address = None,
     ) -> None:
-        _tables(names, name, recipe, seeds, beside, out, overwrite)
+        with crew_for(jobs, cluster) as crew:
+            _tables(names, name, recipe, seeds, beside, out, overwrite, crew)
 
     command.__name__ = name
     command.__doc__ = f"""{about}
@@ -51,6 +57,8 @@ def _table_command(name: str, about: str, names: tuple[str, ...]):
         beside: folder of the same tables made by another recipe, to stand beside.
         out: the run folder; runs/TABLE-RECIPE if not stated.
         overwrite: begin anew.
+        jobs: trainings and runs side by side; all cores if not stated. Same seeds, same rows.
+        cluster: let its workers train and run. Same seeds, same rows.
     """
     return app.command(command)
 
@@ -71,7 +79,12 @@ _table_command("all", "All tables and figures of the paper.", tuple(ABOUT))
 
 @app.command
 def ingredients(
-    seeds: int = 3, arm: Arm = "twin_arm", out: Path = Path("runs/ingredients"), overwrite: bool = False
+    seeds: int = 3,
+    arm: Arm = "twin_arm",
+    out: Path = Path("runs/ingredients"),
+    overwrite: bool = False,
+    jobs: int | None = None,
+    cluster: Address = None,
 ) -> None:
     """What each ingredient of the recipe `best` is worth, alone and together (docs/recipe.md).
 
@@ -80,6 +93,8 @@ def ingredients(
         arm: a preset or an arm file.
         out: the run folder; cut short, it goes on where it was.
         overwrite: begin anew.
+        jobs: trainings and runs side by side; all cores if not stated.
+        cluster: let its workers train and run.
     """
     from s2c2a.experiments.following import checked_seeds
     from s2c2a.experiments.ingredients import ingredient_rows
@@ -88,8 +103,8 @@ def ingredients(
     from s2c2a.experiments.workshop import Workshop
 
     folder = open_run_folder(out, "ingredients", {"seeds": seeds, "arm": arm}, overwrite, go_on=True)
-    with progress_bar() as progress:
-        rows = ingredient_rows(folder, checked_seeds(0, seeds), Workshop(progress=progress), arm)
+    with crew_for(jobs, cluster) as crew, progress_bar() as progress:
+        rows = ingredient_rows(folder, checked_seeds(0, seeds), Workshop(progress=progress), arm, crew)
     print(save_across("ingredients", rows, folder).read_text(encoding="utf-8"))
 
 
@@ -100,6 +115,8 @@ def circle(
     fidelity: FidelityName = "fast",
     out: Path | None = None,
     overwrite: bool = False,
+    jobs: int | None = None,
+    cluster: Address = None,
 ) -> None:
     """The circle on both arms: the paper's strategy, pcc, pcc-fitted.
 
@@ -109,6 +126,8 @@ def circle(
         fidelity: of the simulation that is driven; data come from the fast one.
         out: the run folder; one with the time in its name if not stated.
         overwrite: replace the run folder if it exists.
+        jobs: trainings and runs side by side; all cores if not stated.
+        cluster: let its workers train and run.
     """
     from s2c2a.experiments.circle import circle_table
     from s2c2a.experiments.following import checked_seeds
@@ -117,8 +136,9 @@ def circle(
 
     numbers = checked_seeds(0, seeds)
     folder = open_run_folder(out, "circle", {"seeds": seeds, "recipe": recipe, "fidelity": fidelity}, overwrite)
-    with progress_bar() as progress:
-        table = circle_table(folder, numbers, Workshop(folder / "data", progress=progress), recipe, fidelity)
+    with crew_for(jobs, cluster) as crew, progress_bar() as progress:
+        workshop = Workshop(folder / "data", progress=progress)
+        table = circle_table(folder, numbers, workshop, recipe, fidelity, crew)
     print_rows(f"circle, {seeds} seeds", table.rows)
     print(f"all of it: {folder}")
 
@@ -147,15 +167,17 @@ def controller(
     from s2c2a.experiments.following import checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.workshop import Workshop
-    from s2c2a.strategies import recipe_named
+    from s2c2a.shards import compute_on_one_thread
+    from s2c2a.strategies import recipe_from
 
+    compute_on_one_thread()
     numbers, names = checked_seeds(0, seeds), (arm,) if arm else ARMS
     folder = open_run_folder(out, "controller", {"seeds": seeds, "recipe": recipe, "arms": names}, overwrite)
     rows, ends = [], []
     with progress_bar() as progress:
         workshop = Workshop(folder / "data", progress=progress)
         for name in names:
-            trained = [workshop.networks(load_arm(name), recipe_named(recipe), seed) for seed in numbers]
+            trained = [workshop.networks(load_arm(name), recipe_from(recipe), seed) for seed in numbers]
             tracked = [[track_circle(networks, speed, networks.seed) for speed in SPEEDS] for networks in trained]
             rows += tracking_rows(tracked, trained)
             ends += [max(run[index].errors[-200:].mean() for run in tracked) for index in range(len(SPEEDS))]
@@ -187,7 +209,9 @@ def calibration(
     from s2c2a.arm import load_arm, save_arm
     from s2c2a.experiments import calibration as twin
     from s2c2a.experiments.following import checked_seeds
+    from s2c2a.shards import compute_on_one_thread
 
+    compute_on_one_thread()
     spec, numbers = load_arm(arm), checked_seeds(0, seeds)
     twin.check_comparable(spec)
     if search:

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from s2c2a.cli.console import Arm, Controller, FidelityName, File, GuardName, RecipeName, print_rows, progress_bar
+from s2c2a.cli.crews import crew_for
 
 
 def run(
@@ -19,6 +20,7 @@ def run(
     guard: GuardName = "tip",
     out: Path | None = None,
     overwrite: bool = False,
+    jobs: int | None = None,
 ) -> None:
     """Let controllers work on a task, and show what happened: results, figure, replay page.
 
@@ -37,10 +39,14 @@ def run(
         guard: what keeps out of obstacles: the tip, or the whole arm.
         out: the run folder; one with the time in its name if not stated.
         overwrite: replace the run folder if it exists.
+        jobs: trainings and runs side by side, where there are several seeds and no strategy file; all cores if not
+            stated. Same seeds, same scores.
     """
     from s2c2a.arm import load_arm
+    from s2c2a.experiments.ahead import jobs_for, make_all_ahead, shelf_for
     from s2c2a.experiments.following import (
         Conditions,
+        Shelf,
         checked_seeds,
         follow,
         score_rows,
@@ -49,16 +55,18 @@ def run(
     from s2c2a.experiments.run_folder import draw_runs, open_run_folder, save_results
     from s2c2a.experiments.workshop import Workshop
     from s2c2a.robots.simulation import SimulatedRobot
-    from s2c2a.strategies import load_strategy, recipe_named
+    from s2c2a.shards import compute_on_one_thread
+    from s2c2a.strategies import load_strategy, recipe_from
     from s2c2a.tasks import load_waypoints, out_of_reach, task_named
 
+    compute_on_one_thread()
     spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
     asked = task_named(task, spec)
     for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
         print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
     SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
     saved = load_strategy(strategy, spec) if strategy else None
-    chosen = saved.recipe if saved else recipe_named(recipe)
+    chosen = saved.recipe if saved else recipe_from(recipe)
     options: dict = {
         "task": task,
         "arm": spec.model_dump(mode="json"),
@@ -67,10 +75,16 @@ def run(
     }
     options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "guard": guard, "strategy": strategy}
     folder = open_run_folder(out, f"{asked.name}-{spec.name}", options, overwrite)
+    under, shelf = Conditions(fidelity, payload, guard), Shelf()
     with progress_bar() as progress:
-        strategies = workshop_strategies(Workshop(progress=progress), spec, chosen, saved, guard)
-        under = Conditions(fidelity, payload, guard)
-        runs = follow([task], spec, controller, numbers, strategies, chosen, under, progress=progress)
+        workshop = Workshop(progress=progress)
+        if seeds > 1 and saved is None:
+            shelf = shelf_for(chosen, folder / "runs")
+            with crew_for(jobs, None) as crew:
+                every = jobs_for([asked], spec, controller, numbers, chosen, under)
+                make_all_ahead(every, folder / "runs", workshop, crew)
+        strategies = workshop_strategies(workshop, spec, chosen, saved, guard)
+        runs = follow([asked], spec, controller, numbers, strategies, chosen, under, shelf, progress)
     rows = score_rows("run", spec, runs, chosen.name, fidelity)
     save_results(folder, rows, runs)
     figure, page = draw_runs(folder, spec, runs, chosen.name, fidelity)

@@ -17,16 +17,18 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     """
     from s2c2a.data import load_recording
     from s2c2a.errors import StrategyError
-    from s2c2a.strategies import recipe_named, save_strategy, train_s2c2a
+    from s2c2a.shards import compute_on_one_thread
+    from s2c2a.strategies import recipe_from, save_strategy, train_s2c2a
     from s2c2a.viz import learning_curves
 
+    compute_on_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
     data = load_recording(recording)
     out.parent.mkdir(parents=True, exist_ok=True)  # a place that cannot be is told before the long work
     with progress_bar() as progress:
         networks = train_s2c2a(
-            data, recipe_named(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
+            data, recipe_from(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
         )
     save_strategy(networks, out)
     rows = {

@@ -1,9 +1,10 @@
 """Collecting a recording: episodes side by side, written in order, resumable."""
 
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions
 from s2c2a.data.recording import Recording, RecordingWriter, load_recording
 from s2c2a.errors import RecordingError
 from s2c2a.robots import Robot
+from s2c2a.shards import Crew, Here, Threads, in_order
 
 MakeRobot = Callable[[int], Robot]
 
@@ -57,11 +59,12 @@ def collect(
     *,
     body: str = "",
     threads: int | None = None,
+    crew: Crew | None = None,
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Recording:
-    """Collect a recording, the same on any number of threads and however often it was killed and resumed.
+    """Collect a recording, the same whoever drives its episodes and however often it was killed and resumed.
 
     Args:
         path: the file to write.
@@ -70,6 +73,8 @@ def collect(
         options: how to babble.
         body: what the robot is, kept with the recording, such as "simulation fast".
         threads: episodes side by side; all cores if not stated. A real arm takes one.
+        crew: who drives the episodes, if not threads of this process; then `make_robot` has to travel, as a `partial`
+            of a class does and a lambda does not.
         resume: go on with a file that has fewer episodes than asked for.
         overwrite: begin anew where a file exists.
         progress: told how many episodes of how many are whole.
@@ -80,18 +85,24 @@ def collect(
     """
     if threads is not None and threads < 1:
         raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
+    drive = partial(_episode, arm, make_robot, options)
     writer = _open_writer(
         Path(path), arm, _as_written(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
     )
     try:
         left = range(writer.committed, options.episodes)
         progress(writer.committed, options.episodes)
-        for episode in _in_order(lambda number: _episode(arm, make_robot, options, number), left, threads):
-            writer.append(episode)
-            progress(writer.committed, options.episodes)
+        with nullcontext(crew) if crew else _threads(threads) as these:
+            for episode in in_order(these, drive, left):
+                writer.append(episode)
+                progress(writer.committed, options.episodes)
     finally:
         writer.close()
     return load_recording(path)
+
+
+def _threads(count: int | None) -> Crew:
+    return Here() if count == 1 else Threads(count)  # a real arm: nothing is begun before the last episode is safe
 
 
 def _as_written(options: CollectOptions) -> dict:
@@ -119,25 +130,6 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
             "resume it as begun, or say overwrite"
         )
     return writer
-
-
-def _in_order(work: Callable[[int], dict], numbers: range, threads: int | None) -> Iterator[dict]:
-    """Results in order; at most two per thread wait in memory; a failure or interrupt cancels what has not begun."""
-    threads = threads or os.cpu_count() or 1
-    if threads == 1:  # a real arm: nothing is begun before the last episode is safe
-        yield from map(work, numbers)
-        return
-    waiting: list[Future] = []
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for number in numbers:
-                waiting.append(pool.submit(work, number))
-                if len(waiting) >= 2 * threads:
-                    yield waiting.pop(0).result()
-            while waiting:
-                yield waiting.pop(0).result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> dict[str, np.ndarray]:

@@ -132,6 +132,7 @@ def _lay_out(file: h5py.File, arm: ArmSpec, options: dict) -> None:
     for name, shape in _shapes(arm, options).items():
         layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+        layout.set_obj_track_times(False)  # the same data, the same file to the last byte
         space = h5py.h5s.create_simple((options["episodes"], *shape))
         h5py.h5d.create(file.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, space, dcpl=layout)
         file[name].attrs["unit"] = UNITS[name]

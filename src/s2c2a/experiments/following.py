@@ -86,6 +86,10 @@ class Shelf:
         text = json.dumps([parts, self.made_by, s2c2a.__version__, REVISION], sort_keys=True, default=str)
         return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
 
+    def place_of(self, arm: ArmSpec, controller: str, seed: int, task: Task, under: Conditions) -> Path | None:
+        """The file of one controller's run on one task with one seed."""
+        return self.place(arm_to_toml(arm), controller, seed, _asked(task), asdict(under))
+
 
 def checked_seeds(first: int, count: int) -> range:
     """Seeds from the first one.
@@ -98,8 +102,18 @@ def checked_seeds(first: int, count: int) -> range:
     return range(first, first + count)
 
 
+def asked_of(tasks: Sequence[str | Task], arm: ArmSpec, recipe: Recipe) -> list[Task]:
+    """Tasks, some by name, with axes weighed as the recipe does.
+
+    Raises:
+        S2C2AError: no such task.
+    """
+    named = [task if isinstance(task, Task) else task_named(task, arm) for task in dict.fromkeys(tasks)]
+    return [task.with_axes_weighed(recipe.axis_weight(task.name)) for task in named]
+
+
 def follow(
-    tasks: Sequence[str],
+    tasks: Sequence[str | Task],
     arm: ArmSpec,
     controllers: Sequence[str],
     seeds: Sequence[int],
@@ -112,7 +126,7 @@ def follow(
     """Let every controller work on every task, once a seed.
 
     Args:
-        tasks: names.
+        tasks: some by name.
         arm: the arm to simulate.
         controllers: names.
         seeds: of data, training and start.
@@ -126,14 +140,14 @@ def follow(
         S2C2AError: no such task, impossible payload; before anything is trained.
     """
     under, shelf = conditions or Conditions(), shelf or Shelf()
-    asked = [task_named(name, arm).with_axes_weighed(recipe.axis_weight(name)) for name in dict.fromkeys(tasks)]
+    asked = asked_of(tasks, arm, recipe)
     SimulatedRobot(arm, under.fidelity, payload=under.payload)
     runs = []
     for seed in seeds:
         for controller in dict.fromkeys(controllers):
             strategy: AnyStrategy | None = None
             for task in asked:
-                place = shelf.place(arm_to_toml(arm), controller, seed, _asked(task), asdict(under))
+                place = shelf.place_of(arm, controller, seed, task, under)
                 done = load_rollout(place, task) if place else None
                 if done is None:
                     strategy = strategy or make_strategy(controller, seed)
@@ -141,8 +155,9 @@ def follow(
                     robot = SimulatedRobot(arm, under.fidelity, seed, under.payload, START_JITTER, watched)
                     told = partial(progress, f"{controller} on {task.name} with {arm.name}, seed {seed}")
                     done = rollout(robot, strategy, task, told)
-                    if place:
+                    if place:  # what is kept is what is scored: a table that was cut short is the same
                         save_rollout(done, place)
+                        done = load_rollout(place, task) or done
                 runs.append(Run(controller, seed, done, score_run(done, recipe.name)))
     return runs
 

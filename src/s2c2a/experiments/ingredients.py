@@ -6,11 +6,13 @@ from pathlib import Path
 
 from s2c2a.arm import load_arm
 from s2c2a.evaluation.report import Row
-from s2c2a.experiments.following import Shelf, follow, score_rows, workshop_strategies
+from s2c2a.experiments.ahead import jobs_for, make_all_ahead, shelf_for
+from s2c2a.experiments.following import follow, score_rows, workshop_strategies
 from s2c2a.experiments.tables import HOLDING
 from s2c2a.experiments.workshop import Workshop
 from s2c2a.networks import ChainSize
 from s2c2a.planning import LeastSquaresOptions, PlannerOptions
+from s2c2a.shards import Crew
 from s2c2a.strategies import RECIPES, Recipe
 
 TASKS = ("circle", "tilt-60", "tilt-0", *HOLDING)
@@ -42,7 +44,9 @@ VARIANTS: dict[str, Recipe] = {
 """Name -> recipe; in the rows the name stands where a controller's does."""
 
 
-def ingredient_rows(folder: Path, seeds: Sequence[int], workshop: Workshop, arm: str = "twin_arm") -> list[Row]:
+def ingredient_rows(
+    folder: Path, seeds: Sequence[int], workshop: Workshop, arm: str = "twin_arm", crew: Crew | None = None
+) -> list[Row]:
     """Six tasks with every variant, once a seed.
 
     Args:
@@ -50,11 +54,15 @@ def ingredient_rows(folder: Path, seeds: Sequence[int], workshop: Workshop, arm:
         seeds: of data, training and start.
         workshop: where data and networks come from.
         arm: a preset or an arm file.
+        crew: who trains and runs; this process if None.
     """
     spec = load_arm(arm)
+    if crew is not None:
+        every = [job for recipe in VARIANTS.values() for job in jobs_for(TASKS, spec, ("s2c2a",), seeds, recipe)]
+        make_all_ahead(every, folder / "runs", workshop, crew)
     rows = []
     for name, recipe in VARIANTS.items():
-        shelf = Shelf(folder / "runs", {"recipe": recipe})
+        shelf = shelf_for(recipe, folder / "runs")
         strategies = workshop_strategies(workshop, spec, recipe)
         runs = follow(TASKS, spec, ("s2c2a",), seeds, strategies, recipe, shelf=shelf, progress=workshop.progress)
         own = score_rows("ingredients", spec, runs, recipe.name, workshop.fidelity)

@@ -7,20 +7,21 @@ from pathlib import Path
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row
+from s2c2a.experiments.ahead import Job, jobs_for, make_all_ahead, shelf_for
 from s2c2a.experiments.following import (
     Conditions,
     Run,
-    Shelf,
     follow,
     score_rows,
     tick_rows,
     training_rows,
     workshop_strategies,
 )
-from s2c2a.experiments.sensing_quality import sensing_rows
+from s2c2a.experiments.sensing_quality import EXTENTS, sensing_rows
 from s2c2a.experiments.table_figures import draw_table
 from s2c2a.experiments.variants import actuation_coupled, sensing_coupled
-from s2c2a.experiments.workshop import Workshop
+from s2c2a.experiments.workshop import Need, Workshop
+from s2c2a.shards import Crew
 from s2c2a.strategies import Recipe
 from s2c2a.tasks.registry import TILTS
 
@@ -80,7 +81,7 @@ TABLES: dict[str, tuple[Part, ...]] = {
 
 
 def make_table(
-    name: str, folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: Recipe
+    name: str, folder: Path, seeds: Sequence[int], workshop: Workshop, recipe: Recipe, crew: Crew | None = None
 ) -> tuple[list[Row], list[Path]]:
     """Make one table, from nothing or from where an earlier attempt was cut short, and draw its figures.
 
@@ -90,6 +91,7 @@ def make_table(
         seeds: of data, training and start.
         workshop: where data and networks come from.
         recipe: how networks are trained and plans made.
+        crew: who trains and runs; this process if None.
 
     Returns:
         Its rows, and the figures.
@@ -99,7 +101,10 @@ def make_table(
     """
     if name not in TABLES:
         raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
-    shelf = Shelf(folder / "runs", {"recipe": recipe})
+    if crew is not None:
+        jobs = [job for part in TABLES[name] for job in _jobs(part, seeds, recipe)]
+        make_all_ahead(jobs, folder / "runs", workshop, crew, _other_needs(name, seeds, recipe))
+    shelf = shelf_for(recipe, folder / "runs")
     rows: list[Row] = []
     every: list[tuple[Part, ArmSpec, list[Run]]] = []
     for part in TABLES[name]:
@@ -121,6 +126,19 @@ def make_table(
         rows += sensing_rows(name, _TWIN(), seeds, workshop, recipe)
     drawn = [(part.said, arm, runs) for part, arm, runs in every]
     return rows, draw_table(name, drawn, folder, workshop, recipe, seeds)
+
+
+def _jobs(part: Part, seeds: Sequence[int], recipe: Recipe) -> list[Job]:
+    return jobs_for(part.tasks, part.arm(), part.controllers, seeds, recipe, part.conditions)
+
+
+def _other_needs(name: str, seeds: Sequence[int], recipe: Recipe) -> list[Need]:
+    """What a table is made of beside runs."""
+    if name == "networks":
+        return [Need("networks", arm, seed, recipe) for arm in (_TWIN(), _SIMULATED()) for seed in seeds]
+    if name == "workspace":
+        return [Need("recording", _TWIN(), seed, recipe, babbling) for babbling in EXTENTS for seed in seeds]
+    return []
 
 
 def mean_rows(rows: Sequence[Row]) -> list[Row]:

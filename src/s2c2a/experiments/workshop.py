@@ -7,12 +7,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.cache import cache_folder
-from s2c2a.data import CollectOptions, Recording, collect
-from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
+from s2c2a.data import CollectOptions, Recording, collect, load_recording
+from s2c2a.errors import DamagedRecordingError, RecordingError, S2C2AError, StrategyError
 from s2c2a.planning.options import Guard
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
@@ -48,6 +49,44 @@ def quiet(doing: str, done: int, total: int) -> None:
 
 
 @dataclass(frozen=True)
+class Need:
+    """A file of a workshop, by all that it is made from.
+
+    Attributes:
+        kind: what it holds.
+        arm: of whom.
+        seed: of data and training.
+        recipe: how it is made; the LSTM takes none.
+        babbling: of the data.
+    """
+
+    kind: Literal["recording", "networks", "lstm"]
+    arm: ArmSpec
+    seed: int
+    recipe: Recipe | None = None
+    babbling: str = "staged"
+
+    @property
+    def data(self) -> CollectOptions:
+        """Of the recording that it is, or is made from."""
+        options = CollectOptions(self.babbling, seed=self.seed)
+        return options if self.recipe is None else replace(options, speeds=self.recipe.speeds)
+
+
+def need_of(controller: str, arm: ArmSpec, recipe: Recipe, seed: int) -> Need | None:
+    """What a controller is made from; None if from nothing."""
+    if controller in ("s2c2a", "s2c2a-motor"):
+        return Need("networks", arm, seed, recipe, _babbling(controller))
+    if controller == "lstm":
+        return Need("lstm", arm, seed)
+    return Need("recording", arm, seed, recipe) if controller == "pcc-fitted" else None
+
+
+def _babbling(controller: str) -> str:
+    return "motor" if controller == "s2c2a-motor" else "staged"
+
+
+@dataclass(frozen=True)
 class Workshop:
     """Makes what a strategy needs, or finds it where it was made before.
 
@@ -65,13 +104,13 @@ class Workshop:
 
     def recording(self, arm: ArmSpec, options: CollectOptions) -> Recording:
         """A recording of the simulated arm, collected or continued unless it is whole already."""
-        path = self.folder / f"{self._label(arm, options)}.h5"
+        path = self.recording_file(arm, options)
         doing = f"collecting from {arm.name}, seed {options.seed}"
         collecting = partial(
             collect,
             path,
             arm,
-            lambda seed: SimulatedRobot(arm, self.fidelity, seed),
+            partial(SimulatedRobot, arm, self.fidelity),
             options,
             body=f"simulation {self.fidelity}",
             threads=self.threads,
@@ -84,15 +123,15 @@ class Workshop:
 
     def networks(self, arm: ArmSpec, recipe: Recipe, seed: int, babbling: str = "staged") -> TrainedNetworks:
         """Trained networks of an arm, trained unless they were before."""
-        options = CollectOptions(babbling, seed=seed, speeds=recipe.speeds)
-        path = self.folder / f"{self._label(arm, options, recipe.name, recipe.training)}.safetensors"
+        need = Need("networks", arm, seed, recipe, babbling)
+        path = self.file(need)
         with suppress(StrategyError):
             return replace(load_strategy(path, arm), recipe=recipe)
 
         def told(network: str, epoch: int, most: int, loss: float) -> None:
             self.progress(f"training {network} of {arm.name}, seed {seed}", epoch, most)
 
-        networks = train_s2c2a(self.recording(arm, options), recipe, seed, told)
+        networks = train_s2c2a(self.recording(arm, need.data), recipe, seed, told)
         save_strategy(networks, path)
         return networks
 
@@ -101,13 +140,13 @@ class Workshop:
 
         On data as fast as the paper recipe's, whatever the recipe: it follows better with them than with slower ones.
         """
-        options, size = CollectOptions(seed=seed), LSTMOptions()
-        path = self.folder / f"{self._label(arm, options, 'lstm', asdict(size))}.safetensors"
+        need = Need("lstm", arm, seed)
+        path = self.file(need)
         with suppress(StrategyError):
             return load_lstm(path, arm)
         told = partial(self.progress, f"training the LSTM of {arm.name}, seed {seed}")
         trained = train_lstm_strategy(
-            self.recording(arm, options), size, seed, lambda epoch, most, loss: told(epoch, most)
+            self.recording(arm, need.data), LSTMOptions(), seed, lambda epoch, most, loss: told(epoch, most)
         )
         save_lstm(trained, path)
         return trained
@@ -120,8 +159,7 @@ class Workshop:
         """
         planner = replace(recipe.planner, guard=guard)
         if controller in ("s2c2a", "s2c2a-motor"):
-            babbling = "motor" if controller == "s2c2a-motor" else "staged"
-            return s2c2a_strategy(self.networks(arm, recipe, seed, babbling), guard)
+            return s2c2a_strategy(self.networks(arm, recipe, seed, _babbling(controller)), guard)
         if controller == "pcc":
             return pcc_strategy(arm, planner)
         if controller == "pcc-fitted":
@@ -129,6 +167,37 @@ class Workshop:
         if controller == "lstm":
             return LSTMStrategy(self.lstm(arm, seed))
         raise S2C2AError(f"no controller '{controller}'; choose one of {', '.join(CONTROLLERS)}")
+
+    def make(self, need: Need) -> None:
+        """Make a file, or find it."""
+        if need.kind == "recording":
+            self.recording(need.arm, need.data)
+        elif need.kind == "lstm":
+            self.lstm(need.arm, need.seed)
+        elif need.recipe is not None:
+            self.networks(need.arm, need.recipe, need.seed, need.babbling)
+
+    def has(self, need: Need) -> bool:
+        """Whether it is there; of a recording, whether it is whole."""
+        if need.kind != "recording":
+            return self.file(need).is_file()
+        with suppress(RecordingError):
+            load_recording(self.file(need)).check_complete()
+            return True
+        return False
+
+    def file(self, need: Need) -> Path:
+        """Where it is kept, made or not."""
+        if need.kind == "recording":
+            return self.recording_file(need.arm, need.data)
+        name, trained = (
+            ("lstm", asdict(LSTMOptions())) if need.recipe is None else (need.recipe.name, need.recipe.training)
+        )
+        return self.folder / f"{self._label(need.arm, need.data, name, trained)}.safetensors"
+
+    def recording_file(self, arm: ArmSpec, options: CollectOptions) -> Path:
+        """Where a recording is kept, made or not."""
+        return self.folder / f"{self._label(arm, options)}.h5"
 
     def _label(self, arm: ArmSpec, options: CollectOptions, kind: str = "", trained: dict | None = None) -> str:
         """A name that is the same for the same arm, data, training and version of the code that makes them."""

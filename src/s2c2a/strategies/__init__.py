@@ -5,6 +5,7 @@ from s2c2a.strategies.lstm import LSTMOptions, LSTMStrategy, TrainedLSTM, train_
 from s2c2a.strategies.lstm_files import load_lstm, save_lstm
 from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
 from s2c2a.strategies.recipe import RECIPES, Recipe, recipe_named
+from s2c2a.strategies.recipe_files import load_recipe, recipe_from, save_recipe
 from s2c2a.strategies.s2c2a import TrainedNetworks, s2c2a_batch_planner, s2c2a_strategy, train_s2c2a
 from s2c2a.strategies.strategy import AnyStrategy, Strategy
 
@@ -19,13 +20,16 @@ __all__ = [
     "TrainedNetworks",
     "fitted_gains",
     "load_lstm",
+    "load_recipe",
     "load_strategy",
     "pcc_fitted_strategy",
     "pcc_strategy",
+    "recipe_from",
     "recipe_named",
     "s2c2a_batch_planner",
     "s2c2a_strategy",
     "save_lstm",
+    "save_recipe",
     "save_strategy",
     "train_lstm_strategy",
     "train_s2c2a",

@@ -66,7 +66,7 @@ class Metadata(BaseModel):
             recipe = adapter.validate_python(self.recipe)
         except (S2C2AError, ValidationError) as error:
             raise StrategyError(f"{path} is damaged: {error}; train it anew") from error
-        if not _all_read(self.recipe, adapter.dump_python(recipe)):
+        if not all_read(self.recipe, adapter.dump_python(recipe)):
             raise StrategyError(f"{path} is damaged: its recipe is of no known form; train it anew")
         return recipe
 
@@ -135,11 +135,14 @@ def filled(blank: Networks, arrays: dict[str, np.ndarray], path: str | os.PathLi
     return jax.tree_util.tree_map_with_path(fill, blank)
 
 
-def _all_read(written, understood) -> bool:
-    """Whether no key was passed over; of several forms, one that knows some of the keys would else do for another."""
+def all_read(written, understood) -> bool:
+    """Whether no key was passed over.
+
+    Of several forms, one that knows some of the keys would else do for another.
+    """
     if not isinstance(written, dict):
         return True
-    return all(key in understood and _all_read(value, understood[key]) for key, value in written.items())
+    return all(key in understood and all_read(value, understood[key]) for key, value in written.items())
 
 
 def _is_learned(name: str) -> bool:

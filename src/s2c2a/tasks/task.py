@@ -24,7 +24,7 @@ class Score:
     steps: Bool[np.ndarray, " steps"] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays inside know no single answer to ==
 class Task:
     """What is asked, step by step; the goal of step t is compared with the state after the action of step t.
 

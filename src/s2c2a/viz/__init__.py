@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from s2c2a.viz.paper_figures import comparison_bars, coordinates_figure, estimation_figure, orientation_figure
     from s2c2a.viz.paper_obstacles import interaction_figure, obstacles_figure
     from s2c2a.viz.paper_views import plan_view_figure, poses_figure
+    from s2c2a.viz.trials import trials_figure
 
 __all__ = [
     "Trace",
@@ -35,6 +36,7 @@ __all__ = [
     "recording_figure",
     "replay_page",
     "run_figure",
+    "trials_figure",
 ]
 
 _NEED_MATPLOTLIB = {
@@ -50,6 +52,7 @@ _NEED_MATPLOTLIB = {
     "poses_figure": "s2c2a.viz.paper_views",
     "recording_figure": "s2c2a.viz.figures",
     "run_figure": "s2c2a.viz.figures",
+    "trials_figure": "s2c2a.viz.trials",
 }
 
 
