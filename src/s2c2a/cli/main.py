@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(FAULT)
     except KeyboardInterrupt:
         print(
-            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on from there, and `collect` with "
+            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on there, and `collect` with "
             "--resume",
             file=sys.stderr,
         )
