@@ -34,7 +34,8 @@ class Measurement:
 
     Attributes:
         what: was measured.
-        unit: "s", "MiB", "%", "1", "x" for ratios, "arm s/s" for arm seconds simulated in a second.
+        unit: "s", "MiB", "MB", "Mop", "Gop/s", "%", "1", "x" for ratios, "arm s/s" for arm seconds simulated in a
+            second.
         median: over the repeats; the value itself where there is but one.
         percentile_99: over the repeats; of a speed the slow end, which 99 of 100 exceed.
         repeats: how often it was measured.

@@ -33,6 +33,7 @@ PARTS = {
         Part("plan", 1, "one plan, against eager PyTorch, and the room for obstacles"),
         Part("batch", 2, "many plans in one call"),
         Part("step", 1, "what happens in every control step"),
+        Part("profile", 1, "pieces of a plan, its operations counted, and how near it is to its floor"),
         Part("jitter", 1, "ticks at 100 Hz with a real clock, and memory over many ticks"),
         Part("collect", 2, "a recording of 9000 samples"),
         Part("training", 2, "both networks, against PyTorch"),

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from s2c2a.bench.parts import Part
     from s2c2a.bench.report import Report
 
-PartName = Literal["startup", "plan", "batch", "step", "jitter", "collect", "training", "simulation", "rods", "growth"]
+PartName = Literal[
+    "startup", "plan", "batch", "step", "profile", "jitter", "collect", "training", "simulation", "rods", "growth"
+]
 QUIET_LOAD = 0.5
 Parts = tyro.conf.Positional[Annotated[tuple[PartName, ...], tyro.conf.arg(metavar="[PART ...]")]]
 
