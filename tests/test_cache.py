@@ -24,7 +24,8 @@ print(float(jax.jit(lambda x: jax.numpy.linalg.svd(jax.numpy.outer(x, x) + 1.0)[
 @pytest.fixture
 def bare(monkeypatch):
     for name in (*NAMES, "S2C2A_CACHE"):
-        monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv(name, "")  # so that whatever a test leaves is taken back
+        monkeypatch.delenv(name)
 
 
 def test_the_folder_is_where_the_user_says(bare, monkeypatch, tmp_path):
@@ -38,8 +39,6 @@ def test_programs_are_kept_in_the_folder_and_bounded(bare, monkeypatch, tmp_path
     keep_programs()
     assert os.environ[NAMES[0]] == str(tmp_path / "programs")
     assert int(os.environ[NAMES[1]]) == 500_000_000
-    for name in NAMES:
-        monkeypatch.delenv(name)
 
 
 def test_who_has_set_up_a_cache_of_jax_keeps_it(bare, monkeypatch):

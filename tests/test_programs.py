@@ -60,6 +60,11 @@ def test_what_is_no_array_is_built_in_and_told_apart(caplog):
     assert [float(program(x)) for program in programs] == [16.0, 26.0]
 
 
+def test_numbers_that_python_calls_equal_are_told_apart():
+    kinds = [compiled(jnp.multiply, number)(np.int32(3)).dtype.kind for number in (1, 1.0, True)]
+    assert kinds == ["i", "f", "i"]
+
+
 def test_shapes_are_told_apart():
     lines = [Line(jnp.arange(size, dtype=jnp.float32), 0.0) for size in (2, 3)]
     answers = [compiled(evaluated_by_line, line)(np.float32(2.0)) for line in lines]

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 MOST_PROGRAMS = 128
+_ARRAY = "array"
 
 
 def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
@@ -23,23 +24,21 @@ def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
         parts: pytrees; arrays in them are inputs of the program, everything else is hashable and built into it.
     """
     leaves, structure = jax.tree.flatten(parts)
-    held = [_is_array(leaf) for leaf in leaves]
-    arrays = tuple(leaf for leaf, array in zip(leaves, held, strict=True) if array)
-    built_in = tuple(None if array else leaf for leaf, array in zip(leaves, held, strict=True))
-    program = _program(function, structure, built_in, tuple(held))
+    kinds = tuple(_ARRAY if isinstance(leaf, jax.Array | np.ndarray) else type(leaf) for leaf in leaves)
+    arrays = tuple(leaf for leaf, kind in zip(leaves, kinds, strict=True) if kind is _ARRAY)
+    built_in = tuple(None if kind is _ARRAY else leaf for leaf, kind in zip(leaves, kinds, strict=True))
+    program = _program(function, structure, built_in, kinds)
     return lambda *inputs: program(arrays, *inputs)
 
 
 @lru_cache(MOST_PROGRAMS)
-def _program(function: Callable[..., Any], structure: Hashable, built_in: tuple, held: tuple[bool, ...]):
+def _program(function: Callable[..., Any], structure: Hashable, built_in: tuple, kinds: tuple):
+    """One for all that is equal; kinds tell 1, 1.0 and True apart, which Python calls equal."""
+
     def run(arrays, *inputs):
         given = iter(arrays)
-        leaves = [next(given) if array else leaf for array, leaf in zip(held, built_in, strict=True)]
+        leaves = [next(given) if kind is _ARRAY else leaf for kind, leaf in zip(kinds, built_in, strict=True)]
         return function(*jax.tree.unflatten(structure, leaves), *inputs)
 
     run.__name__ = getattr(function, "__name__", "run")  # what profiles and logs of compilations show
     return jax.jit(run)
-
-
-def _is_array(leaf: Any) -> bool:
-    return isinstance(leaf, jax.Array | np.ndarray)

@@ -94,8 +94,12 @@ def test_numbers_that_do_not_fit_are_refused(batch_of):
     batch, sensed = batch_of(PlannerOptions()), somewhere(3)
     with pytest.raises(TargetError, match="3 plans, 3 sensed arms and 5 goals"):
         batch.plan(batch.start(sensed), sensed, Goal.stacked(goals()))
-    with pytest.raises(TargetError, match="0 starts"):
+    with pytest.raises(TargetError, match="at least one, all finite"):
         batch.best(sensed[:0], Goal.of(3))
+    with pytest.raises(TargetError, match="all finite"):
+        batch.start(np.full((2, 3, 3), np.nan))
+    with pytest.raises(TargetError, match="0 steps"):
+        batch.best(sensed, Goal.of(3), steps=0)
     with pytest.raises(TargetError, match="at least one"):
         BatchPlanner(*PARTS, PlannerOptions(), chunk=0)
     with pytest.raises(TargetError, match="at least one"):

@@ -4,10 +4,12 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
+from s2c2a.errors import S2C2AError
+
 INSTALL = 'install it with `pip install "s2c2a[bench]"`'
 
 
-class MissingExtraError(Exception):
+class MissingExtraError(S2C2AError):
     """Something to compare with is not installed."""
 
 

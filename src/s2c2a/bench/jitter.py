@@ -121,7 +121,7 @@ def memory_over_ticks(
     if len(known) < 3:
         yield Skipped("memory over ticks", "this system does not tell how much memory a process holds")
         return
-    begin = len(known) // WARM_UP
+    begin = max(0, len(known) // WARM_UP - 1)
     yield Measurement("memory held", "MiB", known[begin], None, ticks, note=f"at the end {known[-1]:.1f} MiB")
     yield Measurement(f"it grows over {ticks} ticks by", "MiB", known[-1] - known[begin], None, ticks, GROWTH_LIMIT)
 

@@ -65,7 +65,7 @@ def measure(options: BenchOptions, progress: Progress) -> Iterator[Measurement]:
             networks = Workshop(progress=progress).networks(options.arm, recipe_named(recipe), options.seed)
             path = Path(folder) / f"{recipe}.safetensors"
             save_strategy(networks, path)
-            first, later = (first_ticks(path, Path(folder) / "programs") for _ in range(2))
+            first, later = (first_ticks(path, Path(folder) / f"programs-{recipe}") for _ in range(2))
             first()
             yield timing(f"first tick, {recipe}, first start", np.array(first.seconds), note="compiles everything")
             launches[f"first tick, {recipe}, later start"] = later

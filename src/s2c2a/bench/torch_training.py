@@ -43,7 +43,7 @@ class TorchTraining:
         self._steps(self._batches())
         with torch.no_grad():
             held_out = float(self._loss(self._validation, False))
-        if held_out < self.best_loss:
+        if held_out < self.best_loss:  # as stopping early needs it, in the time of an epoch
             self.best_loss, self.best_weights = held_out, deepcopy(self.model.state_dict())
         return time.perf_counter() - began
 

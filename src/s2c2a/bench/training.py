@@ -13,6 +13,7 @@ from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.timing import Progress
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.experiments.workshop import Workshop
+from s2c2a.shards import compute_on_one_thread
 from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, train_s2c2a
 
 STOP_LIMIT, FASTER = Limit(60.0), Limit(1.5, at_least=True)
@@ -47,6 +48,7 @@ class Course:
 
 def measure(options: BenchOptions, progress: Progress) -> Iterator[Measurement | Skipped]:
     """The paper's recipe with PyTorch beside it, and `best`, whose forward model PyTorch has nothing like."""
+    compute_on_one_thread()  # as `train`, `run` and every process of a crew do
     workshop = Workshop(progress=progress)
     for name in ("paper", "best"):
         recipe = _cut_short(recipe_named(name)) if options.quick else recipe_named(name)

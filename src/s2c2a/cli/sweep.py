@@ -60,7 +60,6 @@ def sweep(
     from importlib.metadata import version
 
     from s2c2a.arm import load_arm
-    from s2c2a.errors import S2C2AError
     from s2c2a.experiments.following import Conditions, checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.sweep import Sweep, best_recipe, save_trials, search
@@ -70,8 +69,6 @@ def sweep(
     from s2c2a.tasks import task_named
 
     spec, chosen, numbers = load_arm(arm), recipe_from(recipe), checked_seeds(0, seeds)
-    if not tasks:
-        raise S2C2AError("no task to judge by; name at least one, such as circle")
     asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
     varied = varied_from(vary, chosen)
     what = metric or asked[0].scores[0].metric

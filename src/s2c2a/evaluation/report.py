@@ -15,7 +15,7 @@ import numpy as np
 import s2c2a
 from s2c2a.errors import S2C2AError
 
-PACKAGES = ("jax", "equinox", "optax", "mujoco", "numpy")
+PACKAGES = ("jax", "jaxlib", "equinox", "optax", "mujoco", "numpy")
 
 
 @dataclass(frozen=True)

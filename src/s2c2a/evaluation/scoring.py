@@ -36,12 +36,14 @@ class Metric:
         of: (run, score) -> a value for every control step, NaN where none counts.
         summed_up: values of the steps that count -> one number for the run.
         averaged: whether that number is the mean over steps, so that a spread over steps has a meaning.
+        rises: whether more is better.
     """
 
     unit: str
     of: Callable[[Rollout, Score], PerStep]
     summed_up: Callable[[PerStep], float] = _mean
     averaged: bool = True
+    rises: bool = False
 
 
 @dataclass(frozen=True)
@@ -142,10 +144,10 @@ METRICS = {
     "azimuth": Metric("deg", _of_states(metrics.azimuth_errors_deg, "wanted_axes")),
     "orientation": Metric("deg", _of_states(metrics.orientation_errors_deg, "wanted_axes")),
     "end distance": Metric("cm", _position, _last_mean, averaged=False),
-    "reached": Metric("of runs", _position, _last_mean, averaged=False),
-    "clearance": Metric("cm", _clearance, _least, averaged=False),
-    "clearance at steps": Metric("cm", _clearance_at_steps, _least, averaged=False),
-    "clearance of the arm": Metric("cm", _clearance_of_arm, _least, averaged=False),
+    "reached": Metric("of runs", _position, _last_mean, averaged=False, rises=True),
+    "clearance": Metric("cm", _clearance, _least, averaged=False, rises=True),
+    "clearance at steps": Metric("cm", _clearance_at_steps, _least, averaged=False, rises=True),
+    "clearance of the arm": Metric("cm", _clearance_of_arm, _least, averaged=False, rises=True),
     "path length": Metric(
         "cm", lambda run, _: metrics.step_lengths(_tips(run)), lambda v: float(np.sum(v)), averaged=False
     ),

@@ -81,7 +81,12 @@ def make_ahead(
     missing = [job for job in (_unfinished(job, folder) for job in jobs) if job.tasks]
     wanted = [*needs, *(need for job in missing if (need := _need(job)))]
     lacking = {workshop.file(need): need for need in wanted if not workshop.has(need)}
-    unmade = _each(crew, partial(_make, workshop.fidelity), list(lacking.values()), workshop, workshop.folder, "files")
+    data = {workshop.file(need): need for need in (replace(lack, kind="recording") for lack in lacking.values())}
+    first = [need for need in data.values() if not workshop.has(need)]  # once, whatever is trained on them
+    make = partial(_make, workshop.fidelity)
+    unmade = _each(crew, make, first, workshop, workshop.folder, "recordings")
+    then = [need for need in lacking.values() if need.kind != "recording"]
+    unmade += _each(crew, make, then, workshop, workshop.folder, "networks")
     why = {workshop.file(need): error for need, error in unmade}
     lost = [(job, why[path]) for job in missing if (path := _file(job, workshop)) in why]
     possible = [job for job in missing if _file(job, workshop) not in why]

@@ -45,11 +45,17 @@ class Cluster(Crew):
 
     def submit(self, work: Callable[..., Any], *given: Any) -> Future:
         """See `Crew`."""
-        return self._pool.submit(_done_there, self._versions, work, *given)
+        try:
+            return self._pool.submit(_done_there, self._versions, work, *given)
+        except OSError as error:
+            raise self._gone() from error
 
     def most_begun(self) -> int:
         """See `Crew`; asked anew every time, since workers come and go."""
-        return WAITING * max(1, sum(self._client.nthreads().values()))
+        try:
+            return WAITING * max(1, sum(self._client.nthreads().values()))
+        except OSError as error:
+            raise self._gone() from error
 
     def fault(self, error: BaseException) -> S2C2AError | None:
         """A shard that kills whoever takes it, and a scheduler that is gone."""
@@ -58,11 +64,12 @@ class Cluster(Crew):
                 f"several workers at {self._address} were killed by one shard, perhaps for want of memory; give each "
                 "more (docs/cluster.md), then say the same again: what was whole is kept"
             )
-        if isinstance(error, CancelledError):
-            return ClusterError(
-                f"the scheduler at {self._address} is gone; what was whole is kept: say the same again to go on"
-            )
-        return None
+        return self._gone() if isinstance(error, CancelledError) else None
+
+    def _gone(self) -> ClusterError:
+        return ClusterError(
+            f"the scheduler at {self._address} is gone; what was whole is kept: say the same again to go on"
+        )
 
     def __exit__(self, *exception) -> None:
         """Let go of what is not done, and of workers of our own."""
@@ -81,8 +88,8 @@ def _done_there(expected: dict[str, str], work: Callable[..., Any], *given: Any)
 
 @cache
 def _own_versions() -> dict[str, str]:
-    """Of this package and those that results depend on."""
-    return {name: version for name, version in versions().items() if name != "python"}
+    """Of this package, Python and those packages that results depend on."""
+    return versions() | {"python": _without_patch(versions()["python"])}
 
 
 def _local_cluster(count: int) -> LocalCluster:
@@ -110,7 +117,7 @@ def _client(address: str, cluster: LocalCluster | None) -> Client:
             raise FileNotFoundError("no such file")
         where = {"scheduler_file": address} if in_file else {"address": address}
         return Client(**where, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise ClusterError(
             f"nobody answers at {address} ({error}); start `dask scheduler` there and `dask worker {address}` on every "
             "machine, or check the name"
@@ -132,8 +139,14 @@ def _check_versions(client: Client, address: str) -> None:
 def _that_count(found: dict) -> dict[str, str | None]:
     """Versions that results, and talking to each other, depend on."""
     packages = found["packages"]
-    python = ".".join(found["host"]["python"].split(".")[:2])
-    return {"python": python} | {name: packages[name] for name in ("s2c2a", *PACKAGES, "distributed")}
+    return {"python": _without_patch(found["host"]["python"])} | {
+        name: packages[name] for name in ("s2c2a", *PACKAGES, "distributed")
+    }
+
+
+def _without_patch(python: str) -> str:
+    """Of 3.11.7.final.0 the 3.11: patches change no results."""
+    return ".".join(python.split(".")[:2])
 
 
 def _differences(theirs: dict, ours: dict) -> str:

@@ -28,7 +28,6 @@ from s2c2a.strategies import Recipe
 from s2c2a.tasks import Task
 from s2c2a.viz import trials_figure
 
-LARGER_IS_BETTER = ("reached", "clearance", "clearance at steps", "clearance of the arm")
 TRIALS = "trials.log"
 
 
@@ -60,6 +59,8 @@ class Sweep:
 
     def __post_init__(self):
         """Refuse what cannot be judged."""
+        if not self.tasks:
+            raise S2C2AError("a sweep needs a task to judge by; name at least one")
         common = set.intersection(*({score.metric for score in task.scores} for task in self.tasks))
         if self.metric not in common:
             raise S2C2AError(f"no metric '{self.metric}' in all these tasks; they share {', '.join(sorted(common))}")
@@ -69,7 +70,7 @@ class Sweep:
     @property
     def direction(self) -> Literal["minimize", "maximize"]:
         """Whether the metric shall fall or rise."""
-        return "maximize" if self.metric in LARGER_IS_BETTER else "minimize"
+        return "maximize" if METRICS[self.metric].rises else "minimize"
 
 
 @dataclass(frozen=True)

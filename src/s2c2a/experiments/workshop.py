@@ -163,7 +163,7 @@ class Workshop:
         if controller == "pcc":
             return pcc_strategy(arm, planner)
         if controller == "pcc-fitted":
-            return pcc_fitted_strategy(self.recording(arm, CollectOptions(seed=seed, speeds=recipe.speeds)), planner)
+            return pcc_fitted_strategy(self.recording(arm, Need("recording", arm, seed, recipe).data), planner)
         if controller == "lstm":
             return LSTMStrategy(self.lstm(arm, seed))
         raise S2C2AError(f"no controller '{controller}'; choose one of {', '.join(CONTROLLERS)}")
@@ -178,11 +178,15 @@ class Workshop:
             self.networks(need.arm, need.recipe, need.seed, need.babbling)
 
     def has(self, need: Need) -> bool:
-        """Whether it is there; of a recording, whether it is whole."""
-        if need.kind != "recording":
-            return self.file(need).is_file()
-        with suppress(RecordingError):
-            load_recording(self.file(need)).check_complete()
+        """Whether it is there, sound and whole."""
+        path = self.file(need)
+        with suppress(RecordingError, StrategyError):
+            if need.kind == "recording":
+                load_recording(path).check_complete()
+            elif need.kind == "lstm":
+                load_lstm(path, need.arm)
+            else:
+                load_strategy(path, need.arm)
             return True
         return False
 

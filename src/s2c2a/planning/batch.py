@@ -4,7 +4,6 @@ Work goes in chunks of one size, padded, over threads: nothing compiles anew for
 depend on the number of threads.
 """
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -24,11 +23,12 @@ from s2c2a.planning.objective import objective
 from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions
 from s2c2a.planning.planner import Plan, next_plan, solver_of, started
 from s2c2a.programs import compiled
+from s2c2a.shards import all_cores
 
 CHUNK = 64
 
 
-class Path(NamedTuple):
+class PlannedPath(NamedTuple):
     """A planned path.
 
     Attributes:
@@ -86,17 +86,24 @@ class BatchPlanner:
         """
         if chunk < 1 or (threads is not None and threads < 1):
             raise TargetError(f"chunks of {chunk} on {threads} threads asked for; both must be at least one")
-        self._modules, self._chunk, self._threads = arm.module_count, chunk, threads or os.cpu_count() or 1
+        self._chunk, self._threads = chunk, threads or all_cores()
         solver, parts = solver_of(arm, model, length_scale, options)
         self._start = compiled(_start_each, model)
-        self._each_past_obstacles = compiled(_next_in_turn, solver, parts, model)
+        self._one_past_obstacles = compiled(next_plan, solver, parts, model)
         self._each_freely = compiled(_next_side_by_side, solver, (arm, _without_ways_round(options), parts[-1]), model)
         self._along = compiled(_along, solver, parts, model)
         self._values = compiled(_values, arm, model, length_scale, options.guard)
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
-        """Plans of arms at rest; arrays of the plan have the batch in front."""
-        return self._in_chunks(self._start, len(sensed), np.asarray(sensed, np.float32))
+        """Plans of arms at rest; arrays of the plan have the batch in front.
+
+        Raises:
+            TargetError: no arm, or configurations that are not finite.
+        """
+        configurations = np.asarray(sensed, np.float32)
+        if not len(configurations) or not np.isfinite(configurations).all():
+            raise TargetError(f"configurations of shape {configurations.shape} given; give at least one, all finite")
+        return self._in_chunks(self._start, len(configurations), configurations)
 
     def plan(self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal) -> Plan:
         """The next plan of each, towards goals of their own (`Goal.stacked`).
@@ -114,9 +121,12 @@ class BatchPlanner:
             raise TargetError(
                 f"{count} plans, {len(sensed)} sensed arms and {len(goals.positions)} goals; give as many"
             )
-        past_obstacles = bool((np.asarray(goals.thresholds) > 0).any())
-        step = self._each_past_obstacles if past_obstacles else self._each_freely
-        return self._in_chunks(step, count, plans, np.asarray(sensed, np.float32), goals)
+        inputs = plans, np.asarray(sensed, np.float32), goals
+        if (
+            np.asarray(goals.thresholds) > 0
+        ).any():  # side by side, ways round would be searched for all, needed or not
+            return self._one_by_one(self._one_past_obstacles, count, *inputs)
+        return self._in_chunks(self._each_freely, count, *inputs)
 
     def best(self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50) -> Best:
         """From many starts towards one goal, and the best end of all: what a single start stays short of.
@@ -127,19 +137,19 @@ class BatchPlanner:
             steps: control steps that each may take.
 
         Raises:
-            TargetError: no start, or no step.
+            TargetError: no start, one that is not finite, or no step.
         """
-        if len(starts) < 1 or steps < 1:
-            raise TargetError(f"{len(starts)} starts and {steps} steps asked for; both must be at least one")
-        goals = Goal.stacked([goal] * len(starts))
+        if steps < 1:
+            raise TargetError(f"{steps} steps asked for; take at least one")
         plans = self.start(starts)
+        goals = Goal.stacked([goal] * len(starts))
         for _ in range(steps):
             plans = self.plan(plans, plans.configurations, goals)
         values = self._in_chunks(self._values, len(starts), plans, goals)
         first = int(np.argmin(values))
         return Best(np.asarray(plans.configurations[first]), float(values[first]), first, values)
 
-    def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> Path:
+    def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> PlannedPath:
         """A whole path from an arm at rest.
 
         Args:
@@ -151,7 +161,7 @@ class BatchPlanner:
         for begin in range(0, count, self._chunk):
             plan, part = self._along(plan, self._chunk_of(goals, begin))
             parts.append(part)
-        return Path(*(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True)))
+        return PlannedPath(*(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True)))
 
     def _in_chunks(self, program: Callable[..., Any], count: int, *inputs: Any) -> Any:
         """A program over all chunks, on threads, its results put together again."""
@@ -165,6 +175,17 @@ class BatchPlanner:
             results = list(pool.map(one, begins))
         return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *results)
 
+    def _one_by_one(self, program: Callable[..., Any], count: int, *inputs: Any) -> Any:
+        """A program for every row."""
+        inputs = jax.tree.map(np.asarray, inputs)
+
+        def one(row: int):
+            return jax.tree.map(np.asarray, program(*jax.tree.map(lambda values: values[row], inputs)))
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            results = list(pool.map(one, range(count)))
+        return jax.tree.map(lambda *arrays: np.stack(arrays), *results)
+
     def _chunk_of(self, inputs: Any, begin: int) -> Any:
         """One chunk; the last one filled up with its last row."""
 
@@ -177,7 +198,7 @@ class BatchPlanner:
 
 
 def _without_ways_round(options: AnyPlannerOptions) -> AnyPlannerOptions:
-    """Where no goal has obstacles: side by side, the search for ways round them would be made for every plan."""
+    """Where no goal has obstacles, none is needed."""
     return replace(options, longest_detour=0.0) if isinstance(options, LeastSquaresOptions) else options
 
 
@@ -189,14 +210,10 @@ def _next_side_by_side(solver, parts: tuple, model: ForwardModel, plans: Plan, s
     return jax.vmap(partial(next_plan, solver, parts, model))(plans, sensed, goals)
 
 
-def _next_in_turn(solver, parts: tuple, model: ForwardModel, plans: Plan, sensed, goals: Goal) -> Plan:
-    return jax.lax.map(lambda each: next_plan(solver, parts, model, *each), (plans, sensed, goals))
-
-
-def _along(solver, parts: tuple, model: ForwardModel, plan: Plan, goals: Goal) -> tuple[Plan, Path]:
-    def step(last: Plan, goal: Goal) -> tuple[Plan, Path]:
+def _along(solver, parts: tuple, model: ForwardModel, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
+    def step(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
         plan = next_plan(solver, parts, model, last, last.configurations, goal)
-        return plan, Path(plan.configurations, model.predict(plan.configurations, plan.memory))
+        return plan, PlannedPath(plan.configurations, model.predict(plan.configurations, plan.memory))
 
     return jax.lax.scan(step, plan, goals)
 

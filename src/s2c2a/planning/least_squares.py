@@ -46,10 +46,7 @@ def solve_least_squares(
     directions = jnp.eye(start.shape[0])
 
     def linearised(point):
-        values, slopes = jax.vmap(lambda direction: jax.jvp(residuals, (point,), (direction,)), out_axes=(None, 1))(
-            directions
-        )
-        return values, slopes
+        return jax.vmap(lambda direction: jax.jvp(residuals, (point,), (direction,)), out_axes=(None, 1))(directions)
 
     def iterate(_, step: _Step) -> _Step:
         change = jnp.linalg.solve(step.curvature + step.damping * directions, step.gradient)

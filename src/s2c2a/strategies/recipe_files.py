@@ -33,6 +33,8 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
     """
     if not Path(path).is_file():
         raise StrategyError(f"no recipe at {path}; take {', '.join(RECIPES)}, or a file such as `s2c2a sweep` writes")
+    if Path(path).stem in RECIPES:
+        raise StrategyError(f"{path} would go by the name of a recipe that is another; give the file a name of its own")
     adapter = TypeAdapter(Recipe)
     try:
         written = tomllib.loads(Path(path).read_text(encoding="utf-8"))
