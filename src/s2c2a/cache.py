@@ -1,6 +1,7 @@
 """What is kept between runs: recordings, networks, compiled programs. All of it is safe to delete."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import platformdirs
@@ -18,10 +19,20 @@ def keep_programs() -> None:
 
     It works before JAX is imported, and where the user has said nothing else of JAX's own cache.
     """
+    folder = cache_folder() / "programs"
     settings = {
-        "JAX_COMPILATION_CACHE_DIR": cache_folder() / "programs",
+        "JAX_COMPILATION_CACHE_DIR": folder,
         "JAX_COMPILATION_CACHE_MAX_SIZE": MOST_BYTES_OF_PROGRAMS,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": 0.05,
     }
     if not any(name in os.environ for name in settings):
         os.environ.update({name: str(value) for name, value in settings.items()})
+        _throw_out_halves(folder)
+
+
+def _throw_out_halves(folder: Path) -> None:
+    """Programs without the time of their last use, as a killed process leaves them: JAX keeps nothing beside them."""
+    with suppress(OSError):
+        for program in folder.glob("*-cache"):
+            if not program.with_name(program.name.removesuffix("-cache") + "-atime").exists():
+                program.unlink(missing_ok=True)

@@ -69,6 +69,8 @@ def sweep(
     from s2c2a.tasks import task_named
 
     spec, chosen, numbers = load_arm(arm), recipe_from(recipe), checked_seeds(0, seeds)
+    if not tasks:
+        raise S2C2AError("no task to judge by; name at least one, such as circle")
     asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
     varied = varied_from(vary, chosen)
     what = metric or asked[0].scores[0].metric

@@ -59,8 +59,6 @@ class Sweep:
 
     def __post_init__(self):
         """Refuse what cannot be judged."""
-        if not self.tasks:
-            raise S2C2AError("a sweep needs a task to judge by; name at least one")
         common = set.intersection(*({score.metric for score in task.scores} for task in self.tasks))
         if self.metric not in common:
             raise S2C2AError(f"no metric '{self.metric}' in all these tasks; they share {', '.join(sorted(common))}")
