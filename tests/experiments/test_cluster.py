@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from types import SimpleNamespace
 import jax
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, KilledWorker, LocalCluster
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.crews import crew_for, require
@@ -291,3 +292,10 @@ def test_jobs_are_for_this_machine_alone():
 def test_a_missing_extra_says_what_to_install():
     with pytest.raises(S2C2AError, match=r'pip install "s2c2a\[sweep\]"'):
         require("no_such_package", "sweep")
+
+
+def test_what_the_cluster_did_is_told_apart_from_what_the_work_did(cluster):
+    killed = KilledWorker("shard", None, allowed_failures=3)
+    assert "were killed by one shard" in str(cluster.fault(killed))
+    assert "is gone" in str(cluster.fault(CancelledError()))
+    assert cluster.fault(ValueError("the work's own")) is None
