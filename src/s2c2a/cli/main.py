@@ -11,6 +11,7 @@ from s2c2a.cli.bench import bench
 from s2c2a.cli.collect import collect
 from s2c2a.cli.demo import demo
 from s2c2a.cli.doctor import doctor
+from s2c2a.cli.live import live
 from s2c2a.cli.reproduce import app as reproduce_verbs
 from s2c2a.cli.run import run
 from s2c2a.cli.sweep import sweep
@@ -20,7 +21,7 @@ from s2c2a.errors import S2C2AError
 FAULT, INTERRUPTED = 2, 130  # exit codes
 
 app = SubcommandApp()
-for verb in (demo, collect, train, run, sweep, bench, doctor):
+for verb in (demo, live, collect, train, run, sweep, bench, doctor):
     app.command(verb)
 app.command(arm_verbs, name="arm", help="Check, describe, draw or copy an arm file.")
 app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
