@@ -96,7 +96,9 @@ def strategies_of(arm: "ArmSpec", files: tuple[str, ...], guard: "Guard") -> "di
 
     saved = {f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files}
     networks = saved or {"s2c2a · best": shipped_networks(arm)}
-    built = {name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()}
+    built: dict[str, Callable[[], Strategy]] = {
+        name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()
+    }
     for recipe in ("best", "paper"):
         options = replace(recipe_named(recipe).planner, guard=guard)
         built[f"pcc · {recipe}"] = cache(partial(pcc_strategy, arm, options))

@@ -33,9 +33,10 @@ from s2c2a.live.messages import MOST_BYTES, is_sound
 HOST = "127.0.0.1"
 LOCAL = ("127.0.0.1", "localhost", "::1")
 MOST_CONNECTIONS = 16
-RATE, BURST = 200.0, 400.0  # messages a second of one browser; dragging sends about 60
+RATE, BURST = 100.0, 200.0  # messages a second of one browser; dragging sends about 20, turning the view as many
 MOST_REFUSED = 20  # messages of unknown form, then the connection is closed
 PING_EVERY, PING_PATIENCE = 3.0, 5.0  # s; a browser that is gone without a word is noticed
+CLOSE_PATIENCE = 0.3  # s
 TRIED_PORTS = 50
 
 _SAFE_HEADERS = {
@@ -148,6 +149,7 @@ class Gate:
                     compression=None,
                     ping_interval=PING_EVERY,
                     ping_timeout=PING_PATIENCE,
+                    close_timeout=CLOSE_PATIENCE,
                 )
                 self.port = server.sockets[0].getsockname()[1]
                 return server
@@ -195,6 +197,7 @@ class Gate:
                 max_size=None,
                 max_queue=4,
                 ping_interval=None,
+                close_timeout=CLOSE_PATIENCE,
             ) as viser:
                 ways = [
                     asyncio.ensure_future(way) for way in (self._inwards(browser, viser), _outwards(viser, browser))
@@ -215,14 +218,21 @@ class Gate:
             async for message in browser:
                 if not allowance.take():
                     self.refused["flood"] += 1
-                    return await browser.close(1008, "too many messages")
+                    return await _show_out(browser, "too many messages")
                 if is_sound(message):
                     await viser.send(message)
                     continue
                 self.refused["form"] += 1
                 nonsense += 1
                 if nonsense > MOST_REFUSED:
-                    return await browser.close(1008, "messages of unknown form")
+                    return await _show_out(browser, "messages of unknown form")
+
+
+async def _show_out(browser: ServerConnection, reason: str) -> None:
+    """Close without waiting for one that does not listen."""
+    with suppress(TimeoutError):
+        await asyncio.wait_for(browser.close(1008, reason), CLOSE_PATIENCE)
+    browser.transport.abort()
 
 
 async def _outwards(viser: ClientConnection, browser: ServerConnection) -> None:
@@ -232,7 +242,7 @@ async def _outwards(viser: ClientConnection, browser: ServerConnection) -> None:
 
 
 def _page_of(port: int) -> bytes:
-    """viser's page, compressed."""
+    """Viser's page, compressed."""
     try:
         with urllib.request.urlopen(f"http://{HOST}:{port}/", timeout=10) as answer:
             return gzip.compress(answer.read(), 6)
@@ -249,7 +259,7 @@ def _is_local(host: str) -> bool:
 
 
 def _viser_protocol(connection: ServerConnection, offered) -> Subprotocol | None:
-    """viser's page says its version so."""
+    """Viser's page says its version so."""
     return next((Subprotocol(name) for name in offered if name.startswith("viser-v")), None)
 
 

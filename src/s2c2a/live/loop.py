@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -118,7 +119,7 @@ class ControlLoop:
         self._faults = SensorFaults(robot.arm)
         self._geometry = ArmGeometry.of(robot.arm)
         self._lock = threading.Lock()
-        self._wish, self._latest = Wish(), None
+        self._wish, self._latest = Wish(), cast("Snapshot | None", None)
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping, self._opened = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)

@@ -4,21 +4,22 @@ viser itself would also take files, open a tunnel to the world when asked to, an
 """
 
 import math
-from typing import Any, Literal, TypeGuard
+from typing import Any, Literal, TypeAlias, TypeGuard
 
 import msgspec
 
 MOST_BYTES = 16_384
-Three, Four, Pair = tuple[float, float, float], tuple[float, float, float, float], tuple[float, float]
-Value = bool | int | float | str | list[float]
-Name = str
+Pair: TypeAlias = tuple[float, float]
+Three: TypeAlias = tuple[float, float, float]
+Four: TypeAlias = tuple[float, float, float, float]
+Value: TypeAlias = bool | int | float | str | list[float]
 
 
 class _Said(msgspec.Struct, tag_field="type", tag=True, forbid_unknown_fields=True, frozen=True):
     """A message; its class's name is its type."""
 
 
-class ViewerCameraMessage(_Said):
+class ViewerCameraMessage(_Said, frozen=True):
     """Where a browser looks from."""
 
     wxyz: Four
@@ -36,18 +37,18 @@ class _NewValue(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     value: Value
 
 
-class GuiUpdateMessage(_Said):
+class GuiUpdateMessage(_Said, frozen=True):
     """A new value of one part of a panel."""
 
-    uuid: Name
+    uuid: str
     updates: _NewValue
 
 
-class SceneNodeDragMessage(_Said):
+class SceneNodeDragMessage(_Said, frozen=True):
     """Something in the scene is dragged."""
 
     phase: Literal["start", "update", "end"]
-    name: Name
+    name: str
     instance_index: int | None
     start_position: Three
     start_screen_pos: Pair
@@ -58,10 +59,10 @@ class SceneNodeDragMessage(_Said):
     owner: str = ""
 
 
-class SceneNodeClickMessage(_Said):
+class SceneNodeClickMessage(_Said, frozen=True):
     """Something in the scene is clicked."""
 
-    name: Name
+    name: str
     instance_index: int | None
     ray_origin: Three
     ray_direction: Three
@@ -70,10 +71,10 @@ class SceneNodeClickMessage(_Said):
     owner: str = ""
 
 
-class GuiButtonHoldMessage(_Said):
+class GuiButtonHoldMessage(_Said, frozen=True):
     """A button is held."""
 
-    uuid: Name
+    uuid: str
     frequency: float
 
 

@@ -43,8 +43,8 @@ def open_viser(title: str) -> tuple[viser.ViserServer, str]:
 
 def look_at_arm(server: viser.ViserServer, size: float) -> None:
     """Put the camera where the whole arm and its workspace are seen."""
-    server.initial_camera.position = tuple(size * value for value in CAMERA)
-    server.initial_camera.look_at = tuple(size * value for value in LOOK_AT)
+    server.initial_camera.position = size * np.array(CAMERA)
+    server.initial_camera.look_at = size * np.array(LOOK_AT)
     server.initial_camera.fov = np.deg2rad(40)
 
 
@@ -79,7 +79,7 @@ class LivePage:
         """
         latest = loop.latest
         assert latest is not None  # the loop runs
-        self._loop, self._arm, self._server = loop, loop.arm, None
+        self._loop, self._arm = loop, loop.arm
         self._server, secret = open_viser(f"s2c2a · {loop.arm.name}")
         look_at_arm(self._server, loop.arm.length)
         self.session = Session(self._session_changed)
@@ -93,7 +93,8 @@ class LivePage:
             self._plots = Plots(self._server.gui, loop.arm)
         self._trail: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=round(TRAIL * loop.arm.control_rate))
         self._before = self._shown = latest
-        self._gap, self._gap_of = 0.0, None
+        self._gap = 0.0
+        self._gap_of: Point | None = None
         self.frames = 0
         self._server.on_client_connect(self._joined)
         self._server.on_client_disconnect(self._left)
@@ -107,9 +108,9 @@ class LivePage:
 
     def close(self) -> None:
         """Close the gate and the page; the loop goes on."""
-        self.gate.close()
         self._closing.set()
         self._threads[0].join(2.0)
+        self.gate.close()
         with redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -249,7 +250,7 @@ def _asked_of_tip(snapshot: Snapshot) -> tuple[Point | None, Point | None]:
     wanted, goal = _wanted(snapshot), snapshot.goal
     pointed = float(np.asarray(goal.axis_weights)[-1]) > 0
     position = tuple(wanted) if np.isfinite(wanted).all() else None
-    return position, tuple(np.array(goal.axes[-1], float)) if pointed else None  # type: ignore[return-value]
+    return position, tuple(np.array(goal.axes[-1], float)) if pointed else None
 
 
 def _task_obstacles(snapshot: Snapshot, own: int) -> tuple[Obstacle, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -125,10 +126,8 @@ class Panel:
             chosen = None if name == DRAG else name
             self._ask(task=chosen, playing=chosen is not None)
             play.label = "Pause" if chosen else "Play"
-            for part in (play, step, again, speed):
-                part.visible = chosen is not None
-            for part in (pointed, here):
-                part.visible = chosen is None
+            play.visible = step.visible = again.visible = speed.visible = chosen is not None
+            pointed.visible = here.visible = chosen is None
             if chosen is None:
                 self._target_to_tip()
 
@@ -176,7 +175,7 @@ class Panel:
         weights = self._wish.weights
         for name, label in WEIGHTS:
             slider = self._gui.add_slider(label, FACTORS[0], 4.0, 0.1, getattr(weights, name))
-            self._changed(slider, lambda value, name=name: self._weigh(name, value))
+            self._changed(slider, partial(self._weigh, name))
 
         def change(name: str) -> None:
             self._desk.tell(f"{name}: preparing …")
@@ -200,12 +199,13 @@ class Panel:
 
         def clear() -> None:
             self._ask(payload=0.0, push=(0.0, 0.0, 0.0), noise=0.0, coupling=0.0)
-            for slider in (payload, *pushes, noise, coupling):
-                slider.value = 0.0
+            sliders: list[viser.GuiSliderHandle[float]] = [payload, *pushes, noise, coupling]
+            for slider in sliders:
+                slider.value = 0.0  # type: ignore[misc] # viser hides the setter from type checkers
 
         self._changed(payload, lambda value: self._ask(payload=value / 1000))
         for place, slider in enumerate(pushes):
-            self._changed(slider, lambda value, place=place: self._push(place, value))
+            self._changed(slider, partial(self._push, place))
         self._changed(noise, lambda value: self._ask(noise=value / 100))
         self._changed(coupling, lambda value: self._ask(coupling=value / 100))
         self._clicked(calm, clear)
@@ -216,7 +216,7 @@ class Panel:
         reset, give = self._button("Reset the arm"), self._button("Give the handle away")
         for label, name in (("Planned arm", "ghost"), ("Trails", "trails"), ("Workspace", "cloud")):
             box = self._gui.add_checkbox(label, getattr(view, name))
-            self._changed(box, lambda on, name=name: setattr(view, name, bool(on)))
+            self._changed(box, partial(setattr, view, name))
 
         def toggle() -> None:
             if not recorder.running:

@@ -135,7 +135,7 @@ class ArmScene:
         if points is None:
             return
         for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
-            pale = tuple(int(value + PALE * (255 - value)) for value in rgb(colour))
+            pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
             self._scene.add_point_cloud(
                 f"{name}/{number}", cloud, pale, point_size=0.005 * self._size, point_shape="circle"
             )
@@ -167,7 +167,7 @@ class ArmScene:
         tubes, cables = [], []
         for number, (tube, lines, colour) in enumerate(zip(shape.modules, shape.cables, colours, strict=True)):
             tubes.append(self._scene.add_mesh_simple(f"/arm/{number}", tube, self._body.tube_faces, color=rgb(colour)))
-            dark = tuple(value // 2 for value in rgb(colour))
+            dark = np.array(rgb(colour)) // 2
             cables.append(
                 self._scene.add_mesh_simple(
                     f"/cables/{number}", lines, self._body.cable_faces, color=dark, cast_shadow=False

@@ -97,8 +97,8 @@ class Limits:
 
     def changed(self, wish: Wish, **changes: Any) -> Wish:
         """The wish with changes brought within the limits; a change that makes no sense is passed over."""
-        sound = {name: self._limited(name, value, getattr(wish, name)) for name, value in changes.items()}
-        return replace(wish, **sound)
+        known = {name: value for name, value in changes.items() if name in self._rules()}
+        return replace(wish, **{name: self._limited(name, value, getattr(wish, name)) for name, value in known.items()})
 
     def _limited(self, name: str, value: Any, before: Any) -> Any:
         try:

@@ -1,8 +1,8 @@
 """The live page in a real browser, where one is installed."""
 
 import numpy as np
-from conftest import TALL, until  # type: ignore[import-not-found]
 
+from conftest import until  # type: ignore[import-not-found]
 from s2c2a.live.loop import Stage
 from s2c2a.spaces import POSITION
 
