@@ -20,6 +20,7 @@ from s2c2a.tasks import TASKS, task_named
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, TALL = (1280, 800), (390, 844)
+PASSIVE = "Unable to preventDefault inside passive event listener"  # of viser's own page, whenever a thing is dragged
 FIELD_OF_VIEW = np.deg2rad(40)
 
 
@@ -59,6 +60,12 @@ def chromium():
         browser.close()
 
 
+def sideways() -> np.ndarray:
+    """The direction to the right on the screen, in the base frame: things are dragged in the plane of the screen."""
+    across = np.cross(np.subtract(LOOK_AT, CAMERA), (0.0, 0.0, 1.0))
+    return across / np.linalg.norm(across)
+
+
 class Tab:
     """One page in the browser, and what went wrong on it."""
 
@@ -66,9 +73,13 @@ class Tab:
         self.page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         self.page.set_default_timeout(60_000)
         self.size, self.errors = size, []
-        self.page.on("console", lambda said: self.errors.append(said.text) if said.type == "error" else None)
+        self.page.on("console", self._heard)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(address)
+
+    def _heard(self, said) -> None:
+        if said.type == "error" and PASSIVE not in said.text:
+            self.errors.append(said.text)
 
     def place_of(self, point, length: float) -> tuple[float, float]:
         """Where a point of the base frame [m] is on the screen, seen from the page's first camera [pixels]."""

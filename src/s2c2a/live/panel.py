@@ -147,7 +147,7 @@ class Panel:
         self._gui.add_markdown("Drag an obstacle: the arm gives way.")
         add, remove = self._button("Add one"), self._button("Remove the last")
         threshold = self._gui.add_slider(
-            "Threshold r [cm]", 2.0, 20.0, 0.5, 100 * NEW_THRESHOLD * self._desk.loop.arm.length
+            "Threshold r [cm]", 1.0, 20.0, 0.5, round(100 * NEW_THRESHOLD * self._desk.loop.arm.length, 1)
         )
 
         def put() -> None:
