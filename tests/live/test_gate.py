@@ -6,10 +6,10 @@ import time
 import msgspec
 import numpy as np
 import pytest
-from conftest import until  # type: ignore[import-not-found]
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from conftest import until  # type: ignore[import-not-found]
 from s2c2a.live.loop import Stage
 from s2c2a.live.wish import Wish
 
@@ -97,7 +97,10 @@ def test_ten_thousand_messages_of_a_flood_are_shown_out_and_the_loop_goes_on(loo
 
 
 def test_a_flood_of_sound_messages_is_shown_out_too(page):
-    with browser(page) as flood, pytest.raises(ConnectionClosed):
+    def send_all(flood) -> None:
         for _ in range(20_000):
             flood.send(msgspec.msgpack.encode(CAMERA))
+
+    with browser(page) as flood, pytest.raises(ConnectionClosed):
+        send_all(flood)
     assert page.gate.refused["flood"] == 1

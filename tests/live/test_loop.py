@@ -3,8 +3,8 @@
 import time
 
 import numpy as np
-from conftest import until  # type: ignore[import-not-found]
 
+from conftest import until  # type: ignore[import-not-found]
 from s2c2a.errors import SimulationError
 from s2c2a.live.loop import Stage
 from s2c2a.live.recorder import Recorder

@@ -1,5 +1,9 @@
 """`s2c2a live`: the arm in the browser."""
 
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,10 +15,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from s2c2a.arm import ArmSpec
+    from s2c2a.live.loop import ControlLoop
+    from s2c2a.live.page import LivePage
     from s2c2a.planning.options import Guard
     from s2c2a.strategies import Strategy
 
 Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]
+
+TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
 
 
 def live(
@@ -45,42 +53,46 @@ def live(
         release_after: seconds without a driver until the arm is led back to rest; until then it holds.
     """
     need_extra("live", "viser", "websockets", "msgspec")
+    with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after) as (_, page):
+        print(f"{arm} is alive: {page.gate.address}\nControl-C ends it.", flush=True)
+        threading.Event().wait()
+
+
+@contextmanager
+def running_page(
+    arm: str,
+    strategy: tuple[str, ...] = (),
+    fidelity: str = "fast",
+    guard: "Guard" = "tip",
+    seed: int = 0,
+    port: int = 8080,
+    out: Path = Path("runs"),
+    release_after: float = 10.0,
+) -> "Iterator[tuple[ControlLoop, LivePage]]":
+    """A loop that runs and its page, closed in the end; options as in `live`.
+
+    Raises:
+        S2C2AError: no networks for this arm, no free port, or the arm did not open.
+    """
     from s2c2a.arm import load_arm
-
-    spec = load_arm(arm)
-    serve(spec, strategies_of(spec, strategy, guard), fidelity, seed, port, out, release_after)
-
-
-def serve(
-    arm: "ArmSpec",
-    strategies: "dict[str, Callable[[], Strategy]]",
-    fidelity: str,
-    seed: int,
-    port: int,
-    out: Path,
-    release_after: float,
-) -> None:
-    """Drive and show until interrupted."""
-    import sys
-    import threading
-
     from s2c2a.live.loop import ControlLoop
     from s2c2a.live.page import LivePage
     from s2c2a.live.workspace import workspace
     from s2c2a.robots.simulation import SimulatedRobot
     from s2c2a.tasks import TASKS, task_named
 
-    sys.setswitchinterval(0.0005)  # the control thread gets its turn soon, whatever the page computes
-    body = SimulatedRobot(arm, fidelity, seed)
+    sys.setswitchinterval(TURN)
+    spec = load_arm(arm)
+    strategies = strategies_of(spec, strategy, guard)
     name, build = next(iter(strategies.items()))
-    tasks = {task: task_named(task, arm) for task in TASKS}
+    body = SimulatedRobot(spec, fidelity, seed)
+    tasks = {task: task_named(task, spec) for task in TASKS}
     loop = ControlLoop(body, build(), tasks, body, release_after=release_after, name=name)
     loop.start()
     try:
-        page = LivePage(loop, strategies, port, out, lambda: workspace(arm))
+        page = LivePage(loop, strategies, port, out, lambda: workspace(spec))
         try:
-            print(f"{arm.name} is alive: {page.gate.address}\nControl-C ends it.", flush=True)
-            threading.Event().wait()
+            yield loop, page
         finally:
             page.close()
     finally:

@@ -9,7 +9,7 @@ from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 from s2c2a.arm import ArmSpec
 from s2c2a.live.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
 from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
-from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colours import INK, module_colours
 
 SHADOW = "#d9dee6"
@@ -280,13 +280,3 @@ def _floor(scene: SceneApi, size: float) -> None:
         "/base", radius=0.09 * size, height=0.03 * size, color=(122, 133, 148), position=(0, 0, -0.015 * size)
     )
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
-
-
-def tip_of(states: States) -> Float[np.ndarray, "3"]:
-    """Where the tip is [m]."""
-    return states[-1, POSITION]
-
-
-def axis_of(states: States) -> Float[np.ndarray, "3"]:
-    """Where the tip points."""
-    return states[-1, AXIS]
