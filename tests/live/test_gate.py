@@ -9,9 +9,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from conftest import until  # type: ignore[import-not-found]
 from s2c2a.live.loop import Stage
 from s2c2a.live.wish import Wish
+
+from live_tabs import until  # type: ignore[import-not-found]
 
 VERSION = "viser-v" + __import__("viser").__version__
 CAMERA = {

@@ -5,10 +5,11 @@ import time
 import numpy as np
 import pytest
 
-from conftest import TALL, sideways, until  # type: ignore[import-not-found]
 from s2c2a.live.loop import Stage
 from s2c2a.live.wish import Obstacle
 from s2c2a.spaces import POSITION
+
+from live_tabs import TALL, sideways, until  # type: ignore[import-not-found]
 
 
 def tip(loop):

@@ -4,13 +4,14 @@ import time
 
 import numpy as np
 
-from conftest import until  # type: ignore[import-not-found]
 from s2c2a.errors import SimulationError
 from s2c2a.live.loop import Stage
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.wish import Obstacle
 from s2c2a.spaces import POSITION
 from s2c2a.viz.trace_files import TRACES, load_traces
+
+from live_tabs import until  # type: ignore[import-not-found]
 
 
 def driven(loop, **changes):
@@ -93,7 +94,7 @@ def test_what_is_recorded_can_be_read_back(loop, tmp_path):
     recorder.start()
     time.sleep(1.2)
     folder = recorder.stop()
-    traces, arm = load_traces(folder / TRACES)
+    traces, arm = load_traces(folder / f"twin_arm.{TRACES}")
     assert arm.name == "twin_arm"
     assert 8 <= traces[0].times.size <= 14
     np.testing.assert_allclose(traces[0].wanted_positions[-1, -1], [0.15, 0.0, 0.55], atol=1e-6)

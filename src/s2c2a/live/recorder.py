@@ -67,7 +67,7 @@ def _write(snapshots: list[Snapshot], arm: ArmSpec, folder: Path) -> None:
     options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": versions()}
     (folder / "options.json").write_text(json.dumps(options, indent=1, default=str) + "\n", encoding="utf-8")
     save_arm(arm, folder / "arm.toml", overwrite=True)
-    save_traces([trace], arm, folder / TRACES)
+    save_traces([trace], arm, folder / f"{arm.name}.{TRACES}")
     replay_page([trace], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
 
 

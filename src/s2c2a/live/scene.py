@@ -7,9 +7,9 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
 from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
 from s2c2a.spaces import POSITION, States
+from s2c2a.viz.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
 from s2c2a.viz.colours import INK, module_colours
 
 SHADOW = "#d9dee6"
