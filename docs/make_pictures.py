@@ -24,8 +24,8 @@ WIDE, TALL = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 
 def keep(page, name: str) -> None:
     """Save what is seen, small."""
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB").quantize(128)
-    picture.save(FOLDER / f"{name}.png", optimize=True)
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    picture.resize((picture.width * 3 // 4, picture.height * 3 // 4)).save(FOLDER / f"{name}.png", optimize=True)
 
 
 def opened(browser, address: str, size: dict):
@@ -45,7 +45,7 @@ def live_pictures() -> None:
     with running_page("twin_arm", out=Path("runs"), port=8192) as (loop, live), headless() as browser:
         page = opened(browser, live.gate.address, WIDE)
         for share in np.linspace(0, 1, 30):
-            loop.ask(target=(0.26 * share, -0.12 * share, 0.6 - 0.07 * share))
+            loop.ask(target=(0.2 * share, -0.1 * share, 0.6 - 0.055 * share))
             time.sleep(0.1)
         time.sleep(3.0)
         keep(page, "live-target")
@@ -53,6 +53,11 @@ def live_pictures() -> None:
         loop.ask(target=(0.0, 0.0, 0.6), obstacles=(Obstacle((0.03, -0.01, 0.6), 0.08),))
         time.sleep(5.0)
         keep(page, "live-obstacle")
+        page.get_by_text("Plots").click()
+        loop.ask(task="circle", playing=True, obstacles=())
+        time.sleep(16.0)
+        keep(page, "live-plots")
+        loop.ask(task=None)
         page.close()
         loop.ask(obstacles=(), target=(0.0, 0.0, 0.6))
         page = opened(browser, live.gate.address, TALL)

@@ -65,6 +65,7 @@ class ArmScene:
                 opacity=0.22,
                 cast_shadow=False,
                 receive_shadow=False,
+                visible=False,
             )
             for number, tube in enumerate(self._body.shape(straight).modules)
         ]
@@ -137,7 +138,7 @@ class ArmScene:
         for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
             pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
             self._scene.add_point_cloud(
-                f"{name}/{number}", cloud, pale, point_size=0.005 * self._size, point_shape="circle"
+                f"{name}/{number}", cloud, pale, point_size=0.004 * self._size, point_shape="circle"
             )
 
     def show_cloud(self, shown: bool, name: str = "/workspace") -> None:

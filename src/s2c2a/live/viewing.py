@@ -18,7 +18,7 @@ from s2c2a.live.workspace import workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz import Trace
 
-MOST_POINTS = 3000  # of a recording's cloud, a module
+MOST_POINTS = 1500  # of a recording's cloud, a module
 FRAME = 1 / 30  # s
 
 

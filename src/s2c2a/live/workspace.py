@@ -9,7 +9,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import states_from_bends
 from s2c2a.spaces import POSITION
 
-POINTS = 1500
+POINTS = 700
 
 
 def workspace(arm: ArmSpec, points: int = POINTS, seed: int = 0) -> Float[np.ndarray, "modules points 3"]:
