@@ -19,6 +19,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.errors import S2C2AError
 from s2c2a.live.loop import ControlLoop, Snapshot, Stage
 from s2c2a.live.page import LivePage
 
@@ -47,7 +48,10 @@ def start_time(browser: Any, arm: str, port: int) -> Figure:
     process = subprocess.Popen([*command, "--port", str(port)], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
-        address = process.stdout.readline().split()[-1]
+        said = process.stdout.readline()
+        if "http" not in said:
+            raise S2C2AError("`s2c2a live` did not start; its own words are above")
+        address = said.split()[-1]
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
         page.get_by_text("drives").first.wait_for(timeout=120_000)
