@@ -24,6 +24,7 @@ def bench_live(arm: Arm = "twin_arm", minutes: float = 10.0, browsers: bool = Tr
             figures.append(measuring.start_time(browser, arm, 8190))
     with running_page(arm, out=Path("runs"), port=8191) as (loop, page):
         figures.append(measuring.dragged(loop))
+        figures += measuring.read_along(loop, page)
         if browsers:
             with headless() as browser:
                 figures += measuring.watched(loop, page, browser)

@@ -60,12 +60,22 @@ def start_time(browser: Any, arm: str, port: int) -> Figure:
     finally:
         process.terminate()
         process.wait(10)
-    return Figure("start, second time [s]", "at most 6", f"{took:.1f}")
+    return Figure("start, second time, s", "at most 6", f"{took:.1f}")
+
+
+def read_along(loop: ControlLoop, page: LivePage) -> list[Figure]:
+    """Control steps while a target is dragged: with nobody there, and with three who take everything in."""
+    alone = _ticks(loop, SECONDS, lambda: _wander(loop))
+    with _reading(page, 3):
+        read = _ticks(loop, SECONDS, lambda: _wander(loop))
+    return [
+        Figure("control step, 99th percentile, ms; latest one behind its time", "", f"{alone[0]:.1f}; {alone[1]:.0f}"),
+        Figure("the same, three watching that draw elsewhere", "within 20 %", f"{read[0]:.1f}; {read[1]:.0f}"),
+    ]
 
 
 def watched(loop: ControlLoop, page: LivePage, browser: Any) -> list[Figure]:
-    """Control steps without browsers, and with three of which one drags; and what these see."""
-    alone = _ticks(loop, SECONDS, lambda: _wander(loop))
+    """The same with three browsers that draw here; and what they see."""
     tabs = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(3)]
     for tab in tabs:
         tab.goto(page.gate.address)
@@ -73,17 +83,14 @@ def watched(loop: ControlLoop, page: LivePage, browser: Any) -> list[Figure]:
     together = _ticks(loop, SECONDS, lambda: _wander(loop))
     for tab in tabs[1:]:
         tab.close()
-    with _reading(page, 3):
-        read = _ticks(loop, SECONDS, lambda: _wander(loop))
     with _moving(loop):
         rate = tabs[0].evaluate(_FRAMES)
     tabs[0].close()
     return [
-        Figure("control step, 99th percentile [ms]", "", f"{alone[0]:.1f} without browsers"),
-        Figure("the same with three browsers that draw in software here", "within 20 %", f"{together[0]:.1f}"),
-        Figure("the same with three that draw elsewhere", "within 20 %", f"{read[0]:.1f}"),
         Figure(
-            "latest step behind its time [ms]", "", f"{alone[1]:.0f} without, {together[1]:.0f} and {read[1]:.0f} with"
+            "the same, three browsers that draw here, in software",
+            "within 20 %",
+            f"{together[0]:.1f}; {together[1]:.0f}",
         ),
         Figure("frames a second of one browser", "at least 20", f"{rate:.0f}"),
         Figure("frames a second sent", "", f"{_sent(page):.0f}"),
@@ -108,7 +115,7 @@ def dragged(loop: ControlLoop) -> Figure:
     stop()
     after = np.array([row.error for row in rows if row.moment - still > 1.5])
     return Figure(
-        "drag of 20 cm in 1 s: tip from target 1.5 s after it stops, and at most from then on [cm]",
+        "drag of 20 cm in 1 s: tip from target 1.5 s after it stops, and at most from then on, cm",
         "at most 2",
         f"{100 * after[0]:.2f}, {100 * after.max():.2f}",
     )
@@ -141,7 +148,7 @@ def lasting(loop: ControlLoop, minutes: float) -> list[Figure]:
         Figure(f"{minutes:g} min of random drags: steps with NaN or a fault", "0", str(bad[0])),
         Figure("steps beyond a limit", "0", str(bad[1])),
         Figure("compilations after the first 5 s", "0", str(len(compiled))),
-        Figure("memory, first and last [MB]", "flat", f"{sizes[0]:.0f}, {sizes[-1]:.0f}"),
+        Figure("memory, first and last, MB", "flat", f"{sizes[0]:.0f}, {sizes[-1]:.0f}"),
     ]
 
 
@@ -158,7 +165,7 @@ def flooded(loop: ControlLoop, page: LivePage) -> list[Figure]:
     return [
         Figure("connection from another origin", "refused", "refused" if refused else "LET IN"),
         Figure(
-            "control step, 99th percentile, under a flood of 10,000 messages [ms]",
+            "control step, 99th percentile, under a flood of 10,000 messages, ms",
             "unharmed",
             f"{upset[0]:.1f}, {calm[0]:.1f} before",
         ),
