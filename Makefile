@@ -22,10 +22,10 @@ format: setup
 
 setup: .venv/ready
 
-browser:  ## what the tests of the replay page need; they are skipped without it, and say so
+browser:  ## what the tests of the pages need; they are skipped without it, and say so
 	@command -v chromium > /dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
 		apt-get update -q && apt-get install -y -q --no-install-recommends chromium; } || \
-		echo "no Chromium here, and no right to install it: the tests of the replay page will be skipped"
+		echo "no Chromium here, and no right to install it: the tests of the pages will be skipped"
 
 .venv/ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

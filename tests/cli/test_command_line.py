@@ -10,7 +10,20 @@ import pytest
 from s2c2a.cli.main import main
 from s2c2a.experiments.tables import TABLES
 
-VERBS = ["demo", "collect", "train", "run", "sweep", "bench", "doctor", "arm", "reproduce"]
+VERBS = [
+    "demo",
+    "live",
+    "view",
+    "bench-live",
+    "collect",
+    "train",
+    "run",
+    "sweep",
+    "bench",
+    "doctor",
+    "arm",
+    "reproduce",
+]
 
 
 def run(*arguments: str) -> None:
@@ -47,7 +60,8 @@ def test_help_imports_nothing_heavy():
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py', 'distributed', 'optuna'} & set(sys.modules)\n"
+        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py', 'distributed', 'optuna', 'viser', 'websockets'}\n"
+        "heavy &= set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

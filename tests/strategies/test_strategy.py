@@ -4,12 +4,14 @@ import logging
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.kinematics import states_from_configurations
 from s2c2a.planning import Goal, PlannerOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
@@ -208,3 +210,15 @@ def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     assert at_work.training == best.training
     for change in ({"speeds": (0.03, 0.2)}, {"directions": False}, {"c2s": recipe_named("paper").c2s}):
         assert replace(best, **change).training != best.training
+
+
+def test_what_a_plan_leads_to_is_what_the_forward_model_says(twin):
+    strategy = pcc_strategy(twin, PlannerOptions())
+    with SimulatedRobot(twin) as robot:
+        reading = robot.read()
+        strategy.start(reading)
+        strategy.step(reading, Goal.of(3).with_position([0.2, 0.0, 0.5]))
+    lengths = jnp.full(3, 0.2)
+    np.testing.assert_allclose(
+        strategy.expected, states_from_configurations(jnp.asarray(strategy.planned), lengths), atol=1e-6
+    )

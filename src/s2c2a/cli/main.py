@@ -8,19 +8,22 @@ from tyro.extras import SubcommandApp
 from s2c2a.cache import keep_programs
 from s2c2a.cli.arm import app as arm_verbs
 from s2c2a.cli.bench import bench
+from s2c2a.cli.bench_live import bench_live
 from s2c2a.cli.collect import collect
 from s2c2a.cli.demo import demo
 from s2c2a.cli.doctor import doctor
+from s2c2a.cli.live import live
 from s2c2a.cli.reproduce import app as reproduce_verbs
 from s2c2a.cli.run import run
 from s2c2a.cli.sweep import sweep
 from s2c2a.cli.train import train
+from s2c2a.cli.view import view
 from s2c2a.errors import S2C2AError
 
 FAULT, INTERRUPTED = 2, 130  # exit codes
 
 app = SubcommandApp()
-for verb in (demo, collect, train, run, sweep, bench, doctor):
+for verb in (demo, live, view, collect, train, run, sweep, bench, bench_live, doctor):
     app.command(verb)
 app.command(arm_verbs, name="arm", help="Check, describe, draw or copy an arm file.")
 app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")

@@ -21,6 +21,7 @@ def run(
     out: Path | None = None,
     overwrite: bool = False,
     jobs: int | None = None,
+    video: bool = False,
 ) -> None:
     """Let controllers work on a task, and show what happened: results, figure, replay page.
 
@@ -41,6 +42,7 @@ def run(
         overwrite: replace the run folder if it exists.
         jobs: trainings and runs side by side, where there are several seeds and no strategy file; all cores if not
             stated. Same seeds, same scores.
+        video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
     """
     from s2c2a.arm import load_arm
     from s2c2a.experiments.ahead import jobs_for, make_all_ahead, shelf_for
@@ -92,4 +94,9 @@ def run(
     for row in rows:
         if row.metric == "position":
             print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
+    if video:
+        from s2c2a.experiments.run_folder import trace_of
+        from s2c2a.viz.video import save_video
+
+        print(f"video: {save_video(trace_of(runs[0]), spec, folder / spec.name)}")
     print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")

@@ -12,6 +12,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows, versions
 from s2c2a.experiments.following import Run
 from s2c2a.viz import Trace, replay_page, run_figure
+from s2c2a.viz.trace_files import TRACES, save_traces
 
 MARKER = "options.json"
 
@@ -60,11 +61,12 @@ def _steps(run: Run) -> Iterator[tuple]:
 
 
 def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fidelity: str) -> tuple[Path, Path]:
-    """Draw the first seed's runs: a figure and a replay page; returns their paths."""
+    """Draw the first seed's runs: a figure and a replay page; returns their paths. The traces go beside them."""
     first = [run for run in runs if run.seed == runs[0].seed]
     traces = [trace_of(run) for run in first]
     title = f"{first[0].rollout.task.name} with {arm.name}"
     summary = {"recipe": recipe, "simulation": fidelity, "seed": str(first[0].seed)}
+    save_traces(traces, arm, folder / f"{arm.name}.{TRACES}")
     figure = run_figure(traces, arm, folder / f"{arm.name}.png")
     page = replay_page(traces, arm, title, folder / f"{arm.name}.html", summary)
     return figure, page

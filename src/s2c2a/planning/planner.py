@@ -46,6 +46,7 @@ class Planner:
         """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
         self._modules = arm.module_count
         self._start = compiled(started, model)
+        self._predicted = compiled(_predicted, model)
         self._next = compiled(next_plan, *solver_of(arm, model, length_scale, options), model)
         self._warm_up()
 
@@ -63,6 +64,10 @@ class Planner:
         """
         return self._next(plan, _single(sensed), goal)
 
+    def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
+        """The states that the forward model expects of a plan [m, 1], base frame; compiles when first called."""
+        return self._predicted(plan)
+
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
         jax.block_until_ready(self.plan(self.start(straight), straight, Goal.of(self._modules)))
@@ -75,6 +80,10 @@ def _single(values: Numbers) -> Numbers:
 def started(model: ForwardModel, sensed: Configurations) -> Plan:
     """The plan of an arm at rest (`Planner.start`)."""
     return Plan(sensed, model.start(sensed))
+
+
+def _predicted(model: ForwardModel, plan: Plan) -> Float[Array, "modules 6"]:
+    return model.predict(plan.configurations, plan.memory)
 
 
 def solver_of(arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):

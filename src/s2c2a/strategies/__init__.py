@@ -7,6 +7,7 @@ from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
 from s2c2a.strategies.recipe import RECIPES, Recipe, recipe_named
 from s2c2a.strategies.recipe_files import load_recipe, recipe_from, save_recipe
 from s2c2a.strategies.s2c2a import TrainedNetworks, s2c2a_batch_planner, s2c2a_strategy, train_s2c2a
+from s2c2a.strategies.shipped import shipped_networks
 from s2c2a.strategies.strategy import AnyStrategy, Strategy
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "save_lstm",
     "save_recipe",
     "save_strategy",
+    "shipped_networks",
     "train_lstm_strategy",
     "train_s2c2a",
 ]

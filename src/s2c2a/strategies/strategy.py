@@ -11,7 +11,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.programs import compiled
 from s2c2a.sensing import Estimator
-from s2c2a.spaces import Actions, Configurations, Reading
+from s2c2a.spaces import Actions, Configurations, Reading, States
 
 
 class AnyStrategy(Protocol):
@@ -103,6 +103,17 @@ class Strategy:
         if self._plan is None:
             raise StrategyError("this strategy was not started; it has planned nothing yet")
         return np.asarray(self._plan.configurations)
+
+    @property
+    def expected(self) -> States:
+        """The states that the latest plan is expected to lead to, shape (modules, 6), base frame.
+
+        Raises:
+            StrategyError: it was not started.
+        """
+        if self._plan is None:
+            raise StrategyError("this strategy was not started; it expects nothing yet")
+        return np.asarray(self._planner.predicted(self._plan), dtype=float)
 
     def _sensed_in(self, reading: Reading):
         truth = reading.configurations

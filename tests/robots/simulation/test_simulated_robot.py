@@ -215,3 +215,21 @@ def test_a_reading_is_a_value_that_later_steps_do_not_change(twin):
     assert np.abs(robot.read().states - kept.states).max() > 0.01
     np.testing.assert_array_equal(reading.states, kept.states)
     np.testing.assert_array_equal(reading.cables, kept.cables)
+
+
+def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
+    robot, loaded = SimulatedRobot(twin), SimulatedRobot(twin, payload=0.1)
+    action = np.tile([0.01, -0.005, -0.005], (3, 1))
+    robot.open()
+    for _ in range(5):
+        robot.send(action)
+    before = robot.states()
+    robot.load(0.1)
+    np.testing.assert_allclose(robot.states(), before, atol=1e-9)
+    loaded.open()
+    for _ in range(60):
+        robot.send(action)
+        loaded.send(action)
+    np.testing.assert_allclose(robot.states(), loaded.states(), atol=0.01)
+    with pytest.raises(S2C2AError):
+        robot.load(-1.0)

@@ -14,6 +14,7 @@ from s2c2a.robots.simulation.motors import encoder_reading, follow
 from s2c2a.spaces import Actions, Reading, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
+MOST_PAYLOAD = 50.0  # kg
 _BAD = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -46,10 +47,8 @@ class SimulatedRobot(Robot):
         jitter: float = 0.0,
         watched: bool = False,
     ):
-        if not (np.isfinite(payload) and 0 <= payload <= 50):
-            raise S2C2AError(f"payload {payload} kg is not between 0 and 50 kg")
-        self.arm = arm
-        self.model = build_model(arm, fidelity_named(fidelity), payload)
+        self.arm, self._fidelity = arm, fidelity_named(fidelity)
+        self.model = build_model(arm, self._fidelity, _checked_payload(payload))
         self.data = mujoco.MjData(self.model)
         self._geometry = ArmGeometry.of(arm)
         self._times = self.model.opt.timestep * np.arange(1, round(arm.control_period / self.model.opt.timestep) + 1)
@@ -124,6 +123,20 @@ class SimulatedRobot(Robot):
             raise S2C2AError(f"a push takes three finite numbers [N], got {force}")
         self._push = values
 
+    def load(self, payload: float) -> None:
+        """Hang a mass at the tip [kg] in place of the last one, from now on; the arm does not jump.
+
+        Raises:
+            S2C2AError: impossible payload.
+        """
+        model = build_model(self.arm, self._fidelity, _checked_payload(payload))
+        data, kind = mujoco.MjData(model), mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(self.model, self.data, state, kind)
+        mujoco.mj_setState(model, data, state, kind)
+        mujoco.mj_forward(model, data)
+        self.model, self.data = model, data
+
     def states(self) -> States:
         """True states, shape (modules, 6), base frame."""
         positions = self.data.site_xpos[self._end_sites]
@@ -188,3 +201,9 @@ class SimulatedRobot(Robot):
                 self._step,
                 self._last_states,
             )
+
+
+def _checked_payload(payload: float) -> float:
+    if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
+        raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
+    return payload

@@ -1,0 +1,283 @@
+"""The scene: floor, arm, ghost, target, obstacles, trails, workspace. Drawn from State values alone."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
+
+from s2c2a.arm import ArmSpec
+from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
+from s2c2a.spaces import POSITION, States
+from s2c2a.viz.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
+from s2c2a.viz.colours import INK, module_colours
+
+SHADOW = "#d9dee6"
+FLOOR, GRID, GRID_STRONG, DISC, GHOST = "#eef1f5", "#d3dae3", "#b9c3cf", "#aab3bf", "#5b6675"
+REAL, TARGET = "#1f5fc4", "#7b35c9"
+SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown
+FAR_TARGET = "#f0a000"
+SAFE, NEAR, INSIDE = "#8a93a6", "#f0a000", "#d62728"
+NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer than that
+PALE = 0.6  # how much of the workspace's colours is white
+BALL = 0.042  # radius of the target in parts of the arm's length
+ARROW = 0.22  # length of the target's axis, the same
+FLOOR_LEVEL = -0.02  # in parts of the arm's length
+TRAIL_THICK, TRAIL_POINTS = 0.004, 160
+
+Dragged = Callable[[int, Point], None]
+"""Told who dragged (a client's number) and where to."""
+DraggedOne = Callable[[int, int, Point], None]
+"""Told who dragged, which one, and where to."""
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """A colour as three numbers of 0 to 255."""
+    red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
+    return red, green, blue
+
+
+class ArmScene:
+    """One arm and what is round it, in a viser scene that all browsers share."""
+
+    def __init__(self, scene: SceneApi, arm: ArmSpec, straight: States):
+        """Lay everything out, the arm in its first states."""
+        self._scene, self._arm, self._body = scene, arm, Body(arm)
+        self._size = arm.length
+        _light(scene)
+        _floor(scene, self._size)
+        self._tubes, self._cables, self._discs = self._add_arm(straight)
+        self._shadow = scene.add_mesh_simple(
+            "/shadow",
+            self._shadow_of(self._body.shape(straight).modules),
+            self._body.tubes_faces,
+            color=rgb(SHADOW),
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._ghost = [
+            scene.add_mesh_simple(
+                f"/ghost/{number}",
+                tube,
+                self._body.tube_faces,
+                color=rgb(GHOST),
+                opacity=0.22,
+                cast_shadow=False,
+                receive_shadow=False,
+                visible=False,
+            )
+            for number, tube in enumerate(self._body.shape(straight).modules)
+        ]
+        self._trails = {name: self._add_thread(name, colour) for name, colour in (("real", REAL), ("wanted", TARGET))}
+        self._target = _ball(scene, "/target", BALL * self._size, TARGET)
+        self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
+        self._shaft = self._add_thread("axis", TARGET)
+        self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
+        self._spheres = [_Sphere(scene, f"/obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
+        self._asked = [_Sphere(scene, f"/task_obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
+
+    def draw_arm(self, states: States) -> None:
+        """Put the arm where it is."""
+        shape = self._body.shape(states)
+        for tube, vertices in zip(self._tubes, shape.modules, strict=True):
+            tube.vertices = vertices.astype(np.float32)
+        for cable, points in zip(self._cables, shape.cables, strict=True):
+            cable.vertices = points.astype(np.float32)
+        self._discs.vertices = shape.discs.astype(np.float32)
+        self._shadow.vertices = self._shadow_of(shape.modules)
+
+    def draw_ghost(self, states: States | None, arm: States) -> None:
+        """Show where the plan leads to, unless that is where the arm is already."""
+        apart = 0.0 if states is None else np.linalg.norm(states[:, POSITION] - arm[:, POSITION], axis=-1).max()
+        tubes = () if states is None or apart < SAME_PLACE * self._size else self._body.shape(states).modules
+        for number, ghost in enumerate(self._ghost):
+            _show(ghost, bool(tubes))
+            if tubes:
+                ghost.vertices = tubes[number].astype(np.float32)
+
+    def draw_target(self, position: Point | None, axis: Point | None, gap: float) -> None:
+        """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
+        far = position is not None and gap > 0.005
+        colour = rgb(FAR_TARGET if far else TARGET)
+        _show(self._target, position is not None)
+        _show(self._pointer, position is not None and axis is not None)
+        _show(self._shaft, position is not None and axis is not None)
+        _show(self._far, far)
+        if position is None:
+            return
+        self._target.position = position
+        if self._target.color != colour:
+            self._target.color = colour
+        if far:
+            self._far.text = f"{100 * gap:.1f} cm out of reach"
+            self._far.position = np.add(position, (0, 0, 0.05 * self._size))
+        if axis is not None:
+            end = np.add(position, ARROW * self._size * np.array(axis))
+            self._pointer.position = end
+            self._lay(self._shaft, np.array([position, end]))
+
+    def draw_obstacles(self, own: Sequence[Obstacle], asked: Sequence[Obstacle], tip: Float[np.ndarray, "3"]) -> None:
+        """Show the driver's obstacles and the task's, coloured by how near the tip is."""
+        for spheres, obstacles in ((self._spheres, own), (self._asked, asked)):
+            for number, sphere in enumerate(spheres):
+                sphere.draw(obstacles[number] if number < len(obstacles) else None, tip)
+
+    def draw_trail(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
+        """Show the way of the `real` or the `wanted` tip since it was last NaN."""
+        gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
+        stretch = points[gaps[-1] + 1 if len(gaps) else 0 :]
+        _show(self._trails[name], len(stretch) > 1)
+        if len(stretch) > 1:
+            self._lay(self._trails[name], stretch)
+
+    def draw_cloud(self, points: Float[np.ndarray, "modules points 3"] | None, name: str = "/workspace") -> None:
+        """Show where the modules' ends can be, in the modules' colours."""
+        if points is None:
+            return
+        for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
+            pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
+            self._scene.add_point_cloud(
+                f"{name}/{number}", cloud, pale, point_size=0.004 * self._size, point_shape="circle"
+            )
+
+    def show_cloud(self, shown: bool, name: str = "/workspace") -> None:
+        """Show or hide the workspace."""
+        self._scene.add_frame(name, show_axes=False, visible=shown)
+
+    def on_drag(self, target: Dragged, pointer: Dragged, obstacle: DraggedOne) -> None:
+        """Tell who drags the target, the end of its axis, or one of the driver's obstacles."""
+        _follow_drags(self._target, target)
+        _follow_drags(self._pointer, pointer)
+        for number, sphere in enumerate(self._spheres):
+            sphere.on_drag(lambda who, where, number=number: obstacle(who, number, where))  # type: ignore[misc]
+
+    def axis_towards(self, target: Point, pointer: Point) -> Point:
+        """The direction from a target to the end of its axis."""
+        x, y, z = np.subtract(pointer, target)
+        return float(x), float(y), float(z)
+
+    def _shadow_of(self, tubes: Sequence[Vertices]) -> Vertices:
+        """The arm straight down on the floor; far cheaper than a light's shadow."""
+        flat = np.concatenate(tubes).astype(np.float32)
+        flat[:, 2] = (FLOOR_LEVEL + 0.002) * self._size
+        return flat
+
+    def _add_arm(self, states: States):
+        shape, colours = self._body.shape(states), module_colours(self._arm.module_count)
+        tubes, cables = [], []
+        for number, (tube, lines, colour) in enumerate(zip(shape.modules, shape.cables, colours, strict=True)):
+            tubes.append(self._scene.add_mesh_simple(f"/arm/{number}", tube, self._body.tube_faces, color=rgb(colour)))
+            dark = np.array(rgb(colour)) // 2
+            cables.append(
+                self._scene.add_mesh_simple(
+                    f"/cables/{number}", lines, self._body.cable_faces, color=dark, cast_shadow=False
+                )
+            )
+        discs = self._scene.add_mesh_simple(
+            "/arm/discs", shape.discs, self._body.disc_faces, color=rgb(DISC), flat_shading=True
+        )
+        return tubes, cables, discs
+
+    def _add_thread(self, name: str, colour: str) -> MeshHandle:
+        return self._scene.add_mesh_simple(
+            f"/trails/{name}",
+            np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)),
+            thread_faces(1, TRAIL_POINTS),
+            color=rgb(colour),
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _lay(self, thread: MeshHandle, points: Float[np.ndarray, "points 3"]) -> None:
+        """Lay a thread along points, whatever their number."""
+        places = np.linspace(0, len(points) - 1, TRAIL_POINTS)
+        line = np.stack([np.interp(places, np.arange(len(points)), points[:, axis]) for axis in range(3)], axis=-1)
+        thread.vertices = threads(line[None], TRAIL_THICK * self._size).astype(np.float32)
+
+
+class _Sphere:
+    """An obstacle: a small core in its threshold sphere."""
+
+    def __init__(self, scene: SceneApi, name: str, size: float):
+        self._size = size
+        self._core = _ball(scene, f"{name}/core", 1.0, INK)
+        self._threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
+        self._drawn: tuple | None = None
+
+    def draw(self, obstacle: Obstacle | None, tip: Float[np.ndarray, "3"]) -> None:
+        for part in (self._core, self._threshold):
+            _show(part, obstacle is not None)
+        if obstacle is None:
+            return
+        room = float(np.linalg.norm(np.subtract(tip, obstacle.centre))) - obstacle.threshold
+        colour = INSIDE if room < 0 else NEAR if room < NEAR_BY else SAFE
+        if self._drawn == (obstacle, colour):
+            return
+        self._drawn = (obstacle, colour)
+        self._core.position = self._threshold.position = obstacle.centre
+        self._core.scale, self._threshold.scale = 0.3 * obstacle.threshold, obstacle.threshold
+        self._threshold.color = rgb(colour)
+
+    def on_drag(self, told: Dragged) -> None:
+        _follow_drags(self._threshold, told)
+
+
+def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
+    """Tell where the centre of a ball is dragged to: it keeps its offset from the point where it was grabbed."""
+    offsets: dict[int, np.ndarray] = {}
+
+    @handle.on_drag
+    async def _(event: SceneNodeDragEvent) -> None:  # in the order of the messages
+        if event.phase == "start":
+            offsets[event.client_id] = np.subtract(handle.position, event.start_position)
+        if event.client_id in offsets:
+            x, y, z = np.add(event.end_position, offsets[event.client_id])
+            told(event.client_id, (float(x), float(y), float(z)))
+        if event.phase == "end":
+            offsets.pop(event.client_id, None)
+
+
+def _ball(scene: SceneApi, name: str, radius: float, colour: str, opacity: float | None = None) -> IcosphereHandle:
+    return scene.add_icosphere(
+        name, radius, color=rgb(colour), opacity=opacity, visible=False, cast_shadow=False, receive_shadow=False
+    )
+
+
+def _show(node, shown: bool) -> None:
+    if node.visible != shown:
+        node.visible = shown
+
+
+def _light(scene: SceneApi) -> None:
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(190, 198, 210), intensity=1.6)
+    scene.add_light_directional(
+        "/lights/sun", color=(255, 250, 240), intensity=2.0, cast_shadow=False, position=(1, -1.4, 2)
+    )
+    scene.world_axes.visible = False
+
+
+def _floor(scene: SceneApi, size: float) -> None:
+    """A grid as wide as the arm reaches, the frame of the base, and the base itself."""
+    cell = 0.1 if size > 0.3 else 0.02
+    width = cell * np.ceil(2.6 * size / cell)
+    scene.add_grid(
+        "/floor",
+        width=width,
+        height=width,
+        cell_size=cell,
+        section_size=5 * cell,
+        cell_color=rgb(GRID),
+        section_color=rgb(GRID_STRONG),
+        plane_color=rgb(FLOOR),
+        plane_opacity=1.0,
+        shadow_opacity=0.0,
+        position=(0, 0, FLOOR_LEVEL * size),
+    )
+    scene.add_cylinder(
+        "/base", radius=0.09 * size, height=0.03 * size, color=(122, 133, 148), position=(0, 0, -0.015 * size)
+    )
+    scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)

@@ -1,0 +1,62 @@
+"""A live page of the twin with the networks that come with the package, and browsers that look at it."""
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.live.loop import ControlLoop
+from s2c2a.live.page import LivePage
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import s2c2a_strategy, shipped_networks
+from s2c2a.tasks import TASKS, task_named
+
+from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
+
+
+@pytest.fixture(scope="session")
+def strategy():
+    """Drives the twin with the networks that come with the package."""
+    return s2c2a_strategy(shipped_networks(load_arm("twin_arm")))
+
+
+@pytest.fixture
+def loop(twin, strategy):
+    """A loop that runs."""
+    robot = SimulatedRobot(twin)
+    running = ControlLoop(robot, strategy, {name: task_named(name, twin) for name in TASKS}, robot, release_after=2.0)
+    running.start()
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def page(loop, strategy, tmp_path):
+    """Its page."""
+    opened = LivePage(loop, {"s2c2a": lambda: strategy}, 0, tmp_path / "runs")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A headless browser."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on the path")
+    api = pytest.importorskip("playwright.sync_api")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_tab(chromium, page):
+    """Opens tabs on the live page and closes them."""
+    tabs = []
+
+    def opened(size=WIDE) -> Tab:
+        tabs.append(Tab(chromium, page.gate.address, size))
+        return tabs[-1]
+
+    yield opened
+    for tab in tabs:
+        tab.page.close()

@@ -1,0 +1,120 @@
+"""The live page in a real browser, where one is installed. `S2C2A_SCREENSHOTS` names a folder to keep what is seen."""
+
+import time
+
+import numpy as np
+import pytest
+
+from s2c2a.live.loop import Stage
+from s2c2a.live.wish import Obstacle
+from s2c2a.spaces import POSITION
+
+from live_tabs import TALL, sideways, until  # type: ignore[import-not-found]
+
+
+def tip(loop):
+    return loop.latest.states[-1, POSITION].copy()
+
+
+def drag_until(tab, start, end, done, what: str) -> None:
+    """Drag, again if need be: a page without a graphics card may draw a thing seconds after it is there."""
+    for _ in range(5):
+        tab.drag(start, end)
+        for _ in range(20):
+            if done():
+                return
+            time.sleep(0.05)
+        time.sleep(1.0)
+    pytest.fail(f"{what} has not happened in five tries")
+
+
+def shown(tab):
+    """The tab once its panel and scene are there."""
+    tab.page.get_by_text("Drag the violet ball").wait_for()
+    with_close = tab.page.locator(".mantine-Notification-closeButton")
+    if with_close.count():
+        with_close.first.click()  # that there is no graphics card
+    return tab
+
+
+def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(loop, page, open_tab):
+    tab = shown(open_tab())
+    tab.keep("wide-at-rest")
+    before, start = tip(loop), tab.place_of(loop.wish.target, loop.arm.length)
+    end = (start[0] + 120, start[1] + 50)
+    drag_until(tab, start, end, lambda: np.linalg.norm(np.subtract(loop.wish.target, before)) > 0.05, "the drag")
+    until(lambda: loop.latest.error < 0.02, what="the tip's arrival")
+    assert np.linalg.norm(tip(loop) - before) > 0.05
+    np.testing.assert_allclose(tab.place_of(loop.wish.target, loop.arm.length), end, atol=12)
+    drawn = page._scene._discs.vertices[-1]
+    np.testing.assert_allclose(drawn, tip(loop), atol=0.02)
+    tab.keep("wide-dragged")
+    assert tab.errors == []
+
+
+def test_sliders_act(loop, page, open_tab):
+    tab = shown(open_tab())
+    tab.page.get_by_role("tab", name="Faults").click()
+    thumb = tab.page.get_by_role("slider").nth(1)
+    thumb.wait_for()
+    tab.keep("wide-faults")
+    thumb.focus()
+    for _ in range(12):
+        tab.page.keyboard.press("ArrowRight")
+    until(lambda: loop.wish.push[0] > 0.5, what="the push")
+    until(lambda: tip(loop)[0] > 0.01, what="giving way")
+    tab.page.get_by_role("button", name="None of it").click()
+    until(lambda: loop.wish.push == (0.0, 0.0, 0.0), what="the end of the push")
+    tab.page.get_by_role("tab", name="Plan").click()
+    tab.page.get_by_role("slider").first.wait_for()
+    tab.keep("wide-plan")
+    tab.page.get_by_role("button", name="Stop").click()
+    until(lambda: loop.latest.stage is Stage.HOLDING, what="the stop")
+    assert tab.errors == []
+
+
+def test_an_obstacle_pushed_into_the_arm_makes_it_flee(loop, page, open_tab):
+    tab = shown(open_tab())
+    loop.ask(target=None)
+    tab.page.get_by_role("tab", name="Avoid").click()
+    tab.page.get_by_role("button", name="Add one").click()
+    until(lambda: len(loop.wish.obstacles) == 1, what="the obstacle")
+    loop.ask(obstacles=(Obstacle(tuple(0.22 * sideways() + (0, 0, 0.58)), 0.08),))
+    until(lambda: loop.latest.clearance < 1.0, what="the obstacle")
+    before = tip(loop)
+    tab.keep("wide-obstacle")
+    start = tab.place_of(loop.wish.obstacles[0].centre, loop.arm.length)
+    end = tab.place_of(0.02 * sideways() + (0, 0, 0.58), loop.arm.length)
+    drag_until(tab, start, end, lambda: np.linalg.norm(tip(loop) - before) > 0.02, "fleeing")
+    until(lambda: loop.latest.clearance > 0, what="being clear")
+    tab.keep("wide-fled")
+    assert tab.errors == []
+
+
+def test_the_second_browser_watches_until_the_handle_is_free(loop, page, open_tab):
+    first = shown(open_tab())
+    second = open_tab()
+    second.page.get_by_text("Somebody else drives").wait_for()
+    assert second.page.get_by_role("tab", name="Faults").count() == 0
+    driver = page.session.driver
+    second.keep("wide-watching")
+    start = second.place_of(loop.wish.target, loop.arm.length)
+    target = loop.wish.target
+    second.drag(start, (start[0] + 120, start[1] + 50))
+    time.sleep(1.0)
+    assert loop.wish.target == target
+    first.page.get_by_role("tab", name="More").click()
+    first.page.get_by_role("button", name="Give the handle away").click()
+    second.page.get_by_role("button", name="Take the handle").click()
+    until(lambda: page.session.driver not in (None, driver), what="taking the handle")
+    assert first.errors == second.errors == []
+
+
+def test_out_of_reach_is_shown_on_a_telephone_too(loop, page, open_tab):
+    tab = shown(open_tab(TALL))
+    loop.ask(target=(0.22, -0.12, 0.63))
+    tab.page.get_by_text("cm out of reach").first.wait_for()
+    until(lambda: page._gap > 0.01, what="the distance left")
+    time.sleep(2.0)
+    tab.keep("tall-out-of-reach")
+    assert tab.errors == []

@@ -1,0 +1,91 @@
+"""What is finished, in the same scene."""
+
+import time
+
+import numpy as np
+import pytest
+
+from s2c2a.cli.view import page_of
+from s2c2a.errors import S2C2AError
+from s2c2a.live.viewing import view_arm, view_recording, view_runs
+from s2c2a.viz import Trace
+from s2c2a.viz.trace_files import load_traces, save_traces
+
+from live_tabs import TALL, Tab, until  # type: ignore[import-not-found]
+
+
+@pytest.fixture
+def shown(chromium):
+    """Opens a page in a tab, and closes both."""
+    opened = []
+
+    def show(page, size=(1280, 800)):
+        tab = Tab(chromium, page.gate.address, size)
+        opened.append((page, tab))
+        return tab
+
+    yield show
+    for page, tab in opened:
+        tab.page.close()
+        page.close()
+
+
+def run(twin, label: str, turn: float) -> Trace:
+    """An arm that leans further and further to one side."""
+    leans = 0.2 * np.linspace(0, 1, 50)
+    states = np.zeros((50, 3, 6))
+    states[..., 2], states[..., 5] = 0.2 * np.arange(1, 4), 1.0
+    states[..., 0] = np.outer(leans * np.cos(turn), np.arange(1, 4) ** 2 / 9)
+    states[..., 1] = np.outer(leans * np.sin(turn), np.arange(1, 4) ** 2 / 9)
+    nothing = np.full((50, 3, 3), np.nan)
+    wanted = nothing.copy()
+    wanted[:, -1] = states[:, -1, :3] + 0.02
+    return Trace(label, 0.1 * np.arange(50), states, wanted, nothing, np.zeros((50, 0, 4)))
+
+
+def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown):
+    page = view_runs([run(twin, "best", 0.0), run(twin, "paper", 1.5)], twin, 0)
+    tab = shown(page)
+    tab.page.get_by_text("cm from the target").wait_for()
+    until(lambda: page.scene._discs.vertices[-1][0] > 0.1, what="the run's end")
+    until(lambda: page.scene._ghost[0].visible, what="the ghost")
+    tab.page.get_by_role("button", name="Pause").click()
+    tab.keep("wide-runs")
+    assert tab.errors == []
+
+
+def test_an_arm_is_bent_by_sliders(twin, shown):
+    page = view_arm(twin, 0)
+    tab = shown(page)
+    thumb = tab.page.get_by_role("slider").first
+    thumb.wait_for()
+    thumb.focus()
+    for _ in range(30):
+        tab.page.keyboard.press("ArrowRight")
+    until(lambda: page.scene._discs.vertices[-1][0] > 0.05, what="bending")
+    tab.keep("wide-arm")
+    assert tab.errors == []
+
+
+def test_a_recording_shows_its_workspace_on_a_telephone_too(recording, shown):
+    tab = shown(view_recording(recording, 0), TALL)
+    tab.page.get_by_role("button", name="Pause").wait_for()
+    time.sleep(2.0)
+    tab.keep("tall-recording")
+    assert tab.errors == []
+
+
+def test_traces_come_back_from_their_file(twin, tmp_path):
+    path = save_traces([run(twin, "best", 0.0)], twin, tmp_path / "twin.traces.npz")
+    traces, arm = load_traces(path)
+    assert arm == twin
+    np.testing.assert_allclose(traces[0].states, run(twin, "best", 0.0).states, atol=1e-6)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(S2C2AError, match="damaged"):
+        load_traces(path)
+
+
+def test_what_cannot_be_viewed_is_said(tmp_path):
+    for nothing in ((), (str(tmp_path),), ("twin_arm", "simulated_arm"), ("no_such_arm",), ("none.h5",)):
+        with pytest.raises(S2C2AError):
+            page_of(nothing, 0)

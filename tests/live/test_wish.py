@@ -1,0 +1,55 @@
+"""Whatever a client sends, a wish stays within its limits."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Weights, Wish, goal_of
+from s2c2a.planning import Goal
+
+LIMITS = Limits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))
+ANYTHING = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(), st.binary(), st.lists(st.floats(), max_size=4)
+)
+NAMES = ("target", "axis", "task", "speed", "obstacles", "weights", "payload", "push", "coupling", "noise")
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.dictionaries(st.sampled_from(NAMES), ANYTHING))
+def test_no_value_leads_out_of_the_limits(changes):
+    wish = LIMITS.changed(Wish(), **changes)
+    assert wish.target is None or np.linalg.norm(wish.target) <= LIMITS.reach + 1e-9
+    assert wish.axis is None or np.linalg.norm(wish.axis) == pytest.approx(1.0)
+    assert wish.task in (None, "circle")
+    assert 0 <= wish.payload <= LIMITS.payload
+    assert np.abs(wish.push).max() <= LIMITS.push
+    assert 0 <= wish.coupling <= 1
+    assert 0 <= wish.noise <= LIMITS.noise
+    goal_of(wish, 3, None)  # refuses what is not finite
+
+
+def test_a_target_too_far_is_drawn_to_the_limit_and_nonsense_is_passed_over():
+    wish = LIMITS.changed(Wish(), target=(0, 0, 5))
+    assert wish.target == pytest.approx((0, 0, 1.2))
+    for nonsense in ((0, 0), "abc", (float("nan"), 0, 0), (float("inf"), 0, 0), [[1, 2, 3]], {"x": 1}):
+        assert LIMITS.changed(wish, target=nonsense) == wish
+    assert LIMITS.changed(wish, no_such_thing=1, speed=2.0) == LIMITS.changed(wish, speed=2.0)
+
+
+def test_obstacles_are_few_and_of_sound_size():
+    many = tuple(Obstacle((9.0, 0.0, 0.0), 7.0) for _ in range(30))
+    own = LIMITS.changed(Wish(), obstacles=many).obstacles
+    assert len(own) == MOST_OBSTACLES
+    assert own[0].centre == pytest.approx((1.2, 0, 0))
+    assert own[0].threshold == pytest.approx(0.3)
+
+
+def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
+    asked = Goal.of(3).with_position([0.1, 0, 0.5]).with_obstacles([[0.2, 0, 0.5]], [0.06])
+    wish = Wish(obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),), weights=Weights(position=2.0, obstacle=3.0))
+    goal = goal_of(wish, 3, asked)
+    np.testing.assert_allclose(goal.thresholds[:3], [0.06, 0.08, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(goal.obstacles[1], [0.0, 0.2, 0.5], rtol=1e-6)
+    assert goal.position_weights[-1] == 2.0
+    assert goal.obstacle_weight == 3.0

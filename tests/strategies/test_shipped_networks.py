@@ -1,0 +1,34 @@
+"""The networks that come with the package."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import StrategyError
+from s2c2a.evaluation import position_errors, rollout
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import load_strategy, recipe_named, s2c2a_strategy, shipped_networks
+from s2c2a.strategies.shipped import FOLDER
+from s2c2a.tasks import circle
+
+PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}  # cm; README says 0.28 and 0.05 over five seeds
+
+
+@pytest.mark.parametrize(("name", "most"), PRESETS.items())
+def test_they_drive_the_circle(name, most):
+    arm = load_arm(name)
+    run = rollout(SimulatedRobot(arm), s2c2a_strategy(shipped_networks(arm)), circle(arm))
+    assert np.mean(position_errors(run.states, run.task.wanted_positions())) < most
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_they_were_trained_by_the_recipe_as_it_is(name):
+    networks = load_strategy(FOLDER / f"{name}.safetensors", load_arm(name))
+    assert networks.seed == 0
+    assert networks.recipe.training == recipe_named("best").training
+    assert shipped_networks(load_arm(name)).recipe == recipe_named("best")
+
+
+def test_another_arm_is_told_to_train(make_arm):
+    with pytest.raises(StrategyError, match="s2c2a train"):
+        shipped_networks(make_arm(2))
