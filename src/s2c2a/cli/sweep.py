@@ -60,6 +60,7 @@ def sweep(
     from importlib.metadata import version
 
     from s2c2a.arm import load_arm
+    from s2c2a.errors import S2C2AError
     from s2c2a.experiments.following import Conditions, checked_seeds
     from s2c2a.experiments.run_folder import open_run_folder
     from s2c2a.experiments.sweep import Sweep, best_recipe, save_trials, search
