@@ -1,4 +1,4 @@
-"""The whole pipeline in twenty lines: collect, train, follow a circle. Takes a minute; fewer episodes are quicker."""
+"""The whole pipeline in twenty lines: collect, train, follow a circle. Takes a minute or two."""
 
 import sys
 

@@ -134,6 +134,8 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     assert "--overwrite" in again
     other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--strategy", str(strategy))
     assert "trained for 'twin_arm'" in other
+    said = failing(capsys, "run", "circle", "--strategy", str(strategy), "--recipe", "paper")
+    assert "brings its own recipe" in said
 
 
 def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, capsys):

@@ -290,7 +290,7 @@ def test_jobs_are_for_this_machine_alone():
 
 
 def test_a_missing_extra_says_what_to_install():
-    with pytest.raises(S2C2AError, match=r'pip install "s2c2a\[sweep\]"'):
+    with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
         require("no_such_package", "sweep")
 
 

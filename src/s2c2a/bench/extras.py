@@ -6,7 +6,7 @@ from typing import Any
 
 from s2c2a.errors import S2C2AError
 
-INSTALL = 'install it with `pip install "s2c2a[bench]"`'
+INSTALL = 'install it, in your clone of s2c2a, with `pip install ".[bench]"`'
 
 
 class MissingExtraError(S2C2AError):

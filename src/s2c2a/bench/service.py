@@ -25,7 +25,7 @@ def check_device(device: str) -> None:
         jax.devices()
     except Exception as error:  # JAX has several for it
         raise S2C2AError(
-            'JAX finds no GPU here; take --device cpu, or install `pip install "s2c2a[gpu]"` where there is one'
+            'JAX finds no GPU here; take --device cpu, or install `pip install ".[gpu]"` where there is one'
         ) from error
 
 

@@ -44,13 +44,14 @@ def progress_bar() -> Iterator["Progress"]:
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table to standard output."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
     for number, name in enumerate(header):
         table.add_column(name, justify="left" if number == 0 else "right")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(escape(cell) for cell in row))  # a cell is no markup, whatever brackets it has
     console = Console()
     if not console.is_terminal:
         console.width = WIDTH_IN_FILES

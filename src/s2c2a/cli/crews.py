@@ -49,4 +49,6 @@ def require(package: str, extra: str) -> None:
         S2C2AError: it is.
     """
     if find_spec(package) is None:
-        raise S2C2AError(f'this needs the package {package}; install it with: pip install "s2c2a[{extra}]"')
+        raise S2C2AError(
+            f'this needs the package {package}; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
+        )

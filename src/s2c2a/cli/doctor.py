@@ -18,6 +18,13 @@ NEEDED = {
     "scipy": "tasks, reference",
     "matplotlib": "figures",
 }
+EXTRAS = {
+    "viser": "live page (extra live)",
+    "distributed": "clusters (extra cluster)",
+    "optuna": "sweeps (extra sweep)",
+    "torch": "comparisons of bench (extra bench)",
+    "pyelastica": "comparisons of bench (extra bench)",
+}
 
 
 def doctor() -> None:
@@ -67,11 +74,11 @@ def _packages() -> list[tuple[str, str, str]]:
     from importlib.metadata import PackageNotFoundError, version
 
     rows = []
-    for name, use in NEEDED.items():
+    for name, use in (NEEDED | EXTRAS).items():
         try:
             rows.append((name, version(name), use))
         except PackageNotFoundError:
-            rows.append((name, "missing", use))
+            rows.append((name, "missing" if name in NEEDED else "not installed", use))
     return rows
 
 

@@ -129,4 +129,4 @@ def need_extra(extra: str, *modules: str) -> None:
 
     missing = [module for module in modules if find_spec(module) is None]
     if missing:
-        raise S2C2AError(f'{", ".join(missing)} is missing; install it with pip install "s2c2a[{extra}]"')
+        raise S2C2AError(f'{", ".join(missing)} is missing; install, in your clone: pip install ".[{extra}]"')

@@ -6,12 +6,14 @@ from pathlib import Path
 from s2c2a.cli.console import Arm, Controller, FidelityName, File, GuardName, RecipeName, print_rows, progress_bar
 from s2c2a.cli.crews import crew_for
 
+DEFAULT = "best"
+
 
 def run(
     task: File,
     arm: Arm = "twin_arm",
     controller: tuple[Controller, ...] = ("s2c2a",),
-    recipe: RecipeName = "best",
+    recipe: RecipeName | None = None,
     strategy: Path | None = None,
     seed: int = 0,
     seeds: int = 1,
@@ -30,7 +32,7 @@ def run(
             (columns time, x, y, z and, where wanted, axis_x, axis_y, axis_z, module) ending in .csv.
         arm: a preset or an arm file.
         controller: one or several, compared in one figure.
-        recipe: how networks are trained and plans made; a strategy file brings its own.
+        recipe: how networks are trained and plans made, `best` if not stated; a strategy file brings its own.
         strategy: a file made by `s2c2a train`; without it, networks are trained, or found in the
             cache (S2C2A_CACHE moves it).
         seed: of data, training and start; the first one of several.
@@ -45,6 +47,7 @@ def run(
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
     """
     from s2c2a.arm import load_arm
+    from s2c2a.errors import S2C2AError
     from s2c2a.experiments.ahead import jobs_for, make_all_ahead, shelf_for
     from s2c2a.experiments.following import (
         Conditions,
@@ -68,7 +71,9 @@ def run(
         print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
     SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
     saved = load_strategy(strategy, spec) if strategy else None
-    chosen = saved.recipe if saved else recipe_from(recipe)
+    if saved and recipe:
+        raise S2C2AError(f"{strategy} brings its own recipe ('{saved.recipe.name}'); leave out --recipe {recipe}")
+    chosen = saved.recipe if saved else recipe_from(recipe or DEFAULT)
     options: dict = {
         "task": task,
         "arm": spec.model_dump(mode="json"),

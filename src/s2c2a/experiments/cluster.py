@@ -132,7 +132,7 @@ def _check_versions(client: Client, address: str) -> None:
         if wrong := _differences(_that_count(theirs), ours):
             raise ClusterError(
                 f"the worker {worker} of {address} has {wrong}; install the same on all machines, such as with "
-                "`pip install -c constraints.txt 's2c2a[cluster]'`"
+                "`pip install -c constraints.txt '.[cluster]'`"
             )
 
 

@@ -105,6 +105,10 @@ class Workshop:
     def recording(self, arm: ArmSpec, options: CollectOptions) -> Recording:
         """A recording of the simulated arm, collected or continued unless it is whole already."""
         path = self.recording_file(arm, options)
+        with suppress(RecordingError):  # a whole one is read, never opened for writing: others may read it too
+            recording = load_recording(path)
+            recording.check_complete()
+            return recording
         doing = f"collecting from {arm.name}, seed {options.seed}"
         collecting = partial(
             collect,
@@ -129,7 +133,7 @@ class Workshop:
             return replace(load_strategy(path, arm), recipe=recipe)
 
         def told(network: str, epoch: int, most: int, loss: float) -> None:
-            self.progress(f"training {network} of {arm.name}, seed {seed}", epoch, most)
+            self.progress(f"training {network} of {arm.name}, {recipe.name}, seed {seed}", epoch, most)
 
         networks = train_s2c2a(self.recording(arm, need.data), recipe, seed, told)
         save_strategy(networks, path)
