@@ -20,7 +20,9 @@ def test_a_recipe_comes_back_from_its_file_under_the_name_of_the_file(recipe, tm
 
 def test_names_and_files_are_told_apart(tmp_path):
     assert recipe_from("best") is RECIPES["best"]
-    assert recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml")).c2s == RECIPES["paper"].c2s
+    assert recipe_from(save_recipe(RECIPES["paper"], tmp_path / "mine.toml")).c2s == RECIPES["paper"].c2s
+    with pytest.raises(StrategyError, match="a name of its own"):
+        recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml"))
     with pytest.raises(StrategyError, match="choose one of best, paper"):
         recipe_from("worst")
 
