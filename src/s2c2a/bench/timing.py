@@ -21,6 +21,7 @@ def taken_in_turn(
     repeats: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
     clock: Callable[[], float] = time.perf_counter,
+    at_a_time: int = 1,
 ) -> dict[str, Float[np.ndarray, " repeats"]]:
     """Times of every call [s].
 
@@ -29,17 +30,22 @@ def taken_in_turn(
         repeats: of each, at least one.
         progress: told how many repeats of how many are done.
         clock: says the time [s].
+        at_a_time: repeats of a call before the next has its turn; more than one where each leaves the caches empty.
     """
     for number in range(-(-repeats // WARM_UP)):
         for call in calls.values():
             call(number)
     times = {name: np.empty(repeats) for name in calls}
-    for number in range(repeats):
+    told = 0
+    for first in range(0, repeats, at_a_time):
+        turn = range(first, min(first + at_a_time, repeats))
         for name, call in calls.items():
-            began = clock()
-            call(number)
-            times[name][number] = clock() - began
-        if number % -(-repeats // TELL) == 0:
-            progress(number, repeats)
+            for number in turn:
+                began = clock()
+                call(number)
+                times[name][number] = clock() - began
+        if first >= told:
+            progress(first, repeats)
+            told += -(-repeats // TELL)
     progress(repeats, repeats)
     return times

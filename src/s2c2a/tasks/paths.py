@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
 
 APPROACH_TIME, ROUND_TIME = 4.0, 16.0
 PAPER_LENGTH = 0.6  # m: lengths of the protocol are for an arm of this length
@@ -57,5 +56,7 @@ def tilted_axes(
 
 def arc_height(reach: float) -> float:
     """Height of the end of an arc of length one that reaches so far aside."""
+    from scipy.optimize import brentq  # noqa: PLC0415 (a third of a second that few starts need)
+
     angle = brentq(lambda f: (1 - np.cos(f)) / f - reach, 1e-9, 2.0)
     return float(np.sin(angle) / angle)

@@ -5,7 +5,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
-from scipy.optimize import lsq_linear
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
@@ -95,6 +94,8 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
 
 def _fitted(inputs: np.ndarray, true: np.ndarray, module: int, plays: int) -> np.ndarray:
     """Weights of one module's inputs."""
+    from scipy.optimize import lsq_linear  # noqa: PLC0415 (a third of a second that few starts need)
+
     own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
     others = [inputs[other, :, 0] for other in range(len(inputs)) if other != module]
     columns = np.concatenate([own, *(bend[..., None] for bend in others)], axis=-1).reshape(2 * len(own), -1)
