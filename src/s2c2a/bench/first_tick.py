@@ -4,20 +4,21 @@ import sys
 
 import numpy as np
 
+from s2c2a.planning import Goal
 from s2c2a.spaces import Reading
 from s2c2a.strategies import load_strategy, s2c2a_strategy
-from s2c2a.tasks import circle
 
 
 def first_tick(path: str) -> np.ndarray:
-    """The action of the first control step on the circle, from rest, with whatever is compiled for it."""
+    """The action of the first control step, from rest towards a point aside, with whatever is compiled for it."""
     networks = load_strategy(path)
     arm = networks.arm
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
     reading = Reading(0.0, np.zeros((arm.module_count, arm.cable_count)), configurations=straight)
     strategy = s2c2a_strategy(networks)
     strategy.start(reading)
-    return strategy.step(reading, circle(arm).goals[0])
+    aside = [0.2 * arm.length, 0.0, 0.9 * arm.length]
+    return strategy.step(reading, Goal.of(arm.module_count).with_position(aside))
 
 
 def main() -> None:
