@@ -11,7 +11,7 @@ import pytest
 
 from s2c2a.bench import runner, service
 from s2c2a.bench.lines import Failed, line_from_json, options_to_json
-from s2c2a.bench.machine import available_cores, extra_versions, resident_memory
+from s2c2a.bench.machine import extra_versions, resident_memory
 from s2c2a.bench.measurement import Growth, Limit, Measurement
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.parts import PARTS, Part
@@ -21,6 +21,7 @@ from s2c2a.bench.startup import Launch, launched
 from s2c2a.cli.bench import PartName
 from s2c2a.cli.main import main
 from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.shards import all_cores
 
 ONE = Measurement("one", "s", 1.0, limit=Limit(0.5))
 
@@ -162,9 +163,9 @@ def test_a_command_that_fails_is_told():
 
 
 def test_a_process_can_be_kept_to_one_core():
-    code = "from s2c2a.bench.machine import available_cores, keep_to; keep_to(1); print(available_cores())"
+    code = "from s2c2a.bench.machine import keep_to; keep_to(1); from s2c2a.shards import all_cores; print(all_cores())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert int(done.stdout) == 1 <= available_cores()
+    assert int(done.stdout) == 1 <= all_cores()
 
 
 def test_the_machine_tells_its_memory_and_what_is_installed():

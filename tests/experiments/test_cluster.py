@@ -291,7 +291,7 @@ def test_jobs_are_for_this_machine_alone():
 
 def test_a_missing_extra_says_what_to_install():
     with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
-        require("no_such_package", "sweep")
+        require("sweep", "no_such_package")
 
 
 def test_what_the_cluster_did_is_told_apart_from_what_the_work_did(cluster):

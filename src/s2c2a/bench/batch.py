@@ -6,7 +6,6 @@ from functools import partial
 import jax
 import numpy as np
 
-from s2c2a.bench.machine import available_cores
 from s2c2a.bench.measurement import Growth, Limit, Measurement, growing, timing
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.plan import straight
@@ -14,6 +13,7 @@ from s2c2a.bench.timing import Call, Progress, taken_in_turn
 from s2c2a.experiments.workshop import Workshop
 from s2c2a.planning import BatchPlanner, Goal
 from s2c2a.planning.batch import CHUNK
+from s2c2a.shards import all_cores
 from s2c2a.strategies import TrainedNetworks, recipe_named, s2c2a_batch_planner
 from s2c2a.tasks import Task, circle
 from s2c2a.tasks.obstacles import reach
@@ -38,7 +38,7 @@ def batches(
     """Batches of all sizes in turn, and the largest one past obstacles."""
     recipe, largest = networks.recipe.name, sizes[-1]
     chunk = CHUNK if jax.default_backend() == "cpu" else CHUNK_ON_GPU
-    planner = s2c2a_batch_planner(networks, chunk=chunk, threads=available_cores())
+    planner = s2c2a_batch_planner(networks, chunk=chunk, threads=all_cores())
     free, past = circle(networks.arm), reach(networks.arm, "risk-a")
     calls = {str(size): _planning(planner, free, size) for size in sizes}
     calls["past"] = _planning(planner, past, largest)

@@ -9,12 +9,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from s2c2a.bench.machine import available_cores
 from s2c2a.bench.measurement import Limit, Measurement, timing
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.timing import Progress
 from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.shards import all_cores
 from s2c2a.strategies import recipe_named
 
 COLLECT_LIMIT = Limit(8.0)  # of 9000 samples
@@ -44,10 +44,10 @@ def collecting(
                 arm,
                 lambda seed: SimulatedRobot(arm, "fast", seed),
                 how,
-                threads=available_cores(),
+                threads=all_cores(),
                 overwrite=True,
                 progress=told,
             )
             seconds.append(time.perf_counter() - began)
-    samples, cores = how.episodes * how.samples, available_cores()
+    samples, cores = how.episodes * how.samples, all_cores()
     return timing(f"{samples} samples, fast, {cores} core(s)", np.array(seconds), limit)

@@ -8,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from s2c2a.shards import all_cores
+
 MIB = 2**20
 EXTRAS = ("torch", "pyelastica", "numba")
 """What is compared with; the extra `bench` brings it."""
@@ -17,7 +19,7 @@ def describe() -> dict[str, Any]:
     """Processor, cores, memory, system, and the load before anything was measured."""
     return {
         "processor": _processor(),
-        "cores": available_cores(),
+        "cores": all_cores(),
         "memory_MiB": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / MIB),
         "system": platform.platform(),
         "load_average": os.getloadavg()[0],
@@ -35,11 +37,6 @@ def extra_versions() -> dict[str, str]:
     return found
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def keep_to(cores: int) -> None:
     """Keep this process, and all that it starts, to so many cores; where the system cannot, to so many threads.
 
@@ -48,7 +45,7 @@ def keep_to(cores: int) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-cores:])
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[name] = str(min(cores, available_cores()))
+        os.environ[name] = str(min(cores, all_cores()))
 
 
 def peak_memory() -> float:

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.bench.machine import available_cores
 from s2c2a.bench.measurement import Limit, Measurement, ratio, speed
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.timing import Progress, taken_in_turn
 from s2c2a.data import episode_actions
 from s2c2a.experiments.simulator_accuracy import static_errors
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.shards import all_cores
 
 LIMITS = {"fast": Limit(250.0, at_least=True), "accurate": Limit(25.0, at_least=True)}
 STEPS = {"fast": 200, "accurate": 40}  # control steps a repeat and thread
@@ -40,7 +40,7 @@ def speeds(
     options: BenchOptions, errors: dict[str, float], progress: Callable[[int, int], None]
 ) -> Iterator[Measurement]:
     """Arm seconds in a second while the arm babbles."""
-    arm, crowds = options.arm, sorted({1, available_cores()})
+    arm, crowds = options.arm, sorted({1, all_cores()})
     with ThreadPoolExecutor(max(crowds)) as pool:
         crews = {
             (fidelity, threads): _Crew(arm, fidelity, threads, options.seed, pool)

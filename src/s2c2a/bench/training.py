@@ -7,13 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from s2c2a.bench.extras import MissingExtraError, module_with
-from s2c2a.bench.machine import available_cores
 from s2c2a.bench.measurement import Limit, Measurement, Skipped, ratio, timing
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.timing import Progress
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.experiments.workshop import Workshop
-from s2c2a.shards import compute_on_one_thread
+from s2c2a.shards import all_cores, compute_on_one_thread
 from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, train_s2c2a
 
 STOP_LIMIT, FASTER = Limit(60.0), Limit(1.5, at_least=True)
@@ -89,7 +88,7 @@ def _train(
     """The course of both trainings, seconds of ours together, and what was trained."""
     courses = {name: Course() for name in ("C2S", "C2A")}
     for name, rival in rivals.items():
-        courses[name].threads = rival.take_best_threads(available_cores())
+        courses[name].threads = rival.take_best_threads(all_cores())
     resumed = began = time.perf_counter()
 
     def told(network: str, epoch: int, most: int, loss: float) -> None:

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from s2c2a.cli.console import Arm, print_table
-from s2c2a.cli.live import need_extra, running_page
+from s2c2a.cli.crews import require
+from s2c2a.cli.live import running_page
 
 
 def bench_live(arm: Arm = "twin_arm", minutes: float = 10.0, browsers: bool = True) -> None:
@@ -14,7 +15,7 @@ def bench_live(arm: Arm = "twin_arm", minutes: float = 10.0, browsers: bool = Tr
         minutes: of random drags.
         browsers: whether to open headless ones; needs Chromium and `playwright`.
     """
-    need_extra("live", "viser", "websockets", "msgspec")
+    require("live", "viser", "websockets", "msgspec")
     from s2c2a.live import measuring
 
     figures = []
@@ -47,7 +48,7 @@ def headless():
     from s2c2a.errors import S2C2AError
     from s2c2a.live.measuring import FLAGS
 
-    need_extra("dev", "playwright")
+    require("dev", "playwright")
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         raise S2C2AError("no Chromium here; install it (`apt install chromium`), or say --no-browsers")

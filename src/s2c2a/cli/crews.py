@@ -34,7 +34,7 @@ def crew_for(jobs: int | None, cluster: str | None) -> "Crew":
 
     if cluster is None:
         return Processes(jobs)
-    require("distributed", "cluster")
+    require("cluster", "distributed")
     from s2c2a.experiments.cluster import LOCAL, Cluster
 
     if jobs is not None and cluster != LOCAL:
@@ -42,13 +42,13 @@ def crew_for(jobs: int | None, cluster: str | None) -> "Crew":
     return Cluster(cluster, jobs)
 
 
-def require(package: str, extra: str) -> None:
-    """Say what to install where an extra is missing.
+def require(extra: str, *packages: str) -> None:
+    """Say what to install where a package of an extra is missing.
 
     Raises:
-        S2C2AError: it is.
+        S2C2AError: one is.
     """
-    if find_spec(package) is None:
+    if missing := [package for package in packages if find_spec(package) is None]:
         raise S2C2AError(
-            f'this needs the package {package}; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
+            f'{", ".join(missing)} is missing; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
         )

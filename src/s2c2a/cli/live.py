@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName
+from s2c2a.cli.crews import require
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +53,7 @@ def live(
         out: the folder in which recordings get folders of their own.
         release_after: seconds without a driver until the arm is led back to rest; until then it holds.
     """
-    need_extra("live", "viser", "websockets", "msgspec")
+    require("live", "viser", "websockets", "msgspec")
     with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after) as (_, page):
         print(f"{arm} is alive: {page.gate.address}\nControl-C ends it.", flush=True)
         threading.Event().wait()
@@ -115,18 +116,3 @@ def strategies_of(arm: "ArmSpec", files: tuple[str, ...], guard: "Guard") -> "di
         options = replace(recipe_named(recipe).planner, guard=guard)
         built[f"pcc · {recipe}"] = cache(partial(pcc_strategy, arm, options))
     return built
-
-
-def need_extra(extra: str, *modules: str) -> None:
-    """Say what to install where something is missing.
-
-    Raises:
-        S2C2AError: a module of the extra is not there.
-    """
-    from importlib.util import find_spec
-
-    from s2c2a.errors import S2C2AError
-
-    missing = [module for module in modules if find_spec(module) is None]
-    if missing:
-        raise S2C2AError(f'{", ".join(missing)} is missing; install, in your clone: pip install ".[{extra}]"')

@@ -55,7 +55,7 @@ def sweep(
         jobs: trainings and runs side by side; all cores if not stated. Same seeds, same trials.
         cluster: let its workers train and run. Same seeds, same trials.
     """
-    require("optuna", "sweep")
+    require("sweep", "optuna")
     from dataclasses import asdict, replace
     from importlib.metadata import version
 

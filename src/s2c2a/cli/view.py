@@ -5,7 +5,8 @@ from pathlib import Path
 
 import tyro
 
-from s2c2a.cli.live import Port, need_extra
+from s2c2a.cli.crews import require
+from s2c2a.cli.live import Port
 
 
 def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None:
@@ -15,7 +16,7 @@ def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None
         what: run folders to scrub and compare, or a recording ending in .h5, or a preset or an arm file to bend.
         port: where the page shall be; the next free one if it is taken.
     """
-    need_extra("live", "viser", "websockets", "msgspec")
+    require("live", "viser", "websockets", "msgspec")
     page = page_of(what, port)
     try:
         print(f"{', '.join(what)}: {page.gate.address}\nControl-C ends it.", flush=True)

@@ -122,9 +122,8 @@ class BatchPlanner:
                 f"{count} plans, {len(sensed)} sensed arms and {len(goals.positions)} goals; give as many"
             )
         inputs = plans, np.asarray(sensed, np.float32), goals
-        if (
-            np.asarray(goals.thresholds) > 0
-        ).any():  # side by side, ways round would be searched for all, needed or not
+        past_obstacles = bool((np.asarray(goals.thresholds) > 0).any())
+        if past_obstacles:  # side by side, ways round would be searched for all, needed or not
             return self._one_by_one(self._one_past_obstacles, count, *inputs)
         return self._in_chunks(self._each_freely, count, *inputs)
 
@@ -154,8 +153,13 @@ class BatchPlanner:
 
         Args:
             start: where it rests.
-            goals: one a step (`Goal.stacked`), at least one.
+            goals: one a step (`Goal.stacked`).
+
+        Raises:
+            TargetError: no goal, or a start that is not finite.
         """
+        if not len(goals.positions):
+            raise TargetError("a path of no steps asked for; give at least one goal")
         count = len(goals.positions)
         plan, parts = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None])), []
         for begin in range(0, count, self._chunk):
