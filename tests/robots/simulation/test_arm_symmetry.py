@@ -30,13 +30,13 @@ def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
     return vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
 
 
-@pytest.mark.parametrize(("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.0015)])
+@pytest.mark.parametrize(("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.001)])
 @pytest.mark.parametrize("preset", PRESETS)
 def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(preset, fidelity, closeness, request):
-    """By 120 or 90 deg, nearly: two hinges in a row are not quite a ball joint."""
+    """By 120 or 90 deg, nearly: two hinges in a row are not quite a ball joint. At rest: twist swings longest."""
     arm = request.getfixturevalue(preset)
     action = action_for(arm, [[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
-    here, next_ = (held(arm, np.roll(action, shift, axis=1), fidelity)[:, :3] for shift in (0, 1))
+    here, next_ = (held(arm, np.roll(action, shift, axis=1), fidelity, 100)[:, :3] for shift in (0, 1))
     assert np.linalg.norm(here[-1, :2]) > 0.1
     np.testing.assert_allclose(next_, turned(here, 2 * np.pi / arm.cable_count), atol=closeness)
 

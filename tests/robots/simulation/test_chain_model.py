@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 from s2c2a.robots.simulation.chain import build_model, time_step
@@ -139,14 +140,43 @@ def test_cables_run_at_their_angles_on_their_radius(twin):
 @pytest.mark.parametrize("rate", [0.5, 3, 7, 10, 30, 60, 333, 1000])
 def test_the_physics_step_divides_the_control_period_and_is_fine_enough(make_arm, fidelity, rate):
     arm = make_arm(control_rate=rate)
-    step = time_step(arm, fidelity)
-    assert step <= fidelity.time_step * (1 + 1e-9)
+    step = build_model(arm, fidelity).opt.timestep
+    assert step <= (fidelity.explicit_time_step or fidelity.time_step) * (1 + 1e-9)
     assert arm.control_period / step == pytest.approx(round(arm.control_period / step), abs=1e-9)
-    assert build_model(arm, fidelity).opt.timestep == step
 
 
 def test_a_step_that_fits_already_is_not_shortened(make_arm):
-    assert time_step(make_arm(control_rate=10), fidelity_named("fast")) == pytest.approx(0.005)
+    assert time_step(make_arm(control_rate=10), longest=0.005) == pytest.approx(0.005)
+
+
+def with_cables_of(arm, stiffness):
+    """The arm with every cable so stiff [N/m]."""
+    modules = [
+        module.model_copy(update={"cable": module.cable.model_copy(update={"stiffness": stiffness})})
+        for module in arm.modules
+    ]
+    return arm.model_copy(update={"modules": tuple(modules)})
+
+
+@pytest.mark.parametrize(("stiffness", "integrator"), [(4500.0, "IMPLICITFAST"), (3e4, "DISCRETE"), (1e6, "DISCRETE")])
+def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(twin, stiffness, integrator):
+    arm = with_cables_of(twin, stiffness)
+    geometry, random, robot = ArmGeometry.of(arm), np.random.default_rng(0), SimulatedRobot(arm, "accurate")
+    assert robot.model.opt.integrator == getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    robot.open()
+    for _ in range(5):
+        robot.send(random.uniform(geometry.action_low, geometry.action_high))
+    assert np.isfinite(robot.states()).all()
+
+
+def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twin):
+    """Light and stiff the arm needs implicit springs; a kilogram at the tip does not change the clock of control."""
+    robot = SimulatedRobot(with_cables_of(twin, 3e4), "accurate")
+    neutral = ArmGeometry.of(twin).action_neutral
+    robot.open()
+    robot.load(1.0)
+    robot.send(neutral)
+    assert robot.read().time == pytest.approx(twin.control_period)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0), (0.0, 0.0, 0.0)])

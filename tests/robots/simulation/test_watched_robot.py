@@ -30,6 +30,13 @@ def both(request):
     return driven(arm, request.param[1], watched=True), driven(arm, request.param[1], watched=False)
 
 
+def test_watching_changes_nothing(both):
+    """The watched robot steps in Python, the other in one call."""
+    (_, watched), (_, unwatched) = both
+    for one, other in zip(watched, unwatched, strict=True):
+        np.testing.assert_array_equal(one.states, other.states)
+
+
 def test_an_unwatched_robot_tells_no_centre_line(both):
     _, (_, readings) = both
     assert [reading.centre_line for reading in readings] == [None] * (STEPS + 1)

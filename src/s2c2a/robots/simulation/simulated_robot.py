@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, SimulationError
@@ -15,6 +16,7 @@ from s2c2a.spaces import Actions, Reading, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
+_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _BAD = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -50,8 +52,8 @@ class SimulatedRobot(Robot):
         self.arm, self._fidelity = arm, fidelity_named(fidelity)
         self.model = build_model(arm, self._fidelity, _checked_payload(payload))
         self.data = mujoco.MjData(self.model)
+        self._rollout = Rollout(nthread=0)
         self._geometry = ArmGeometry.of(arm)
-        self._times = self.model.opt.timestep * np.arange(1, round(arm.control_period / self.model.opt.timestep) + 1)
         self._seed, self._jitter = seed, jitter
         self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
         self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
@@ -93,15 +95,12 @@ class SimulatedRobot(Robot):
         """
         sent = checked_action(action, self._geometry)
         self._check_sane()
-        path = follow(self._motors, sent, self._times, self.arm.motor)
-        felt = self._transmission.pass_on(path, self._times, self.tensions(), self._bend_angles())
+        times = self._physics_times()
+        path = follow(self._motors, sent, times, self.arm.motor)
+        felt = self._transmission.pass_on(path, times, self.tensions(), self._bend_angles())
         self._motors = path[-1]
-        self._apply_push()
         self._seen = []
-        for command in felt.reshape(len(felt), -1):
-            self.data.ctrl[:] = command
-            mujoco.mj_step(self.model, self.data)
-            self._watch()
+        self._advance(felt.reshape(len(felt), -1))
         mujoco.mj_forward(self.model, self.data)
         self._watch()
         self._step += 1
@@ -175,10 +174,42 @@ class SimulatedRobot(Robot):
         self._push = np.zeros(3)
         mujoco.mj_forward(self.model, self.data)
 
-    def _apply_push(self) -> None:
-        """MuJoCo applies forces at centres of mass; the torque moves this one to the tip."""
+    def _physics_times(self) -> Float[np.ndarray, " times"]:
+        """Ends of the physics steps of one control step [s], from its start."""
+        step = self.model.opt.timestep
+        return step * np.arange(1, round(self.arm.control_period / step) + 1)
+
+    def _advance(self, commands: Float[np.ndarray, "times cables"]) -> None:
+        """One physics step for every command: in one call, since Python between them costs as much as they do."""
+        if self._watched:
+            self.data.xfrc_applied[self._tip_body] = self._wrench()
+            for command in commands:
+                self.data.ctrl[:] = command
+                mujoco.mj_step(self.model, self.data)
+                self._watch()
+            return
+        inputs, values = mujoco.mjtState.mjSTATE_CTRL, commands
+        if self._push.any():
+            inputs = inputs | mujoco.mjtState.mjSTATE_XFRC_APPLIED
+            wrenches = np.zeros_like(self.data.xfrc_applied)
+            wrenches[self._tip_body] = self._wrench()
+            values = np.hstack([commands, np.tile(wrenches.ravel(), (len(commands), 1))])
+        state = np.empty((1, mujoco.mj_stateSize(self.model, _PHYSICS)))
+        mujoco.mj_getState(self.model, self.data, state[0], _PHYSICS)
+        self._rollout.rollout(
+            [self.model],
+            [self.data],
+            state,
+            values[None],
+            control_spec=int(inputs),
+            nstep=len(values),
+            skip_checks=True,
+        )
+
+    def _wrench(self) -> Float[np.ndarray, "6"]:
+        """The push, and its torque: MuJoCo applies forces at centres of mass, this one is at the tip."""
         lever = self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]
-        self.data.xfrc_applied[self._tip_body] = np.concatenate([self._push, np.cross(lever, self._push)])
+        return np.concatenate([self._push, np.cross(lever, self._push)])
 
     def _axes(self, sites: list[int]) -> Float[np.ndarray, "modules 3"]:
         return self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
