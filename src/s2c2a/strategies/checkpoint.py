@@ -12,7 +12,6 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from safetensors import SafetensorError, safe_open
@@ -123,16 +122,17 @@ def filled(blank: Networks, arrays: dict[str, np.ndarray], path: str | os.PathLi
 
     def fill(place, leaf):
         name = jax.tree_util.keystr(place)
-        if not eqx.is_array(leaf) or not _is_learned(name):
+        if not _is_array(leaf) or not _is_learned(name):
             return leaf
         found = arrays.get(name)
         if found is None or found.shape != leaf.shape or found.dtype != np.float32 or not np.isfinite(found).all():
             raise StrategyError(
                 f"{path} holds no sound array {name} of shape {leaf.shape}; it is damaged: train it anew"
             )
-        return jnp.asarray(found)
+        return found
 
-    return jax.tree_util.tree_map_with_path(fill, blank)
+    full, rest = eqx.partition(jax.tree_util.tree_map_with_path(fill, blank), _is_array)
+    return eqx.combine(jax.device_put(full), rest)  # all in one go: each alone would be a program of its own
 
 
 def all_read(written, understood) -> bool:
@@ -148,3 +148,7 @@ def all_read(written, understood) -> bool:
 def _is_learned(name: str) -> bool:
     """Whether an array is learned or fitted to data; the last layer and the body follow from the arm."""
     return "sum_and_range" not in name and ".body" not in name
+
+
+def _is_array(leaf) -> bool:
+    return isinstance(leaf, np.ndarray | jax.Array)
