@@ -7,6 +7,7 @@ import jax
 import pytest
 
 from s2c2a.arm import ArmSpec, Module, load_arm
+from s2c2a.cache import throw_out_halves
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.networks import ChainSize
 from s2c2a.robots.simulation import SimulatedRobot
@@ -20,7 +21,10 @@ TINY, QUICK = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, mo
 
 def pytest_configure(config):
     """Keep what JAX compiles from test to test and run to run; compiling is most of the tests' time."""
-    jax.config.update("jax_compilation_cache_dir", str(config.rootpath / ".pytest_cache" / "programs"))
+    programs = config.rootpath / ".pytest_cache" / "programs"
+    if not hasattr(config, "workerinput"):  # before any worker of xdist begins
+        throw_out_halves(programs)
+    jax.config.update("jax_compilation_cache_dir", str(programs))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     jax.config.update(
         "jax_compilation_cache_max_size", 2_000_000_000

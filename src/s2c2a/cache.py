@@ -27,10 +27,10 @@ def keep_programs() -> None:
     }
     if not any(name in os.environ for name in settings):
         os.environ.update({name: str(value) for name, value in settings.items()})
-        _throw_out_halves(folder)
+        throw_out_halves(folder)
 
 
-def _throw_out_halves(folder: Path) -> None:
+def throw_out_halves(folder: Path) -> None:
     """Programs without the time of their last use, as a killed process leaves them: JAX keeps nothing beside them."""
     with suppress(OSError):
         for program in folder.glob("*-cache"):

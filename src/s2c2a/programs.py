@@ -11,9 +11,25 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax import monitoring
 
 MOST_PROGRAMS = 128
 _ARRAY = "array"
+_COMPILED = "/jax/core/compile/backend_compile_duration"
+_times: list[float] = []  # of compilations [s]
+
+
+def compilations() -> int:
+    """How many programs this process has compiled, or fetched from those kept, since this module was imported."""
+    return len(_times)
+
+
+def _heard(event: str, duration_secs: float, **_: str | int) -> None:
+    if event == _COMPILED:
+        _times.append(duration_secs)
+
+
+monitoring.register_event_duration_secs_listener(_heard)
 
 
 def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:

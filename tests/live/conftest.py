@@ -22,16 +22,17 @@ def strategy():
 def loop(twin, strategy):
     """A loop that runs."""
     robot = SimulatedRobot(twin)
-    running = ControlLoop(robot, strategy, {name: task_named(name, twin) for name in TASKS}, robot, release_after=2.0)
+    tasks = {name: task_named(name, twin) for name in TASKS}
+    running = ControlLoop(robot, {"s2c2a": lambda: strategy}, tasks, robot, release_after=2.0)
     running.start()
     yield running
     running.stop()
 
 
 @pytest.fixture
-def page(loop, strategy, tmp_path):
+def page(loop, tmp_path):
     """Its page."""
-    opened = LivePage(loop, {"s2c2a": lambda: strategy}, 0, tmp_path / "runs")
+    opened = LivePage(loop, 0, tmp_path / "runs")
     yield opened
     opened.close()
 

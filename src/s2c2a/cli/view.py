@@ -1,4 +1,4 @@
-"""`s2c2a view`: runs, a recording or an arm in the browser."""
+"""`s2c2a view`: runs, a recording, a training or an arm in the browser."""
 
 import threading
 from pathlib import Path
@@ -10,10 +10,11 @@ from s2c2a.cli.live import Port
 
 
 def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None:
-    """Look at what is finished, in the scene of `s2c2a live`: runs, a recording, or an arm on its own.
+    """Look at what is finished, in the scene of `s2c2a live`: runs, a recording, a training, or an arm on its own.
 
     Args:
-        what: run folders to scrub and compare, or a recording ending in .h5, or a preset or an arm file to bend.
+        what: run folders to scrub and compare, or a recording ending in .h5, or a strategy ending in .safetensors, or a
+            preset or an arm file to bend.
         port: where the page shall be; the next free one if it is taken.
     """
     require("live", "viser", "websockets", "msgspec")
@@ -26,7 +27,7 @@ def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None
 
 
 def page_of(what: tuple[str, ...], port: int):
-    """The page for runs, a recording or an arm.
+    """The page for runs, a recording, a training or an arm.
 
     Raises:
         S2C2AError: nothing, too much or nothing of the kind.
@@ -34,10 +35,13 @@ def page_of(what: tuple[str, ...], port: int):
     from s2c2a.arm import load_arm
     from s2c2a.data import load_recording
     from s2c2a.errors import S2C2AError
-    from s2c2a.live.viewing import view_arm, view_recording, view_runs
+    from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
+    from s2c2a.strategies import load_strategy
 
     if not what:
-        raise S2C2AError("say what to look at: run folders, a recording ending in .h5, or an arm")
+        raise S2C2AError(
+            "say what to look at: run folders, a recording ending in .h5, a strategy ending in .safetensors, or an arm"
+        )
     if all(Path(one).is_dir() for one in what):
         traces, arm = _traces_in(what)
         return view_runs(traces, arm, port)
@@ -45,6 +49,8 @@ def page_of(what: tuple[str, ...], port: int):
         raise S2C2AError(f"{len(what)} things to look at, and not all are run folders; give runs, or one thing alone")
     if what[0].endswith((".h5", ".hdf5")):
         return view_recording(load_recording(what[0]), port)
+    if what[0].endswith(".safetensors"):
+        return view_training(load_strategy(what[0]), port)
     return view_arm(load_arm(what[0]), port)
 
 

@@ -1,6 +1,7 @@
 """The control loop: in a thread of its own, at the control rate, whatever the browsers do.
 
-It never waits for the scene: it reads the latest wish and leaves a frozen snapshot behind.
+It never waits for the scene: it reads the latest wish and leaves a frozen snapshot behind. The live page has it in a
+process of its own besides (`ControlProcess`).
 """
 
 import queue
@@ -10,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
-from typing import cast
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from s2c2a.live.clock import Clock, WallClock
 from s2c2a.live.disturbing import Disturbable, SensorFaults
 from s2c2a.live.wish import Limits, Wish, goal_of
 from s2c2a.planning import Goal
+from s2c2a.programs import compilations
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Configurations, Reading, States
 from s2c2a.strategies import Strategy
@@ -60,6 +62,7 @@ class Snapshot:
         task_step: step of the task that is played.
         task_steps: how many steps it has; zero without a task.
         strategy: name of what drives the arm.
+        compiled: programs compiled since the loop's process began.
         fault: what went wrong, in words, or nothing.
     """
 
@@ -78,41 +81,77 @@ class Snapshot:
     task_step: int
     task_steps: int
     strategy: str
+    compiled: int = 0
     fault: str = ""
 
 
-class ControlLoop:
-    """Drives a robot with a strategy as the latest wish says.
+class Control(Protocol):
+    """What moves the arm as the latest wish says, here or in another process.
 
     Attributes:
         arm: the arm.
         limits: how far wishes may go.
+        strategies: names of what can drive the arm.
     """
+
+    arm: ArmSpec
+    limits: Limits
+    strategies: tuple[str, ...]
+
+    @property
+    def wish(self) -> Wish:
+        """The latest wish."""
+
+    @property
+    def latest(self) -> Snapshot | None:
+        """The latest snapshot, None before the first."""
+
+    def ask(self, **changes) -> Wish:
+        """Change the wish, within the limits; returns what it has become. From any thread."""
+
+    def reset(self) -> None:
+        """Open the robot anew, at rest; wishes that would move it at once are forgotten."""
+
+    def use(self, name: str) -> None:
+        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin."""
+
+    def step_task(self) -> None:
+        """One step of a task that waits."""
+
+    def restart_task(self) -> None:
+        """Back to the task's first step."""
+
+    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
+        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
+
+
+class ControlLoop(Control):
+    """A control loop in this process, in a thread of its own."""
 
     def __init__(
         self,
         robot: Robot,
-        strategy: Strategy,
+        strategies: Mapping[str, Callable[[], Strategy]],
         tasks: Mapping[str, Task],
         disturbable: Disturbable | None = None,
         clock: Clock | None = None,
         release_after: float = RELEASE_AFTER,
-        name: str | None = None,
     ):
         """A loop that is not started yet.
 
         Args:
             robot: the body; it is opened and closed by the loop's thread.
-            strategy: built for its arm.
+            strategies: what can drive its arm, by name; the first one is built now, another when it is used.
             tasks: what can be played, by name.
             disturbable: what pushes and payloads act on, if anything.
             clock: the wall's unless stated.
             release_after: seconds without a driver until the cables are led back to rest.
-            name: what the strategy is called on the page; its own unless stated.
         """
         self.arm: ArmSpec = robot.arm
+        self.strategies = tuple(strategies)
         self.limits = Limits.of(robot.arm, tuple(tasks))
-        self._robot, self._strategy, self._name = robot, strategy, name or strategy.name
+        self._builders, self._name = strategies, self.strategies[0]
+        self._robot, self._strategy = robot, strategies[self._name]()
         self._tasks, self._disturbable = tasks, disturbable
         self._clock = clock or WallClock()
         self._release_steps = max(1, round(release_after * robot.arm.control_rate))
@@ -150,9 +189,17 @@ class ControlLoop:
         self.ask(target=None, axis=None, task=None, playing=False)
         self._requests.put(self._begin)
 
-    def use(self, strategy: Strategy, name: str) -> None:
-        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin."""
-        self._requests.put(partial(self._change_strategy, strategy, name))
+    def use(self, name: str) -> None:
+        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin.
+
+        It is built here and now, in the thread of whoever asks, which can take seconds.
+
+        Raises:
+            S2C2AError: no such strategy, or it cannot be built.
+        """
+        if name not in self._builders:
+            raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
+        self._requests.put(partial(self._change_strategy, self._builders[name](), name))
 
     def step_task(self) -> None:
         """One step of a task that waits."""
@@ -346,6 +393,7 @@ class ControlLoop:
             task_step=int(self._place),
             task_steps=len(task.goals) if task else 0,
             strategy=self._name,
+            compiled=compilations(),
         )
         self._show(snapshot)
 

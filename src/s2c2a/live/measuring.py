@@ -10,7 +10,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import msgspec
 import numpy as np
 import viser
@@ -20,13 +19,14 @@ from websockets.typing import Origin, Subprotocol
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import ControlLoop, Snapshot, Stage
+from s2c2a.live.loop import Control, Snapshot, Stage
 from s2c2a.live.page import LivePage
+from s2c2a.live.process import ControlProcess
+from s2c2a.programs import compilations
 
 FLAGS = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SECONDS = 30.0
 FLOOD = 10_000
-_COMPILING = "/jax/core/compile/backend_compile_duration"
 _FRAMES = """() => new Promise(done => { let frames = 0, begin = performance.now();
   const tick = () => { frames++; const took = performance.now() - begin;
     took > 3000 ? done(1000 * frames / took) : requestAnimationFrame(tick); };
@@ -63,7 +63,7 @@ def start_time(browser: Any, arm: str, port: int) -> Figure:
     return Figure("start, second time, s", "at most 6", f"{took:.1f}")
 
 
-def read_along(loop: ControlLoop, page: LivePage) -> list[Figure]:
+def read_along(loop: Control, page: LivePage) -> list[Figure]:
     """Control steps while a target is dragged: with nobody there, and with three who take everything in."""
     alone = _ticks(loop, SECONDS, lambda: _wander(loop))
     with _reading(page, 3):
@@ -74,7 +74,7 @@ def read_along(loop: ControlLoop, page: LivePage) -> list[Figure]:
     ]
 
 
-def watched(loop: ControlLoop, page: LivePage, browser: Any) -> list[Figure]:
+def watched(loop: Control, page: LivePage, browser: Any) -> list[Figure]:
     """The same with three browsers that draw here; and what they see."""
     tabs = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(3)]
     for tab in tabs:
@@ -97,7 +97,7 @@ def watched(loop: ControlLoop, page: LivePage, browser: Any) -> list[Figure]:
     ]
 
 
-def dragged(loop: ControlLoop) -> Figure:
+def dragged(loop: Control) -> Figure:
     """20 cm in one second, then still: how far the tip is from the target 1.5 s later, and from then on."""
     scale = loop.arm.length / 0.6
     start, end = scale * np.array([0.10, -0.10, 0.568]), scale * np.array([0.10, 0.10, 0.568])
@@ -121,38 +121,40 @@ def dragged(loop: ControlLoop) -> Figure:
     )
 
 
-def lasting(loop: ControlLoop, minutes: float) -> list[Figure]:
+def lasting(loop: ControlProcess, minutes: float) -> list[Figure]:
     """Random drags by a script for some minutes."""
-    compiled: list[float] = []
     _wander_for(loop, 5.0)
-
-    def heard(event: str, duration_secs: float, **_: str | int) -> None:
-        if event == _COMPILING:
-            compiled.append(duration_secs)
-
-    jax.monitoring.register_event_duration_secs_listener(heard)
-    geometry, bad, sizes = ArmGeometry.of(loop.arm), [0, 0], [_resident()]
+    first, before = loop.latest, compilations()
+    geometry, bad, sizes = ArmGeometry.of(loop.arm), [0, 0], [_resident(loop)]
 
     def check(snapshot: Snapshot) -> None:
         within = (snapshot.actions >= geometry.action_low - 1e-9) & (snapshot.actions <= geometry.action_high + 1e-9)
         bad[0] += not np.isfinite(snapshot.states).all() or snapshot.stage is Stage.FAILED
         bad[1] += not within.all()
         if snapshot.number % 600 == 0:
-            sizes.append(_resident())
+            sizes.append(_resident(loop))
 
     stop = loop.watch(check)
     _wander_for(loop, 60 * minutes)
     stop()
-    sizes.append(_resident())
+    sizes.append(_resident(loop))
+    last = loop.latest
+    assert first is not None  # the loop runs
+    assert last is not None
+    compiled = last.compiled - first.compiled, compilations() - before
     return [
         Figure(f"{minutes:g} min of random drags: steps with NaN or a fault", "0", str(bad[0])),
         Figure("steps beyond a limit", "0", str(bad[1])),
-        Figure("compilations after the first 5 s", "0", str(len(compiled))),
-        Figure("memory, first and last, MB", "flat", f"{sizes[0]:.0f}, {sizes[-1]:.0f}"),
+        Figure(
+            "compilations after the first 5 s, by the control process and by the page's",
+            "0; 0",
+            "{}; {}".format(*compiled),
+        ),
+        Figure("memory of both, first and last, MB", "flat", f"{sizes[0]:.0f}, {sizes[-1]:.0f}"),
     ]
 
 
-def flooded(loop: ControlLoop, page: LivePage) -> list[Figure]:
+def flooded(loop: Control, page: LivePage) -> list[Figure]:
     """Another origin, and 10,000 malformed messages while the arm is driven."""
     with suppress(InvalidStatus), connect(f"ws://127.0.0.1:{page.gate.port}", origin=Origin("http://evil.example")):
         pass
@@ -189,7 +191,7 @@ def _flood(page: LivePage) -> None:
                 browser.send(random.bytes(64) if sent % 2 else msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
 
 
-def _ticks(loop: ControlLoop, seconds: float, meanwhile: Callable[[], None]) -> tuple[float, float]:
+def _ticks(loop: Control, seconds: float, meanwhile: Callable[[], None]) -> tuple[float, float]:
     """99th percentile of the steps' times, and how late the latest step came [ms]."""
     rows: list[Snapshot] = []
     stop = loop.watch(rows.append)
@@ -204,7 +206,7 @@ def _ticks(loop: ControlLoop, seconds: float, meanwhile: Callable[[], None]) -> 
 _RANDOM = np.random.default_rng(0)
 
 
-def _wander(loop: ControlLoop) -> None:
+def _wander(loop: Control) -> None:
     """Half a second of a drag to a random place, some of them out of reach, at 50 messages a second."""
     wish = loop.wish
     start = np.array(wish.target or (0.0, 0.0, loop.arm.length))
@@ -215,14 +217,14 @@ def _wander(loop: ControlLoop) -> None:
         time.sleep(0.02)
 
 
-def _wander_for(loop: ControlLoop, seconds: float) -> None:
+def _wander_for(loop: Control, seconds: float) -> None:
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         _wander(loop)
 
 
 @contextmanager
-def _moving(loop: ControlLoop) -> Iterator[None]:
+def _moving(loop: Control) -> Iterator[None]:
     """Something to see meanwhile."""
     done = threading.Event()
 
@@ -258,8 +260,9 @@ def _sent(page: LivePage) -> float:
     return (page.frames - before) / 3.0
 
 
-def _resident() -> float:
-    """Memory of this process [MB]; NaN where the system does not say."""
+def _resident(loop: ControlProcess) -> float:
+    """Memory of this process and of the control process [MB]; NaN where the system does not say."""
     with suppress(OSError):
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6
+        pages = [int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in ("self", loop.process)]
+        return sum(pages) * os.sysconf("SC_PAGESIZE") / 1e6
     return float("nan")

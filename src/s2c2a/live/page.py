@@ -13,7 +13,7 @@ import viser
 from jaxtyping import Float
 
 from s2c2a.live.gate import HOST, Gate, new_secret, only_with
-from s2c2a.live.loop import ControlLoop, Snapshot, Stage
+from s2c2a.live.loop import Control, Snapshot, Stage
 from s2c2a.live.panel import Desk, Panel, View
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
@@ -22,11 +22,11 @@ from s2c2a.live.session import Session
 from s2c2a.live.wish import Obstacle, Point
 from s2c2a.planning.reach import reach_gaps
 from s2c2a.spaces import AXIS, POSITION, States
-from s2c2a.strategies import Strategy
 
 FRAME = 1 / 30  # s between frames
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
+PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
 BRAND = (31, 95, 196)
 CAMERA, LOOK_AT = (1.75, -1.85, 1.2), (0.12, 0.1, 0.55)  # in parts of the arm's length
 UPRIGHT_CAMERA, UPRIGHT_LOOK_AT = (2.7, -2.9, 1.5), (0.0, 0.0, 0.1)  # of a telephone, its lower half under the panel
@@ -59,17 +59,15 @@ class LivePage:
 
     def __init__(
         self,
-        loop: ControlLoop,
-        strategies: dict[str, Callable[[], Strategy]],
+        loop: Control,
         port: int,
         runs: Path,
         workspace: Callable[[], Float[np.ndarray, "modules points 3"]] | None = None,
     ):
-        """Open the page of a loop that runs.
+        """Open the page of a loop that runs, or will soon: until its first snapshot the page says that it prepares.
 
         Args:
-            loop: already started.
-            strategies: what can drive the arm, by name.
+            loop: moves the arm.
             port: where the page shall be; the next free one if it is taken.
             runs: where recordings go.
             workspace: where the modules' ends can be; called once, in a thread of its own.
@@ -77,22 +75,21 @@ class LivePage:
         Raises:
             S2C2AError: no port is free.
         """
-        latest = loop.latest
-        assert latest is not None  # the loop runs
         self._loop, self._arm = loop, loop.arm
         self._server, secret = open_viser(f"s2c2a · {loop.arm.name}")
         look_at_arm(self._server, loop.arm.length)
         self.session = Session(self._session_changed)
         self._panels: dict[int, Panel] = {}
         self._view = View()
-        self._desk = Desk(loop, self.session, Recorder(loop, runs), strategies, self._view, self._tell)
-        self._status = self._server.gui.add_markdown("", order=0)
-        self._scene = ArmScene(self._server.scene, loop.arm, latest.states)
+        self._desk = Desk(loop, self.session, Recorder(loop, runs), self._view, self._tell)
+        self._status = self._server.gui.add_markdown(f"**{loop.arm.name}** · {PREPARING}", order=0)
+        self._scene = ArmScene(self._server.scene, loop.arm)
         self._scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
         with self._server.gui.add_folder("Plots", order=20, expand_by_default=False):
             self._plots = Plots(self._server.gui, loop.arm)
         self._trail: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=round(TRAIL * loop.arm.control_rate))
-        self._before = self._shown = latest
+        self._before: Snapshot | None = None
+        self._shown: Snapshot | None = None
         self._gap = 0.0
         self._gap_of: Point | None = None
         self.frames = 0
@@ -127,6 +124,8 @@ class LivePage:
 
     def _session_changed(self) -> None:
         """Nobody at the handle: the arm is stopped. Somebody new: it goes on from where it is."""
+        if self._loop.latest is None:
+            return  # `_draw` calls this again when there is something to drive
         driven, wish = self.session.driver is not None, self._loop.wish
         if driven and not wish.driven:
             latest = self._loop.latest
@@ -169,13 +168,15 @@ class LivePage:
         latest = self._loop.latest
         if latest is None:
             return
-        new = latest is not self._shown
+        new, first = latest is not self._shown, self._shown is None
         if new:
-            self._before, self._shown = self._shown, latest
+            self._before, self._shown = self._shown or latest, latest
             self._plots.add(latest)
             self._trail.append((latest.states[-1, POSITION].copy(), _wanted(latest)))
+        if first:
+            self._session_changed()
         share = self._share_of_step(latest)
-        if share is not None:
+        if share is not None and self._before is not None:
             self._scene.draw_arm(between(self._before.states, latest.states, share))
             ghost = between(self._before.expected, latest.expected, share) if self._view.ghost else None
             self._scene.draw_ghost(ghost, latest.states)

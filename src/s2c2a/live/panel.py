@@ -9,12 +9,11 @@ import numpy as np
 import viser
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import ControlLoop
+from s2c2a.live.loop import Control
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.session import Session
 from s2c2a.live.wish import FACTORS, MOST_OBSTACLES, Obstacle, Weights, Wish
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.strategies import Strategy
 
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # of the arm's length
@@ -39,15 +38,13 @@ class Desk:
         loop: moves the arm.
         session: says who drives.
         recorder: keeps what happens.
-        strategies: what can drive the arm, by name; building one may take a while.
         view: what is shown.
         tell: says something to one browser, or to all.
     """
 
-    loop: ControlLoop
+    loop: Control
     session: Session
     recorder: Recorder
-    strategies: dict[str, Callable[[], Strategy]]
     view: View
     tell: Callable[[str], None]
 
@@ -166,7 +163,7 @@ class Panel:
         self._changed(threshold, resize)
 
     def _build_planner(self) -> None:
-        names = tuple(self._desk.strategies)
+        names = self._desk.loop.strategies
         latest = self._desk.loop.latest
         chosen = self._gui.add_dropdown(
             "Driven by", names, initial_value=latest.strategy if latest and latest.strategy in names else names[0]
@@ -179,7 +176,7 @@ class Panel:
 
         def change(name: str) -> None:
             self._desk.tell(f"{name}: preparing …")
-            self._desk.loop.use(self._desk.strategies[name](), name)
+            self._desk.loop.use(name)
             self._desk.tell(f"{name} drives")
 
         self._changed(chosen, change, slow=True)

@@ -1,13 +1,14 @@
 """Live plots: the last seconds of error, clearance, bends, cable actions and planning time."""
 
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 from viser import GuiApi, uplot
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.live.loop import Snapshot
-from s2c2a.viz.colours import WANTED, module_colours
+from s2c2a.viz.colours import TARGET, module_colours
 
 SHOWN = 20.0  # s
 HEIGHT = 124  # pixels
@@ -23,14 +24,21 @@ class Plots:
         self._rows: deque[np.ndarray] = deque(maxlen=round(SHOWN * arm.control_rate))
         colours = module_colours(arm.module_count)
         names = [f"module {number + 1}" for number in range(arm.module_count)]
-        many = arm.module_count <= 6
         unit, self._scale = ("mm", 1e3) if arm.actuation == "displacement" else ("N", 1.0)
-        cables = [colour for colour in colours for _ in range(arm.cable_count)]
+        cables = {
+            f"{module}, {cable + 1}": colour
+            for module, colour in zip(names, colours, strict=True)
+            for cable in range(arm.cable_count)
+        }
+        seconds = uplot.Scale(time=False, range=(-SHOWN, 0.0))
         self._charts = [
-            _chart(gui, "tip: error and clearance [cm]", ["error", "clearance"], [WANTED, CLEARANCE_COLOUR], True),
-            _chart(gui, "bend of the modules [deg]", names, colours, many),
-            _chart(gui, f"cables [{unit}]", [""] * len(cables), cables, False),
-            _chart(gui, "sense, plan, act [ms]", ["tick"], [TIME_COLOUR], False),
+            add_chart(gui, title, lines, legend=legend, across=seconds)
+            for title, lines, legend in (
+                ("tip: error and clearance [cm]", {"error": TARGET, "clearance": CLEARANCE_COLOUR}, True),
+                ("bend of the modules [deg]", dict(zip(names, colours, strict=True)), arm.module_count <= 6),
+                (f"cables [{unit}]", cables, False),
+                ("sense, plan, act [ms]", {"tick": TIME_COLOUR}, False),
+            )
         ]
 
     def add(self, snapshot: Snapshot) -> None:
@@ -51,14 +59,33 @@ class Plots:
             chart.data = (seconds, *part)
 
 
-def _chart(gui: GuiApi, title: str, names: list[str], colours: list[str], legend: bool):
-    empty = tuple(np.zeros(2) for _ in range(len(names) + 1))
-    lines = [uplot.Series(label=name, stroke=colour, width=1.6) for name, colour in zip(names, colours, strict=True)]
+def add_chart(
+    gui: GuiApi,
+    title: str,
+    lines: Mapping[str, str],
+    values: tuple[np.ndarray, ...] | None = None,
+    label: str = "s",
+    legend: bool = True,
+    across: uplot.Scale | None = None,
+):
+    """A chart in a panel.
+
+    Args:
+        gui: of the panel.
+        title: above it.
+        lines: the colour of each, by name.
+        values: what is along, then every line's; empty unless stated.
+        label: of what is along.
+        legend: whether the lines' names are shown.
+        across: the scale of what is along; as wide as the values unless stated.
+    """
+    empty = tuple(np.zeros(2) for _ in range(len(lines) + 1))
+    series = [uplot.Series(label=name, stroke=colour, width=1.6) for name, colour in lines.items()]
     return gui.add_uplot(
-        empty,
-        (uplot.Series(label="s"), *lines),
+        values or empty,
+        (uplot.Series(label=label), *series),
         title=title,
-        scales={"x": uplot.Scale(time=False, range=(-SHOWN, 0.0))},
+        scales={"x": across or uplot.Scale(time=False)},
         legend=uplot.Legend(show=legend, live=False),
         height=HEIGHT + (26 if legend else 0),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec, save_arm
 from s2c2a.evaluation.report import versions
-from s2c2a.live.loop import ControlLoop, Snapshot
+from s2c2a.live.loop import Control, Snapshot
 from s2c2a.viz import Trace, replay_page
 from s2c2a.viz.trace_files import TRACES, save_traces
 
@@ -20,7 +20,7 @@ MOST_STEPS = 36_000  # an hour at 10 Hz
 class Recorder:
     """Records the loop's snapshots between `start` and `stop`; folders are named by the time, never by a client."""
 
-    def __init__(self, loop: ControlLoop, folder: Path):
+    def __init__(self, loop: Control, folder: Path):
         """A recorder that writes new folders into one folder."""
         self._loop, self._folder = loop, folder
         self._snapshots: list[Snapshot] = []

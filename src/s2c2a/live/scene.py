@@ -10,11 +10,11 @@ from s2c2a.arm import ArmSpec
 from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
-from s2c2a.viz.colours import INK, module_colours
+from s2c2a.viz.colours import INK, TARGET, module_colours
 
 SHADOW = "#d9dee6"
 FLOOR, GRID, GRID_STRONG, DISC, GHOST = "#eef1f5", "#d3dae3", "#b9c3cf", "#aab3bf", "#5b6675"
-REAL, TARGET = "#1f5fc4", "#7b35c9"
+REAL = "#1f5fc4"
 SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown
 FAR_TARGET = "#f0a000"
 SAFE, NEAR, INSIDE = "#8a93a6", "#f0a000", "#d62728"
@@ -40,12 +40,14 @@ def rgb(colour: str) -> tuple[int, int, int]:
 class ArmScene:
     """One arm and what is round it, in a viser scene that all browsers share."""
 
-    def __init__(self, scene: SceneApi, arm: ArmSpec, straight: States):
-        """Lay everything out, the arm in its first states."""
+    def __init__(self, scene: SceneApi, arm: ArmSpec):
+        """Lay everything out, the arm straight."""
+        straight = _straight(arm)
         self._scene, self._arm, self._body = scene, arm, Body(arm)
         self._size = arm.length
         _light(scene)
         _floor(scene, self._size)
+        _gravity(scene, self._size, np.array(arm.gravity_direction))
         self._tubes, self._cables, self._discs = self._add_arm(straight)
         self._shadow = scene.add_mesh_simple(
             "/shadow",
@@ -243,6 +245,31 @@ def _ball(scene: SceneApi, name: str, radius: float, colour: str, opacity: float
     return scene.add_icosphere(
         name, radius, color=rgb(colour), opacity=opacity, visible=False, cast_shadow=False, receive_shadow=False
     )
+
+
+def _gravity(scene: SceneApi, size: float, direction: Float[np.ndarray, "3"]) -> None:
+    """Where things fall, of an arm that does not stand upright: the floor is drawn at its base all the same."""
+    if not direction.any() or direction @ (0, 0, -1) > 0.999:
+        return
+    start = size * np.array([0.5, 0.5, 0.25])
+    ends = np.linspace(start, start + 0.3 * size * direction, 12)
+    scene.add_mesh_simple(
+        "/gravity/line",
+        threads(ends[None], 0.006 * size).astype(np.float32),
+        thread_faces(1, len(ends)),
+        color=rgb(INK),
+        cast_shadow=False,
+        receive_shadow=False,
+    )
+    scene.add_icosphere("/gravity/end", 0.018 * size, color=rgb(INK), position=ends[-1], cast_shadow=False)
+    scene.add_label("/gravity/word", "gravity", position=ends[0], font_screen_scale=0.8)
+
+
+def _straight(arm: ArmSpec) -> States:
+    """States of the straight arm, shape (modules, 6)."""
+    states = np.zeros((arm.module_count, 6))
+    states[:, 2], states[:, 5] = np.cumsum([module.length for module in arm.modules]), 1.0
+    return states
 
 
 def _show(node, shown: bool) -> None:

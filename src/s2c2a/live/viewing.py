@@ -6,20 +6,24 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 import numpy as np
 import viser
+from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Recording
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.live.gate import Gate
 from s2c2a.live.page import look_at_arm, open_viser
+from s2c2a.live.plots import add_chart
 from s2c2a.live.scene import ArmScene
 from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
 from s2c2a.live.workspace import workspace
 from s2c2a.spaces import POSITION, States
+from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
 
 MOST_POINTS = 1500  # of a recording's cloud, a module
 FRAME = 1 / 30  # s
+CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}
 
 
 class ViewPage:
@@ -38,7 +42,8 @@ class ViewPage:
         self._server, secret = open_viser(f"s2c2a · {arm.name}")
         look_at_arm(self._server, arm.length)
         self.arm, self.gui = arm, self._server.gui
-        self.scene = ArmScene(self._server.scene, arm, states)
+        self.scene = ArmScene(self._server.scene, arm)
+        self.scene.draw_arm(states)
         self._closing = threading.Event()
         self.gate = Gate(port, self._server.get_port(), secret)
 
@@ -80,6 +85,24 @@ def view_arm(arm: ArmSpec, port: int) -> ViewPage:
     draw()
     page.scene.draw_cloud(workspace(arm))
     return page
+
+
+def view_training(networks: TrainedNetworks, port: int) -> ViewPage:
+    """A training run: how both networks came about, as curves, beside the arm that they were trained for."""
+    arm = networks.arm
+    page = ViewPage(arm, _arcs(arm, np.zeros((arm.module_count, 2))), port)
+    page.gui.add_markdown(f"**{arm.name}** · recipe {networks.recipe.name} · seed {networks.seed}")
+    for name, rows in networks.curves.items():
+        mean, spread = networks.percent[name]
+        page.gui.add_markdown(f"{name}: {len(rows)} epochs, held out {mean:.2f} ± {spread:.2f} % of the full range")
+        add_chart(page.gui, f"{name}: loss, logarithm", CURVES, tuple(_logarithms(rows)), label="epoch")
+    page.scene.draw_cloud(workspace(arm))
+    return page
+
+
+def _logarithms(rows: Float[np.ndarray, "epochs 3"]) -> Float[np.ndarray, "3 epochs"]:
+    """Epochs, and the logarithms of training and validation loss."""
+    return np.stack([rows[:, 0], *np.log10(np.maximum(rows[:, 1:], 1e-12)).T])
 
 
 def view_recording(recording: Recording, port: int) -> ViewPage:

@@ -6,9 +6,10 @@ description, so a file cannot make a controller speak other cables than its arm 
 
 import json
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -93,17 +94,45 @@ def read(path: str | os.PathLike, kind: str) -> tuple[dict[str, np.ndarray], Met
     Raises:
         StrategyError: no such file, damaged, of another kind or schema.
     """
+    with _opened(path) as file:
+        metadata = _metadata_in(file, kind)
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    return arrays, metadata
+
+
+def read_metadata(path: str | os.PathLike, kind: str) -> Metadata:
+    """The metadata alone, which is quicker.
+
+    Raises:
+        StrategyError: no such file, damaged, of another kind or schema.
+    """
+    with _opened(path) as file:
+        return _metadata_in(file, kind)
+
+
+@contextmanager
+def _opened(path: str | os.PathLike) -> Iterator[Any]:
+    """A file to read; whatever is wrong with it becomes a StrategyError."""
     if not Path(path).is_file():
         raise StrategyError(f"no strategy at {path}; train one with `s2c2a train`")
     try:
         with safe_open(path, framework="numpy") as file:
-            metadata = Metadata.model_validate(json.loads((file.metadata() or {}).get(kind, "null")))
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+            yield file
+    except _SchemaError as error:
+        raise StrategyError(f"{path} has schema {error}, this version reads {SCHEMA}; train it anew") from error
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, RecursionError) as error:
         raise StrategyError(f"{path} is no strategy file, or damaged: {error}; train it anew") from error
+
+
+class _SchemaError(Exception):
+    """Of another schema."""
+
+
+def _metadata_in(file: Any, kind: str) -> Metadata:
+    metadata = Metadata.model_validate(json.loads((file.metadata() or {}).get(kind, "null")))
     if metadata.schema_version != SCHEMA:
-        raise StrategyError(f"{path} has schema {metadata.schema_version}, this version reads {SCHEMA}; train it anew")
-    return arrays, metadata
+        raise _SchemaError(metadata.schema_version)
+    return metadata
 
 
 def learned(networks) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ import numpy as np
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_to_toml
-from s2c2a.strategies.checkpoint import SCHEMA, Metadata, filled, learned, read, write
+from s2c2a.strategies.checkpoint import SCHEMA, Metadata, filled, learned, read, read_metadata, write
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.s2c2a import TrainedNetworks, blank_networks
 
@@ -30,6 +30,15 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         percent=networks.percent,
     )
     write(path, KIND, learned((networks.c2s, networks.c2a)) | curves, metadata)
+
+
+def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
+    """The arm that a strategy was trained for.
+
+    Raises:
+        StrategyError: no such file, damaged, of another kind or schema.
+    """
+    return read_metadata(path, KIND).trained_for(path, None)
 
 
 def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> TrainedNetworks:

@@ -8,7 +8,7 @@ from importlib import resources
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
-from s2c2a.strategies.files import load_strategy
+from s2c2a.strategies.files import arm_of_strategy, load_strategy
 from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import TrainedNetworks
 
@@ -24,9 +24,9 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
     for file in sorted(FOLDER.iterdir(), key=lambda one: one.name):
         if file.name.endswith(".safetensors"):
             with resources.as_file(file) as path:
-                networks = load_strategy(path)
-            if networks.arm.same_body(arm):
-                return replace(networks, arm=arm, recipe=recipe_named(networks.recipe.name))
+                if arm_of_strategy(path).same_body(arm):
+                    networks = load_strategy(path)
+                    return replace(networks, arm=arm, recipe=recipe_named(networks.recipe.name))
     raise StrategyError(
         f"no trained networks come with the package for '{arm.name}'; collect data with `s2c2a collect`, train with "
         "`s2c2a train`, and give the file with --strategy"

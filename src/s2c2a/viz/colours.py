@@ -5,15 +5,16 @@ from itertools import cycle
 
 import numpy as np
 
-WANTED = "#d62728"
+WANTED = "#d62728"  # in figures
+TARGET = "#7b35c9"  # the same where the arm's body is drawn, whose end is red
 POINTING = "#e0a100"
 INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
 
 _BASE_TO_END = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
-_CONTROLLERS = {"s2c2a": "#1f5fc4", "pcc": "#2b9a4b", "pcc-fitted": "#c77d0a", "lstm": "#7d3fb8"}
-_OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#7d3fb8", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+_CONTROLLERS = {"s2c2a": "#1f5fc4", "pcc": "#2b9a4b", "pcc-fitted": "#c77d0a", "lstm": "#0d8fa0"}
+_OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
 
 
 def module_colours(count: int) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.viz.colours import WANTED, module_colours, trace_colours
+from s2c2a.viz.colours import TARGET, module_colours, trace_colours
 from s2c2a.viz.trace import Trace
 
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
@@ -23,7 +23,7 @@ def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping
     return {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in summary.items()],
-        "wantedColour": WANTED,
+        "wantedColour": TARGET,
         "arm": _arm_data(arm),
         "traces": [
             _trace_data(trace, colour)

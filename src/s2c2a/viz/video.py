@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.viz.body import Body
-from s2c2a.viz.colours import FAINT, INK, MUTED, WANTED, module_colours
+from s2c2a.viz.colours import FAINT, INK, MUTED, TARGET, module_colours
 from s2c2a.viz.saving import save_whole
 from s2c2a.viz.trace import Trace, check_same_arm
 
@@ -53,7 +53,7 @@ def _frames(trace: Trace, arm: ArmSpec, steps: np.ndarray) -> Iterator[Image.Ima
         canvas = Image.new("RGB", (FINER * SIZE[0], FINER * SIZE[1]), BACKGROUND)
         painter = ImageDraw.Draw(canvas)
         _paint_floor(painter, camera, arm.length)
-        _paint_path(painter, camera, trace.wanted_path, WANTED)
+        _paint_path(painter, camera, trace.wanted_path, TARGET)
         _paint_path(painter, camera, trace.followed_path[: step + 1], REAL)
         _paint_obstacles(painter, camera, trace.obstacles[step])
         _paint_arm(painter, camera, body, np.nan_to_num(trace.states[step]), arm)
@@ -134,7 +134,7 @@ def _paint_obstacles(painter, camera: _Camera, obstacles) -> None:
 def _paint_target(painter, camera: _Camera, point) -> None:
     if np.isfinite(point).all():
         column, row, _ = camera.places(point)
-        for radius, colour in ((8, BACKGROUND), (6, WANTED)):
+        for radius, colour in ((8, BACKGROUND), (6, TARGET)):
             painter.ellipse(_square(column, row, FINER * radius), fill=colour, outline=INK)
 
 

@@ -1,6 +1,6 @@
 // What stands round the arm: ground grid, shadow, base plate, ghosts, paths, targets, obstacles.
 
-const OBSTACLE = "#6b6f86";
+const OBSTACLE = "#8a93a6";
 
 // A round grid on the plane that the arm is mounted on, as wide as the run reaches.
 function groundOf(reach) {

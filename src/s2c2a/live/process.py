@@ -1,0 +1,229 @@
+"""The control loop in a process of its own: neither drawing nor browsers take its turn.
+
+Two threads of one Python process wait for each other; two processes do not. Wishes and requests go there through a
+pipe, snapshots come back.
+"""
+
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from typing import Any, cast
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.live.loop import Control, ControlLoop, Snapshot, Stage
+from s2c2a.live.wish import Limits, Wish
+from s2c2a.shards import compute_on_one_thread
+
+TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
+MOST_WAITING = 1000  # snapshots that nobody has fetched yet
+URGENCY = -10  # the control process goes first, where the system lets it
+ENDED = "the control process has ended; start again"
+REQUESTS = ("ask", "reset", "use", "step_task", "restart_task")
+
+
+class ControlProcess(Control):
+    """A control loop in another process; it ends with this one."""
+
+    def __init__(self, arm: ArmSpec, build: Callable[[], ControlLoop]):
+        """Start the process; it may take seconds until `wait_until_ready` returns.
+
+        Args:
+            arm: what the loop will drive.
+            build: makes the loop, over there; it can be pickled.
+        """
+        self.arm, self.limits = arm, Limits.of(arm, ())
+        self.strategies: tuple[str, ...] = ()
+        self._wish, self._latest, self._fault = Wish(), cast("Snapshot | None", None), ""
+        self._watchers: tuple[Callable[[Snapshot], None], ...] = ()
+        self._lock, self._ready = threading.RLock(), threading.Event()
+        self._using, self._used = threading.Lock(), cast("queue.SimpleQueue[str]", queue.SimpleQueue())
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
+        self._process.start()
+        theirs.close()
+        self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
+        self._listener.start()
+
+    @property
+    def process(self) -> int | None:
+        """The number of the process."""
+        return self._process.pid
+
+    @property
+    def wish(self) -> Wish:
+        """The latest wish."""
+        return self._wish
+
+    @property
+    def latest(self) -> Snapshot | None:
+        """The latest snapshot, None before the first."""
+        return self._latest
+
+    def wait_until_ready(self, timeout: float = 600.0) -> None:
+        """Return when the arm is open and the loop runs.
+
+        Raises:
+            S2C2AError: it could not be built or opened, or not in time.
+        """
+        if not self._ready.wait(timeout):
+            raise S2C2AError(f"the arm did not open within {timeout:g} s")
+        if self._fault:
+            raise S2C2AError(self._fault)
+
+    def ask(self, **changes: Any) -> Wish:
+        """Change the wish, within the limits; returns what it has become. From any thread."""
+        with self._lock:
+            self._wish = self.limits.changed(self._wish, **changes)
+            self._send("ask", **vars(self._wish))
+            return self._wish
+
+    def reset(self) -> None:
+        """Open the robot anew, at rest; wishes that would move it at once are forgotten."""
+        with self._lock:
+            self.ask(target=None, axis=None, task=None, playing=False)
+            self._send("reset")
+
+    def use(self, name: str) -> None:
+        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin.
+
+        It is built over there, which can take seconds; this returns when it is done.
+
+        Raises:
+            S2C2AError: no such strategy, or it cannot be built.
+        """
+        with self._using:
+            self._send("use", name=name)
+            if said := self._used.get():
+                raise S2C2AError(said)
+
+    def step_task(self) -> None:
+        """One step of a task that waits."""
+        self._send("step_task")
+
+    def restart_task(self) -> None:
+        """Back to the task's first step."""
+        self._send("restart_task")
+
+    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
+        """Call a watcher with every snapshot, in the thread that fetches them. Returns what ends it."""
+        self._watchers = (*self._watchers, watcher)
+
+        def end() -> None:
+            self._watchers = tuple(one for one in self._watchers if one is not watcher)
+
+        return end
+
+    def stop(self, timeout: float = 15.0) -> None:
+        """Lead the arm to rest, close it, and end the process."""
+        self._send("stop")
+        self._process.join(timeout)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(timeout)
+        self._listener.join(timeout)
+
+    def _send(self, request: str, **arguments: Any) -> None:
+        with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
+            self._pipe.send((request, arguments))
+
+    def _listen(self) -> None:
+        """Fetch what comes until the process ends."""
+        with suppress(EOFError, OSError):
+            while True:
+                self._take(self._pipe.recv())
+        self._fault = self._fault or ENDED
+        self._used.put(ENDED)
+        self._ready.set()
+        if self._latest is not None:
+            self._show(replace(self._latest, stage=Stage.FAILED, fault=ENDED, moment=time.perf_counter()))
+
+    def _take(self, said: Any) -> None:
+        """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
+        if isinstance(said, Snapshot):
+            self._show(said)
+            self._ready.set()
+        elif isinstance(said, S2C2AError):
+            self._fault = str(said)
+            self._ready.set()
+        elif isinstance(said, str):
+            self._used.put(said)
+        else:
+            self.limits, self.strategies = said
+
+    def _show(self, snapshot: Snapshot) -> None:
+        self._latest = snapshot
+        for watcher in self._watchers:
+            watcher(snapshot)
+
+
+def _control(build: Callable[[], ControlLoop], pipe: Connection) -> None:
+    """What the process does: build the loop, run it, hear requests until the other end says stop or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Control-C is the other process's to hear; it says stop
+    with suppress(OSError, AttributeError):  # most systems let nobody but root go first
+        os.setpriority(os.PRIO_PROCESS, 0, URGENCY)
+    sys.setswitchinterval(TURN)
+    compute_on_one_thread()
+    said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
+    threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True).start()
+    try:
+        loop = build()
+        said.put((loop.limits, loop.strategies))
+        loop.watch(lambda snapshot: _leave(said, snapshot))
+        loop.start()
+    except S2C2AError as error:
+        said.put(error)
+    else:
+        _obey(loop, pipe, said)
+        loop.stop()
+    said.put(None)
+    said.join()
+
+
+def _obey(loop: ControlLoop, pipe: Connection, said: queue.Queue) -> None:
+    """Do what is asked, in order; building a strategy takes long, so that goes beside the rest."""
+    with suppress(EOFError, OSError):
+        while True:
+            request, arguments = pipe.recv()
+            if request not in REQUESTS:
+                return
+            if request == "use":
+                threading.Thread(target=_use, args=(loop, arguments["name"], said), daemon=True).start()
+            else:
+                getattr(loop, request)(**arguments)
+
+
+def _use(loop: ControlLoop, name: str, said: queue.Queue) -> None:
+    """Change the strategy; say nothing where that went well."""
+    try:
+        loop.use(name)
+        said.put("")
+    except S2C2AError as error:
+        said.put(str(error))
+
+
+def _leave(said: queue.Queue, snapshot: Snapshot) -> None:
+    """Leave a snapshot to be fetched; never wait for whoever fetches."""
+    with suppress(queue.Full):
+        said.put_nowait(snapshot)
+
+
+def _pass_on(said: queue.Queue, pipe: Connection) -> None:
+    """Hand on what is said, until None; what cannot be handed on is dropped."""
+    while True:
+        something = said.get()
+        with suppress(OSError):
+            if something is not None:
+                pipe.send(something)
+        said.task_done()
+        if something is None:
+            return

@@ -1,0 +1,50 @@
+"""The simulated arm's control loop, made in whatever process it shall run in."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+from s2c2a.arm import ArmSpec
+from s2c2a.live.loop import ControlLoop
+from s2c2a.planning.options import Guard
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import (
+    Strategy,
+    load_strategy,
+    pcc_strategy,
+    recipe_named,
+    s2c2a_strategy,
+    shipped_networks,
+)
+from s2c2a.tasks import TASKS, task_named
+
+
+def simulated_loop(
+    arm: ArmSpec, files: tuple[str, ...], fidelity: str, guard: Guard, seed: int, release_after: float
+) -> ControlLoop:
+    """A loop that is not started yet; options as of `s2c2a live`.
+
+    Raises:
+        S2C2AError: no networks for this arm, or an option that it cannot have.
+    """
+    body = SimulatedRobot(arm, fidelity, seed)
+    tasks = {name: task_named(name, arm) for name in TASKS}
+    return ControlLoop(body, strategies_of(arm, files, guard), tasks, body, release_after=release_after)
+
+
+def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> dict[str, Callable[[], Strategy]]:
+    """What can drive an arm, by name, built when first asked for; files come first, else what comes with the package.
+
+    Raises:
+        StrategyError: a file cannot be read, or nothing comes with the package for this arm.
+    """
+    saved = {f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files}
+    networks = saved or {"s2c2a · best": shipped_networks(arm)}
+    built: dict[str, Callable[[], Strategy]] = {
+        name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()
+    }
+    for recipe in ("best", "paper"):
+        options = replace(recipe_named(recipe).planner, guard=guard)
+        built[f"pcc · {recipe}"] = cache(partial(pcc_strategy, arm, options))
+    return built

@@ -1,0 +1,90 @@
+"""The control loop in a process of its own: the same words, nothing lost when either side ends."""
+
+import os
+import signal
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from s2c2a.errors import S2C2AError
+from s2c2a.live.loop import Stage
+from s2c2a.live.process import ControlProcess
+from s2c2a.live.simulated import simulated_loop
+from s2c2a.spaces import POSITION
+
+from live_tabs import until  # type: ignore[import-not-found]
+
+
+def process_of(arm, files=()):
+    return ControlProcess(arm, partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0))
+
+
+@pytest.fixture(autouse=True)
+def kept_programs(monkeypatch, pytestconfig):
+    """Other processes find what these tests have compiled, as `s2c2a live` finds what is kept."""
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(pytestconfig.rootpath / ".pytest_cache" / "programs"))
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
+
+
+@pytest.fixture
+def control(twin):
+    """A control process that runs."""
+    running = process_of(twin)
+    running.wait_until_ready()
+    yield running
+    running.stop()
+
+
+def test_it_obeys_wishes_changes_its_strategy_and_ends_at_rest(control):
+    rows = []
+    control.watch(rows.append)
+    assert control.limits.tasks
+    control.ask(driven=True, target=(0.18, 0.05, 0.54))
+    until(lambda: control.latest.error < 0.01, what="arriving")
+    assert control.ask(target=(9.0, 0.0, 0.0)).target[0] < 1.3  # within the limits, here too
+    with pytest.raises(S2C2AError, match=r"no strategy 'nobody'; choose one of s2c2a · best"):
+        control.use("nobody")
+    control.use("pcc · best")
+    until(lambda: control.latest.strategy == "pcc · best" and control.latest.stage is Stage.DRIVEN)
+    control.ask(task="circle", playing=True, speed=4.0)
+    until(lambda: control.latest.task_step > 5)
+    control.ask(playing=False)
+    control.restart_task()
+    until(lambda: control.latest.task_step == 0)
+    control.step_task()
+    until(lambda: control.latest.task_step == 1)
+    control.reset()
+    until(lambda: control.latest.stage is Stage.DRIVEN and np.linalg.norm(control.latest.states[-1, :2]) < 0.02)
+    control.ask(target=(0.1, 0.1, 0.55))
+    until(lambda: control.latest.error < 0.05, what="arriving as near as pcc does")
+    control.stop()
+    assert np.linalg.norm(rows[-2].states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
+    assert np.diff([row.number for row in rows[:-1]]).max() == 1
+
+
+def test_a_process_that_is_killed_is_told_of_and_nobody_waits_for_it(control):
+    until(lambda: control.latest.number > 10)  # what it compiles is kept by now
+    os.kill(control.process, signal.SIGKILL)
+    until(lambda: control.latest.stage is Stage.FAILED)
+    assert "has ended" in control.latest.fault
+    control.ask(driven=True)
+    with pytest.raises(S2C2AError, match="has ended"):
+        control.use("pcc · best")
+
+
+def test_it_ends_when_nobody_listens_any_more(control):
+    child = control._process
+    control._pipe.close()
+    child.join(20.0)
+    assert not child.is_alive()
+
+
+def test_what_cannot_be_built_is_told(twin):
+    control = process_of(twin, files=("nowhere.safetensors",))
+    began = time.monotonic()
+    with pytest.raises(S2C2AError, match=r"no strategy at nowhere.safetensors"):
+        control.wait_until_ready()
+    assert time.monotonic() - began < 60
+    control.stop()
