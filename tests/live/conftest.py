@@ -5,6 +5,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.live.loop import ControlLoop
 from s2c2a.live.page import LivePage
+from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, task_named
@@ -30,9 +31,9 @@ def loop(twin, strategy):
 
 
 @pytest.fixture
-def page(loop, tmp_path):
+def page(loop, twin, tmp_path):
     """Its page."""
-    opened = LivePage(loop, 0, tmp_path / "runs")
+    opened = LivePage(loop, 0, tmp_path / "runs", lambda: survey(twin))
     yield opened
     opened.close()
 

@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from s2c2a.live.loop import Stage
+from s2c2a.live.snapshot import Stage
 from s2c2a.live.wish import Wish
 
 from live_tabs import until  # type: ignore[import-not-found]

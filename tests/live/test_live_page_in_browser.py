@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from s2c2a.live.loop import Stage
+from s2c2a.live.snapshot import Stage
 from s2c2a.live.wish import Obstacle
 from s2c2a.spaces import POSITION
 

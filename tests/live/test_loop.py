@@ -5,8 +5,8 @@ import time
 import numpy as np
 
 from s2c2a.errors import SimulationError
-from s2c2a.live.loop import Stage
 from s2c2a.live.recorder import Recorder
+from s2c2a.live.snapshot import Stage
 from s2c2a.live.wish import Obstacle
 from s2c2a.spaces import POSITION
 from s2c2a.viz.trace_files import TRACES, load_traces

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import Stage
+from s2c2a.live.child import Child
 from s2c2a.live.process import ControlProcess
 from s2c2a.live.simulated import simulated_loop
+from s2c2a.live.snapshot import Stage
 from s2c2a.spaces import POSITION
 
 from live_tabs import until  # type: ignore[import-not-found]
 
 
 def process_of(arm, files=()):
-    return ControlProcess(arm, partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0))
+    return ControlProcess(arm, Child(partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0)))
 
 
 @pytest.fixture(autouse=True)

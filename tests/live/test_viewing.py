@@ -48,7 +48,7 @@ def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown):
     tab = shown(page)
     tab.page.get_by_text("cm from the target").wait_for()
     until(lambda: page.scene._discs.vertices[-1][0] > 0.1, what="the run's end")
-    until(lambda: page.scene._ghost[0].visible, what="the ghost")
+    until(lambda: page.scene._ghost.visible, what="the ghost")
     tab.page.get_by_role("button", name="Pause").click()
     tab.keep("wide-runs")
     assert tab.errors == []

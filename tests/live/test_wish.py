@@ -5,7 +5,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Weights, Wish, goal_of
+from s2c2a.live.asking import goal_of
+from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Weights, Wish
 from s2c2a.planning import Goal
 
 LIMITS = Limits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))

@@ -35,15 +35,13 @@ def bench_live(arm: Arm = "twin_arm", minutes: float = 10.0, browsers: bool = Tr
 
 
 def headless():
-    """A headless Chromium, as a context; it draws in software, so it goes last where processors are few.
+    """A headless Chromium, as a context; it draws in software.
 
     Raises:
         S2C2AError: there is none.
     """
-    import shlex
     import shutil
     from contextlib import contextmanager
-    from tempfile import TemporaryDirectory
 
     from s2c2a.errors import S2C2AError
     from s2c2a.live.measuring import FLAGS
@@ -56,11 +54,8 @@ def headless():
 
     @contextmanager
     def opened():
-        with TemporaryDirectory() as folder, sync_playwright() as playwright:
-            last = Path(folder) / "chromium"
-            last.write_text(f'#!/bin/sh\nexec nice -n 19 {shlex.quote(path)} "$@"\n', encoding="utf-8")
-            last.chmod(0o700)
-            browser = playwright.chromium.launch(executable_path=last, args=FLAGS)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
             yield browser
             browser.close()
 

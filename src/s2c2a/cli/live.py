@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -14,7 +14,9 @@ from s2c2a.cli.crews import require
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from s2c2a.live.page import LivePage
+    from s2c2a.arm import ArmSpec
+    from s2c2a.live.loop import ControlLoop
+    from s2c2a.live.page import LivePage, Survey
     from s2c2a.live.process import ControlProcess
     from s2c2a.planning.options import Guard
 
@@ -73,16 +75,17 @@ def running_page(
     from functools import partial
 
     from s2c2a.arm import load_arm
-    from s2c2a.live.process import ControlProcess
-    from s2c2a.live.simulated import simulated_loop
+    from s2c2a.live.child import Child
 
     spec = load_arm(arm)
-    control = ControlProcess(spec, partial(simulated_loop, spec, strategy, fidelity, guard, seed, release_after))
-    try:
-        from s2c2a.live.page import LivePage  # takes as long as the other process needs to open the arm
-        from s2c2a.live.workspace import workspace
+    child = Child(partial(_control_loop, spec, strategy, fidelity, guard, seed, release_after))
 
-        page = LivePage(control, port, out, lambda: workspace(spec))
+    from s2c2a.live.page import LivePage  # imported while the other process imports its part
+    from s2c2a.live.process import ControlProcess
+
+    control = ControlProcess(spec, child)
+    try:
+        page = LivePage(control, port, out, partial(_survey, spec))
         try:
             said(f"open {page.gate.address}")
             control.wait_until_ready()
@@ -92,3 +95,17 @@ def running_page(
             page.close()
     finally:
         control.stop()
+
+
+def _control_loop(*options: Any) -> "ControlLoop":
+    """What the other process makes."""
+    from s2c2a.live.simulated import simulated_loop
+
+    return simulated_loop(*options)
+
+
+def _survey(arm: "ArmSpec") -> "Survey":
+    """What the page knows of the arm's reach, a little after the arm has moved first."""
+    from s2c2a.live.workspace import survey
+
+    return survey(arm)

@@ -3,19 +3,14 @@
 import csv
 import json
 import os
-import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import s2c2a
 from s2c2a.errors import S2C2AError
-
-PACKAGES = ("jax", "jaxlib", "equinox", "optax", "mujoco", "numpy")
 
 
 @dataclass(frozen=True)
@@ -54,12 +49,6 @@ def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[s
     between = float(np.std(values, ddof=1)) if len(values) > 1 and np.isfinite(values).all() else None
     steps = float(np.mean(spreads)) if len(spreads) else None
     return {"mean": float(np.mean(values)), "std_steps": steps, "std_seeds": between}
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package and of those that results depend on."""
-    found = {name: version(name) for name in PACKAGES}
-    return {"s2c2a": s2c2a.__version__, "python": platform.python_version()} | found
 
 
 def save_rows(rows: Iterable[Row], path: str | os.PathLike) -> None:

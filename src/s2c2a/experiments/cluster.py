@@ -11,8 +11,8 @@ from distributed import Client, KilledWorker, LocalCluster
 from distributed.cfexecutor import ClientExecutor
 
 from s2c2a.errors import ClusterError, S2C2AError
-from s2c2a.evaluation.report import PACKAGES, versions
 from s2c2a.shards import WAITING, Crew, checked_count, compute_on_one_thread, processes_that_fit
+from s2c2a.versions import PACKAGES, versions
 
 LOCAL = "local"
 PROTOCOLS = ("tcp://", "tls://")

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation.report import Row, save_csv, save_rows, versions
+from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.experiments.following import Run
+from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.trace_files import TRACES, save_traces
 

@@ -8,121 +8,29 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from functools import partial
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.metrics import clearances
+from s2c2a.live.asking import goal_of
 from s2c2a.live.clock import Clock, WallClock
 from s2c2a.live.disturbing import Disturbable, SensorFaults
-from s2c2a.live.wish import Limits, Wish, goal_of
+from s2c2a.live.snapshot import Asked, Control, Snapshot, Stage
+from s2c2a.live.wish import Limits, Wish
 from s2c2a.planning import Goal
 from s2c2a.programs import compilations
 from s2c2a.robots import Robot
-from s2c2a.spaces import POSITION, Actions, Configurations, Reading, States
+from s2c2a.spaces import POSITION, Actions, Reading
 from s2c2a.strategies import Strategy
 from s2c2a.tasks import Task
 
 RELEASE_AFTER = 10.0  # s without a driver until the cables are led back to rest
 NO_PUSH = (0.0, 0.0, 0.0)
-
-
-class Stage(Enum):
-    """What the loop does."""
-
-    DRIVEN = "driven"
-    HOLDING = "holding"
-    RETURNING = "going to rest"
-    RESTING = "at rest"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What is known after one control step; all arrays are the reader's to keep and nobody's to change.
-
-    Attributes:
-        number: of the step, counted from the start of the loop.
-        moment: when it was done, on the loop's clock [s].
-        period: of the control steps [s].
-        stage: what the loop does.
-        states: of the arm, shape (modules, 6), base frame.
-        expected: states that the plan leads to, the same shape.
-        configurations: of the arm, shape (modules, 3).
-        goal: what was asked in this step.
-        actions: as really sent [m or N], shape (modules, cables).
-        error: distance of the tip from where it should be [m]; NaN where nothing is asked of it.
-        clearance: least distance of the tip from a threshold [m]; infinite without obstacles.
-        tick_time: sense, plan and act together [s].
-        task_step: step of the task that is played.
-        task_steps: how many steps it has; zero without a task.
-        strategy: name of what drives the arm.
-        compiled: programs compiled since the loop's process began.
-        fault: what went wrong, in words, or nothing.
-    """
-
-    number: int
-    moment: float
-    period: float
-    stage: Stage
-    states: States
-    expected: States
-    configurations: Configurations
-    goal: Goal
-    actions: Actions
-    error: float
-    clearance: float
-    tick_time: float
-    task_step: int
-    task_steps: int
-    strategy: str
-    compiled: int = 0
-    fault: str = ""
-
-
-class Control(Protocol):
-    """What moves the arm as the latest wish says, here or in another process.
-
-    Attributes:
-        arm: the arm.
-        limits: how far wishes may go.
-        strategies: names of what can drive the arm.
-    """
-
-    arm: ArmSpec
-    limits: Limits
-    strategies: tuple[str, ...]
-
-    @property
-    def wish(self) -> Wish:
-        """The latest wish."""
-
-    @property
-    def latest(self) -> Snapshot | None:
-        """The latest snapshot, None before the first."""
-
-    def ask(self, **changes) -> Wish:
-        """Change the wish, within the limits; returns what it has become. From any thread."""
-
-    def reset(self) -> None:
-        """Open the robot anew, at rest; wishes that would move it at once are forgotten."""
-
-    def use(self, name: str) -> None:
-        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin."""
-
-    def step_task(self) -> None:
-        """One step of a task that waits."""
-
-    def restart_task(self) -> None:
-        """Back to the task's first step."""
-
-    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
-        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
 
 
 class ControlLoop(Control):
@@ -200,6 +108,11 @@ class ControlLoop(Control):
         if name not in self._builders:
             raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
         self._requests.put(partial(self._change_strategy, self._builders[name](), name))
+
+    def prepare(self) -> None:
+        """Look every task up, for those that are made when first looked up; in the thread of whoever asks."""
+        for name in self._tasks:
+            self._tasks[name]
 
     def step_task(self) -> None:
         """One step of a task that waits."""
@@ -385,7 +298,7 @@ class ControlLoop(Control):
             states=np.array(states),
             expected=expected,
             configurations=np.array(configurations),
-            goal=goal,
+            goal=Asked(*(np.asarray(part) for part in goal)),
             actions=np.array(self._sent),
             error=float(np.linalg.norm(tip - wanted)) if asked else float("nan"),
             clearance=float(clearances(tip[None, None], spheres)[0]) / 100.0,

@@ -19,9 +19,9 @@ from websockets.typing import Origin, Subprotocol
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import Control, Snapshot, Stage
 from s2c2a.live.page import LivePage
 from s2c2a.live.process import ControlProcess
+from s2c2a.live.snapshot import Control, Snapshot, Stage
 from s2c2a.programs import compilations
 
 FLAGS = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -7,20 +7,20 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import viser
 from jaxtyping import Float
 
 from s2c2a.live.gate import HOST, Gate, new_secret, only_with
-from s2c2a.live.loop import Control, Snapshot, Stage
 from s2c2a.live.panel import Desk, Panel, View
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.scene import ArmScene
 from s2c2a.live.session import Session
+from s2c2a.live.snapshot import Control, Snapshot, Stage
 from s2c2a.live.wish import Obstacle, Point
-from s2c2a.planning.reach import reach_gaps
 from s2c2a.spaces import AXIS, POSITION, States
 
 FRAME = 1 / 30  # s between frames
@@ -48,6 +48,18 @@ def look_at_arm(server: viser.ViserServer, size: float) -> None:
     server.initial_camera.fov = np.deg2rad(40)
 
 
+class Survey(NamedTuple):
+    """Where an arm can be.
+
+    Attributes:
+        cloud: ends of the modules [m], shape (modules, points, 3).
+        gap: how far out of the tip's reach a point is [m].
+    """
+
+    cloud: Float[np.ndarray, "modules points 3"]
+    gap: Callable[[Point], float]
+
+
 class LivePage:
     """The live page of one control loop.
 
@@ -62,7 +74,7 @@ class LivePage:
         loop: Control,
         port: int,
         runs: Path,
-        workspace: Callable[[], Float[np.ndarray, "modules points 3"]] | None = None,
+        survey: Callable[[], Survey] | None = None,
     ):
         """Open the page of a loop that runs, or will soon: until its first snapshot the page says that it prepares.
 
@@ -70,7 +82,7 @@ class LivePage:
             loop: moves the arm.
             port: where the page shall be; the next free one if it is taken.
             runs: where recordings go.
-            workspace: where the modules' ends can be; called once, in a thread of its own.
+            survey: finds out where the arm can be; called once the arm is there, in a thread of its own.
 
         Raises:
             S2C2AError: no port is free.
@@ -96,17 +108,16 @@ class LivePage:
         self._server.on_client_connect(self._joined)
         self._server.on_client_disconnect(self._left)
         self._closing = threading.Event()
-        self._threads = [threading.Thread(target=self._draw_on, name="scene", daemon=True)]
-        if workspace is not None:
-            self._threads.append(threading.Thread(target=self._draw_cloud, args=(workspace,), daemon=True))
-        for thread in self._threads:
-            thread.start()
+        self._survey = survey
+        self._gap_at: Callable[[Point], float] = _unknown
+        self._drawing = threading.Thread(target=self._draw_on, name="scene", daemon=True)
+        self._drawing.start()
         self.gate = Gate(port, self._server.get_port(), secret)
 
     def close(self) -> None:
         """Close the gate and the page; the loop goes on."""
         self._closing.set()
-        self._threads[0].join(2.0)
+        self._drawing.join(2.0)
         self.gate.close()
         with redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -155,8 +166,12 @@ class LivePage:
             moved = Obstacle(where, own[number].threshold)
             self._loop.ask(obstacles=(*own[:number], moved, *own[number + 1 :]))
 
-    def _draw_cloud(self, workspace) -> None:
-        self._scene.draw_cloud(workspace())
+    def _look_round(self, survey: Callable[[], Survey]) -> None:
+        found = survey()
+        if self._closing.is_set():
+            return
+        self._scene.draw_cloud(found.cloud)
+        self._gap_at = found.gap
 
     def _draw_on(self) -> None:
         """One frame after the other, until the page closes; a late frame is left out."""
@@ -174,7 +189,10 @@ class LivePage:
             self._plots.add(latest)
             self._trail.append((latest.states[-1, POSITION].copy(), _wanted(latest)))
         if first:
-            self._session_changed()
+            if self._survey is not None:
+                threading.Thread(target=self._look_round, args=(self._survey,), daemon=True).start()
+            if self.session.present:
+                self._session_changed()
         share = self._share_of_step(latest)
         if share is not None and self._before is not None:
             self._scene.draw_arm(between(self._before.states, latest.states, share))
@@ -183,7 +201,7 @@ class LivePage:
         self._draw_asked(latest)
         if new:
             self._draw_trails()
-        if self.frames % PLOT_EVERY == 0:
+        if first or self.frames % PLOT_EVERY == 0:
             self._plots.draw()
             self._scene.show_cloud(self._view.cloud)
             self._status.content = self._status_of(latest)
@@ -208,7 +226,7 @@ class LivePage:
         if position is None:
             return 0.0
         if position != self._gap_of:
-            self._gap, self._gap_of = float(reach_gaps(self._arm, np.array([position]))[0]), position
+            self._gap, self._gap_of = self._gap_at(position), position
         return self._gap
 
     def _draw_trails(self) -> None:
@@ -233,6 +251,11 @@ class LivePage:
         if self._gap > 0.005:
             said.append(f"**{100 * self._gap:.1f} cm out of reach**")
         return f"{lines[0]}\n\n{' · '.join(said)}"
+
+
+def _unknown(_position: Point) -> float:
+    """No gap, while nobody knows."""
+    return 0.0
 
 
 def between(before: States, after: States, share: float) -> States:

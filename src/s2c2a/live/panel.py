@@ -9,9 +9,9 @@ import numpy as np
 import viser
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import Control
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.session import Session
+from s2c2a.live.snapshot import Control
 from s2c2a.live.wish import FACTORS, MOST_OBSTACLES, Obstacle, Weights, Wish
 from s2c2a.spaces import AXIS, POSITION
 

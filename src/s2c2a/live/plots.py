@@ -7,7 +7,7 @@ import numpy as np
 from viser import GuiApi, uplot
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.live.loop import Snapshot
+from s2c2a.live.snapshot import Snapshot
 from s2c2a.viz.colours import TARGET, module_colours
 
 SHOWN = 20.0  # s

@@ -4,41 +4,32 @@ Two threads of one Python process wait for each other; two processes do not. Wis
 pipe, snapshots come back.
 """
 
-import multiprocessing
-import os
 import queue
-import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from typing import Any, cast
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.live.loop import Control, ControlLoop, Snapshot, Stage
+from s2c2a.live.child import Child
+from s2c2a.live.snapshot import Control, Snapshot, Stage
 from s2c2a.live.wish import Limits, Wish
-from s2c2a.shards import compute_on_one_thread
 
-TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
-MOST_WAITING = 1000  # snapshots that nobody has fetched yet
-URGENCY = -10  # the control process goes first, where the system lets it
 ENDED = "the control process has ended; start again"
-REQUESTS = ("ask", "reset", "use", "step_task", "restart_task")
 
 
 class ControlProcess(Control):
     """A control loop in another process; it ends with this one."""
 
-    def __init__(self, arm: ArmSpec, build: Callable[[], ControlLoop]):
-        """Start the process; it may take seconds until `wait_until_ready` returns.
+    def __init__(self, arm: ArmSpec, child: Child):
+        """Speak to a process; it may take seconds until `wait_until_ready` returns.
 
         Args:
-            arm: what the loop will drive.
-            build: makes the loop, over there; it can be pickled.
+            arm: what its loop will drive.
+            child: already started.
         """
         self.arm, self.limits = arm, Limits.of(arm, ())
         self.strategies: tuple[str, ...] = ()
@@ -46,11 +37,7 @@ class ControlProcess(Control):
         self._watchers: tuple[Callable[[Snapshot], None], ...] = ()
         self._lock, self._ready = threading.RLock(), threading.Event()
         self._using, self._used = threading.Lock(), cast("queue.SimpleQueue[str]", queue.SimpleQueue())
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
-        self._process.start()
-        theirs.close()
+        self._pipe, self._process = child.pipe, child.process
         self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
         self._listener.start()
 
@@ -164,66 +151,3 @@ class ControlProcess(Control):
         self._latest = snapshot
         for watcher in self._watchers:
             watcher(snapshot)
-
-
-def _control(build: Callable[[], ControlLoop], pipe: Connection) -> None:
-    """What the process does: build the loop, run it, hear requests until the other end says stop or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Control-C is the other process's to hear; it says stop
-    with suppress(OSError, AttributeError):  # most systems let nobody but root go first
-        os.setpriority(os.PRIO_PROCESS, 0, URGENCY)
-    sys.setswitchinterval(TURN)
-    compute_on_one_thread()
-    said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
-    threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True).start()
-    try:
-        loop = build()
-        said.put((loop.limits, loop.strategies))
-        loop.watch(lambda snapshot: _leave(said, snapshot))
-        loop.start()
-    except S2C2AError as error:
-        said.put(error)
-    else:
-        _obey(loop, pipe, said)
-        loop.stop()
-    said.put(None)
-    said.join()
-
-
-def _obey(loop: ControlLoop, pipe: Connection, said: queue.Queue) -> None:
-    """Do what is asked, in order; building a strategy takes long, so that goes beside the rest."""
-    with suppress(EOFError, OSError):
-        while True:
-            request, arguments = pipe.recv()
-            if request not in REQUESTS:
-                return
-            if request == "use":
-                threading.Thread(target=_use, args=(loop, arguments["name"], said), daemon=True).start()
-            else:
-                getattr(loop, request)(**arguments)
-
-
-def _use(loop: ControlLoop, name: str, said: queue.Queue) -> None:
-    """Change the strategy; say nothing where that went well."""
-    try:
-        loop.use(name)
-        said.put("")
-    except S2C2AError as error:
-        said.put(str(error))
-
-
-def _leave(said: queue.Queue, snapshot: Snapshot) -> None:
-    """Leave a snapshot to be fetched; never wait for whoever fetches."""
-    with suppress(queue.Full):
-        said.put_nowait(snapshot)
-
-
-def _pass_on(said: queue.Queue, pipe: Connection) -> None:
-    """Hand on what is said, until None; what cannot be handed on is dropped."""
-    while True:
-        something = said.get()
-        with suppress(OSError):
-            if something is not None:
-                pipe.send(something)
-        said.task_done()
-        if something is None:
-            return

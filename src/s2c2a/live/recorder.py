@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec, save_arm
-from s2c2a.evaluation.report import versions
-from s2c2a.live.loop import Control, Snapshot
+from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page
 from s2c2a.viz.trace_files import TRACES, save_traces
 

@@ -1,6 +1,7 @@
 """The scene: floor, arm, ghost, target, obstacles, trails, workspace. Drawn from State values alone."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -23,7 +24,7 @@ PALE = 0.6  # how much of the workspace's colours is white
 BALL = 0.042  # radius of the target in parts of the arm's length
 ARROW = 0.22  # length of the target's axis, the same
 FLOOR_LEVEL = -0.02  # in parts of the arm's length
-TRAIL_THICK, TRAIL_POINTS = 0.004, 160
+TRAIL_THICK, TRAIL_POINTS = 0.004, 90
 
 Dragged = Callable[[int, Point], None]
 """Told who dragged (a client's number) and where to."""
@@ -49,28 +50,10 @@ class ArmScene:
         _floor(scene, self._size)
         _gravity(scene, self._size, np.array(arm.gravity_direction))
         self._tubes, self._cables, self._discs = self._add_arm(straight)
-        self._shadow = scene.add_mesh_simple(
-            "/shadow",
-            self._shadow_of(self._body.shape(straight).modules),
-            self._body.tubes_faces,
-            color=rgb(SHADOW),
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        self._ghost = [
-            scene.add_mesh_simple(
-                f"/ghost/{number}",
-                tube,
-                self._body.tube_faces,
-                color=rgb(GHOST),
-                opacity=0.22,
-                cast_shadow=False,
-                receive_shadow=False,
-                visible=False,
-            )
-            for number, tube in enumerate(self._body.shape(straight).modules)
-        ]
+        first = self._body.outline(self._body.shape(straight))
+        outline: dict[str, Any] = {"faces": self._body.outline_faces, "cast_shadow": False, "receive_shadow": False}
+        self._shadow = scene.add_mesh_simple("/shadow", self._flat(first), color=rgb(SHADOW), side="double", **outline)
+        self._ghost = scene.add_mesh_simple("/ghost", first, color=rgb(GHOST), opacity=0.22, visible=False, **outline)
         self._trails = {name: self._add_thread(name, colour) for name, colour in (("real", REAL), ("wanted", TARGET))}
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
@@ -87,16 +70,15 @@ class ArmScene:
         for cable, points in zip(self._cables, shape.cables, strict=True):
             cable.vertices = points.astype(np.float32)
         self._discs.vertices = shape.discs.astype(np.float32)
-        self._shadow.vertices = self._shadow_of(shape.modules)
+        self._shadow.vertices = self._flat(self._body.outline(shape))
 
     def draw_ghost(self, states: States | None, arm: States) -> None:
         """Show where the plan leads to, unless that is where the arm is already."""
         apart = 0.0 if states is None else np.linalg.norm(states[:, POSITION] - arm[:, POSITION], axis=-1).max()
-        tubes = () if states is None or apart < SAME_PLACE * self._size else self._body.shape(states).modules
-        for number, ghost in enumerate(self._ghost):
-            _show(ghost, bool(tubes))
-            if tubes:
-                ghost.vertices = tubes[number].astype(np.float32)
+        shown = states is not None and bool(apart >= SAME_PLACE * self._size)
+        _show(self._ghost, shown)
+        if states is not None and shown:
+            self._ghost.vertices = self._body.outline(self._body.shape(states)).astype(np.float32)
 
     def draw_target(self, position: Point | None, axis: Point | None, gap: float) -> None:
         """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
@@ -159,9 +141,9 @@ class ArmScene:
         x, y, z = np.subtract(pointer, target)
         return float(x), float(y), float(z)
 
-    def _shadow_of(self, tubes: Sequence[Vertices]) -> Vertices:
+    def _flat(self, outline: Vertices) -> Vertices:
         """The arm straight down on the floor; far cheaper than a light's shadow."""
-        flat = np.concatenate(tubes).astype(np.float32)
+        flat = outline.astype(np.float32)
         flat[:, 2] = (FLOOR_LEVEL + 0.002) * self._size
         return flat
 
@@ -288,23 +270,28 @@ def _light(scene: SceneApi) -> None:
 
 
 def _floor(scene: SceneApi, size: float) -> None:
-    """A grid as wide as the arm reaches, the frame of the base, and the base itself."""
+    """A grid as wide as the arm reaches, the frame of the base, and the base itself.
+
+    Of few triangles: a shader's grid costs a browser without a graphics card a sixth of its time.
+    """
     cell = 0.1 if size > 0.3 else 0.02
-    width = cell * np.ceil(2.6 * size / cell)
-    scene.add_grid(
-        "/floor",
-        width=width,
-        height=width,
-        cell_size=cell,
-        section_size=5 * cell,
-        cell_color=rgb(GRID),
-        section_color=rgb(GRID_STRONG),
-        plane_color=rgb(FLOOR),
-        plane_opacity=1.0,
-        shadow_opacity=0.0,
-        position=(0, 0, FLOOR_LEVEL * size),
-    )
+    half, level = int(np.ceil(1.3 * size / cell)), FLOOR_LEVEL * size
+    flat: dict[str, Any] = {"flat_shading": True, "cast_shadow": False, "receive_shadow": False}
+    steps = np.arange(-half, half + 1)
+    for name, chosen, colour in (("fine", steps % 5 != 0, GRID), ("strong", steps % 5 == 0, GRID_STRONG)):
+        vertices, faces = _strips(cell * steps[chosen], 0.002 * size, half * cell, level)
+        across = vertices[:, [1, 0, 2]]
+        both = np.concatenate([vertices, across]), np.concatenate([faces, faces[:, ::-1] + len(vertices)])
+        scene.add_mesh_simple(f"/floor/{name}", *both, color=rgb(colour), **flat)
     scene.add_cylinder(
         "/base", radius=0.09 * size, height=0.03 * size, color=(122, 133, 148), position=(0, 0, -0.015 * size)
     )
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
+
+
+def _strips(places: Sequence[float] | np.ndarray, half_width: float, half: float, level: float):
+    """Flat strips along y at places on x: vertices and faces."""
+    corners = np.array([(-half_width, -half), (half_width, -half), (half_width, half), (-half_width, half)])
+    vertices = np.array([[x + place, y, level] for place in places for x, y in corners], dtype=np.float32)
+    faces = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * number for number in range(len(places))])
+    return vertices, faces

@@ -1,6 +1,6 @@
 """The simulated arm's control loop, made in whatever process it shall run in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from s2c2a.strategies import (
     s2c2a_strategy,
     shipped_networks,
 )
-from s2c2a.tasks import TASKS, task_named
+from s2c2a.tasks import TASKS, Task, task_named
 
 
 def simulated_loop(
@@ -29,8 +29,29 @@ def simulated_loop(
         S2C2AError: no networks for this arm, or an option that it cannot have.
     """
     body = SimulatedRobot(arm, fidelity, seed)
-    tasks = {name: task_named(name, arm) for name in TASKS}
-    return ControlLoop(body, strategies_of(arm, files, guard), tasks, body, release_after=release_after)
+    return ControlLoop(body, strategies_of(arm, files, guard), Tasks(arm), body, release_after=release_after)
+
+
+class Tasks(Mapping[str, Task]):
+    """All tasks by name, each made when first looked up: together they take as long as everything else at the start."""
+
+    def __init__(self, arm: ArmSpec):
+        """None made yet."""
+        self._made = cache(partial(task_named, arm=arm))
+
+    def __getitem__(self, name: str) -> Task:
+        """The task of this name."""
+        if name not in TASKS:
+            raise KeyError(name)
+        return self._made(name)
+
+    def __iter__(self) -> Iterator[str]:
+        """All names."""
+        return iter(TASKS)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(TASKS)
 
 
 def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> dict[str, Callable[[], Strategy]]:

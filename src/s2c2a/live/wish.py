@@ -7,15 +7,12 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.planning import Goal
 
 Point = tuple[float, float, float]
 
 MOST_OBSTACLES = 8
 SPEEDS = (0.1, 4.0)
 FACTORS = (0.0, 10.0)
-POSITION, AXIS, OBSTACLE, CHANGE = 1.0, 2.0, 1.0, 0.5
-"""The protocol's weights mu_p, mu_o, mu_ob and mu_d of a dragged target."""
 
 
 @dataclass(frozen=True)
@@ -133,30 +130,6 @@ class Limits:
 
 
 _FACTORS = ("position", "axis", "obstacle", "change")
-
-
-def goal_of(wish: Wish, modules: int, task_goal: Goal | None) -> Goal:
-    """The goal of one control step: the task's, or the target's, with the driver's obstacles and weights."""
-    goal = task_goal if task_goal is not None else _target_goal(wish, modules)
-    factors = wish.weights
-    goal = goal._replace(
-        position_weights=np.float32(factors.position) * goal.position_weights,
-        axis_weights=np.float32(factors.axis) * goal.axis_weights,
-        change_weight=np.float32(factors.change) * goal.change_weight,
-    )
-    own = np.asarray(goal.thresholds) > 0
-    centres = [*np.asarray(goal.obstacles)[own], *(one.centre for one in wish.obstacles)]
-    thresholds = [*np.asarray(goal.thresholds)[own], *(one.threshold for one in wish.obstacles)]
-    return goal.with_obstacles(np.reshape(centres, (-1, 3)), thresholds, float(factors.obstacle * goal.obstacle_weight))
-
-
-def _target_goal(wish: Wish, modules: int) -> Goal:
-    goal = Goal.of(modules, CHANGE)
-    if wish.target is not None:
-        goal = goal.with_position(wish.target, POSITION)
-    if wish.axis is not None:
-        goal = goal.with_axis(wish.axis, AXIS)
-    return goal
 
 
 def _number(value: Any, low: float, high: float) -> float:

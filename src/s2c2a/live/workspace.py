@@ -1,4 +1,4 @@
-"""Where the modules' ends can be: bends drawn at random, each module an arc."""
+"""Where an arm can be, each module an arc: its ends for bends drawn at random, and how far a point is from reach."""
 
 import jax
 import jax.numpy as jnp
@@ -7,9 +7,12 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import states_from_bends
+from s2c2a.live.page import Survey
+from s2c2a.live.wish import Point
+from s2c2a.planning.reach import reach_gaps
 from s2c2a.spaces import POSITION
 
-POINTS = 700
+POINTS = 400
 
 
 def workspace(arm: ArmSpec, points: int = POINTS, seed: int = 0) -> Float[np.ndarray, "modules points 3"]:
@@ -20,6 +23,16 @@ def workspace(arm: ArmSpec, points: int = POINTS, seed: int = 0) -> Float[np.nda
     bends = sizes[..., None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     states = _states(jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32))
     return np.swapaxes(np.asarray(states)[..., POSITION], 0, 1)
+
+
+def survey(arm: ArmSpec) -> Survey:
+    """Cloud and gaps; what tells gaps is compiled here."""
+
+    def gap(position: Point) -> float:
+        return float(reach_gaps(arm, np.array([position]))[0])
+
+    gap((0.0, 0.0, arm.length))
+    return Survey(workspace(arm), gap)
 
 
 _states = jax.jit(states_from_bends)

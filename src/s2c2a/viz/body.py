@@ -11,10 +11,11 @@ from s2c2a.viz.shape import centre_line
 
 AROUND = 20
 RINGS = 8  # a module
+COARSER = 2  # of the outline, both ways
 BODY = 1.12  # radius of the body as a share of the cable radius; an arm file does not state it
 DISC, DISC_HALF = 1.16, 0.12  # radius and half height of a disc as shares of the body's radius
 CABLE, CABLE_THICK = 1.03, 0.05  # the cables' distance from the centre line and their radius, the same
-THREAD_SIDES = 5
+THREAD_SIDES = 3
 
 Vertices = Float[np.ndarray, "vertices 3"]
 Faces = Int[np.ndarray, "faces 3"]
@@ -40,7 +41,7 @@ class Body:
 
     Attributes:
         tube_faces: of a module's tube.
-        tubes_faces: of all modules' tubes in one.
+        outline_faces: of the whole body in one, with a quarter of the corners.
         disc_faces: of all discs.
         cable_faces: of a module's cables.
     """
@@ -52,8 +53,7 @@ class Body:
         self._radii = BODY * geometry.cable_radii
         self._angles = np.deg2rad([module.cable_angles_deg for module in arm.modules])
         self.tube_faces = _tube_faces(RINGS + 1, AROUND)
-        size = AROUND * (RINGS + 1)
-        self.tubes_faces = np.concatenate([self.tube_faces + size * number for number in range(self._modules)])
+        self.outline_faces = _tube_faces(self._modules * (RINGS // COARSER + 1), AROUND // COARSER)
         self.cable_faces = thread_faces(arm.cable_count, RINGS + 1)
         self.disc_faces = np.concatenate(
             [_disc_faces() + 2 * (AROUND + 1) * number for number in range(self._modules + 1)]
@@ -70,6 +70,11 @@ class Body:
             eyes = _rings(line[part], frames[part], CABLE * self._radii[module], self._angles[module])
             cables.append(threads(np.swapaxes(eyes, 0, 1), CABLE_THICK * self._radii[module]))
         return Shape(tuple(tubes), self._discs(line, frames), tuple(cables))
+
+    def outline(self, shape: Shape) -> Vertices:
+        """The whole body in one, for ghosts and shadows: base to tip, with a quarter of the corners."""
+        rings = np.reshape(shape.modules, (self._modules, RINGS + 1, AROUND, 3))
+        return rings[:, ::COARSER, ::COARSER].reshape(-1, 3)
 
     def _discs(self, line, frames) -> Vertices:
         """A thin closed cylinder at the base and at every module's end."""
