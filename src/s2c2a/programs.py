@@ -15,18 +15,18 @@ from jax import monitoring
 
 MOST_PROGRAMS = 128
 _ARRAY = "array"
-_COMPILED = "/jax/core/compile/backend_compile_duration"
-_times: list[float] = []  # of compilations [s]
+_COMPILING = "/jax/core/compile/backend_compile_duration"
+_compiled = [0]
 
 
 def compilations() -> int:
     """How many programs this process has compiled, or fetched from those kept, since this module was imported."""
-    return len(_times)
+    return _compiled[0]
 
 
 def _heard(event: str, duration_secs: float, **_: str | int) -> None:
-    if event == _COMPILED:
-        _times.append(duration_secs)
+    if event == _COMPILING:
+        _compiled[0] += 1
 
 
 monitoring.register_event_duration_secs_listener(_heard)

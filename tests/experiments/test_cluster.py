@@ -19,7 +19,7 @@ from distributed import Client, KilledWorker, LocalCluster
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.crews import crew_for, require
-from s2c2a.data import CollectOptions, collect
+from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
 from s2c2a.experiments import cluster as cluster_module
 from s2c2a.experiments import tables
@@ -299,3 +299,52 @@ def test_what_the_cluster_did_is_told_apart_from_what_the_work_did(cluster):
     assert "were killed by one shard" in str(cluster.fault(killed))
     assert "is gone" in str(cluster.fault(CancelledError()))
     assert cluster.fault(ValueError("the work's own")) is None
+
+
+def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(quick_programs, tmp_path):
+    """The command of dask, killed once two episodes are whole; then the rest is done here."""
+    where = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    with subprocess.Popen([*dask, "--no-dashboard", "--scheduler-file", str(where)], stderr=subprocess.DEVNULL) as lost:
+        worker = [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_worker",
+            "--scheduler-file",
+            str(where),
+            "--nthreads",
+            "1",
+        ]
+        worker += ["--no-dashboard", "--death-timeout", "5"]
+        with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
+            try:
+                with pytest.raises(ClusterError, match=r"is gone; what was whole is kept"):
+                    _collect_until(lost.kill, where, tmp_path / "there.h5")
+            finally:
+                lost.kill()
+                helper.terminate()
+    options = replace(SMALL, samples=300)
+    robot = partial(SimulatedRobot, TWIN, "fast")
+    collect(tmp_path / "there.h5", TWIN, robot, options, crew=Here(), resume=True)
+    collect(tmp_path / "here.h5", TWIN, robot, options, crew=Here())
+    there, here = (load_recording(tmp_path / name) for name in ("there.h5", "here.h5"))
+    np.testing.assert_array_equal(there.states, here.states)
+    np.testing.assert_array_equal(there.actions, here.actions)
+
+
+def _collect_until(end, where: Path, path: Path) -> None:
+    """Collect on a cluster that ends when two episodes are whole."""
+    deadline = time.monotonic() + 60
+    while not where.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    whole = []
+
+    def told(done: int, _most: int) -> None:
+        whole.append(done)
+        if done == 2:
+            end()
+
+    with Cluster(str(where)) as crew:
+        robot = partial(SimulatedRobot, TWIN, "fast")
+        collect(path, TWIN, robot, replace(SMALL, samples=300), progress=told, crew=crew)

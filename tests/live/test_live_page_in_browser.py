@@ -5,11 +5,12 @@ import time
 import numpy as np
 import pytest
 
+from s2c2a.cli.live import running_page
 from s2c2a.live.snapshot import Stage
 from s2c2a.live.wish import Obstacle
 from s2c2a.spaces import POSITION
 
-from live_tabs import TALL, sideways, until  # type: ignore[import-not-found]
+from live_tabs import TALL, Tab, sideways, until  # type: ignore[import-not-found]
 
 
 def tip(loop):
@@ -50,6 +51,33 @@ def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(loop, page, open_
     np.testing.assert_allclose(drawn, tip(loop), atol=0.02)
     tab.keep("wide-dragged")
     assert tab.errors == []
+
+
+@pytest.mark.usefixtures("kept_programs")
+def test_the_page_of_the_command_is_there_before_its_arm_and_then_alive(chromium, tmp_path):
+    """The control loop in a process of its own, as `s2c2a live` has it."""
+    said, tabs = [], []
+
+    def look(text: str) -> None:
+        said.append(text)
+        if "http" in text:
+            tabs.append(Tab(chromium, text.split()[-1]))
+
+    with running_page("twin_arm", port=0, out=tmp_path, said=look) as (control, _):
+        tab = shown(tabs[0])
+        assert [text.split()[0] for text in said] == ["open", "twin_arm"]
+        start = tab.place_of(control.wish.target, control.arm.length)
+        end = (start[0] - 110, start[1] + 40)
+        drag_until(tab, start, end, lambda: control.wish.target[0] != 0.0, "the drag")
+        until(lambda: control.latest.error < 0.02, what="the tip's arrival")
+        tab.page.get_by_text("Stop").click()
+        until(lambda: control.latest.stage is Stage.HOLDING, what="stopping")
+        tab.page.get_by_role("tab", name="Plan").click()
+        tab.page.get_by_text("Driven by").wait_for()
+        assert control.strategies == ("s2c2a · best", "pcc · best", "pcc · paper")
+        assert tab.errors == []
+        tab.page.close()
+        until(lambda: not control.wish.driven, what="letting go")
 
 
 def test_sliders_act(loop, page, open_tab):

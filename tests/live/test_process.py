@@ -11,9 +11,10 @@ import pytest
 from s2c2a.errors import S2C2AError
 from s2c2a.live.child import Child
 from s2c2a.live.process import ControlProcess
-from s2c2a.live.simulated import simulated_loop
+from s2c2a.live.simulated import Tasks, simulated_loop
 from s2c2a.live.snapshot import Stage
 from s2c2a.spaces import POSITION
+from s2c2a.tasks import TASKS
 
 from live_tabs import until  # type: ignore[import-not-found]
 
@@ -22,11 +23,7 @@ def process_of(arm, files=()):
     return ControlProcess(arm, Child(partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0)))
 
 
-@pytest.fixture(autouse=True)
-def kept_programs(monkeypatch, pytestconfig):
-    """Other processes find what these tests have compiled, as `s2c2a live` finds what is kept."""
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(pytestconfig.rootpath / ".pytest_cache" / "programs"))
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
+pytestmark = pytest.mark.usefixtures("kept_programs")
 
 
 @pytest.fixture
@@ -61,8 +58,8 @@ def test_it_obeys_wishes_changes_its_strategy_and_ends_at_rest(control):
     control.ask(target=(0.1, 0.1, 0.55))
     until(lambda: control.latest.error < 0.05, what="arriving as near as pcc does")
     control.stop()
-    assert np.linalg.norm(rows[-2].states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
-    assert np.diff([row.number for row in rows[:-1]]).max() == 1
+    assert np.linalg.norm(rows[-1].states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
+    assert np.diff([row.number for row in rows]).max() == 1
 
 
 def test_a_process_that_is_killed_is_told_of_and_nobody_waits_for_it(control):
@@ -71,8 +68,28 @@ def test_a_process_that_is_killed_is_told_of_and_nobody_waits_for_it(control):
     until(lambda: control.latest.stage is Stage.FAILED)
     assert "has ended" in control.latest.fault
     control.ask(driven=True)
-    with pytest.raises(S2C2AError, match="has ended"):
-        control.use("pcc · best")
+    for _ in range(2):  # whoever asks
+        with pytest.raises(S2C2AError, match="has ended"):
+            control.use("pcc · best")
+
+
+def test_a_process_that_is_asked_to_end_leads_its_arm_to_rest(control):
+    control.ask(driven=True, target=(0.2, 0.0, 0.5))
+    until(lambda: control.latest.error < 0.02, what="arriving")
+    os.kill(control.process, signal.SIGTERM)
+    control._process.join(20.0)
+    assert not control._process.is_alive()
+    until(lambda: control.latest.stage is Stage.FAILED)
+    assert np.linalg.norm(control.latest.states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
+
+
+def test_only_tasks_that_the_arm_can_have_are_offered(twin, make_arm):
+    assert tuple(Tasks(twin)) == tuple(TASKS)
+    few = Tasks(make_arm(1))
+    assert "hold-middle" not in few
+    assert len(few) == len(list(few)) < len(TASKS)
+    with pytest.raises(KeyError):
+        few["hold-middle"]
 
 
 def test_it_ends_when_nobody_listens_any_more(control):

@@ -7,7 +7,8 @@ import pytest
 
 from s2c2a.cli.view import page_of
 from s2c2a.errors import S2C2AError
-from s2c2a.live.viewing import view_arm, view_recording, view_runs
+from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
+from s2c2a.strategies import shipped_networks
 from s2c2a.viz import Trace
 from s2c2a.viz.trace_files import load_traces, save_traces
 
@@ -89,3 +90,22 @@ def test_what_cannot_be_viewed_is_said(tmp_path):
     for nothing in ((), (str(tmp_path),), ("twin_arm", "simulated_arm"), ("no_such_arm",), ("none.h5",)):
         with pytest.raises(S2C2AError):
             page_of(nothing, 0)
+
+
+def test_a_training_shows_the_curves_of_both_networks(twin, shown):
+    networks = shipped_networks(twin)
+    assert set(networks.curves) == {"C2S", "C2A"}
+    tab = shown(view_training(networks, 0))
+    tab.page.get_by_text("of the full range").first.wait_for()
+    until(lambda: tab.page.locator(".uplot").count() == 2, what="two charts")
+    tab.keep("wide-training")
+    assert tab.errors == []
+
+
+def test_gravity_is_shown_where_the_arm_does_not_stand_upright(make_arm, shown):
+    hanging, lying = (make_arm(gravity_direction=direction) for direction in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    for arm in (hanging, lying):
+        tab = shown(view_arm(arm, 0))
+        tab.page.get_by_text("gravity").wait_for()
+        tab.keep(f"wide-gravity-{arm.gravity_direction[0]:g}")
+        assert tab.errors == []

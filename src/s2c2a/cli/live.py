@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -51,7 +52,7 @@ def live(
         release_after: seconds without a driver until the arm is led back to rest; until then it holds.
     """
     require("live", "viser", "websockets", "msgspec")
-    with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after, said=print):
+    with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after, said=partial(print, flush=True)):
         threading.Event().wait()
 
 
@@ -72,19 +73,15 @@ def running_page(
     Raises:
         S2C2AError: no networks for this arm, no free port, or the arm did not open.
     """
-    from functools import partial
-
     from s2c2a.arm import load_arm
     from s2c2a.live.child import Child
-
-    spec = load_arm(arm)
-    child = Child(partial(_control_loop, spec, strategy, fidelity, guard, seed, release_after))
-
-    from s2c2a.live.page import LivePage  # imported while the other process imports its part
     from s2c2a.live.process import ControlProcess
 
-    control = ControlProcess(spec, child)
+    spec = load_arm(arm)
+    control = ControlProcess(spec, Child(partial(_control_loop, spec, strategy, fidelity, guard, seed, release_after)))
     try:
+        from s2c2a.live.page import LivePage  # imported while the other process imports its part
+
         page = LivePage(control, port, out, partial(_survey, spec))
         try:
             said(f"open {page.gate.address}")

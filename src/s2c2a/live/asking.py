@@ -1,7 +1,9 @@
-"""From what the driver wishes to the goal of a control step."""
+"""From what the driver wishes to the goal of a control step, and what came of it."""
 
 import numpy as np
+from jaxtyping import Float
 
+from s2c2a.evaluation.metrics import clearances
 from s2c2a.live.wish import Wish
 from s2c2a.planning import Goal
 
@@ -31,3 +33,11 @@ def _target_goal(wish: Wish, modules: int) -> Goal:
     if wish.axis is not None:
         goal = goal.with_axis(wish.axis, AXIS)
     return goal
+
+
+def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
+    """How far the tip is from where the goal wants it, and least from a threshold [m]; NaN and infinite without."""
+    asked = float(np.asarray(goal.position_weights)[-1]) > 0
+    error = float(np.linalg.norm(tip - np.asarray(goal.positions[-1]))) if asked else float("nan")
+    spheres = np.column_stack([goal.obstacles, goal.thresholds])[None]
+    return error, float(clearances(tip[None, None], spheres)[0]) / 100.0

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
 MOST_WAITING = 1000  # snapshots that nobody has fetched yet
+PATIENCE = 5.0  # s for what is left to say in the end
+OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
 REQUESTS = ("ask", "reset", "use", "step_task", "restart_task")
 
 
@@ -45,36 +47,47 @@ class Child:
 
 def _control(build: "Callable[[], ControlLoop]", pipe: Connection) -> None:
     """What the process does: build the loop, run it, hear requests until the other end says stop or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Control-C is the other process's to hear; it says stop
+    for name in OTHERS_SIGNALS:
+        if hasattr(signal, name):  # not every system has all
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     sys.setswitchinterval(TURN)
     compute_on_one_thread()
     said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
-    threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True).start()
+    passing = threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True)
+    passing.start()
     try:
-        loop = build()
-        said.put((loop.limits, loop.strategies))
-        loop.watch(lambda snapshot: _leave(said, snapshot))
-        loop.start()
+        _run(build(), pipe, said)
     except S2C2AError as error:
         said.put(error)
-    else:
+    said.put(None)
+    passing.join(PATIENCE)
+
+
+def _run(loop: "ControlLoop", pipe: Connection, said: queue.Queue) -> None:
+    """Run the loop while it is wanted; in the end, whatever that is, lead the arm to rest."""
+    said.put((loop.limits, loop.strategies))
+    loop.watch(lambda snapshot: _leave(said, snapshot))
+    loop.start()
+    try:
         _go_first()
         threading.Thread(target=loop.prepare, daemon=True).start()
         _obey(loop, pipe, said)
+    finally:
         loop.stop()
-    said.put(None)
-    said.join()
 
 
 def _go_first() -> None:
     """Let the threads that are there now run before all others, where the system lets anybody (Linux: root, mostly).
 
-    Threads that are started later, to build a strategy, get no more than their share.
+    Python threads that are started later, to build a strategy, get no more than their share.
     """
-    with suppress(OSError, AttributeError):
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        for thread in os.listdir("/proc/self/task"):
-            os.sched_setscheduler(int(thread), policy, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO)))
+    if not hasattr(os, "SCHED_RESET_ON_FORK"):
+        return
+    policy, least = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
+    for thread in os.listdir("/proc/self/task"):
+        with suppress(OSError):  # not allowed, or just ended
+            os.sched_setscheduler(int(thread), policy, least)
 
 
 def _obey(loop: "ControlLoop", pipe: Connection, said: queue.Queue) -> None:
@@ -95,8 +108,8 @@ def _use(loop: "ControlLoop", name: str, said: queue.Queue) -> None:
     try:
         loop.use(name)
         said.put("")
-    except S2C2AError as error:
-        said.put(str(error))
+    except Exception as error:  # whatever it is, somebody waits for the answer
+        said.put(str(error) or type(error).__name__)
 
 
 def _leave(said: queue.Queue, snapshot: "Snapshot") -> None:
@@ -112,6 +125,5 @@ def _pass_on(said: queue.Queue, pipe: Connection) -> None:
         with suppress(OSError):
             if something is not None:
                 pipe.send(something)
-        said.task_done()
         if something is None:
             return

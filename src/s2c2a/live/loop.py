@@ -16,11 +16,11 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation.metrics import clearances
-from s2c2a.live.asking import goal_of
+from s2c2a.live.asking import goal_of, judged
 from s2c2a.live.clock import Clock, WallClock
 from s2c2a.live.disturbing import Disturbable, SensorFaults
 from s2c2a.live.snapshot import Asked, Control, Snapshot, Stage
+from s2c2a.live.watchers import Watchers
 from s2c2a.live.wish import Limits, Wish
 from s2c2a.planning import Goal
 from s2c2a.programs import compilations
@@ -70,7 +70,7 @@ class ControlLoop(Control):
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping, self._opened = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
-        self._watchers: tuple[Callable[[Snapshot], None], ...] = ()
+        self._watchers = Watchers()
         self._stage, self._fault, self._idle, self._number = Stage.RESTING, "", 0, 0
         self._played, self._place = "", 0.0
         self._payload, self._push = 0.0, NO_PUSH
@@ -98,9 +98,7 @@ class ControlLoop(Control):
         self._requests.put(self._begin)
 
     def use(self, name: str) -> None:
-        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin.
-
-        It is built here and now, in the thread of whoever asks, which can take seconds.
+        """Drive with another strategy from now on; it is built at once, in the thread of whoever asks.
 
         Raises:
             S2C2AError: no such strategy, or it cannot be built.
@@ -124,12 +122,7 @@ class ControlLoop(Control):
 
     def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot, in the loop's thread: it must be quick. Returns what ends it."""
-        self._watchers = (*self._watchers, watcher)
-
-        def end() -> None:
-            self._watchers = tuple(one for one in self._watchers if one is not watcher)
-
-        return end
+        return self._watchers.add(watcher)
 
     def start(self, timeout: float = 60.0) -> None:
         """Open the robot and begin.
@@ -155,7 +148,7 @@ class ControlLoop(Control):
                 self._opened.set()
                 self._keep_time()
                 self._lead_to_rest()
-        except S2C2AError as error:
+        except Exception as error:  # told by `start`, or on the page
             self._fail(error)
         self._opened.set()
 
@@ -167,7 +160,7 @@ class ControlLoop(Control):
             self._clock.wait_until(due, self._stopping)
             try:
                 self._tick()
-            except S2C2AError as error:
+            except Exception as error:  # of a body or a strategy; the loop must outlive it, so that somebody can reset
                 self._fail(error)
 
     def _lead_to_rest(self) -> None:
@@ -175,9 +168,9 @@ class ControlLoop(Control):
             while self._stage not in (Stage.RESTING, Stage.FAILED):
                 self._return(self._clock.now())
 
-    def _fail(self, error: S2C2AError) -> None:
+    def _fail(self, error: Exception) -> None:
         """Stand still until somebody resets; what is shown says why."""
-        self._stage, self._fault = Stage.FAILED, str(error)
+        self._stage, self._fault = Stage.FAILED, str(error) or type(error).__name__
         if self._latest is not None:
             self._show(replace(self._latest, stage=self._stage, fault=self._fault, moment=self._clock.now()))
 
@@ -285,9 +278,7 @@ class ControlLoop(Control):
         states, configurations = self._reading.states, self._reading.configurations
         if states is None or configurations is None:  # nothing watches the arm: what its model says
             states, configurations = expected, self._strategy.sensed
-        tip, wanted = states[-1, POSITION], np.asarray(goal.positions[-1])
-        asked = float(np.asarray(goal.position_weights)[-1]) > 0
-        spheres = np.column_stack([goal.obstacles, goal.thresholds])[None]
+        error, clearance = judged(goal, states[-1, POSITION])
         self._number += 1
         task = self._tasks[self._played] if self._played else None
         snapshot = Snapshot(
@@ -298,10 +289,10 @@ class ControlLoop(Control):
             states=np.array(states),
             expected=expected,
             configurations=np.array(configurations),
-            goal=Asked(*(np.asarray(part) for part in goal)),
+            goal=Asked(*map(np.asarray, goal)),
             actions=np.array(self._sent),
-            error=float(np.linalg.norm(tip - wanted)) if asked else float("nan"),
-            clearance=float(clearances(tip[None, None], spheres)[0]) / 100.0,
+            error=error,
+            clearance=clearance,
             tick_time=tick_time,
             task_step=int(self._place),
             task_steps=len(task.goals) if task else 0,
@@ -312,5 +303,4 @@ class ControlLoop(Control):
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot
-        for watcher in self._watchers:
-            watcher(snapshot)
+        self._watchers.tell(snapshot)

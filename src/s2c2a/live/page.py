@@ -107,7 +107,7 @@ class LivePage:
         self.frames = 0
         self._server.on_client_connect(self._joined)
         self._server.on_client_disconnect(self._left)
-        self._closing = threading.Event()
+        self._closing, self._changing = threading.Event(), threading.Lock()
         self._survey = survey
         self._gap_at: Callable[[Point], float] = _unknown
         self._drawing = threading.Thread(target=self._draw_on, name="scene", daemon=True)
@@ -137,15 +137,16 @@ class LivePage:
         """Nobody at the handle: the arm is stopped. Somebody new: it goes on from where it is."""
         if self._loop.latest is None:
             return  # `_draw` calls this again when there is something to drive
-        driven, wish = self.session.driver is not None, self._loop.wish
-        if driven and not wish.driven:
-            latest = self._loop.latest
-            start = {} if latest is None or wish.task else {"target": tuple(latest.states[-1, POSITION])}
-            self._loop.ask(driven=True, stopped=False, **start)
-        elif not driven:
-            self._loop.ask(driven=False)
-        for panel in list(self._panels.values()):
-            panel.refresh()
+        with self._changing:  # from viser's thread, and once from the one that draws
+            driven, wish = self.session.driver is not None, self._loop.wish
+            if driven and not wish.driven:
+                latest = self._loop.latest
+                start = {} if latest is None or wish.task else {"target": tuple(latest.states[-1, POSITION])}
+                self._loop.ask(driven=True, stopped=False, **start)
+            elif not driven:
+                self._loop.ask(driven=False)
+            for panel in list(self._panels.values()):
+                panel.refresh()
 
     def _tell(self, text: str) -> None:
         for client in self._server.get_clients().values():
@@ -171,7 +172,7 @@ class LivePage:
         if self._closing.is_set():
             return
         self._scene.draw_cloud(found.cloud)
-        self._gap_at = found.gap
+        self._gap_at, self._gap_of = found.gap, None
 
     def _draw_on(self) -> None:
         """One frame after the other, until the page closes; a late frame is left out."""

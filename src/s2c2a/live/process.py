@@ -14,8 +14,9 @@ from typing import Any, cast
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.live.child import Child
+from s2c2a.live.child import PATIENCE, Child
 from s2c2a.live.snapshot import Control, Snapshot, Stage
+from s2c2a.live.watchers import Watchers
 from s2c2a.live.wish import Limits, Wish
 
 ENDED = "the control process has ended; start again"
@@ -34,10 +35,10 @@ class ControlProcess(Control):
         self.arm, self.limits = arm, Limits.of(arm, ())
         self.strategies: tuple[str, ...] = ()
         self._wish, self._latest, self._fault = Wish(), cast("Snapshot | None", None), ""
-        self._watchers: tuple[Callable[[Snapshot], None], ...] = ()
+        self._watchers = Watchers()
         self._lock, self._ready = threading.RLock(), threading.Event()
         self._using, self._used = threading.Lock(), cast("queue.SimpleQueue[str]", queue.SimpleQueue())
-        self._pipe, self._process = child.pipe, child.process
+        self._pipe, self._process, self._stopping = child.pipe, child.process, False
         self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
         self._listener.start()
 
@@ -90,7 +91,10 @@ class ControlProcess(Control):
         """
         with self._using:
             self._send("use", name=name)
-            if said := self._used.get():
+            said = self._used.get()
+            if said == ENDED:
+                self._used.put(ENDED)  # for whoever asks next
+            if said:
                 raise S2C2AError(said)
 
     def step_task(self) -> None:
@@ -103,21 +107,22 @@ class ControlProcess(Control):
 
     def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot, in the thread that fetches them. Returns what ends it."""
-        self._watchers = (*self._watchers, watcher)
+        return self._watchers.add(watcher)
 
-        def end() -> None:
-            self._watchers = tuple(one for one in self._watchers if one is not watcher)
-
-        return end
-
-    def stop(self, timeout: float = 15.0) -> None:
-        """Lead the arm to rest, close it, and end the process."""
+    def stop(self) -> None:
+        """Lead the arm to rest, close it, and end the process; one that does not hear is ended."""
+        self._stopping = True
         self._send("stop")
-        self._process.join(timeout)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join(timeout)
-        self._listener.join(timeout)
+        ends = (self._process.terminate, self._process.kill)
+        if self._latest is None:  # nothing to lead to rest, and it may still be compiling
+            ends[0]()
+        for end in ends:
+            self._process.join(PATIENCE)
+            if self._process.is_alive():
+                end()
+        self._process.join(PATIENCE)
+        self._listener.join(PATIENCE)
+        self._pipe.close()
 
     def _send(self, request: str, **arguments: Any) -> None:
         with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
@@ -125,14 +130,21 @@ class ControlProcess(Control):
 
     def _listen(self) -> None:
         """Fetch what comes until the process ends."""
+        try:
+            while (said := self._fetched()) is not None:
+                self._take(said)
+        finally:
+            self._fault = self._fault or ENDED
+            self._used.put(ENDED)
+            self._ready.set()
+            if self._latest is not None and not self._stopping:
+                self._show(replace(self._latest, stage=Stage.FAILED, fault=ENDED, moment=time.perf_counter()))
+
+    def _fetched(self) -> Any:
+        """What comes next; None when nothing will."""
         with suppress(EOFError, OSError):
-            while True:
-                self._take(self._pipe.recv())
-        self._fault = self._fault or ENDED
-        self._used.put(ENDED)
-        self._ready.set()
-        if self._latest is not None:
-            self._show(replace(self._latest, stage=Stage.FAILED, fault=ENDED, moment=time.perf_counter()))
+            return self._pipe.recv()
+        return None
 
     def _take(self, said: Any) -> None:
         """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
@@ -149,5 +161,4 @@ class ControlProcess(Control):
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot
-        for watcher in self._watchers:
-            watcher(snapshot)
+        self._watchers.tell(snapshot)

@@ -115,19 +115,17 @@ class ArmScene:
         if len(stretch) > 1:
             self._lay(self._trails[name], stretch)
 
-    def draw_cloud(self, points: Float[np.ndarray, "modules points 3"] | None, name: str = "/workspace") -> None:
+    def draw_cloud(self, points: Float[np.ndarray, "modules points 3"]) -> None:
         """Show where the modules' ends can be, in the modules' colours."""
-        if points is None:
-            return
         for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
             pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
             self._scene.add_point_cloud(
-                f"{name}/{number}", cloud, pale, point_size=0.004 * self._size, point_shape="circle"
+                f"/workspace/{number}", cloud, pale, point_size=0.004 * self._size, point_shape="circle"
             )
 
-    def show_cloud(self, shown: bool, name: str = "/workspace") -> None:
+    def show_cloud(self, shown: bool) -> None:
         """Show or hide the workspace."""
-        self._scene.add_frame(name, show_axes=False, visible=shown)
+        self._scene.add_frame("/workspace", show_axes=False, visible=shown)
 
     def on_drag(self, target: Dragged, pointer: Dragged, obstacle: DraggedOne) -> None:
         """Tell who drags the target, the end of its axis, or one of the driver's obstacles."""

@@ -1,11 +1,13 @@
 """The simulated arm's control loop, made in whatever process it shall run in."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
 from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
 from s2c2a.live.loop import ControlLoop
 from s2c2a.planning.options import Guard
 from s2c2a.robots.simulation import SimulatedRobot
@@ -18,6 +20,8 @@ from s2c2a.strategies import (
     shipped_networks,
 )
 from s2c2a.tasks import TASKS, Task, task_named
+
+LATER = ("circle", "follow")  # they solve for what is within reach
 
 
 def simulated_loop(
@@ -33,25 +37,30 @@ def simulated_loop(
 
 
 class Tasks(Mapping[str, Task]):
-    """All tasks by name, each made when first looked up: together they take as long as everything else at the start."""
+    """All tasks that an arm can have, by name; two are made when first looked up, since they take a second."""
 
     def __init__(self, arm: ArmSpec):
-        """None made yet."""
-        self._made = cache(partial(task_named, arm=arm))
+        """Make those that are quick, and see which there are."""
+        self._made, self._names = cache(partial(task_named, arm=arm)), list(LATER)
+        for name in TASKS:
+            with suppress(S2C2AError):  # an arm of one module has no middle to hold
+                if name not in LATER:
+                    self._made(name)
+                    self._names.append(name)
 
     def __getitem__(self, name: str) -> Task:
         """The task of this name."""
-        if name not in TASKS:
+        if name not in self._names:
             raise KeyError(name)
         return self._made(name)
 
     def __iter__(self) -> Iterator[str]:
-        """All names."""
-        return iter(TASKS)
+        """All names, in the usual order."""
+        return (name for name in TASKS if name in self._names)
 
     def __len__(self) -> int:
         """How many there are."""
-        return len(TASKS)
+        return len(self._names)
 
 
 def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> dict[str, Callable[[], Strategy]]:

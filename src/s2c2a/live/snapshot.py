@@ -3,10 +3,11 @@
 Light to import, for the page's process has neither planner nor body; `Asked` is a `planning.Goal` in plain arrays.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -59,7 +60,7 @@ class Snapshot:
         task_step: step of the task that is played.
         task_steps: how many steps it has; zero without a task.
         strategy: name of what drives the arm.
-        compiled: programs compiled since the loop's process began.
+        compiled: programs that the loop's process has compiled (`programs.compilations`).
         fault: what went wrong, in words, or nothing.
     """
 
@@ -82,7 +83,7 @@ class Snapshot:
     fault: str = ""
 
 
-class Control(Protocol):
+class Control(ABC):
     """What moves the arm as the latest wish says, here or in another process.
 
     Attributes:
@@ -96,27 +97,39 @@ class Control(Protocol):
     strategies: tuple[str, ...]
 
     @property
+    @abstractmethod
     def wish(self) -> Wish:
         """The latest wish."""
 
     @property
+    @abstractmethod
     def latest(self) -> Snapshot | None:
         """The latest snapshot, None before the first."""
 
-    def ask(self, **changes) -> Wish:
+    @abstractmethod
+    def ask(self, **changes: Any) -> Wish:
         """Change the wish, within the limits; returns what it has become. From any thread."""
 
+    @abstractmethod
     def reset(self) -> None:
         """Open the robot anew, at rest; wishes that would move it at once are forgotten."""
 
+    @abstractmethod
     def use(self, name: str) -> None:
         """Drive with another strategy from now on; the arm goes to rest first, where strategies begin."""
 
+    @abstractmethod
     def step_task(self) -> None:
         """One step of a task that waits."""
 
+    @abstractmethod
     def restart_task(self) -> None:
         """Back to the task's first step."""
 
+    @abstractmethod
     def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Lead the arm to rest, close it, and end."""

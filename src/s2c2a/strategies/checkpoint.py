@@ -95,7 +95,7 @@ def read(path: str | os.PathLike, kind: str) -> tuple[dict[str, np.ndarray], Met
         StrategyError: no such file, damaged, of another kind or schema.
     """
     with _opened(path) as file:
-        metadata = _metadata_in(file, kind)
+        metadata = _metadata_in(file, kind, path)
         arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
     return arrays, metadata
 
@@ -107,7 +107,7 @@ def read_metadata(path: str | os.PathLike, kind: str) -> Metadata:
         StrategyError: no such file, damaged, of another kind or schema.
     """
     with _opened(path) as file:
-        return _metadata_in(file, kind)
+        return _metadata_in(file, kind, path)
 
 
 @contextmanager
@@ -118,20 +118,14 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
     try:
         with safe_open(path, framework="numpy") as file:
             yield file
-    except _SchemaError as error:
-        raise StrategyError(f"{path} has schema {error}, this version reads {SCHEMA}; train it anew") from error
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, RecursionError) as error:
         raise StrategyError(f"{path} is no strategy file, or damaged: {error}; train it anew") from error
 
 
-class _SchemaError(Exception):
-    """Of another schema."""
-
-
-def _metadata_in(file: Any, kind: str) -> Metadata:
+def _metadata_in(file: Any, kind: str, path: str | os.PathLike) -> Metadata:
     metadata = Metadata.model_validate(json.loads((file.metadata() or {}).get(kind, "null")))
     if metadata.schema_version != SCHEMA:
-        raise _SchemaError(metadata.schema_version)
+        raise StrategyError(f"{path} has schema {metadata.schema_version}, this version reads {SCHEMA}; train it anew")
     return metadata
 
 

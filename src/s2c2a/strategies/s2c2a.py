@@ -132,7 +132,7 @@ def _planner_options(networks: TrainedNetworks, guard: Guard) -> AnyPlannerOptio
 @eqx.filter_jit
 def blank_networks(arm: ArmSpec, recipe: Recipe) -> tuple[ForwardModel, C2A]:
     """Networks of the right shapes for an arm, to be filled; one program, for else each array would be one."""
-    key = jax.random.key(0, impl="rbg")
+    key = jax.random.key(0, impl="rbg")  # the numbers do not matter, and this kind compiles fastest
     if isinstance(recipe.c2s, ChainSize):
         forward: ForwardModel = ChainC2S.untrained(arm, recipe.c2s, key)
     else:

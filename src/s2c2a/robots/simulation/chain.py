@@ -16,6 +16,7 @@ GRAVITY = 9.81  # m/s2
 _ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
 _AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 _MOST_TENSION = 1e6  # N
+_TOLERANCE = 1e-6  # of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the time
 
 
 def build_model(arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0) -> mujoco.MjModel:
@@ -76,9 +77,7 @@ def _springs_allow(model: mujoco.MjModel, step: float) -> bool:
 def _set_options(spec: mujoco.MjSpec, arm: ArmSpec) -> None:
     option = spec.option
     option.gravity = np.multiply(GRAVITY, arm.gravity_direction)
-    option.tolerance = (
-        1e-6  # of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the time
-    )
+    option.tolerance = _TOLERANCE
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 

@@ -17,11 +17,6 @@ from s2c2a.spaces import Actions, Reading, States
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_BAD = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 class SimulatedRobot(Robot):
@@ -224,7 +219,7 @@ class SimulatedRobot(Robot):
         return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
 
     def _check_sane(self) -> None:
-        bad = any(self.data.warning[kind].number for kind in _BAD)
+        bad = any(warning.number for warning in self.data.warning)  # after any of them a rollout goes no further
         if bad or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise SimulationError(
                 f"{self.arm.name}: the simulation blew up in control step {self._step}, at {self.data.time:.2f} s; "
