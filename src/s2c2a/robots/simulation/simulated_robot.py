@@ -219,7 +219,7 @@ class SimulatedRobot(Robot):
         return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
 
     def _check_sane(self) -> None:
-        bad = any(warning.number for warning in self.data.warning)  # after any of them a rollout goes no further
+        bad = self.data.warning.number.any()  # after any of them a rollout goes no further
         if bad or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise SimulationError(
                 f"{self.arm.name}: the simulation blew up in control step {self._step}, at {self.data.time:.2f} s; "
