@@ -6,8 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from s2c2a.live.asking import goal_of
-from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Weights, Wish
-from s2c2a.planning import Goal
+from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Wish
 
 LIMITS = Limits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))
 ANYTHING = st.one_of(
@@ -44,13 +43,3 @@ def test_obstacles_are_few_and_of_sound_size():
     assert len(own) == MOST_OBSTACLES
     assert own[0].centre == pytest.approx((1.2, 0, 0))
     assert own[0].threshold == pytest.approx(0.3)
-
-
-def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
-    asked = Goal.of(3).with_position([0.1, 0, 0.5]).with_obstacles([[0.2, 0, 0.5]], [0.06])
-    wish = Wish(obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),), weights=Weights(position=2.0, obstacle=3.0))
-    goal = goal_of(wish, 3, asked)
-    np.testing.assert_allclose(goal.thresholds[:3], [0.06, 0.08, 0.0], rtol=1e-6)
-    np.testing.assert_allclose(goal.obstacles[1], [0.0, 0.2, 0.5], rtol=1e-6)
-    assert goal.position_weights[-1] == 2.0
-    assert goal.obstacle_weight == 3.0
