@@ -30,9 +30,10 @@ def test_the_tip_follows_the_target_and_stops_where_it_is_told_to(loop):
     until(lambda: tip(loop)[0] < 0.1)
     loop.ask(stopped=True)
     until(lambda: loop.latest.stage is Stage.HOLDING)
-    time.sleep(1.0)
+    stopped = loop.latest.number
+    until(lambda: loop.latest.number > stopped + 15)
     held = tip(loop)
-    time.sleep(0.5)
+    until(lambda: loop.latest.number > stopped + 20)
     assert np.linalg.norm(tip(loop) - held) < 0.01
     assert tip(loop)[0] > -0.1
 

@@ -72,8 +72,7 @@ class ControlLoop(Control):
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._watchers = Watchers()
         self._stage, self._fault, self._idle, self._number = Stage.RESTING, "", 0, 0
-        self._played, self._place = "", 0.0
-        self._payload, self._push = 0.0, NO_PUSH
+        self._played, self._place, self._payload, self._push = "", 0.0, 0.0, NO_PUSH
 
     @property
     def wish(self) -> Wish:
@@ -118,7 +117,7 @@ class ControlLoop(Control):
 
     def restart_task(self) -> None:
         """Back to the task's first step."""
-        self._requests.put(partial(self._go_to, 0.0))
+        self._requests.put(partial(self._advance, -np.inf))
 
     def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot, in the loop's thread: it must be quick. Returns what ends it."""
@@ -237,10 +236,7 @@ class ControlLoop(Control):
 
     def _advance(self, steps: float) -> None:
         if self._played:
-            self._place = min(self._place + steps, len(self._tasks[self._played].goals) - 1)
-
-    def _go_to(self, place: float) -> None:
-        self._place = place
+            self._place = float(np.clip(self._place + steps, 0, len(self._tasks[self._played].goals) - 1))
 
     def _return(self, began: float) -> None:
         """One step of the cables towards neutral, no faster than the arm's step limit."""
@@ -270,8 +266,7 @@ class ControlLoop(Control):
         self._payload, self._push = wish.payload, wish.push
 
     def _sensed(self) -> Reading:
-        wish = self.wish
-        return self._faults.applied(self._reading, wish.coupling, wish.noise)
+        return self._faults.applied(self._reading, self.wish.coupling, self.wish.noise)
 
     def _publish(self, goal: Goal, tick_time: float) -> None:
         expected = self._strategy.expected
@@ -280,7 +275,6 @@ class ControlLoop(Control):
             states, configurations = expected, self._strategy.sensed
         error, clearance = judged(goal, states[-1, POSITION])
         self._number += 1
-        task = self._tasks[self._played] if self._played else None
         snapshot = Snapshot(
             number=self._number,
             moment=self._clock.now(),
@@ -295,7 +289,7 @@ class ControlLoop(Control):
             clearance=clearance,
             tick_time=tick_time,
             task_step=int(self._place),
-            task_steps=len(task.goals) if task else 0,
+            task_steps=len(self._tasks[self._played].goals) if self._played else 0,
             strategy=self._name,
             compiled=compilations(),
         )
