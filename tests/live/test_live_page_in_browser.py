@@ -91,7 +91,7 @@ def test_sliders_act(loop, page, open_tab):
         tab.page.keyboard.press("ArrowRight")
     until(lambda: loop.wish.push[0] > 0.5, what="the push")
     until(lambda: tip(loop)[0] > 0.01, what="giving way")
-    tab.page.get_by_role("button", name="None of it").click()
+    tab.page.get_by_role("button", name="No faults").click()
     until(lambda: loop.wish.push == (0.0, 0.0, 0.0), what="the end of the push")
     tab.page.get_by_role("tab", name="Plan").click()
     tab.page.get_by_role("slider").first.wait_for()
@@ -132,7 +132,7 @@ def test_the_second_browser_watches_until_the_handle_is_free(loop, page, open_ta
     time.sleep(1.0)
     assert loop.wish.target == target
     first.page.get_by_role("tab", name="More").click()
-    first.page.get_by_role("button", name="Give the handle away").click()
+    first.page.get_by_role("button", name="Let others drive").click()
     second.page.get_by_role("button", name="Take the handle").click()
     until(lambda: page.session.driver not in (None, driver), what="taking the handle")
     assert first.errors == second.errors == []

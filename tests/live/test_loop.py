@@ -31,9 +31,9 @@ def test_the_tip_follows_the_target_and_stops_where_it_is_told_to(loop):
     loop.ask(stopped=True)
     until(lambda: loop.latest.stage is Stage.HOLDING)
     stopped = loop.latest.number
-    until(lambda: loop.latest.number > stopped + 15)
+    until(lambda: loop.latest.number > stopped + 30, what="the end of its swing")
     held = tip(loop)
-    until(lambda: loop.latest.number > stopped + 20)
+    until(lambda: loop.latest.number > stopped + 35)
     assert np.linalg.norm(tip(loop) - held) < 0.01
     assert tip(loop)[0] > -0.1
 

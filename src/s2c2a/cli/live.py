@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -53,6 +53,13 @@ def live(
     """
     require("live", "viser", "websockets", "msgspec")
     with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after, said=partial(print, flush=True)):
+        wait_for_interrupt()
+    print(f"{arm} has ended, at rest.")
+
+
+def wait_for_interrupt() -> None:
+    """Return at Control-C."""
+    with suppress(KeyboardInterrupt):
         threading.Event().wait()
 
 

@@ -1,12 +1,11 @@
 """`s2c2a view`: runs, a recording, a training or an arm in the browser."""
 
-import threading
 from pathlib import Path
 
 import tyro
 
 from s2c2a.cli.crews import require
-from s2c2a.cli.live import Port
+from s2c2a.cli.live import Port, wait_for_interrupt
 
 
 def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None:
@@ -21,7 +20,7 @@ def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None
     page = page_of(what, port)
     try:
         print(f"{', '.join(what)}: {page.gate.address}\nControl-C ends it.", flush=True)
-        threading.Event().wait()
+        wait_for_interrupt()
     finally:
         page.close()
 

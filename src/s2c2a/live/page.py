@@ -3,6 +3,7 @@
 import io
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -30,6 +31,9 @@ PREPARING = "preparing the arm: the first start on a machine compiles, which tak
 BRAND = (31, 95, 196)
 CAMERA, LOOK_AT = (1.75, -1.85, 1.2), (0.12, 0.1, 0.55)  # in parts of the arm's length
 UPRIGHT_CAMERA, UPRIGHT_LOOK_AT = (2.7, -2.9, 1.5), (0.0, 0.0, 0.1)  # of a telephone, its lower half under the panel
+
+
+warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # of browsers that have just gone
 
 
 def open_viser(title: str) -> tuple[viser.ViserServer, str]:
@@ -134,7 +138,7 @@ class LivePage:
         self.session.leave(client.client_id)
 
     def _session_changed(self) -> None:
-        """Nobody at the handle: the arm is stopped. Somebody new: it goes on from where it is."""
+        """Nobody at the handle: the arm holds. Somebody new: it goes on from where it is, unless it was stopped."""
         if self._loop.latest is None:
             return  # `_draw` calls this again when there is something to drive
         with self._changing:  # from viser's thread, and once from the one that draws
@@ -142,7 +146,7 @@ class LivePage:
             if driven and not wish.driven:
                 latest = self._loop.latest
                 start = {} if latest is None or wish.task else {"target": tuple(latest.states[-1, POSITION])}
-                self._loop.ask(driven=True, stopped=False, **start)
+                self._loop.ask(driven=True, **start)
             elif not driven:
                 self._loop.ask(driven=False)
             for panel in list(self._panels.values()):
@@ -202,6 +206,7 @@ class LivePage:
         self._draw_asked(latest)
         if new:
             self._draw_trails()
+            self._scene.draw_load(latest.states[-1, POSITION], self._loop.wish, self._loop.limits)
         if first or self.frames % PLOT_EVERY == 0:
             self._plots.draw()
             self._scene.show_cloud(self._view.cloud)
@@ -238,7 +243,7 @@ class LivePage:
 
     def _status_of(self, latest: Snapshot) -> str:
         driver, others = self.session.driver, len(self.session.present) - (self.session.driver is not None)
-        who = "nobody drives" if driver is None else f"browser {driver} drives"
+        who = "nobody drives" if driver is None else "one browser drives"
         lines = [f"**{self._arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")]
         if latest.stage is Stage.FAILED:
             return f"{lines[0]}\n\n**stopped:** {latest.fault}"
@@ -248,7 +253,10 @@ class LivePage:
         if np.isfinite(latest.clearance):
             said.append(f"clearance {100 * latest.clearance:.1f} cm")
         if latest.task_steps:
-            said.append(f"step {latest.task_step + 1} of {latest.task_steps}")
+            over = latest.task_step + 1 == latest.task_steps
+            said.append("task finished" if over else f"step {latest.task_step + 1} of {latest.task_steps}")
+        if self._desk.recorder.running:
+            said.append("recording")
         if self._gap > 0.005:
             said.append(f"**{100 * self._gap:.1f} cm out of reach**")
         return f"{lines[0]}\n\n{' · '.join(said)}"

@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from s2c2a.errors import S2C2AError
+from s2c2a.live.hints import hint_for
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.session import Session
 from s2c2a.live.snapshot import Control
@@ -18,6 +19,7 @@ from s2c2a.spaces import AXIS, POSITION
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # of the arm's length
 BESIDE = 0.35  # of the arm's length: how far from the tip a new obstacle appears
+ACROSS = 0.7  # rad about z, from x: to the right on the screen, from where the page begins
 WEIGHTS = (("position", "target μp"), ("axis", "direction μo"), ("obstacle", "obstacles μob"), ("change", "change μd"))
 
 
@@ -98,7 +100,7 @@ class Panel:
 
     def _build_stop(self) -> None:
         stopped = self._wish.stopped
-        stop = self._button("Go on" if stopped else "Stop", color="green" if stopped else "red", order=10)
+        stop = self._button("Go on" if stopped else "Stop", color="green" if stopped else "red", order=-1)
 
         def toggle() -> None:
             now = not self._wish.stopped
@@ -109,20 +111,20 @@ class Panel:
 
     def _build_task(self) -> None:
         wish, loop = self._wish, self._desk.loop
-        self._gui.add_markdown("Drag the violet ball: the arm follows.")
+        hint = self._gui.add_markdown(hint_for(wish.task))
         names = (DRAG, *loop.limits.tasks)
         task = self._gui.add_dropdown("Task", names, initial_value=wish.task or DRAG)
         play = self._button("Pause" if wish.playing else "Play", visible=bool(wish.task))
         step = self._button("One step", visible=bool(wish.task))
         again = self._button("From the start", visible=bool(wish.task))
         speed = self._gui.add_slider("Speed", 0.25, 3.0, 0.25, wish.speed, visible=bool(wish.task))
-        pointed = self._gui.add_checkbox("Direction too", wish.axis is not None, visible=not wish.task)
+        pointed = self._gui.add_checkbox("A direction too", wish.axis is not None, visible=not wish.task)
         here = self._button("Target to the tip", visible=not wish.task)
 
         def choose(name: str) -> None:
             chosen = None if name == DRAG else name
             self._ask(task=chosen, playing=chosen is not None)
-            play.label = "Pause" if chosen else "Play"
+            play.label, hint.content = "Pause" if chosen else "Play", hint_for(chosen)
             play.visible = step.visible = again.visible = speed.visible = chosen is not None
             pointed.visible = here.visible = chosen is None
             if chosen is None:
@@ -141,7 +143,9 @@ class Panel:
         self._clicked(here, self._target_to_tip)
 
     def _build_obstacles(self) -> None:
-        self._gui.add_markdown("Drag an obstacle: the arm gives way.")
+        self._gui.add_markdown(
+            "Drag an obstacle: the arm gives way. It moves in the plane of the screen; turn the view for another."
+        )
         add, remove = self._button("Add one"), self._button("Remove the last")
         threshold = self._gui.add_slider(
             "Threshold r [cm]", 1.0, 20.0, 0.5, round(100 * NEW_THRESHOLD * self._desk.loop.arm.length, 1)
@@ -168,7 +172,7 @@ class Panel:
         chosen = self._gui.add_dropdown(
             "Driven by", names, initial_value=latest.strategy if latest and latest.strategy in names else names[0]
         )
-        self._gui.add_markdown("Weights of the losses, times what they are:")
+        self._gui.add_markdown("How much each wish weighs, times what it does:")
         weights = self._wish.weights
         for name, label in WEIGHTS:
             slider = self._gui.add_slider(label, FACTORS[0], 4.0, 0.1, getattr(weights, name))
@@ -192,7 +196,7 @@ class Panel:
         coupling = self._gui.add_slider(
             "Sensor coupling [%]", 0.0, 100.0, 5.0, 100 * wish.coupling, visible=self._desk.loop.arm.module_count == 3
         )
-        calm = self._button("None of it")
+        calm = self._button("No faults")
 
         def clear() -> None:
             self._ask(payload=0.0, push=(0.0, 0.0, 0.0), noise=0.0, coupling=0.0)
@@ -210,7 +214,7 @@ class Panel:
     def _build_more(self) -> None:
         recorder, view = self._desk.recorder, self._desk.view
         record = self._button("Stop recording" if recorder.running else "Record")
-        reset, give = self._button("Reset the arm"), self._button("Give the handle away")
+        reset, give = self._button("Reset the arm"), self._button("Let others drive")
         for label, name in (("Planned arm", "ghost"), ("Trails", "trails"), ("Workspace", "cloud")):
             box = self._gui.add_checkbox(label, getattr(view, name))
             self._changed(box, partial(setattr, view, name))
@@ -222,7 +226,7 @@ class Panel:
                 return
             record.label = "Record"
             folder = recorder.stop()
-            self._desk.tell(f"written: {folder}" if folder else "too short to keep")
+            self._desk.tell(f"written; look at it with: s2c2a view {folder}" if folder else "too short to keep")
 
         self._clicked(record, toggle, slow=True)
         self._clicked(reset, self._desk.loop.reset)
@@ -253,11 +257,11 @@ class Panel:
         return (0.0, 0.0, 1.0) if latest is None else tuple(latest.states[-1, AXIS])
 
     def _beside_tip(self, number: int):
-        """Clear of the tip, each one on another side."""
+        """Clear of the tip, as far from whoever looks from where the page begins, each on another side."""
         latest, size = self._desk.loop.latest, self._desk.loop.arm.length
         tip = np.zeros(3) if latest is None else latest.states[-1, POSITION]
-        turn = 2.4 * number - 0.9
-        return tuple(tip + BESIDE * size * np.array([np.cos(turn), np.sin(turn), 0.0]))
+        turn, away = ACROSS + np.pi * number, BESIDE * size * (1 + number // 2)
+        return tuple(tip + away * np.array([np.cos(turn), np.sin(turn), 0.0]))
 
     def _button(self, label: str, **options: Any) -> viser.GuiButtonHandle:
         return self._gui.add_button(label, **({"color": "gray"} | options))

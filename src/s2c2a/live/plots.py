@@ -16,7 +16,7 @@ CLEARANCE_COLOUR, TIME_COLOUR = "#5b6675", "#1f5fc4"
 
 
 class Plots:
-    """Four charts in the shared panel."""
+    """Five charts in the shared panel; that of clearances is there while there are obstacles."""
 
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
@@ -34,7 +34,8 @@ class Plots:
         self._charts = [
             add_chart(gui, title, lines, legend=legend, across=seconds)
             for title, lines, legend in (
-                ("tip: error and clearance [cm]", {"error": TARGET, "clearance": CLEARANCE_COLOUR}, True),
+                ("tip from its target [cm]", {"error": TARGET}, False),
+                ("clearance of the tip [cm]", {"clearance": CLEARANCE_COLOUR}, False),
                 ("bend of the modules [deg]", dict(zip(names, colours, strict=True)), arm.module_count <= 6),
                 (f"cables [{unit}]", cables, False),
                 ("sense, plan, act [ms]", {"tick": TIME_COLOUR}, False),
@@ -44,8 +45,11 @@ class Plots:
     def add(self, snapshot: Snapshot) -> None:
         """One more control step."""
         bends = np.rad2deg(np.arccos(np.clip(snapshot.configurations[:, 2], -1.0, 1.0)))
-        clearance = 100 * snapshot.clearance if np.isfinite(snapshot.clearance) else np.nan
-        values = [snapshot.number * snapshot.period, 100 * snapshot.error, clearance, *bends]
+        error, clearance = (
+            100 * value if np.isfinite(value) else 0.0 for value in (snapshot.error, snapshot.clearance)
+        )  # a chart with a NaN in it stays empty
+        self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
+        values = [snapshot.number * snapshot.period, error, clearance, *bends]
         self._rows.append(np.array([*values, *(self._scale * snapshot.actions).ravel(), 1e3 * snapshot.tick_time]))
 
     def draw(self) -> None:
@@ -54,7 +58,7 @@ class Plots:
             return
         columns = np.array(self._rows).T
         seconds, modules = columns[0] - columns[0, -1], self._arm.module_count
-        parts = np.split(columns[1:], np.cumsum([2, modules, self._geometry.action_neutral.size]))
+        parts = np.split(columns[1:], np.cumsum([1, 1, modules, self._geometry.action_neutral.size]))
         for chart, part in zip(self._charts, parts, strict=True):
             chart.data = (seconds, *part)
 

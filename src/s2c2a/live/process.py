@@ -142,7 +142,7 @@ class ControlProcess(Control):
 
     def _fetched(self) -> Any:
         """What comes next; None when nothing will."""
-        with suppress(EOFError, OSError):
+        with suppress(EOFError, OSError, TypeError):  # the last where the pipe is closed meanwhile
             return self._pipe.recv()
         return None
 

@@ -8,13 +8,14 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.wish import MOST_OBSTACLES, Obstacle, Point
+from s2c2a.live.ground import LEVEL, lay_ground, rgb
+from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Point, Wish
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
 from s2c2a.viz.colours import INK, TARGET, module_colours
 
 SHADOW = "#d9dee6"
-FLOOR, GRID, GRID_STRONG, DISC, GHOST = "#eef1f5", "#d3dae3", "#b9c3cf", "#aab3bf", "#5b6675"
+DISC, GHOST = "#aab3bf", "#5b6675"
 REAL = "#1f5fc4"
 SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown
 FAR_TARGET = "#f0a000"
@@ -23,19 +24,12 @@ NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer tha
 PALE = 0.6  # how much of the workspace's colours is white
 BALL = 0.042  # radius of the target in parts of the arm's length
 ARROW = 0.22  # length of the target's axis, the same
-FLOOR_LEVEL = -0.02  # in parts of the arm's length
 TRAIL_THICK, TRAIL_POINTS = 0.004, 90
 
 Dragged = Callable[[int, Point], None]
 """Told who dragged (a client's number) and where to."""
 DraggedOne = Callable[[int, int, Point], None]
 """Told who dragged, which one, and where to."""
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """A colour as three numbers of 0 to 255."""
-    red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
-    return red, green, blue
 
 
 class ArmScene:
@@ -46,9 +40,7 @@ class ArmScene:
         straight = _straight(arm)
         self._scene, self._arm, self._body = scene, arm, Body(arm)
         self._size = arm.length
-        _light(scene)
-        _floor(scene, self._size)
-        _gravity(scene, self._size, np.array(arm.gravity_direction))
+        lay_ground(scene, arm)
         self._tubes, self._cables, self._discs = self._add_arm(straight)
         first = self._body.outline(self._body.shape(straight))
         outline: dict[str, Any] = {"faces": self._body.outline_faces, "cast_shadow": False, "receive_shadow": False}
@@ -58,6 +50,8 @@ class ArmScene:
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
         self._shaft = self._add_thread("axis", TARGET)
+        self._push = self._add_thread("push", FAR_TARGET)
+        self._payload = _ball(scene, "/payload", 1.0, INK)
         self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
         self._spheres = [_Sphere(scene, f"/obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
         self._asked = [_Sphere(scene, f"/task_obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
@@ -101,6 +95,17 @@ class ArmScene:
             self._pointer.position = end
             self._lay(self._shaft, np.array([position, end]))
 
+    def draw_load(self, tip: Float[np.ndarray, "3"], wish: Wish, limits: Limits) -> None:
+        """Show the payload under the tip, and the push as a line that ends at the tip; both as large as they are."""
+        _show(self._payload, wish.payload > 0)
+        if wish.payload > 0:
+            radius = BALL * self._size * (wish.payload / limits.payload) ** (1 / 3)
+            self._payload.scale, self._payload.position = radius, np.subtract(tip, (0, 0, 1.4 * radius))
+        push = np.array(wish.push)
+        _show(self._push, bool(push.any()))
+        if push.any():
+            self._lay(self._push, np.array([tip - 0.4 * self._size * push / limits.push, tip]))
+
     def draw_obstacles(self, own: Sequence[Obstacle], asked: Sequence[Obstacle], tip: Float[np.ndarray, "3"]) -> None:
         """Show the driver's obstacles and the task's, coloured by how near the tip is."""
         for spheres, obstacles in ((self._spheres, own), (self._asked, asked)):
@@ -142,7 +147,7 @@ class ArmScene:
     def _flat(self, outline: Vertices) -> Vertices:
         """The arm straight down on the floor; far cheaper than a light's shadow."""
         flat = outline.astype(np.float32)
-        flat[:, 2] = (FLOOR_LEVEL + 0.002) * self._size
+        flat[:, 2] = (LEVEL + 0.002) * self._size
         return flat
 
     def _add_arm(self, states: States):
@@ -186,10 +191,11 @@ class _Sphere:
         self._size = size
         self._core = _ball(scene, f"{name}/core", 1.0, INK)
         self._threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
+        self._shadow = _ball(scene, f"{name}/shadow", 1.0, SHADOW)  # says how far away it is
         self._drawn: tuple | None = None
 
     def draw(self, obstacle: Obstacle | None, tip: Float[np.ndarray, "3"]) -> None:
-        for part in (self._core, self._threshold):
+        for part in (self._core, self._threshold, self._shadow):
             _show(part, obstacle is not None)
         if obstacle is None:
             return
@@ -201,6 +207,8 @@ class _Sphere:
         self._core.position = self._threshold.position = obstacle.centre
         self._core.scale, self._threshold.scale = 0.3 * obstacle.threshold, obstacle.threshold
         self._threshold.color = rgb(colour)
+        self._shadow.position = (*obstacle.centre[:2], LEVEL * self._size)
+        self._shadow.scale = (obstacle.threshold, obstacle.threshold, 0.001 * self._size)
 
     def on_drag(self, told: Dragged) -> None:
         _follow_drags(self._threshold, told)
@@ -227,24 +235,6 @@ def _ball(scene: SceneApi, name: str, radius: float, colour: str, opacity: float
     )
 
 
-def _gravity(scene: SceneApi, size: float, direction: Float[np.ndarray, "3"]) -> None:
-    """Where things fall, of an arm that does not stand upright: the floor is drawn at its base all the same."""
-    if not direction.any() or direction @ (0, 0, -1) > 0.999:
-        return
-    start = size * np.array([0.5, 0.5, 0.25])
-    ends = np.linspace(start, start + 0.3 * size * direction, 12)
-    scene.add_mesh_simple(
-        "/gravity/line",
-        threads(ends[None], 0.006 * size).astype(np.float32),
-        thread_faces(1, len(ends)),
-        color=rgb(INK),
-        cast_shadow=False,
-        receive_shadow=False,
-    )
-    scene.add_icosphere("/gravity/end", 0.018 * size, color=rgb(INK), position=ends[-1], cast_shadow=False)
-    scene.add_label("/gravity/word", "gravity", position=ends[0], font_screen_scale=0.8)
-
-
 def _straight(arm: ArmSpec) -> States:
     """States of the straight arm, shape (modules, 6)."""
     states = np.zeros((arm.module_count, 6))
@@ -255,41 +245,3 @@ def _straight(arm: ArmSpec) -> States:
 def _show(node, shown: bool) -> None:
     if node.visible != shown:
         node.visible = shown
-
-
-def _light(scene: SceneApi) -> None:
-    scene.configure_environment_map(None)
-    scene.configure_default_lights(enabled=False)
-    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(190, 198, 210), intensity=1.6)
-    scene.add_light_directional(
-        "/lights/sun", color=(255, 250, 240), intensity=2.0, cast_shadow=False, position=(1, -1.4, 2)
-    )
-    scene.world_axes.visible = False
-
-
-def _floor(scene: SceneApi, size: float) -> None:
-    """A grid as wide as the arm reaches, the frame of the base, and the base itself.
-
-    Of few triangles: a shader's grid costs a browser without a graphics card a sixth of its time.
-    """
-    cell = 0.1 if size > 0.3 else 0.02
-    half, level = int(np.ceil(1.3 * size / cell)), FLOOR_LEVEL * size
-    flat: dict[str, Any] = {"flat_shading": True, "cast_shadow": False, "receive_shadow": False}
-    steps = np.arange(-half, half + 1)
-    for name, chosen, colour in (("fine", steps % 5 != 0, GRID), ("strong", steps % 5 == 0, GRID_STRONG)):
-        vertices, faces = _strips(cell * steps[chosen], 0.002 * size, half * cell, level)
-        across = vertices[:, [1, 0, 2]]
-        both = np.concatenate([vertices, across]), np.concatenate([faces, faces[:, ::-1] + len(vertices)])
-        scene.add_mesh_simple(f"/floor/{name}", *both, color=rgb(colour), **flat)
-    scene.add_cylinder(
-        "/base", radius=0.09 * size, height=0.03 * size, color=(122, 133, 148), position=(0, 0, -0.015 * size)
-    )
-    scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
-
-
-def _strips(places: Sequence[float] | np.ndarray, half_width: float, half: float, level: float):
-    """Flat strips along y at places on x: vertices and faces."""
-    corners = np.array([(-half_width, -half), (half_width, -half), (half_width, half), (-half_width, half)])
-    vertices = np.array([[x + place, y, level] for place in places for x, y in corners], dtype=np.float32)
-    faces = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * number for number in range(len(places))])
-    return vertices, faces

@@ -1,7 +1,7 @@
 """The same scene for what is finished: runs to scrub and compare, recordings, an arm to bend."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -47,6 +47,16 @@ class ViewPage:
         self._closing = threading.Event()
         self.gate = Gate(port, self._server.get_port(), secret)
 
+    def on_first(self, act: Callable[[], None]) -> None:
+        """Act once, when the first browser comes."""
+        come: list[int] = []
+
+        @self._server.on_client_connect
+        async def _(client: viser.ClientHandle) -> None:
+            come.append(client.client_id)
+            if len(come) == 1:
+                act()
+
     def every(self, period: float, act) -> None:
         """Act again and again until the page closes, in a thread of its own."""
 
@@ -71,7 +81,7 @@ def view_arm(arm: ArmSpec, port: int) -> ViewPage:
     sizes, turns = [], []
     for number, limit in enumerate(np.rad2deg(geometry.bend_limits)):
         sizes.append(page.gui.add_slider(f"Bend {number + 1} [deg]", 0.0, round(float(limit), 1), 0.5, 0.0))
-        turns.append(page.gui.add_slider(f"towards {number + 1} [deg]", -180.0, 180.0, 5.0, 0.0))
+        turns.append(page.gui.add_slider(f"Towards {number + 1} [deg]", -180.0, 180.0, 5.0, 0.0))
 
     def draw() -> None:
         angles = np.deg2rad([slider.value for slider in turns])
@@ -142,6 +152,10 @@ def _scrub(page: ViewPage, chosen) -> None:
     said = page.gui.add_markdown("")
     playing = [True]
 
+    @page.on_first
+    def _() -> None:
+        moment.value = 0.0  # type: ignore[misc]
+
     @play.on_click
     async def _(_event: viser.GuiEvent) -> None:
         playing[0] = not playing[0]
@@ -197,6 +211,8 @@ def _cables_said(arm: ArmSpec, actions: np.ndarray, states: States) -> str:
         f"| {number + 1} | " + " | ".join(f"{scale * value:.1f}" for value in cables) + " |"
         for number, cables in enumerate(actions)
     ]
-    head = f"| cables [{unit}] | " + " | ".join(str(number + 1) for number in range(arm.cable_count)) + " |"
+    head = (
+        f"| module, then cables [{unit}] | " + " | ".join(str(number + 1) for number in range(arm.cable_count)) + " |"
+    )
     tip = ", ".join(f"{100 * value:.1f}" for value in states[-1, POSITION])
     return "\n".join([f"tip at {tip} cm\n", head, "|---" * (arm.cable_count + 1) + "|", *rows])
