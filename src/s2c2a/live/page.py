@@ -243,7 +243,7 @@ class LivePage:
 
     def _status_of(self, latest: Snapshot) -> str:
         driver, others = self.session.driver, len(self.session.present) - (self.session.driver is not None)
-        who = "nobody drives" if driver is None else "one browser drives"
+        who = "nobody drives" if driver is None else "one drives"
         lines = [f"**{self._arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")]
         if latest.stage is Stage.FAILED:
             return f"{lines[0]}\n\n**stopped:** {latest.fault}"
