@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.hints import hint_for
+from s2c2a.live.hints import OBSTACLES, hint_for
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.session import Session
 from s2c2a.live.snapshot import Control
@@ -143,9 +143,7 @@ class Panel:
         self._clicked(here, self._target_to_tip)
 
     def _build_obstacles(self) -> None:
-        self._gui.add_markdown(
-            "Drag an obstacle: the arm gives way. It moves in the plane of the screen; turn the view for another."
-        )
+        self._gui.add_markdown(OBSTACLES)
         add, remove = self._button("Add one"), self._button("Remove the last")
         threshold = self._gui.add_slider(
             "Threshold r [cm]", 1.0, 20.0, 0.5, round(100 * NEW_THRESHOLD * self._desk.loop.arm.length, 1)

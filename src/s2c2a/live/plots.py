@@ -48,7 +48,8 @@ class Plots:
         error, clearance = (
             100 * value if np.isfinite(value) else 0.0 for value in (snapshot.error, snapshot.clearance)
         )  # a chart with a NaN in it stays empty
-        self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
+        if self._charts[1].visible != (seen := bool(np.isfinite(snapshot.clearance))):
+            self._charts[1].visible = seen
         values = [snapshot.number * snapshot.period, error, clearance, *bends]
         self._rows.append(np.array([*values, *(self._scale * snapshot.actions).ravel(), 1e3 * snapshot.tick_time]))
 
