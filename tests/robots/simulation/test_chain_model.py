@@ -170,11 +170,15 @@ def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(twin, s
 
 
 def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twin):
-    """Light and stiff the arm needs implicit springs; a kilogram at the tip does not change the clock of control."""
-    robot = SimulatedRobot(with_cables_of(twin, 3e4), "accurate")
+    """A mass at the tip slows the quickest swing just enough; a control step stays as long as it was."""
+    robot = SimulatedRobot(with_cables_of(twin, 15e3), "accurate")
     neutral = ArmGeometry.of(twin).action_neutral
     robot.open()
-    robot.load(1.0)
+    before = robot.model.opt.integrator, robot.model.opt.timestep
+    robot.load(0.3)
+    after = robot.model.opt.integrator, robot.model.opt.timestep
+    assert before == (mujoco.mjtIntegrator.mjINT_DISCRETE, pytest.approx(0.1 / 50))
+    assert after == (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, pytest.approx(0.1 / 34))
     robot.send(neutral)
     assert robot.read().time == pytest.approx(twin.control_period)
 
