@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from s2c2a.live.asking import goal_of, judged
+from s2c2a.live.snapshot import Asked
 from s2c2a.live.wish import Obstacle, Weights, Wish
 from s2c2a.planning import Goal
+
+
+def test_what_the_page_is_told_was_asked_has_the_fields_of_a_goal():
+    """Two classes, since the page does without the planner."""
+    assert Asked._fields == Goal._fields
 
 
 def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
