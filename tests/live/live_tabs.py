@@ -16,12 +16,6 @@ PASSIVE = "Unable to preventDefault inside passive event listener"  # of viser's
 FIELD_OF_VIEW = np.deg2rad(40)
 
 
-def sideways() -> np.ndarray:
-    """The direction to the right on the screen, in the base frame: things are dragged in the plane of the screen."""
-    across = np.cross(np.subtract(LOOK_AT, CAMERA), (0.0, 0.0, 1.0))
-    return across / np.linalg.norm(across)
-
-
 class Tab:
     """One page in the browser, and what went wrong on it."""
 

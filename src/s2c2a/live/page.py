@@ -52,6 +52,12 @@ def look_at_arm(server: viser.ViserServer, size: float) -> None:
     server.initial_camera.fov = np.deg2rad(40)
 
 
+def across_the_screen() -> Float[np.ndarray, "3"]:
+    """The direction to the right on the screen, seen from where the camera is first, base frame."""
+    across = np.cross(np.subtract(LOOK_AT, CAMERA), (0.0, 0.0, 1.0))
+    return across / np.linalg.norm(across)
+
+
 class Survey(NamedTuple):
     """Where an arm can be.
 
@@ -97,7 +103,7 @@ class LivePage:
         self.session = Session(self._session_changed)
         self._panels: dict[int, Panel] = {}
         self._view = View()
-        self._desk = Desk(loop, self.session, Recorder(loop, runs), self._view, self._tell)
+        self._desk = Desk(loop, self.session, Recorder(loop, runs), self._view, across_the_screen(), self._tell)
         self._status = self._server.gui.add_markdown(f"**{loop.arm.name}** · {PREPARING}", order=0)
         self._scene = ArmScene(self._server.scene, loop.arm)
         self._scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from jaxtyping import Float
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.hints import OBSTACLES, hint_for
@@ -19,7 +20,6 @@ from s2c2a.spaces import AXIS, POSITION
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # of the arm's length
 BESIDE = 0.35  # of the arm's length: how far from the tip a new obstacle appears
-ACROSS = 0.7  # rad about z, from x: to the right on the screen, from where the page begins
 WEIGHTS = (("position", "target μp"), ("axis", "direction μo"), ("obstacle", "obstacles μob"), ("change", "change μd"))
 
 
@@ -41,6 +41,7 @@ class Desk:
         session: says who drives.
         recorder: keeps what happens.
         view: what is shown.
+        across: the direction to the right on the screen, from where the page begins, base frame.
         tell: says something to one browser, or to all.
     """
 
@@ -48,6 +49,7 @@ class Desk:
     session: Session
     recorder: Recorder
     view: View
+    across: Float[np.ndarray, "3"]
     tell: Callable[[str], None]
 
 
@@ -258,8 +260,8 @@ class Panel:
         """Clear of the tip, as far from whoever looks from where the page begins, each on another side."""
         latest, size = self._desk.loop.latest, self._desk.loop.arm.length
         tip = np.zeros(3) if latest is None else latest.states[-1, POSITION]
-        turn, away = ACROSS + np.pi * number, BESIDE * size * (1 + number // 2)
-        return tuple(tip + away * np.array([np.cos(turn), np.sin(turn), 0.0]))
+        away = BESIDE * size * (1 + number // 2) * (-1) ** number
+        return tuple(tip + away * self._desk.across)
 
     def _button(self, label: str, **options: Any) -> viser.GuiButtonHandle:
         return self._gui.add_button(label, **({"color": "gray"} | options))
