@@ -1,5 +1,6 @@
 """What many tests share: arms, a small recording, small networks."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,15 +21,22 @@ TINY, QUICK = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, mo
 
 
 def pytest_configure(config):
-    """Keep what JAX compiles from test to test and run to run; compiling is most of the tests' time."""
+    """Keep what JAX compiles from test to test and run to run; compiling is most of the tests' time.
+
+    Processes that tests start keep theirs in the same folder, under the same bound: with the bound comes a lock, and
+    who writes without it leaves what the others take for half a program.
+    """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
         throw_out_halves(programs)
-    jax.config.update("jax_compilation_cache_dir", str(programs))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    jax.config.update(
-        "jax_compilation_cache_max_size", 2_000_000_000
-    )  # with a bound comes a lock: two workers share it
+    settings = {
+        "jax_compilation_cache_dir": str(programs),
+        "jax_compilation_cache_max_size": 2_000_000_000,
+        "jax_persistent_cache_min_compile_time_secs": 0.1,
+    }
+    for name, value in settings.items():
+        jax.config.update(name, value)
+        os.environ[name.upper()] = str(value)
 
 
 @pytest.fixture(scope="session")

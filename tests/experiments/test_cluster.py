@@ -12,7 +12,6 @@ from pathlib import Path
 from shutil import copy
 from types import SimpleNamespace
 
-import jax
 import numpy as np
 import pytest
 from distributed import Client, KilledWorker, LocalCluster
@@ -53,16 +52,7 @@ class Mortal(SimulatedRobot):
 
 
 @pytest.fixture(scope="module")
-def quick_programs():
-    """Workers and processes share what the tests compile; see tests/conftest."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(jax.config.jax_compilation_cache_dir))
-        patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
-        yield
-
-
-@pytest.fixture(scope="module")
-def scheduler(quick_programs):
+def scheduler():
     """Of two workers, a process each, that come back when they are killed."""
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as workers:
         yield workers
@@ -77,7 +67,7 @@ def cluster(scheduler):
 
 
 @pytest.fixture(scope="module")
-def processes(quick_programs):
+def processes():
     """Two processes, as the command line takes them."""
     with Processes(2) as crew:
         yield crew
@@ -301,7 +291,7 @@ def test_what_the_cluster_did_is_told_apart_from_what_the_work_did(cluster):
     assert cluster.fault(ValueError("the work's own")) is None
 
 
-def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(quick_programs, tmp_path):
+def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(tmp_path):
     """The command of dask, killed once two episodes are whole; then the rest is done here."""
     where = tmp_path / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]

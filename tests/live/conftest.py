@@ -38,13 +38,6 @@ def page(loop, twin, tmp_path):
     opened.close()
 
 
-@pytest.fixture
-def kept_programs(monkeypatch, pytestconfig):
-    """Other processes find what these tests have compiled, as `s2c2a live` finds what is kept."""
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(pytestconfig.rootpath / ".pytest_cache" / "programs"))
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
-
-
 @pytest.fixture(scope="session")
 def chromium():
     """A headless browser."""

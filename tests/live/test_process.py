@@ -23,9 +23,6 @@ def process_of(arm, files=()):
     return ControlProcess(arm, Child(partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0)))
 
 
-pytestmark = pytest.mark.usefixtures("kept_programs")
-
-
 @pytest.fixture
 def control(twin):
     """A control process that runs."""
