@@ -132,6 +132,10 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     assert (folder / "twin_arm.html").stat().st_size > 10_000
     again = failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(folder))
     assert "--overwrite" in again
+    (folder / "twin_arm.html").unlink()  # as if it had been interrupted
+    run("run", "circle", "--controller", "s2c2a", "pcc", "--strategy", str(strategy), "--out", str(folder))
+    assert (folder / "twin_arm.html").exists()
+    assert json.loads((folder / "results.json").read_text()) == rows
     other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--strategy", str(strategy))
     assert "trained for 'twin_arm'" in other
     said = failing(capsys, "run", "circle", "--strategy", str(strategy), "--recipe", "paper")

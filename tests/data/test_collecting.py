@@ -223,7 +223,7 @@ def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(gather
 
 
 def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp_path):
-    left = tmp_path / f"one.h5.{os.getpid()}.partial"
+    left = tmp_path / f".one.h5.{os.getpid()}.part"
     left.write_bytes(b"cut off while it was laid out")
     assert_same(gather(), gather("two.h5"))
     assert not left.exists()

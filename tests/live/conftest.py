@@ -4,13 +4,14 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.live.loop import ControlLoop
+from s2c2a.live.measuring import FLAGS
 from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, task_named
 
-from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
+from live_tabs import CHROMIUM, WIDE, Tab
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,6 @@ import numpy as np
 from s2c2a.live.page import CAMERA, LOOK_AT
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, TALL = (1280, 800), (390, 844)
 PASSIVE = "Unable to preventDefault inside passive event listener"  # of viser's own page, whenever a thing is dragged
 FIELD_OF_VIEW = np.deg2rad(40)

@@ -23,6 +23,12 @@ def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path):
     assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
 
 
+def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path):
+    some = run_figure([make_trace(counted=np.arange(200) < 50)], arm, tmp_path / "some.png")
+    assert is_png(some)
+    assert some.read_bytes() != run_figure([make_trace()], arm, tmp_path / "all.png").read_bytes()
+
+
 def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path):
     seen = make_trace().states
     one = Trace.without_target("one", [0.0], seen[:1])

@@ -53,6 +53,14 @@ def test_titles_labels_and_summaries_cannot_become_markup(write_page, make_trace
     assert (data["title"], data["traces"][0]["label"], data["summary"]) == (NASTY, NASTY, [[NASTY, NASTY]])
 
 
+def test_the_mean_is_that_of_the_steps_that_count(write_page, make_trace):
+    counted = np.arange(200) < 50
+    trace = make_trace(lag=0.1, counted=counted)
+    unreached = make_trace("unreached", counted=np.zeros(200, bool))
+    means = [one["meanError"] for one in data_of(write_page([trace, unreached]))["traces"]]
+    assert means == [pytest.approx(trace.position_errors[:50].mean()), None]
+
+
 def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(write_page, make_trace):
     trace = make_trace()
     wanted, states = trace.wanted_positions.copy(), trace.states.copy()

@@ -60,6 +60,17 @@ def test_errors_are_distance_and_angle_from_what_is_wanted():
     np.testing.assert_allclose(trace.axis_errors, [np.pi / 2])
 
 
+def test_the_mean_is_over_the_steps_that_count(make_trace):
+    errors = make_trace().position_errors
+    counted = np.arange(200) < 50
+    trace = make_trace(counted=counted)
+    np.testing.assert_array_equal(trace.position_errors, errors)
+    np.testing.assert_array_equal(trace.counted_errors, errors[:50])
+    assert len(make_trace().counted_errors) == 200
+    with pytest.raises(S2C2AError, match="counted has shape"):
+        make_trace(counted=counted[:-1])
+
+
 def test_a_trace_without_a_target_follows_the_last_module(make_trace):
     trace = Trace.without_target("recorded", np.arange(200.0), make_trace().states)
     assert trace.followed_module == 2

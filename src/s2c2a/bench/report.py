@@ -12,8 +12,8 @@ from s2c2a.bench.machine import describe, extra_versions
 from s2c2a.bench.measurement import Growth, Measurement
 from s2c2a.bench.options import BenchOptions
 from s2c2a.bench.parts import Part
+from s2c2a.files import save_whole
 from s2c2a.versions import versions
-from s2c2a.viz.saving import save_whole
 
 SCHEMA = 1
 

@@ -81,7 +81,8 @@ def run(
         "recipe": asdict(chosen),
     }
     options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "guard": guard, "strategy": strategy}
-    folder = open_run_folder(out, f"{asked.name}-{spec.name}", options, overwrite)
+    unfinished = out is not None and not (out / f"{spec.name}.html").exists()
+    folder = open_run_folder(out, f"{asked.name}-{spec.name}", options, overwrite, go_on=unfinished)
     under, shelf = Conditions(fidelity, payload, guard), Shelf()
     with progress_bar() as progress:
         workshop = Workshop(progress=progress)

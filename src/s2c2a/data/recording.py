@@ -5,7 +5,6 @@ says how many episodes are whole, and readers look no further.
 """
 
 import os
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.errors import DamagedRecordingError, RecordingError
+from s2c2a.files import written_whole
 
 SCHEMA = 1
 UNITS = {"time": "s", "actions": "m or N", "cables": "m or N", "states": "m, 1", "configurations": "1"}
@@ -96,15 +96,10 @@ class RecordingWriter:
     @classmethod
     def create(cls, path: str | os.PathLike, arm: ArmSpec, options: dict) -> "RecordingWriter":
         """Lay out a new file under another name and move it into place once it is sound."""
-        partial = Path(f"{path}.{os.getpid()}.partial")
         try:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            with h5py.File(partial, "w", libver="earliest") as file:
+            with written_whole(path) as part, h5py.File(part, "w", libver="earliest") as file:
                 _lay_out(file, arm, options)
-            os.replace(partial, path)
         except OSError as error:
-            with suppress(OSError):
-                partial.unlink()
             raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
         return cls(path)
 

@@ -1,14 +1,13 @@
 """Runs on disk: one NumPy archive each, read without pickle."""
 
-import os
 import zipfile
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.rollout import COLUMNS, Rollout
+from s2c2a.files import written_whole
 from s2c2a.tasks import Task
 
 
@@ -16,15 +15,10 @@ def save_rollout(run: Rollout, path: Path) -> None:
     """Write a run, in single precision; the file appears whole or not at all."""
     arrays = {name: getattr(run, name) for name in (*COLUMNS, "centre_lines")}
     known = {name: value.astype(np.float32) for name, value in arrays.items() if value is not None}
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with open(partial, "wb") as file:
+        with written_whole(path) as part, open(part, "wb") as file:
             np.savez_compressed(file, strategy=np.array(run.strategy), **known)
-        os.replace(partial, path)
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         raise S2C2AError(f"{path} cannot be written: {error}") from error
 
 

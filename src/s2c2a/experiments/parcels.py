@@ -1,8 +1,9 @@
 """Files as they travel between machines: their names and contents."""
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
+
+from s2c2a.files import save_whole
 
 Parcel = dict[str, bytes]
 """Name -> content."""
@@ -17,7 +18,5 @@ def unpack(parcel: Parcel, folder: Path) -> Path:
     """Write files into a folder, which it returns; each appears whole or not at all, and replaces what was there."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in parcel.items():
-        partial = folder / f".{Path(name).name}.{os.getpid()}"
-        partial.write_bytes(content)
-        os.replace(partial, folder / Path(name).name)
+        save_whole(content, folder / Path(name).name)
     return folder

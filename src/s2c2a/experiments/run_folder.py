@@ -83,4 +83,5 @@ def trace_of(run: Run, label: str | None = None) -> Trace:
         task.wanted_positions(),
         task.wanted_axes(),
         task.obstacles(),
+        next((score.steps for score in task.scores if score.metric == "position"), None),
     )

@@ -24,7 +24,7 @@ from s2c2a.live.snapshot import Control, Snapshot, Stage
 from s2c2a.live.wish import Obstacle, Point
 from s2c2a.spaces import AXIS, POSITION, States
 
-FRAME = 1 / 30  # s between frames
+FRAME = 1 / 30  # s
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
@@ -186,9 +186,11 @@ class LivePage:
 
     def _draw_on(self) -> None:
         """One frame after the other, until the page closes; a late frame is left out."""
-        while not self._closing.wait(FRAME):
+        due = time.perf_counter()
+        while not self._closing.wait(max(0.0, due - time.perf_counter())):
             self._draw()
             self.frames += 1
+            due = max(due + FRAME, time.perf_counter())
 
     def _draw(self) -> None:
         latest = self._loop.latest
@@ -221,9 +223,7 @@ class LivePage:
     def _share_of_step(self, latest: Snapshot) -> float | None:
         """How far between the last two states the picture is now; None where it stands."""
         share = (time.perf_counter() - latest.moment) / latest.period
-        if share > 1.5:
-            return None
-        return float(np.clip(share, 0.0, 1.0))
+        return None if share > 1.5 else float(np.clip(share, 0.0, 1.0))
 
     def _draw_asked(self, latest: Snapshot) -> None:
         wish, tip = self._loop.wish, latest.states[-1, POSITION]

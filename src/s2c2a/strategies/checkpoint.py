@@ -7,7 +7,7 @@ description, so a file cannot make a controller speak other cables than its arm 
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,10 +16,11 @@ import jax
 import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
 from s2c2a.arm import ArmSpec, arm_from_toml
 from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.files import written_whole
 
 SCHEMA = 1
 Options = TypeVar("Options")
@@ -77,14 +78,11 @@ def write(path: str | os.PathLike, kind: str, arrays: dict[str, np.ndarray], met
     Raises:
         StrategyError: the file cannot be written.
     """
-    partial = Path(f"{path}.{os.getpid()}.partial")
+    content = save(arrays, metadata={kind: metadata.model_dump_json()})
     try:
-        partial.parent.mkdir(parents=True, exist_ok=True)
-        save_file(arrays, partial, metadata={kind: metadata.model_dump_json()})
-        os.replace(partial, path)
-    except (OSError, SafetensorError) as error:
-        with suppress(OSError):
-            partial.unlink()
+        with written_whole(path) as part:
+            part.write_bytes(content)
+    except OSError as error:
         raise StrategyError(f"{path} cannot be written: {error}; choose another place") from error
 
 

@@ -19,6 +19,7 @@ from s2c2a.viz.trace import Trace, check_same_arm
 
 COORDINATES = ("x", "y", "z")
 POINTS_SHOWN = 60_000
+NOT_COUNTED = "#e6eaf0"
 
 
 def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -> Path:
@@ -65,6 +66,10 @@ def _draw_errors(axes: Axes, traces, colours) -> None:
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
         axes.plot(trace.times, 100 * trace.position_errors, color=colour, linewidth=1.4, zorder=FRONT - place)
     axes.set_ylim(bottom=0)
+    if not traces[0].counted.all():
+        style: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "color": NOT_COUNTED, "linewidth": 0}
+        axes.fill_between(traces[0].times, 0, 1, where=~traces[0].counted, step="mid", label="not counted", **style)
+        legend(axes, axes, loc="upper center")
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
         say_nothing_here(axes, "no position is asked for")
 

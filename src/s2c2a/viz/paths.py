@@ -72,6 +72,6 @@ def name_ends(axes: Axes) -> None:
 
 
 def named_error(trace: Trace) -> str:
-    """Label with mean and standard deviation of the error over time."""
-    errors = 100 * trace.position_errors[np.isfinite(trace.position_errors)]
+    """Label with mean and standard deviation of the error over the steps that count."""
+    errors = 100 * trace.counted_errors
     return f"{trace.label}   {errors.mean():.2f} ± {errors.std():.2f} cm" if errors.size else trace.label

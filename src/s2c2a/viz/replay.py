@@ -8,8 +8,8 @@ from importlib import resources
 from pathlib import Path
 
 from s2c2a.arm import ArmSpec
+from s2c2a.files import save_whole
 from s2c2a.viz.run_data import json_for_script, run_data
-from s2c2a.viz.saving import save_whole
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SCRIPTS = ("vectors", "run", "camera", "shading", "arm", "surroundings", "scene", "chart", "panel", "player", "main")

@@ -1,7 +1,7 @@
 """A run as the compact JSON that the replay page draws.
 
 Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths, errors as whole micrometres and
-microradians; NaN travels as null.
+microradians, their mean in metres; NaN travels as null.
 `page/run.js` is the other end.
 """
 
@@ -15,7 +15,7 @@ from s2c2a.viz.colours import TARGET, module_colours, trace_colours
 from s2c2a.viz.trace import Trace
 
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
-PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for their mean is shown
+PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error
 
 
 def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
@@ -65,6 +65,7 @@ def _trace_data(trace: Trace, colour: str) -> dict:
         "axes": _asked(trace.wanted_axes),
         "obstacles": _whole(_without_repeats(trace.obstacles)),
         "errors": _whole(trace.position_errors, PER_ERROR),
+        "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
         "axisErrors": _whole(trace.axis_errors, PER_ERROR),
     }
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION
@@ -23,6 +23,8 @@ class Trace:
         wanted_axes: where module ends should point, unit vectors, shape (time, modules, 3), or NaN.
         obstacles: centre and radius of spheres [m], shape (time, obstacles, 4); a radius that is not positive or a NaN
             says that there is none.
+        counted: which steps count in the mean error, shape (time,), such as those whose target is within reach; all if
+            not stated.
 
     Raises:
         S2C2AError: a shape is wrong, or times do not rise.
@@ -34,13 +36,18 @@ class Trace:
     wanted_positions: Float[np.ndarray, "time modules 3"]
     wanted_axes: Float[np.ndarray, "time modules 3"]
     obstacles: Float[np.ndarray, "time obstacles 4"]
+    counted: Bool[np.ndarray, " time"] | None = None
 
     def __post_init__(self):
         """Freeze the arrays and check that they fit together."""
-        for field in fields(self)[1:]:
+        for field in fields(self)[1:-1]:
             object.__setattr__(self, field.name, _frozen_array(self.label, field.name, getattr(self, field.name)))
         _check_times(self.label, self.times)
         steps = self.times.size
+        counted = np.array(np.ones(steps) if self.counted is None else self.counted, dtype=bool)
+        counted.setflags(write=False)
+        object.__setattr__(self, "counted", counted)
+        self._check_shape("counted", (steps,))
         self._check_shape("states", (steps, "modules", 6))
         modules = self.module_count
         self._check_shape("wanted_positions", (steps, modules, 3))
@@ -94,6 +101,11 @@ class Trace:
     def position_errors(self) -> Float[np.ndarray, " time"]:
         """Distance of the followed module's end from where it should be [m], or NaN."""
         return np.linalg.norm(self.followed_path - self.wanted_path, axis=-1)
+
+    @property
+    def counted_errors(self) -> Float[np.ndarray, " counted"]:
+        """Distances [m] at the steps that count and at which a position is asked for."""
+        return self.position_errors[self.counted & np.isfinite(self.position_errors)]
 
     @property
     def axis_errors(self) -> Float[np.ndarray, " time"]:

@@ -10,11 +10,11 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.viz.saving import save_whole
+from s2c2a.files import save_whole
 from s2c2a.viz.trace import Trace, check_same_arm
 
 TRACES = "traces.npz"
-COLUMNS = ("times", "states", "wanted_positions", "wanted_axes", "obstacles")
+COLUMNS = ("times", "states", "wanted_positions", "wanted_axes", "obstacles", "counted")
 MOST_TRACES = 64
 
 
@@ -29,7 +29,7 @@ def save_traces(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) 
     for number, trace in enumerate(traces):
         for name in COLUMNS:
             values = getattr(trace, name)
-            arrays[f"{number}.{name}"] = values if name == "times" else values.astype(np.float32)
+            arrays[f"{number}.{name}"] = values if name in ("times", "counted") else values.astype(np.float32)
     content = io.BytesIO()
     np.savez_compressed(content, allow_pickle=False, **arrays)
     return save_whole(content.getvalue(), path)
@@ -48,7 +48,7 @@ def load_traces(path: str | os.PathLike) -> tuple[list[Trace], ArmSpec]:
             arm = arm_from_toml(str(file["arm"]), f"arm in {path}")
             labels = [str(label) for label in file["labels"][:MOST_TRACES]]
             traces = [
-                Trace(label, **{name: file[f"{number}.{name}"] for name in COLUMNS})
+                Trace(label, **{name: file[f"{number}.{name}"] for name in COLUMNS if f"{number}.{name}" in file})
                 for number, label in enumerate(labels)
             ]
     except (OSError, KeyError, ValueError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:

@@ -13,9 +13,9 @@ from PIL import Image, ImageDraw
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.files import save_whole
 from s2c2a.viz.body import Body
 from s2c2a.viz.colours import FAINT, INK, MUTED, TARGET, module_colours
-from s2c2a.viz.saving import save_whole
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE, FINER = (480, 400), 2  # pixels, and how much finer it is painted

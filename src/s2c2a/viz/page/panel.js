@@ -13,14 +13,15 @@ const inDegrees = (angle) => (angle === null ? "" : `axis ${((angle * 180) / Mat
 class TraceList {
   constructor(run, choose) {
     this.rows = run.traces.map((trace, k) => {
-      const mean = meanOf(trace.errors);
+      const asked = trace.errors.some((error) => error !== null);
+      const none = asked ? "out of reach throughout" : "no position is asked for";
       const parts = {
         mark: element("span", { className: "mark" }),
         name: element("span", { className: "name", textContent: trace.label }),
         now: element("span", { className: "now" }),
         mean: element("span", {
           className: "mean",
-          textContent: mean === null ? "no position is asked for" : `mean ${inCentimetres(mean)}`,
+          textContent: trace.meanError === null ? none : `mean ${inCentimetres(trace.meanError)}`,
         }),
         angle: element("span", { className: "angle" }),
       };

@@ -102,8 +102,3 @@ function momentOf(trace, time) {
     axisError: valueAt(trace.axisErrors, place, mixNumbers),
   };
 }
-
-function meanOf(values) {
-  const known = values.filter((value) => value !== null);
-  return known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
-}
