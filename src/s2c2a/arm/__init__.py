@@ -2,6 +2,7 @@
 
 from s2c2a.arm.files import arm_from_toml, arm_to_toml, load_arm, save_arm
 from s2c2a.arm.geometry import ArmGeometry
+from s2c2a.arm.keys import Key, file_keys, keys_as_markdown
 from s2c2a.arm.presets import preset_names
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 
@@ -9,10 +10,13 @@ __all__ = [
     "ArmGeometry",
     "ArmSpec",
     "Cable",
+    "Key",
     "Module",
     "Motor",
     "arm_from_toml",
     "arm_to_toml",
+    "file_keys",
+    "keys_as_markdown",
     "load_arm",
     "preset_names",
     "save_arm",

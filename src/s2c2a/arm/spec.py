@@ -49,7 +49,10 @@ class Module(_Frozen):
 
     length: Annotated[Number, _between(0.005, 2, "m", "length of the centre line")]
     cable_radius: Annotated[Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line")]
-    cable_angles_deg: Annotated[tuple[Number, ...], Field(min_length=3, max_length=8)]
+    cable_angles_deg: Annotated[
+        tuple[Number, ...],
+        Field(min_length=3, max_length=8, description="where the cables are round the centre line, from x to y [deg]"),
+    ]
     mass: Annotated[Number, _between(0.0005, 10, "kg", "mass")]
     bending_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "EI")]
     torsional_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "GJ; EI if not stated")] | None = None
@@ -94,13 +97,27 @@ class ArmSpec(_Frozen):
     Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
-    description: str = ""
-    actuation: Literal["displacement", "tension"]
-    sensing: Literal["encoders", "true"] = "encoders"
-    sensing_coupling: tuple[tuple[Number, ...], ...] | None = None
-    coupled_cables: bool = False
-    gravity_direction: tuple[Number, Number, Number] = (0.0, 0.0, -1.0)
+    name: Annotated[
+        str,
+        Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="in tables, figures and names of files"),
+    ]
+    description: Annotated[str, Field(description="a line about it")] = ""
+    actuation: Annotated[Literal["displacement", "tension"], Field(description="what its motors are told")]
+    sensing: Annotated[
+        Literal["encoders", "true"],
+        Field(description="what tells how modules bend: the motors' encoders, or something that sees it"),
+    ] = "encoders"
+    sensing_coupling: Annotated[
+        tuple[tuple[Number, ...], ...] | None,
+        Field(description="how much a module's sensor, one row each, takes in of each module's configuration [1]"),
+    ] = None
+    coupled_cables: Annotated[
+        bool, Field(description="whether cables of outer modules pass through inner ones at their radius and bend them")
+    ] = False
+    gravity_direction: Annotated[
+        tuple[Number, Number, Number],
+        Field(description="down, z along the straight arm: [0, 0, -1] stands, [0, 0, 1] hangs, [0, 0, 0] none"),
+    ] = (0.0, 0.0, -1.0)
     control_rate: Annotated[Number, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
     step_limit_deg: Annotated[Number, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
     motor: Motor = Motor()

@@ -1,14 +1,21 @@
-"""`s2c2a arm`: check, describe, draw, copy."""
+"""`s2c2a arm`: keys, check, describe, draw, copy."""
 
 import re
 from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, load_arm, save_arm
+from s2c2a.arm import ArmSpec, file_keys, load_arm, save_arm
 from s2c2a.cli.console import File, print_table
 
 app = SubcommandApp()
+
+
+@app.command
+def keys() -> None:
+    """Say what can stand in an arm file, key by key."""
+    rows = [(key.table or "-", *key[1:]) for key in file_keys()]
+    print_table("Keys of an arm file", ("table", "key", "allowed", "if not stated", "what it is"), rows, prose=True)
 
 
 @app.command

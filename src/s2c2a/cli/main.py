@@ -25,7 +25,7 @@ FAULT, INTERRUPTED = 2, 130  # exit codes
 app = SubcommandApp()
 for verb in (demo, live, view, collect, train, run, sweep, bench, bench_live, doctor):
     app.command(verb)
-app.command(arm_verbs, name="arm", help="Check, describe, draw or copy an arm file.")
+app.command(arm_verbs, name="arm", help="Explain, check, describe, draw or copy an arm file.")
 app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
 
 

@@ -1,0 +1,87 @@
+"""The keys of an arm file, as the description itself knows them."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from s2c2a.arm.spec import ArmSpec
+
+
+class Key(NamedTuple):
+    """One key.
+
+    Attributes:
+        table: where it stands: nothing for the arm itself, `motor`, `modules` or `modules.cable`.
+        name: what stands left of the equals sign.
+        allowed: its values, in words.
+        otherwise: what holds if it is not stated.
+        meaning: in words, its unit in brackets.
+    """
+
+    table: str
+    name: str
+    allowed: str
+    otherwise: str
+    meaning: str
+
+
+def file_keys() -> list[Key]:
+    """All of them, table after table."""
+    schema = ArmSpec.model_json_schema()
+    return list(_keys_of(schema, schema["$defs"], ""))
+
+
+def keys_as_markdown() -> str:
+    """A table for each table of the file."""
+    every = file_keys()
+    return "\n".join(_as_markdown(table, [key for key in every if key.table == table]) for table in _tables(every))
+
+
+def _tables(every: list[Key]) -> list[str]:
+    return list(dict.fromkeys(key.table for key in every))
+
+
+def _as_markdown(table: str, rows: list[Key]) -> str:
+    title = f"`{table}`" if table else "The arm itself"
+    lines = [f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |" for key in rows]
+    header = [f"### {title}\n", "| key | allowed | if not stated | what it is |", "| --- " * 4 + "|"]
+    return "\n".join([*header, *lines, ""])
+
+
+def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
+    inner = []
+    for name, value in part["properties"].items():
+        form = next((one for one in value.get("anyOf", ()) if one.get("type") != "null"), value)
+        kind = form.get("$ref") or form.get("items", {}).get("$ref")
+        if kind:
+            inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
+            continue
+        otherwise = "needed" if name in part["required"] else _written(value["default"])
+        yield Key(table, name, _allowed(form), otherwise, value.get("description") or form.get("description", ""))
+    for path, kind in inner:
+        yield from _keys_of({"required": ()} | kind, kinds, path)
+
+
+def _allowed(form: dict) -> str:
+    low, high = form.get("ge", form.get("minimum")), form.get("le", form.get("maximum"))
+    if low is not None:
+        return f"{low:.10g} to {high:.10g}"
+    if "enum" in form:
+        return " or ".join(f'"{one}"' for one in form["enum"])
+    if form["type"] == "array":
+        least, most = form.get("minItems"), form.get("maxItems")
+        if least is None:
+            return "rows of numbers"
+        return f"{least} numbers" if least == most else f"{least} to {most} numbers"
+    if form["type"] == "boolean":
+        return "true or false"
+    return "letters, digits, - and _" if "pattern" in form else "text"
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_written(one) for one in value) + "]"
+    return "none" if value is None else f"{value:g}"
