@@ -53,3 +53,8 @@ def test_others_may_read_what_the_user_lets_them(tmp_path):
         assert save_whole(b"", tmp_path / "file").stat().st_mode & 0o777 == 0o644
     finally:
         os.umask(before)
+
+
+def test_a_folder_is_no_place_for_a_file():
+    with pytest.raises(S2C2AError, match="is a folder"):
+        save_whole(b"", ".")

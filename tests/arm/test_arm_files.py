@@ -100,9 +100,12 @@ def test_a_file_is_overwritten_when_asked(tmp_path):
     assert load_arm(path) == load_arm("twin_arm")
 
 
-def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
+def test_a_place_that_cannot_be_written_to_is_named_and_a_folder_that_lacks_is_made(tmp_path):
+    (tmp_path / "file").write_text("no folder")
     with pytest.raises(ArmError, match=r"mine\.toml cannot be written"):
-        save_arm(load_arm("twin_arm"), tmp_path / "nowhere" / "mine.toml")
+        save_arm(load_arm("twin_arm"), tmp_path / "file" / "mine.toml")
+    save_arm(load_arm("twin_arm"), tmp_path / "new" / "mine.toml")
+    assert load_arm(tmp_path / "new" / "mine.toml") == load_arm("twin_arm")
 
 
 def test_a_missing_file_lists_the_presets(tmp_path):

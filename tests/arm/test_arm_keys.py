@@ -15,19 +15,21 @@ def by_name() -> dict:
 def test_every_key_of_a_whole_file_is_explained():
     written = tomllib.loads(arm_to_toml(load_arm("twin_arm")))
     module = written["modules"][0]
-    tables = {"": written, "motor": written["motor"], "modules": module, "modules.cable": module["cable"]}
+    tables = {"": written, "[motor]": written["motor"], "[[modules]]": module, "[modules.cable]": module["cable"]}
     found = {(table, name) for table, values in tables.items() for name, value in values.items()}
-    assert found - {("", "motor"), ("", "modules"), ("modules", "cable")} <= by_name().keys()
+    assert found - {("", "motor"), ("[[modules]]", "cable")} <= by_name().keys()
     assert all(key.meaning and key.allowed for key in file_keys())
 
 
 def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     keys = by_name()
-    assert keys["modules.cable", "stiffness"][2:4] == ("50 to 1000000", "100000")
-    assert keys["modules", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "needed")
+    assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
+    assert keys["[[modules]]", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "needed")
     assert keys["", "sensing"][2:4] == ('"encoders" or "true"', '"encoders"')
     assert keys["", "gravity_direction"][2:4] == ("3 numbers", "[0, 0, -1]")
-    assert keys["modules", "tension_range"].otherwise == "none"
+    assert keys["[[modules]]", "tension_range"].otherwise == "none"
+    assert keys["[motor]", "ticks_per_turn"].allowed == "whole, 16 to 16777216"
+    assert keys["", "modules"][2:4] == ("1 to 20 tables", "needed")
     assert keys["", "coupled_cables"][2:4] == ("true or false", "false")
 
 

@@ -23,10 +23,14 @@ def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path):
     assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
 
 
-def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path):
-    some = run_figure([make_trace(counted=np.arange(200) < 50)], arm, tmp_path / "some.png")
-    assert is_png(some)
-    assert some.read_bytes() != run_figure([make_trace()], arm, tmp_path / "all.png").read_bytes()
+def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path: drawn.append(figure))
+    for counted in (np.arange(200) < 50, None):
+        run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
+    errors = [figure.axes[3] for figure in drawn]
+    assert [axes.get_legend_handles_labels()[1] for axes in errors] == [["not counted"], []]
+    assert errors[0].patches[0].get_extents().width > 0
 
 
 def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path):

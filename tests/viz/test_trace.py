@@ -69,6 +69,16 @@ def test_the_mean_is_over_the_steps_that_count(make_trace):
     assert len(make_trace().counted_errors) == 200
     with pytest.raises(S2C2AError, match="counted has shape"):
         make_trace(counted=counted[:-1])
+    with pytest.raises(S2C2AError, match="truths"):
+        make_trace(counted=np.full(200, np.nan))
+
+
+def test_steps_that_do_not_count_lie_in_spans_half_a_step_wider(make_trace):
+    counted = np.ones(200, bool)
+    counted[[0, 50, 51, 70, 199]] = False
+    spans = make_trace(counted=counted).uncounted_spans
+    np.testing.assert_allclose(spans, [(0.0, 0.05), (4.95, 5.15), (6.95, 7.05), (19.85, 19.9)])
+    assert make_trace().uncounted_spans == []
 
 
 def test_a_trace_without_a_target_follows_the_last_module(make_trace):

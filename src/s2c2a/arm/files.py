@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from s2c2a.arm.presets import preset_names, preset_text
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError
+from s2c2a.files import written_whole
 
 
 def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
@@ -60,9 +61,10 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         ArmError: the file exists and `overwrite` is false, or it cannot be written.
     """
     if Path(path).exists() and not overwrite:
-        raise ArmError(f"{path} exists; choose another name or say overwrite")
+        raise ArmError(f"{path} exists; choose another name or overwrite it (--overwrite)")
     try:
-        Path(path).write_text(arm_to_toml(arm), encoding="utf-8")
+        with written_whole(path) as part:
+            part.write_text(arm_to_toml(arm), encoding="utf-8")
     except OSError as error:
         raise ArmError(f"{path} cannot be written: {error}; choose another place") from error
 

@@ -5,12 +5,14 @@ from typing import Any, NamedTuple
 
 from s2c2a.arm.spec import ArmSpec
 
+_TABLES = {"": "", "motor": "[motor]", "modules": "[[modules]]", "modules.cable": "[modules.cable]"}
+
 
 class Key(NamedTuple):
     """One key.
 
     Attributes:
-        table: where it stands: nothing for the arm itself, `motor`, `modules` or `modules.cable`.
+        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]` or `[modules.cable]`.
         name: what stands left of the equals sign.
         allowed: its values, in words.
         otherwise: what holds if it is not stated.
@@ -27,7 +29,7 @@ class Key(NamedTuple):
 def file_keys() -> list[Key]:
     """All of them, table after table."""
     schema = ArmSpec.model_json_schema()
-    return list(_keys_of(schema, schema["$defs"], ""))
+    return [key._replace(table=_TABLES[key.table]) for key in _keys_of(schema, schema["$defs"], "")]
 
 
 def keys_as_markdown() -> str:
@@ -53,6 +55,10 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
         form = next((one for one in value.get("anyOf", ()) if one.get("type") != "null"), value)
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
+            if "items" in form:
+                yield Key(
+                    table, name, f"{form['minItems']} to {form['maxItems']} tables", "needed", value["description"]
+                )
             inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
             continue
         otherwise = "needed" if name in part["required"] else _written(value["default"])
@@ -62,9 +68,11 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
 
 
 def _allowed(form: dict) -> str:
+    """Behind a validator of our own a number's range is `ge` and `le`, as pydantic has it; else as JSON Schema has."""
     low, high = form.get("ge", form.get("minimum")), form.get("le", form.get("maximum"))
     if low is not None:
-        return f"{low:.10g} to {high:.10g}"
+        whole = "whole, " if form["type"] == "integer" else ""
+        return f"{whole}{low:.10g} to {high:.10g}"
     if "enum" in form:
         return " or ".join(f'"{one}"' for one in form["enum"])
     if form["type"] == "array":
@@ -74,6 +82,8 @@ def _allowed(form: dict) -> str:
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"
     if form["type"] == "boolean":
         return "true or false"
+    if form["type"] != "string":
+        raise NotImplementedError(f"a key of this form is not explained yet: {form}")
     return "letters, digits, - and _" if "pattern" in form else "text"
 
 
@@ -84,4 +94,4 @@ def _written(value: Any) -> str:
         return f'"{value}"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_written(one) for one in value) + "]"
-    return "none" if value is None else f"{value:g}"
+    return "none" if value is None else f"{value:.10g}"

@@ -37,10 +37,14 @@ class Cable(_Frozen):
     stiffness: Annotated[Number, _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer")] = (
         1e5
     )
-    play: Annotated[Number, _between(0, 0.02, "m", "half-width of the play between motor and module")] = 0.0
+    play: Annotated[
+        Number, _between(0, 0.02, "m", "half-width of the play between motor and module; displacement arms")
+    ] = 0.0
     friction: Annotated[Number, _between(0, 1, "1", "capstan friction coefficient of cable in tube")] = 0.0
     friction_angle_deg: Annotated[Number, _between(0, 1440, "deg", "bend of the tube with the arm straight")] = 90.0
-    creep: Annotated[Number, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end")] = 0.0
+    creep: Annotated[
+        Number, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end; displacement arms")
+    ] = 0.0
     creep_time: Annotated[Number, _between(0.1, 3600, "s", "time constant of creep")] = 5.0
 
 
@@ -48,18 +52,22 @@ class Module(_Frozen):
     """One soft module; several in a row, base first, make the arm."""
 
     length: Annotated[Number, _between(0.005, 2, "m", "length of the centre line")]
-    cable_radius: Annotated[Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line")]
+    cable_radius: Annotated[
+        Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
+    ]
     cable_angles_deg: Annotated[
         tuple[Number, ...],
-        Field(min_length=3, max_length=8, description="where the cables are round the centre line, from x to y [deg]"),
+        Field(min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"),
     ]
     mass: Annotated[Number, _between(0.0005, 10, "kg", "mass")]
     bending_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "EI")]
-    torsional_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "GJ; EI if not stated")] | None = None
+    torsional_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "GJ; as EI if none")] | None = None
     damping_time: Annotated[Number, _between(0.005, 2, "s", "damping over stiffness")] = 0.05
     bend_limit_deg: Annotated[Number, _between(1, 150, "deg", "largest bend asked for")] = 50.0
     pretension: Annotated[Number, _between(0, 500, "N", "tension of every cable at rest")] = 0.0
-    tension_range: Annotated[Number, _between(0.05, 500, "N", "tension added at full bend; tension arms")] | None = None
+    tension_range: (
+        Annotated[Number, _between(0.05, 500, "N", "tension added at full bend; tension arms need it")] | None
+    ) = None
     cable: Cable = Cable()
 
     @property
@@ -84,7 +92,10 @@ class Motor(_Frozen):
     """The motors and their encoders, the same for every cable."""
 
     time_constant: Annotated[Number, _between(0, 1, "s", "first-order lag")] = 0.0
-    speed_limit: Annotated[Number, _between(0.001, 5000, "m/s or N/s", "largest rate of change")] | None = None
+    speed_limit: (
+        Annotated[Number, _between(0.001, 5000, "m/s or N/s", "largest rate of change; displacement arms at most 5")]
+        | None
+    ) = None
     pulley_radius: Annotated[Number, _between(0.001, 0.2, "m", "radius of the pulley")] = 0.01
     ticks_per_turn: Annotated[int, _between(16, 2**24, "1", "encoder ticks in one turn")] = 4096
     noise_ticks: Annotated[Number, _between(0, 1000, "ticks", "standard deviation of the encoder's noise")] = 1.0
@@ -121,7 +132,10 @@ class ArmSpec(_Frozen):
     control_rate: Annotated[Number, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
     step_limit_deg: Annotated[Number, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
     motor: Motor = Motor()
-    modules: Annotated[tuple[Module, ...], Field(min_length=1, max_length=MOST_MODULES)]
+    modules: Annotated[
+        tuple[Module, ...],
+        Field(min_length=1, max_length=MOST_MODULES, description="base first, all with as many cables"),
+    ]
 
     @model_validator(mode="after")
     def _fits_together(self):

@@ -15,7 +15,9 @@ app = SubcommandApp()
 def keys() -> None:
     """Say what can stand in an arm file, key by key."""
     rows = [(key.table or "-", *key[1:]) for key in file_keys()]
-    print_table("Keys of an arm file", ("table", "key", "allowed", "if not stated", "what it is"), rows, prose=True)
+    print_table(
+        "Keys of an arm file", ("table", "key", "allowed", "if not stated", "what it is"), rows, left_aligned=True
+    )
 
 
 @app.command
@@ -50,7 +52,7 @@ def describe(arm: File) -> None:
     print(
         f"actuation by {spec.actuation}, sensing: {spec.sensing}, {spec.control_rate:g} Hz, length {spec.length:.3g} m"
     )
-    print(f"gravity along {list(spec.gravity_direction)}, coupled cables: {spec.coupled_cables}")
+    print(f"gravity along {list(spec.gravity_direction)} (base frame), coupled cables: {spec.coupled_cables}")
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     header = (
         "module",
@@ -93,12 +95,12 @@ def draw(arm: File, out: Path | None = None) -> None:
 
     Args:
         arm: a preset or an arm file.
-        out: where to; NAME.png here if not stated. Ends in .png, .pdf or .svg.
+        out: where to; here, under the file's own name, if not stated. Ends in .png, .pdf or .svg.
     """
     from s2c2a.viz import arm_figure
 
     spec = load_arm(arm)
-    print(f"drawn: {arm_figure(spec, out or Path(f'{spec.name}.png'))}")
+    print(f"drawn: {arm_figure(spec, out or Path(f'{Path(arm).stem}.png'))}")
 
 
 @app.command
@@ -110,6 +112,6 @@ def copy(arm: File, out: File, overwrite: bool = False) -> None:
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
-    renamed = load_arm(arm).model_dump() | {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm"}
-    save_arm(ArmSpec.model_validate(renamed), out, overwrite)
+    own = {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm", "description": ""}
+    save_arm(ArmSpec.model_validate(load_arm(arm).model_dump() | own), out, overwrite)
     print(f"written: {out}; change it and try `s2c2a arm check {out}`")

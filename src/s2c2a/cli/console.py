@@ -41,15 +41,15 @@ def progress_bar() -> Iterator["Progress"]:
         yield told
 
 
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], prose: bool = False) -> None:
-    """Print a table to standard output: names and numbers, or prose."""
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], left_aligned: bool = False) -> None:
+    """Print a table to standard output: numbers to the right, or words all to the left."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
     for number, name in enumerate(header):
-        table.add_column(name, justify="left" if prose or number == 0 else "right")
+        table.add_column(name, justify="left" if left_aligned or number == 0 else "right")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))  # a cell is no markup, whatever brackets it has
     console = Console()

@@ -12,6 +12,7 @@ from s2c2a.cli.bench_live import bench_live
 from s2c2a.cli.collect import collect
 from s2c2a.cli.demo import demo
 from s2c2a.cli.doctor import doctor
+from s2c2a.cli.interrupts import interrupts_heeded
 from s2c2a.cli.live import live
 from s2c2a.cli.reproduce import app as reproduce_verbs
 from s2c2a.cli.run import run
@@ -33,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
     keep_programs()
     try:
-        app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
+        with interrupts_heeded():
+            app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
     except S2C2AError as error:
         print(f"s2c2a: {error}", file=sys.stderr)
         sys.exit(FAULT)
@@ -42,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(FAULT)
     except KeyboardInterrupt:
         print(
-            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on there, and `collect` with "
-            "--resume",
+            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on there, `run` starts again "
+            "there, and `collect` goes on with --resume",
             file=sys.stderr,
         )
         sys.exit(INTERRUPTED)

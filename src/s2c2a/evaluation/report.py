@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.errors import S2C2AError
+from s2c2a.files import save_whole, written_whole
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[s
 def save_rows(rows: Iterable[Row], path: str | os.PathLike) -> None:
     """Write `results.json`; numbers that are not finite stand as words, for JSON knows none."""
     written = [{key: _as_word(value) for key, value in asdict(row).items()} for row in rows]
-    Path(path).write_text(json.dumps(written, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    save_whole(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
 
 
 def load_rows(path: str | os.PathLike) -> list[Row]:
@@ -80,7 +81,7 @@ def _from_words(row: dict[str, Any]) -> dict[str, float]:
 
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | os.PathLike) -> None:
     """Write a table of comma-separated values."""
-    with open(path, "w", newline="", encoding="utf-8") as file:
+    with written_whole(path) as part, open(part, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows(rows)

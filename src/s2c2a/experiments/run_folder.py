@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.experiments.following import Run
+from s2c2a.files import save_whole
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.trace_files import TRACES, save_traces
@@ -41,8 +43,7 @@ def open_run_folder(path: Path | None, label: str, options: dict, overwrite: boo
         aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
         folder.rename(aside)  # whole or gone: a kill never leaves half a run folder in its place
         shutil.rmtree(aside)
-    folder.mkdir(parents=True, exist_ok=True)
-    marker.write_text(text, encoding="utf-8")
+    save_whole(text, marker)
     return folder
 
 
@@ -68,7 +69,7 @@ def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fide
     title = f"{first[0].rollout.task.name} with {arm.name}"
     summary = {"recipe": recipe, "simulation": fidelity, "seed": str(first[0].seed)}
     save_traces(traces, arm, folder / f"{arm.name}.{TRACES}")
-    figure = run_figure(traces, arm, folder / f"{arm.name}.png")
+    figure = run_figure(traces, arm, folder / f"{arm.name}.png", title)
     page = replay_page(traces, arm, title, folder / f"{arm.name}.html", summary)
     return figure, page
 
@@ -76,12 +77,14 @@ def draw_runs(folder: Path, arm: ArmSpec, runs: Sequence[Run], recipe: str, fide
 def trace_of(run: Run, label: str | None = None) -> Trace:
     """What viz draws of a run, under the controller's name unless another is given."""
     task = run.rollout.task
-    return Trace(
+    trace = Trace(
         label or run.controller,
         run.rollout.times,
         run.rollout.states,
         task.wanted_positions(),
         task.wanted_axes(),
         task.obstacles(),
-        next((score.steps for score in task.scores if score.metric == "position"), None),
     )
+    scores = [score for score in task.scores if score.metric == "position"]
+    own = [score for score in scores if score.module % trace.module_count == trace.followed_module]
+    return replace(trace, counted=own[0].steps if own else None)

@@ -5,6 +5,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from s2c2a.evaluation.report import Row, load_rows, save_csv, save_rows
+from s2c2a.files import save_whole
 
 HEADER = ("task", "metric", "controller", "here", "± seeds", "beside", "paper")
 
@@ -18,7 +19,6 @@ def save_table(name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Ro
         folder: where.
         beside: rows of another recipe, to stand beside.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     save_rows(rows, folder / f"{name}.json")
     columns = [field.name for field in fields(Row)]
     save_csv(
@@ -27,10 +27,8 @@ def save_table(name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Ro
         folder / f"{name}.csv",
     )
     lines = table_lines(rows, beside)
-    markdown = folder / f"{name}.md"
-    markdown.write_text(_markdown(name, rows, lines, beside), encoding="utf-8")
-    (folder / f"{name}.tex").write_text(_latex(lines), encoding="utf-8")
-    return markdown
+    save_whole(_latex(lines), folder / f"{name}.tex")
+    return save_whole(_markdown(name, rows, lines, beside), folder / f"{name}.md")
 
 
 def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
@@ -43,9 +41,7 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
     for controller in dict.fromkeys(row.controller for row in rows):
         cells = [_across(values[controller, task, metric]) for task, metric, _ in columns]
         text.append(_bar([controller, *cells]))
-    path = folder / f"{name}.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    return path
+    return save_whole("\n".join(text) + "\n", folder / f"{name}.md")
 
 
 def _across(row: Row) -> str:

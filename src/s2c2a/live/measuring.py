@@ -29,8 +29,9 @@ FLAGS = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
 it imitates: a third more of its time."""
 SECONDS = 30.0
 FLOOD = 10_000
+SCENE = "canvas[data-engine]"
 _SCENES_DRAWN = """() => new Promise(done => {
-  const gl = document.querySelector("canvas[data-engine]").getContext("webgl2");
+  const gl = document.querySelector("SCENE").getContext("webgl2");
   const draw = gl.drawElements;
   let drawn = 0, anew = false;
   gl.drawElements = (...what) => { anew = true; draw.apply(gl, what); };
@@ -44,8 +45,8 @@ _SCENES_DRAWN = """() => new Promise(done => {
     done(1000 * drawn / took);
   };
   requestAnimationFrame(tick);
-})"""
-"""How often a second the scene is drawn: the browser shows frames in which it is not, too."""
+})""".replace("SCENE", SCENE)
+"""How often a second the scene, meshes all of it, is drawn: the browser shows frames in which it is not, too."""
 
 
 class Figure(NamedTuple):
@@ -98,10 +99,12 @@ def watched(loop: Control, page: LivePage, browser: Any) -> list[Figure]:
     together = _ticks(loop, SECONDS, lambda: _wander(loop))
     for tab in tabs[1:]:
         tab.close()
+    tabs[0].locator(SCENE).wait_for()
     with _moving(loop):
         rate, drawn = tabs[0].evaluate(_SCENES_DRAWN), _drawn(page)
         tabs[0].goto(f"{page.gate.address}/?fixedDpr=0.5")
         tabs[0].get_by_text("drives").first.wait_for(timeout=120_000)
+        tabs[0].locator(SCENE).wait_for()
         coarse = tabs[0].evaluate(_SCENES_DRAWN)
     tabs[0].close()
     return [

@@ -14,6 +14,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
+from s2c2a.live.beats import beats
 from s2c2a.live.gate import HOST, Gate, new_secret, only_with
 from s2c2a.live.panel import Desk, Panel, View
 from s2c2a.live.plots import Plots
@@ -24,7 +25,7 @@ from s2c2a.live.snapshot import Control, Snapshot, Stage
 from s2c2a.live.wish import Obstacle, Point
 from s2c2a.spaces import AXIS, POSITION, States
 
-FRAME = 1 / 30  # s
+FRAME = 1 / 30  # s between frames
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
@@ -186,11 +187,9 @@ class LivePage:
 
     def _draw_on(self) -> None:
         """One frame after the other, until the page closes; a late frame is left out."""
-        due = time.perf_counter()
-        while not self._closing.wait(max(0.0, due - time.perf_counter())):
+        for _ in beats(FRAME, self._closing):
             self._draw()
             self.frames += 1
-            due = max(due + FRAME, time.perf_counter())
 
     def _draw(self) -> None:
         latest = self._loop.latest

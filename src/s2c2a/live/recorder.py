@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec, save_arm
+from s2c2a.files import save_whole
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page
@@ -65,7 +66,7 @@ class Recorder:
 def _write(snapshots: list[Snapshot], arm: ArmSpec, folder: Path) -> None:
     trace = trace_of(snapshots, arm)
     options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": versions()}
-    (folder / "options.json").write_text(json.dumps(options, indent=1, default=str) + "\n", encoding="utf-8")
+    save_whole(json.dumps(options, indent=1, default=str) + "\n", folder / "options.json")
     save_arm(arm, folder / "arm.toml", overwrite=True)
     save_traces([trace], arm, folder / f"{arm.name}.{TRACES}")
     replay_page([trace], arm, f"live with {arm.name}", folder / f"{arm.name}.html")

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Recording
 from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.live.beats import beats
 from s2c2a.live.gate import Gate
 from s2c2a.live.page import look_at_arm, open_viser
 from s2c2a.live.plots import add_chart
@@ -57,12 +58,12 @@ class ViewPage:
             if len(come) == 1:
                 act()
 
-    def every(self, period: float, act) -> None:
-        """Act again and again until the page closes, in a thread of its own."""
+    def every(self, period: float, act: Callable[[float], None]) -> None:
+        """Act until the page closes, in a thread of its own; told how long the last time was ago [s]."""
 
         def again() -> None:
-            while not self._closing.wait(period):
-                act()
+            for passed in beats(period, self._closing):
+                act(passed)
 
         threading.Thread(target=again, daemon=True).start()
 
@@ -161,10 +162,10 @@ def _scrub(page: ViewPage, chosen) -> None:
         playing[0] = not playing[0]
         play.label = "Pause" if playing[0] else "Play"
 
-    def draw() -> None:
+    def draw(passed: float) -> None:
         if playing[0]:
             end = moment.max
-            moment.value = 0.0 if moment.value >= end else min(moment.value + FRAME, end)  # type: ignore[misc]
+            moment.value = 0.0 if moment.value >= end else min(moment.value + passed, end)  # type: ignore[misc]
         said.content = _draw_moment(page, chosen(), float(moment.value))
 
     page.every(FRAME, draw)

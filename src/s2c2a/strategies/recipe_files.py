@@ -9,6 +9,7 @@ import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
 from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.files import save_whole
 from s2c2a.strategies.checkpoint import all_read
 from s2c2a.strategies.recipe import RECIPES, Recipe, recipe_named
 
@@ -49,5 +50,4 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
 def save_recipe(recipe: Recipe, path: str | os.PathLike) -> Path:
     """Write a recipe; replaces what is there."""
     written = {name: value for name, value in asdict(recipe).items() if name != "name"}
-    Path(path).write_text(tomli_w.dumps(written), encoding="utf-8")
-    return Path(path)
+    return save_whole(tomli_w.dumps(written), path)

@@ -13,16 +13,24 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure, new_time_axes, padded_limits, say_nothing_here
 from s2c2a.viz.colours import INK, module_colours, trace_colours
-from s2c2a.viz.paths import ABOVE, FRONT, WANTED_LINE, draw_obstacles, draw_wanted, named_error, view_axes
+from s2c2a.viz.paths import (
+    ABOVE,
+    FRONT,
+    WANTED_LINE,
+    draw_obstacles,
+    draw_wanted,
+    named_error,
+    shade_uncounted,
+    view_axes,
+)
 from s2c2a.viz.saving import save_figure
 from s2c2a.viz.trace import Trace, check_same_arm
 
 COORDINATES = ("x", "y", "z")
 POINTS_SHOWN = 60_000
-NOT_COUNTED = "#e6eaf0"
 
 
-def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -> Path:
+def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, title: str | None = None) -> Path:
     """Draw where the followed module's end was and should have been, seen along each axis and from above.
 
     Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm] runs along the same time axis.
@@ -31,6 +39,7 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -
         traces: runs of the same task, base frame.
         arm: the arm that ran them.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+        title: of what ran; the arm's name if not stated.
 
     Raises:
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
@@ -46,7 +55,7 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike) -
         draw_coordinate(axes, traces, colours, axis)
     _draw_errors(over_time[3], traces, colours)
     _draw_from_above(above, traces, colours)
-    headline(over_time[0], f"{arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
+    headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
     legend(figure, above, loc="outside upper right", ncols=min(len(traces) + 2, 5))
     return save_figure(figure, path)
 
@@ -66,10 +75,8 @@ def _draw_errors(axes: Axes, traces, colours) -> None:
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
         axes.plot(trace.times, 100 * trace.position_errors, color=colour, linewidth=1.4, zorder=FRONT - place)
     axes.set_ylim(bottom=0)
-    if not traces[0].counted.all():
-        style: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "color": NOT_COUNTED, "linewidth": 0}
-        axes.fill_between(traces[0].times, 0, 1, where=~traces[0].counted, step="mid", label="not counted", **style)
-        legend(axes, axes, loc="upper center")
+    shade_uncounted(axes, traces[0])
+    legend(axes, axes, loc="upper center")
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
         say_nothing_here(axes, "no position is asked for")
 

@@ -25,6 +25,7 @@ from s2c2a.viz.paths import (
     draw_wanted,
     name_ends,
     seen,
+    shade_uncounted,
     standing,
     view_axes,
 )
@@ -168,5 +169,6 @@ def _draw_chase(axes: Axes, trace: Trace, colours: Mapping[str, str]) -> None:
         say_nothing_here(axes, "no position is asked for")
         return
     axes.plot(trace.times, 100 * trace.position_errors, color=colours[trace.label], linewidth=1.5)
+    shade_uncounted(axes, trace)
     axes.set_ylim(bottom=0)
     axes.margins(x=0.01)

@@ -20,7 +20,7 @@ ABOVE, SIDE = (0, 1), (0, 2)
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
 FRONT = 50  # drawing order of the first trace, the one in front
 WANTED_LINE: dict[str, Any] = {"color": WANTED, "linewidth": 2.6, "alpha": 0.75}
-OBSTACLE = "#6b6f86"
+OBSTACLE, NOT_COUNTED = "#6b6f86", "#e6eaf0"
 STANDING = 1e-6  # m; a target that moves less stands still
 
 
@@ -69,6 +69,12 @@ def name_ends(axes: Axes) -> None:
     """What the discs of `draw_ends` mean, for the legend."""
     for name, fill in (("start", "white"), ("end", MUTED)):
         axes.plot([], [], "o", markersize=5.5, color=MUTED, markerfacecolor=fill, linestyle="none", label=name)
+
+
+def shade_uncounted(axes: Axes, trace: Trace) -> None:
+    """Shade the steps that do not count in the mean error."""
+    for number, (start, end) in enumerate(trace.uncounted_spans):
+        axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label=None if number else "not counted")
 
 
 def named_error(trace: Trace) -> str:

@@ -15,7 +15,7 @@ from s2c2a.viz.colours import TARGET, module_colours, trace_colours
 from s2c2a.viz.trace import Trace
 
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
-PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error
+PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
 
 
 def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
@@ -66,6 +66,7 @@ def _trace_data(trace: Trace, colour: str) -> dict:
         "obstacles": _whole(_without_repeats(trace.obstacles)),
         "errors": _whole(trace.position_errors, PER_ERROR),
         "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
+        "uncounted": [[round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans],
         "axisErrors": _whole(trace.axis_errors, PER_ERROR),
     }
 

@@ -1,12 +1,14 @@
 """A trace: what viz draws of one run."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION
+
+NUMBERS = ("times", "states", "wanted_positions", "wanted_axes", "obstacles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Trace:
             not stated.
 
     Raises:
-        S2C2AError: a shape is wrong, or times do not rise.
+        S2C2AError: a shape is wrong, times do not rise, or `counted` is not of truths.
     """
 
     label: str
@@ -40,11 +42,13 @@ class Trace:
 
     def __post_init__(self):
         """Freeze the arrays and check that they fit together."""
-        for field in fields(self)[1:-1]:
-            object.__setattr__(self, field.name, _frozen_array(self.label, field.name, getattr(self, field.name)))
+        for name in NUMBERS:
+            object.__setattr__(self, name, _frozen_array(self.label, name, getattr(self, name)))
         _check_times(self.label, self.times)
         steps = self.times.size
-        counted = np.array(np.ones(steps) if self.counted is None else self.counted, dtype=bool)
+        counted = np.ones(steps, bool) if self.counted is None else np.array(self.counted)
+        if counted.dtype != bool:
+            raise S2C2AError(f"trace '{self.label}': counted holds {counted.dtype}, expected truths, one a step")
         counted.setflags(write=False)
         object.__setattr__(self, "counted", counted)
         self._check_shape("counted", (steps,))
@@ -106,6 +110,13 @@ class Trace:
     def counted_errors(self) -> Float[np.ndarray, " counted"]:
         """Distances [m] at the steps that count and at which a position is asked for."""
         return self.position_errors[self.counted & np.isfinite(self.position_errors)]
+
+    @property
+    def uncounted_spans(self) -> list[tuple[float, float]]:
+        """From when to when steps do not count [s], half a step to each side."""
+        edges = np.concatenate([self.times[:1], (self.times[1:] + self.times[:-1]) / 2, self.times[-1:]])
+        changes = np.flatnonzero(np.diff(np.concatenate([[True], self.counted, [True]]).astype(int)))
+        return [(float(edges[start]), float(edges[end])) for start, end in changes.reshape(-1, 2)]
 
     @property
     def axis_errors(self) -> Float[np.ndarray, " time"]:

@@ -11,10 +11,10 @@ import numpy as np
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
-from s2c2a.viz.trace import Trace, check_same_arm
+from s2c2a.viz.trace import NUMBERS, Trace, check_same_arm
 
 TRACES = "traces.npz"
-COLUMNS = ("times", "states", "wanted_positions", "wanted_axes", "obstacles", "counted")
+COLUMNS = (*NUMBERS, "counted")
 MOST_TRACES = 64
 
 

@@ -33,6 +33,7 @@ class Chart {
   draw(time, moments, chosen) {
     const { context } = this;
     context.clearRect(0, 0, ...this.size);
+    this.shade(this.run.traces[chosen].uncounted);
     this.drawFrame();
     this.run.traces.forEach((trace, k) => k !== chosen && this.drawCurve(trace, 1.3, 0.75));
     this.drawCurve(this.run.traces[chosen], 2.3, 1);
@@ -53,6 +54,14 @@ class Chart {
           this.run.traces[k].colour,
         );
     });
+  }
+
+  // Where steps do not count in the mean.
+  shade(spans) {
+    this.context.fillStyle = "#e6eaf0";
+    for (const [start, end] of spans) {
+      this.context.fillRect(this.x(start), EDGE.top, this.x(end) - this.x(start), this.y(0) - EDGE.top);
+    }
   }
 
   drawFrame() {

@@ -14,14 +14,15 @@ class TraceList {
   constructor(run, choose) {
     this.rows = run.traces.map((trace, k) => {
       const asked = trace.errors.some((error) => error !== null);
-      const none = asked ? "out of reach throughout" : "no position is asked for";
+      const none = asked ? "no step counts" : "no position is asked for";
+      const where = trace.uncounted.length ? " outside the shade" : "";
       const parts = {
         mark: element("span", { className: "mark" }),
         name: element("span", { className: "name", textContent: trace.label }),
         now: element("span", { className: "now" }),
         mean: element("span", {
           className: "mean",
-          textContent: trace.meanError === null ? none : `mean ${inCentimetres(trace.meanError)}`,
+          textContent: trace.meanError === null ? none : `mean ${inCentimetres(trace.meanError)}${where}`,
         }),
         angle: element("span", { className: "angle" }),
       };
@@ -57,7 +58,7 @@ function writeSummary(run) {
   }
   const count = run.arm.lengths.length;
   byId("subtitle").textContent =
-    `${run.arm.name} · ${count} module${count === 1 ? "" : "s"} · ${(run.end - run.start).toFixed(1)} s`;
+    `${run.arm.name} · ${count} module${count === 1 ? "" : "s"} · ${run.end.toFixed(1)} s`;
 }
 
 // The legend names what is in the scene and nothing else.
