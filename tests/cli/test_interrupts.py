@@ -1,5 +1,6 @@
 """Ctrl-C is heeded whenever it comes."""
 
+import signal
 import sys
 import time
 
@@ -22,6 +23,15 @@ class Faulty:
         raise ValueError("while clearing up")
 
 
+@pytest.fixture
+def attentive():
+    """A process that takes interrupts: what a shell starts in the background ignores them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("attentive")
 def test_an_interrupt_that_python_swallows_comes_once_more():
     def work():
         with interrupts_heeded():
