@@ -2,9 +2,15 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from s2c2a.cli.console import Arm, Controller, FidelityName, File, GuardName, RecipeName, print_rows, progress_bar
 from s2c2a.cli.crews import crew_for
+
+if TYPE_CHECKING:
+    from s2c2a.arm import ArmSpec
+    from s2c2a.experiments.following import Run
+    from s2c2a.tasks import Task
 
 DEFAULT = "best"
 
@@ -62,13 +68,10 @@ def run(
     from s2c2a.robots.simulation import SimulatedRobot
     from s2c2a.shards import compute_on_one_thread
     from s2c2a.strategies import load_strategy, recipe_from
-    from s2c2a.tasks import load_waypoints, out_of_reach, task_named
 
     compute_on_one_thread()
     spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
-    asked = task_named(task, spec)
-    for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
-        print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
+    asked = _asked(task, spec)
     SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
     saved = load_strategy(strategy, spec) if strategy else None
     if saved and recipe:
@@ -101,8 +104,22 @@ def run(
         if row.metric == "position":
             print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
     if video:
-        from s2c2a.experiments.run_folder import trace_of
-        from s2c2a.viz.video import save_video
-
-        print(f"video: {save_video(trace_of(runs[0]), spec, folder / spec.name)}")
+        _film(runs[0], spec, folder)
     print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")
+
+
+def _asked(task: str, spec: "ArmSpec") -> "Task":
+    """The task, and a word on every waypoint of a file that the arm cannot reach."""
+    from s2c2a.tasks import load_waypoints, out_of_reach, task_named
+
+    asked = task_named(task, spec)
+    for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
+        print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
+    return asked
+
+
+def _film(run: "Run", spec: "ArmSpec", folder: Path) -> None:
+    from s2c2a.experiments.run_folder import trace_of
+    from s2c2a.viz.video import save_video
+
+    print(f"video: {save_video(trace_of(run), spec, folder / spec.name)}")
