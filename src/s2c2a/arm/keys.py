@@ -1,6 +1,7 @@
 """The keys of an arm file, as the description itself knows them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from s2c2a.arm.spec import ArmSpec
@@ -34,15 +35,11 @@ def file_keys() -> list[Key]:
 
 def keys_as_markdown() -> str:
     """A table for each table of the file."""
-    every = file_keys()
-    return "\n".join(_as_markdown(table, [key for key in every if key.table == table]) for table in _tables(every))
+    tables = groupby(file_keys(), key=lambda key: key.table)
+    return "\n".join(_as_markdown(table, rows) for table, rows in tables)
 
 
-def _tables(every: list[Key]) -> list[str]:
-    return list(dict.fromkeys(key.table for key in every))
-
-
-def _as_markdown(table: str, rows: list[Key]) -> str:
+def _as_markdown(table: str, rows: Iterable[Key]) -> str:
     title = f"`{table}`" if table else "The arm itself"
     lines = [f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |" for key in rows]
     header = [f"### {title}\n", "| key | allowed | if not stated | what it is |", "| --- " * 4 + "|"]
