@@ -1,6 +1,7 @@
 """Strategy files: round trips, arms they were not trained for, and every way of being damaged."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -60,6 +61,15 @@ def rewrite(strategy_file, tmp_path):
         return tmp_path / "changed.safetensors"
 
     return write
+
+
+def test_others_may_read_a_file_as_far_as_the_user_lets_them(tiny_networks, tmp_path):
+    before = os.umask(0o022)
+    try:
+        save_strategy(tiny_networks, tmp_path / "one.safetensors")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "one.safetensors").stat().st_mode & 0o777 == 0o644
 
 
 def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(saved, twin):

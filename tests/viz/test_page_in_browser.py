@@ -92,6 +92,17 @@ def test_the_page_draws_without_an_error_and_nothing_overlaps(chromium, page, tr
     assert probe["errors"] == [f"{100 * trace.position_errors[63]:.2f} cm" for trace in traces]
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_says_where_the_mean_is_taken_and_nothing_overlaps(chromium, make_trace, arm, tmp_path, size):
+    traces = [make_trace(counted=np.arange(200) < 50), make_trace("unreached", counted=np.zeros(200, bool))]
+    page = replay_page(traces, arm, "A circle", tmp_path / "page.html")
+    dom = chromium(with_script(page, PROBE), "--dump-dom", size=size, moment="6.3")
+    assert f"mean {100 * traces[0].counted_errors.mean():.2f} cm outside the shade<" in dom
+    assert ">no step counts<" in dom
+    probe = json.loads(body_data(dom)["probe"])
+    assert (probe["overlaps"], probe["sideways"]) == (0, 0)
+
+
 @pytest.mark.parametrize(("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)])
 def test_the_arm_is_seen_in_the_colours_of_its_modules(chromium, page, tmp_path, size, stage_ends, least):
     picture = tmp_path / "page.png"

@@ -85,6 +85,6 @@ def trace_of(run: Run, label: str | None = None) -> Trace:
         task.wanted_axes(),
         task.obstacles(),
     )
-    scores = [score for score in task.scores if score.metric == "position"]
-    own = [score for score in scores if score.module % trace.module_count == trace.followed_module]
-    return replace(trace, counted=own[0].steps if own else None)
+    followed = (trace.followed_module, trace.followed_module - trace.module_count)
+    of_it = (score.steps for score in task.scores if score.metric == "position" and score.module in followed)
+    return replace(trace, counted=next(of_it, None))
