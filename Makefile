@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check format setup browser clean
+.PHONY: demo test check bench format setup browser clean
 
 demo: setup  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
@@ -15,6 +15,11 @@ check: setup  ## style, types, imports
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+bench: setup  ## how fast everything is, one process a file; options in BENCH="..."
+	@mkdir -p runs/bench; failed=0; for part in benchmarks/bench_*.py; do \
+		$(BIN)/python -m pytest $$part --benchmark-json=runs/bench/$$(basename $$part .py).json $(BENCH) || failed=1; \
+	done; exit $$failed
 
 format: setup
 	$(BIN)/ruff format .

@@ -1,17 +1,19 @@
 """Makes the pictures of docs/live.md and the README: `python docs/make_pictures.py`; needs Chromium."""
 
 import io
+import shutil
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.bench_live import headless
 from s2c2a.cli.live import running_page
 from s2c2a.evaluation import rollout
-from s2c2a.live.wish import Obstacle
+from s2c2a.live.request import Obstacle
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import task_named
@@ -20,6 +22,14 @@ from s2c2a.viz.video import save_video
 
 FOLDER = Path(__file__).parent / "pictures"
 WIDE, TALL = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+
+
+@contextmanager
+def headless():
+    """A browser that draws in software."""
+    with sync_playwright() as playwright:
+        flags = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
+        yield playwright.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
 
 
 def keep(page, name: str) -> None:
@@ -42,26 +52,26 @@ def opened(browser, address: str, size: dict):
 
 def live_pictures() -> None:
     """The live page with a dragged target, an obstacle, a target out of reach on a telephone."""
-    with running_page("twin_arm", out=Path("runs"), port=8192) as (loop, live), headless() as browser:
+    with running_page("twin_arm", out=Path("runs"), port=8192) as (control, live), headless() as browser:
         page = opened(browser, live.gate.address, WIDE)
         for share in np.linspace(0, 1, 30):
-            loop.ask(target=(0.2 * share, -0.1 * share, 0.6 - 0.055 * share))
+            control.ask(target=(0.2 * share, -0.1 * share, 0.6 - 0.055 * share))
             time.sleep(0.1)
         time.sleep(3.0)
         keep(page, "live-target")
         page.get_by_role("tab", name="Avoid").click()
-        loop.ask(target=(0.0, 0.0, 0.6), obstacles=(Obstacle((0.03, -0.01, 0.6), 0.08),))
+        control.ask(target=(0.0, 0.0, 0.6), obstacles=(Obstacle((0.03, -0.01, 0.6), 0.08),))
         time.sleep(5.0)
         keep(page, "live-obstacle")
         page.get_by_text("Plots").click()
-        loop.ask(task="circle", playing=True, obstacles=())
+        control.ask(task="circle", playing=True, obstacles=())
         time.sleep(16.0)
         keep(page, "live-plots")
-        loop.ask(task=None)
+        control.ask(task=None)
         page.close()
-        loop.ask(obstacles=(), target=(0.0, 0.0, 0.6))
+        control.ask(obstacles=(), target=(0.0, 0.0, 0.6))
         page = opened(browser, live.gate.address, TALL)
-        loop.ask(target=(0.22, -0.12, 0.63))
+        control.ask(target=(0.22, -0.12, 0.63))
         time.sleep(6.0)
         keep(page, "live-telephone")
 

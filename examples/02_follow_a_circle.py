@@ -14,10 +14,11 @@ arm = load_arm("twin_arm")  # or the path of an arm file
 recipe = recipe_named("best")
 
 options = CollectOptions(episodes=episodes, speeds=recipe.speeds)
-recording = collect("twin.h5", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
+recording = collect("twin.episodes", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
 networks = train_s2c2a(recording, recipe, seed=0)
 strategy = s2c2a_strategy(networks)
 
-run = rollout(SimulatedRobot(arm), strategy, circle(arm))
-errors = position_errors(run.states, run.task.wanted_positions())
+task = circle(arm)
+run = rollout(SimulatedRobot(arm), strategy, task)
+errors = position_errors(run.after("states"), task.wanted_positions())
 print(f"{errors.mean():.1f} cm from the circle on average")

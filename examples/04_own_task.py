@@ -6,7 +6,7 @@ import numpy as np
 
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import rollout, score_run
-from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import Score, Task, load_waypoints, out_of_reach, waypoints_task
@@ -25,12 +25,12 @@ def figure_of_eight(arm, seconds=16.0, width=0.3, depth=0.15):
 
 def print_scores(task):
     """Drive the simulated arm through a task and print what it is scored by."""
-    for one in score_run(rollout(SimulatedRobot(arm), strategy, task), recipe="paper"):
+    for one in score_run(rollout(SimulatedRobot(arm), strategy, task), task, recipe="paper"):
         print(f"{task.name}: {one.score.metric} {one.value:.1f} {one.unit}")
 
 
 arm = load_arm("twin_arm")
-strategy = pcc_strategy(arm, PlannerOptions())  # plans with constant curvature, so that nothing has to be trained
+strategy = pcc_strategy(arm, PAPER)  # plans with constant curvature, so that nothing has to be trained
 print_scores(figure_of_eight(arm))
 
 Path("my_path.csv").write_text("time,x,y,z\n0,0,0,0.6\n2,0.1,0,0.58\n4,0.1,0.1,0.56\n6,0,0,0.7\n")

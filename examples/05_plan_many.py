@@ -4,10 +4,10 @@ import numpy as np
 
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel
-from s2c2a.planning import BatchPlanner, Goal, LeastSquaresOptions
+from s2c2a.planning import BEST, BatchPlanner, Goal
 
 arm = load_arm("twin_arm")
-planner = BatchPlanner(arm, PCCForwardModel.of(arm), length_scale=0.46, options=LeastSquaresOptions())
+planner = BatchPlanner(arm, PCCForwardModel.of(arm), BEST)
 # With trained networks: s2c2a_batch_planner(load_strategy("mine.safetensors"))
 
 rng = np.random.default_rng(0)

@@ -1,23 +1,27 @@
 """What many tests share: arms, a small recording, small networks."""
 
+import json
 import os
 from dataclasses import replace
+from hashlib import blake2b
 from pathlib import Path
 
 import jax
 import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
 from s2c2a.cache import throw_out_halves
 from s2c2a.data import CollectOptions, Recording, collect
-from s2c2a.networks import ChainSize
+from s2c2a.models import C2AOptions, C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, save_strategy, train_s2c2a
 from s2c2a.training import FitOptions
-from s2c2a.training.networks import NetworkSize
 
 EPISODES, SAMPLES = 6, 100
-TINY, QUICK = NetworkSize(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
+NO_DIGEST = "0" * 64
+TINY, QUICK = C2AOptions(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
 
 
 def pytest_configure(config):
@@ -67,7 +71,7 @@ def simulated() -> ArmSpec:
 @pytest.fixture(scope="session")
 def recording(twin, tmp_path_factory) -> Recording:
     """Six short episodes of the twin."""
-    path = tmp_path_factory.mktemp("shared") / "twin.h5"
+    path = tmp_path_factory.mktemp("shared") / "twin.episodes"
     options = CollectOptions(episodes=EPISODES, samples=SAMPLES)
     return collect(path, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, body="simulation fast")
 
@@ -75,13 +79,16 @@ def recording(twin, tmp_path_factory) -> Recording:
 @pytest.fixture(scope="session")
 def tiny_recipe() -> Recipe:
     """The paper's recipe with far smaller networks and a few quick epochs."""
-    return replace(recipe_named("paper"), name="tiny", c2s=TINY, c2a=TINY, c2s_fit=QUICK, c2a_fit=QUICK)
+    return replace(recipe_named("paper"), name="tiny", c2s=C2SOptions(1, 8), c2a=TINY, c2s_fit=QUICK, c2a_fit=QUICK)
 
 
 @pytest.fixture(scope="session")
 def tiny_best_recipe() -> Recipe:
     """The recipe `best`, as small and as quick."""
-    size, fit = ChainSize(hidden=8, depth=1, play_widths=(0.005, 0.02), creep_times=(1.0,)), replace(QUICK, decay=True)
+    size, fit = (
+        ChainOptions(hidden=8, depth=1, play_widths=(0.005, 0.02), creep_times=(1.0,)),
+        replace(QUICK, decay=True),
+    )
     return replace(recipe_named("best"), name="tiny_best", c2s=size, c2a=TINY, c2s_fit=fit, c2a_fit=fit)
 
 
@@ -103,6 +110,23 @@ def best_strategy_file(tiny_best_networks, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("shared") / "twin_best.safetensors"
     save_strategy(tiny_best_networks, path)
     return path
+
+
+@pytest.fixture
+def forged(tmp_path):
+    """Writes a file of trained networks anew, changed by (metadata, arrays) and with a digest that fits; its path."""
+
+    def write_anew(path: Path, change) -> Path:
+        with safe_open(path, framework="numpy") as file:
+            metadata, arrays = json.loads(file.metadata()["s2c2a"]), load_file(path)
+        change(metadata, arrays)
+        beside = {"s2c2a": json.dumps(metadata), "digest": NO_DIGEST}
+        content = save(arrays, metadata=beside)
+        digest = blake2b(content, digest_size=32).hexdigest()
+        (tmp_path / "forged.safetensors").write_bytes(content.replace(NO_DIGEST.encode(), digest.encode(), 1))
+        return tmp_path / "forged.safetensors"
+
+    return write_anew
 
 
 @pytest.fixture(scope="session")

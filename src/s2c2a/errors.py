@@ -13,11 +13,11 @@ class ArmError(S2C2AError):
 
 
 class RecordingError(S2C2AError):
-    """A recording cannot be read, written or continued."""
+    """A recording or an episode cannot be read, written or continued."""
 
 
 class DamagedRecordingError(RecordingError):
-    """A recording's file is cut off, damaged, or no recording at all."""
+    """A file of episodes is cut off, damaged, or none at all."""
 
 
 class StrategyError(S2C2AError):
@@ -26,6 +26,10 @@ class StrategyError(S2C2AError):
 
 class TargetError(S2C2AError):
     """A target or an obstacle is not a finite number of the right shape."""
+
+
+class ReadingError(S2C2AError):
+    """A reading lacks what is needed, or is not plausible."""
 
 
 class ActionError(S2C2AError):

@@ -1,11 +1,62 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and text of others read with care."""
 
 import os
+import re
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from s2c2a.errors import S2C2AError
+
+MOST_TEXT = 1_000_000
+"""Bytes of a file of text, where nothing else is said."""
+MOST_DOTS = 1000  # in a line of TOML: what a dotted key costs grows with the square of its parts
+
+
+def read_text(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MOST_TEXT) -> str:
+    """The text of a file; of an endless one no more is read than allowed.
+
+    Args:
+        path: the file.
+        fault: what to raise.
+        most: bytes that it may have.
+
+    Raises:
+        S2C2AError: it cannot be read, is too large, or not UTF-8.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read(most + 1)
+        if len(content) > most:
+            raise fault(f"{path} has more than {most} bytes; take a smaller file")
+        return content.decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise fault(f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that it is text") from error
+
+
+def holds(path: str | os.PathLike, text: str) -> bool:
+    """Whether a file is just this text; no more of it is read than that is long."""
+    with suppress(OSError), open(path, "rb") as file:
+        return file.read(len(text.encode()) + 1) == text.encode()
+    return False
+
+
+def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
+    """The table that TOML says.
+
+    Raises:
+        S2C2AError: it is none.
+    """
+    try:
+        if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
+            raise ValueError(f"a line with more than {MOST_DOTS} dots")
+        if re.search(r"0[xob]\w{400}", text):  # such numbers cannot even be shown in an error
+            raise ValueError("a whole number of hundreds of digits")
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # its own error, or a whole number of thousands of digits
+        raise fault(f"not valid TOML: {error}") from error
 
 
 @contextmanager

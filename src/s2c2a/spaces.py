@@ -13,10 +13,14 @@ The frame of a module stands on the module's base in the same way. Axes are orde
 A displacement is positive where the cable gets longer (Chen et al. 2025, sec. II-C); a tension is never negative.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from jaxtyping import Float
+
+from s2c2a.errors import ReadingError
 
 POSITION = slice(0, 3)
 AXIS = slice(3, 6)
@@ -29,28 +33,81 @@ ACTION_HISTORY = 5
 CENTRE_LINE_POINTS = 5
 """Points of each module's centre line that are watched and guarded, evenly spaced, the last one at its end."""
 
-CentreLine = Float[np.ndarray, "moments points 3"]
 States = Float[np.ndarray, "*batch modules 6"]
 Configurations = Float[np.ndarray, "*batch modules 3"]
 Bends = Float[np.ndarray, "*batch modules 2"]
 Actions = Float[np.ndarray, "*batch modules cables"]
 
+FOLLOWS_FROM = {"configurations": "states"}
+"""Sensors that another one says as well, for bodies that have only the other."""
+
+
+class Stage(IntEnum):
+    """What an arm that is driven is doing (`runtime.stages`); the numbers stand in files."""
+
+    IDLE = 0  # at rest, nothing asked
+    START = 1  # asked, but its readings are not sound yet
+    RUN = 2  # does what is asked
+    HOLD = 3  # stays where it is
+    RELEASE = 4  # is led back to rest
+    FAULT = 5  # stands still until somebody resets it
+
+    def __str__(self) -> str:
+        """In words."""
+        return ("at rest", "starting", "running", "holding", "going to rest", "stopped by a fault")[self]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What a body declares of one of its sensors.
+
+    Attributes:
+        shape: of one reading.
+        unit: of its numbers.
+        low: least plausible number, or one each.
+        high: largest plausible number, or one each.
+        fastest: largest plausible change of a number in a second.
+    """
+
+    shape: tuple[int, ...]
+    unit: str
+    low: float | np.ndarray = -np.inf
+    high: float | np.ndarray = np.inf
+    fastest: float | np.ndarray = np.inf
+
 
 @dataclass(frozen=True)
 class Reading:
-    """What an arm says of itself at one moment.
+    """What an arm says of itself at one moment; what was not measured is absent.
+
+    These names mean the same on every arm, others are the body's own:
+
+    | sensor           | what it says                                                    | shape              | unit   |
+    | ---------------- | --------------------------------------------------------------- | ------------------ | ------ |
+    | `cables`         | displacements, or tensions of an arm driven by tension          | (modules, cables)  | m or N |
+    | `states`         | true states, base frame: motion capture, or simulation          | (modules, 6)       | m, 1   |
+    | `configurations` | true configurations                                             | (modules, 3)       | 1      |
+    | `centre_line`    | where the true centre line was since the last reading, the      | (moments, points,  | m      |
+    |                  | newest last; `CENTRE_LINE_POINTS` a module from base to tip     | 3)                 |        |
 
     Attributes:
         time: seconds since the arm was opened.
-        cables: what the cheap inner sensors measure, shape (modules, cables): displacement [m] or tension [N].
-        states: true states, shape (modules, 6), base frame, or None where nothing outside watches the arm.
-        configurations: true configurations, shape (modules, 3), or None as above.
-        centre_line: where the true centre line was since the last reading, base frame [m]: at some moments, the newest
-            last, `CENTRE_LINE_POINTS` points a module from base to tip, shape (moments, points, 3), or None.
+        sensors: name -> numbers.
     """
 
     time: float
-    cables: Actions
-    states: States | None = None
-    configurations: Configurations | None = None
-    centre_line: CentreLine | None = None
+    sensors: Mapping[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """What a sensor says.
+
+        Raises:
+            ReadingError: it says nothing in this reading.
+        """
+        if name not in self.sensors:
+            raise ReadingError(f"no '{name}' in this reading; it has {', '.join(self.sensors) or 'nothing'}")
+        return self.sensors[name]
+
+    def get(self, name: str) -> np.ndarray | None:
+        """The same, None where it says nothing."""
+        return self.sensors.get(name)

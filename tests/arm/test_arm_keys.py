@@ -25,7 +25,7 @@ def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
     assert keys["[[modules]]", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "needed")
-    assert keys["", "sensing"][2:4] == ('"encoders" or "true"', '"encoders"')
+    assert keys["", "sensing"][2:4] == ('"encoders", "true" or "file.py:Name"', '"encoders"')
     assert keys["", "gravity_direction"][2:4] == ("3 numbers", "[0, 0, -1]")
     assert keys["[[modules]]", "tension_range"].otherwise == "none"
     assert keys["[motor]", "ticks_per_turn"].allowed == "whole, 16 to 16777216"

@@ -8,13 +8,12 @@ import sys
 import pytest
 
 from s2c2a.cli.main import main
-from s2c2a.experiments.tables import TABLES
+from s2c2a.studies.tables import TABLES
 
 VERBS = [
     "demo",
     "live",
     "view",
-    "bench-live",
     "collect",
     "train",
     "run",
@@ -104,16 +103,16 @@ def test_an_unknown_task_names_the_tasks(capsys, tmp_path):
 
 def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path / "cache"))
-    recording, strategy, folder = tmp_path / "twin.h5", tmp_path / "twin.safetensors", tmp_path / "run"
+    recording, strategy, folder = tmp_path / "twin.episodes", tmp_path / "twin.safetensors", tmp_path / "run"
     run("collect", "--out", str(recording), "--episodes", "3", "--samples", "150")
-    assert (tmp_path / "twin.h5.png").exists()
+    assert (tmp_path / "twin.episodes.png").exists()
     run("train", str(recording), "--out", str(strategy))
     assert (tmp_path / "twin.safetensors.png").exists()
-    run("run", "circle", "--controller", "s2c2a", "pcc", "--strategy", str(strategy), "--out", str(folder))
+    run("run", "circle", "--strategy", "s2c2a", "pcc", "--weights", str(strategy), "--out", str(folder))
     said = capsys.readouterr().out
     assert "replay:" in said
     rows = json.loads((folder / "results.json").read_text())
-    assert [(row["controller"], row["metric"], row["unit"]) for row in rows] == [
+    assert [(row["strategy"], row["metric"], row["unit"]) for row in rows] == [
         ("s2c2a", "position", "cm"),
         ("pcc", "position", "cm"),
     ]
@@ -123,30 +122,44 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     assert len(steps) == 2 * 200
     assert {(step["task"], step["seed"], step["metric"]) for step in steps} == {("circle", "0", "position")}
     for row in rows:
-        values = [float(step["value"]) for step in steps if step["controller"] == row["controller"]]
+        values = [float(step["value"]) for step in steps if step["strategy"] == row["strategy"]]
         assert abs(sum(values) / 200 - row["mean"]) < 1e-3
     options = json.loads((folder / "options.json").read_text())
     assert options["options"]["task"] == "circle"
     assert options["options"]["recipe"]["name"] == "best"
     assert "jax" in options["versions"]
     assert (folder / "twin_arm.html").stat().st_size > 10_000
-    again = failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(folder))
+    again = failing(capsys, "run", "circle", "--strategy", "pcc", "--out", str(folder))
     assert "--overwrite" in again
     (folder / "twin_arm.html").unlink()  # as if it had been interrupted
-    run("run", "circle", "--controller", "s2c2a", "pcc", "--strategy", str(strategy), "--out", str(folder))
+    run("run", "circle", "--strategy", "s2c2a", "pcc", "--weights", str(strategy), "--out", str(folder))
     assert (folder / "twin_arm.html").exists()
     assert json.loads((folder / "results.json").read_text()) == rows
-    other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--strategy", str(strategy))
+    other = failing(capsys, "run", "circle", "--arm", "simulated_arm", "--weights", str(strategy))
     assert "trained for 'twin_arm'" in other
-    said = failing(capsys, "run", "circle", "--strategy", str(strategy), "--recipe", "paper")
-    assert "brings its own recipe" in said
+    said = failing(capsys, "run", "circle", "--weights", str(strategy), "--recipe", "paper")
+    assert "trains otherwise" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "circle", "--controller", "pcc"), "--controller is now --strategy"),
+        (("run", "circle", "--controller=pcc"), "--controller is now --strategy"),
+        (("run", "circle", "--strategy", "mine.safetensors"), "--weights mine.safetensors"),
+        (("run", "circle", "--strategy=mine.safetensors"), "--weights mine.safetensors"),
+        (("live", "--strategy", "mine.safetensors"), "--strategy is now --weights"),
+    ],
+)
+def test_an_option_of_an_older_version_is_answered_with_its_new_name(arguments, said, capsys):
+    assert said in failing(capsys, *arguments)
 
 
 def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, capsys):
     def said(*arguments):
         return failing(capsys, "sweep", *arguments, "--out", str(tmp_path / "sweep"))
 
-    assert "planner.iterations" in said("circle", "--vary", "planner.iteration=5:60")
+    assert "planner.solver.iterations" in said("circle", "--vary", "planner.solver.iteration=5:60")
     assert "no task 'square'" in said("square", "--vary", "correction=0,1")
     assert "at least one, such as circle" in said("--vary", "correction=0,1")
     assert "they share position" in said("circle", "--vary", "correction=0,1", "--metric", "tilt")
@@ -155,7 +168,7 @@ def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, c
 
 
 def test_a_cluster_that_is_none_is_refused_before_anything_is_collected(tmp_path, capsys):
-    said = failing(capsys, "collect", "--out", str(tmp_path / "twin.h5"), "--cluster", "nowhere")
+    said = failing(capsys, "collect", "--out", str(tmp_path / "twin.episodes"), "--cluster", "nowhere")
     assert "no cluster 'nowhere'" in said
     assert "local for this machine" in said
     assert list(tmp_path.iterdir()) == []
@@ -164,7 +177,7 @@ def test_a_cluster_that_is_none_is_refused_before_anything_is_collected(tmp_path
 def test_a_folder_that_is_no_run_is_never_overwritten(tmp_path, capsys):
     precious = tmp_path / "precious.txt"
     precious.write_text("mine")
-    failing(capsys, "run", "circle", "--controller", "pcc", "--out", str(tmp_path), "--overwrite")
+    failing(capsys, "run", "circle", "--strategy", "pcc", "--out", str(tmp_path), "--overwrite")
     assert precious.read_text() == "mine"
 
 

@@ -1,5 +1,6 @@
 """Ctrl-C is heeded whenever it comes."""
 
+import os
 import signal
 import sys
 import time
@@ -7,6 +8,7 @@ import time
 import pytest
 
 from s2c2a.cli.interrupts import interrupts_heeded
+from s2c2a.errors import S2C2AError
 
 
 class Interrupted:
@@ -39,6 +41,30 @@ def test_an_interrupt_that_python_swallows_comes_once_more():
             time.sleep(5.0)
 
     with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+@pytest.mark.usefixtures("attentive")
+@pytest.mark.parametrize("told", [ImportError, S2C2AError])
+def test_an_interrupt_that_a_module_takes_for_its_own_fault_stays_an_interrupt(told):
+    def work():
+        with interrupts_heeded():
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(5.0)
+            except KeyboardInterrupt:
+                raise told("initialization failed") from ImportError("initialization failed")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_a_fault_without_an_interrupt_stays_one():
+    def work():
+        with interrupts_heeded():
+            raise ImportError("no such module")
+
+    with pytest.raises(ImportError, match="no such module"):
         work()
 
 

@@ -7,7 +7,7 @@ import pytest
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
 from s2c2a.control import InversePCC, NetworkController
 from s2c2a.kinematics import PCC
-from s2c2a.networks import C2A, History
+from s2c2a.models import C2AOptions, History
 
 
 def an_arm(actuation, turns_deg, cables) -> ArmSpec:
@@ -47,7 +47,7 @@ def inverse_pcc(arm, gains=(1.0, 1.0, 1.0)):
 
 
 def network_controller(arm, seed=0):
-    return NetworkController(C2A.untrained(arm, layers=1, hidden=8, key=jax.random.key(seed)))
+    return NetworkController(C2AOptions(layers=1, hidden=8).untrained(arm, jax.random.key(seed)))
 
 
 def shouting(arm, towards):

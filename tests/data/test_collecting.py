@@ -1,5 +1,6 @@
 """Collecting: the same on any number of threads, however often it was killed, and never over another's file."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -7,49 +8,55 @@ import sys
 import time
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
+from s2c2a.episodes import EpisodeWriter
+from s2c2a.episodes import file as episode_file
 from s2c2a.errors import RecordingError
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Sensor
 
+TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=4, samples=12, seed=3)
-ARRAYS = ("time", "actions", "cables", "states", "configurations")
+SENSORS = {"cables", "states", "configurations"}
 
 
 def assert_same(one, two) -> None:
     """Two recordings agree in every number."""
     assert one.arm == two.arm
     assert one.options == two.options
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+    assert set(one.sensors) == set(two.sensors)
+    np.testing.assert_array_equal(one.time, two.time)
+    np.testing.assert_array_equal(one.actions, two.actions)
+    for name in one.sensors:
+        np.testing.assert_array_equal(one.sensor(name), two.sensor(name), err_msg=name)
 
 
 @pytest.fixture
 def gather(twin, tmp_path):
     """Collects from the twin into a file of this name."""
 
-    def run(name="one.h5", arm=twin, options=SMALL, robot=SimulatedRobot, **changes):
+    def run(name="one.episodes", arm=twin, options=SMALL, robot=SimulatedRobot, **changes):
         return collect(tmp_path / name, arm, lambda seed: robot(arm, seed=seed), options, **changes)
 
     return run
 
 
 def test_one_thread_and_two_record_the_same(gather):
-    assert_same(gather("one.h5", threads=1), gather("two.h5", threads=2))
+    assert_same(gather("one.episodes", threads=1), gather("two.episodes", threads=2))
 
 
 def test_what_is_returned_is_what_is_in_the_file(gather, tmp_path):
-    assert_same(gather(), load_recording(tmp_path / "one.h5"))
+    assert_same(gather(), load_recording(tmp_path / "one.episodes"))
 
 
 def test_a_recording_says_how_it_was_made(gather, twin):
     made = gather(body="simulation fast")
     assert made.arm == twin
-    assert made.options.pop("version")
+    assert set(made.sensors) == SENSORS
     chosen = {"babbling": "staged", "episodes": 4, "samples": 12, "seed": 3, "slowest": 0.03, "fastest": 0.22}
     assert made.options == chosen | {"body": "simulation fast"}
 
@@ -64,13 +71,13 @@ def test_every_sample_is_the_reading_before_its_action(gather, twin):
         for step, action in enumerate(actions):
             reading = robot.read()
             assert made.time[episode, step] == reading.time
-            np.testing.assert_array_equal(made.states[episode, step], reading.states)
-            np.testing.assert_array_equal(made.configurations[episode, step], reading.configurations)
-            robot.send(action)
+            for name in ("states", "configurations"):
+                np.testing.assert_array_equal(made.sensor(name)[episode, step], reading[name])
+            robot.step(action)
 
 
 def test_each_episode_has_a_noise_of_its_own(gather):
-    first_readings = gather().cables[:, 0]
+    first_readings = gather().sensor("cables")[:, 0]
     assert len(np.unique(first_readings.reshape(4, -1), axis=0)) == 4
 
 
@@ -79,18 +86,90 @@ def test_what_was_really_sent_is_recorded(gather):
         def send(self, action):
             return super().send(0.5 * np.asarray(action))
 
-    np.testing.assert_allclose(gather("weak.h5", robot=Weak).actions, 0.5 * gather().actions)
+    np.testing.assert_allclose(gather("weak.episodes", robot=Weak).actions, 0.5 * gather().actions)
 
 
-def test_where_nothing_watches_states_are_nan(gather):
+def test_what_a_body_does_not_say_is_not_in_the_recording(gather):
     class Unwatched(SimulatedRobot):
+        @property
+        def sensors(self):
+            return {"cables": super().sensors["cables"]}
+
         def read(self):
-            return replace(super().read(), states=None, configurations=None)
+            reading = super().read()
+            return replace(reading, sensors={"cables": reading["cables"]})
 
     made = gather(robot=Unwatched)
-    assert np.isnan(made.states).all()
-    assert np.isnan(made.configurations).all()
-    assert np.isfinite(made.cables).all()
+    assert made.sensors == ["cables"]
+    assert np.isfinite(made.sensor("cables")).all()
+
+
+def test_a_sensor_of_a_bodys_own_is_recorded_as_it_says(gather):
+    class Warm(SimulatedRobot):
+        @property
+        def sensors(self):
+            return super().sensors | {"warmth": Sensor((2,), "K")}
+
+        def read(self):
+            reading = super().read()
+            return replace(reading, sensors=reading.sensors | {"warmth": np.array([300.0, reading.time])})
+
+    made = gather(robot=Warm)
+    np.testing.assert_array_equal(made.sensor("warmth")[..., 1], made.time)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e6])
+def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be_gone_on_with(gather, tmp_path, value):
+    """Whatever the sensor is: all that is recorded counts."""
+
+    class Spoilt(SimulatedRobot):
+        def read(self):
+            reading, bad = super().read(), np.full((3, 3), value)
+            return replace(reading, sensors=reading.sensors | ({"cables": bad} if reading.time > 0.75 else {}))
+
+    seen = []
+
+    def make(seed):
+        seen.append(seed)
+        return (Spoilt if len(seen) == 3 else SimulatedRobot)(TWIN, seed=seed)
+
+    with pytest.raises(RecordingError, match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)"):
+        collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
+    assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
+    assert_same(gather(resume=True), gather("whole.episodes"))
+
+
+def test_a_disk_that_is_full_loses_no_episode_that_was_whole(gather, tmp_path, monkeypatch):
+    write, done = episode_file.write_block, []
+
+    def full(file, content, before):
+        done.append(content)
+        if len(done) == 4:  # the beginning, two episodes, then half of the third
+            file.write(content[:100])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(file, content, before)
+
+    monkeypatch.setattr(episode_file, "write_block", full)
+    with pytest.raises(RecordingError, match="2 whole ones are kept: make room"):
+        gather()
+    monkeypatch.undo()
+    assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
+    assert_same(gather(resume=True), gather("whole.episodes"))
+
+
+def test_two_at_a_time_into_one_file_are_refused(gather, tmp_path):
+    gather()
+    writer = EpisodeWriter(tmp_path / "one.episodes")
+    for how in ({"resume": True}, {"overwrite": True}):
+        with pytest.raises(RecordingError, match="in use by another process"):
+            gather(**how)
+    writer.close()
+
+
+def test_a_recording_of_version_0_1_is_not_gone_on_with(gather, tmp_path):
+    (tmp_path / "one.episodes").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(RecordingError, match=r"version 0\.1; collect it again"):
+        gather(resume=True)
 
 
 class _Torn(SimulatedRobot):
@@ -147,11 +226,11 @@ def test_after_an_interrupt_the_whole_episodes_are_kept_and_resumed(gather, tmp_
 
     with pytest.raises(KeyboardInterrupt):
         gather(progress=stop)
-    assert len(load_recording(tmp_path / "one.h5").time) == 2
+    assert len(load_recording(tmp_path / "one.episodes").time) == 2
     told = []
     resumed = gather(resume=True, progress=lambda done, total: told.append(done))
     assert told == [2, 3, 4]
-    assert_same(resumed, gather("whole.h5"))
+    assert_same(resumed, gather("whole.episodes"))
 
 
 def test_resuming_what_is_whole_or_not_yet_begun_does_what_is_left(gather):
@@ -161,10 +240,10 @@ def test_resuming_what_is_whole_or_not_yet_begun_does_what_is_left(gather):
 
 def test_an_existing_file_is_not_overwritten_unless_asked(gather, tmp_path):
     gather()
-    before = (tmp_path / "one.h5").read_bytes()
+    before = (tmp_path / "one.episodes").read_bytes()
     with pytest.raises(RecordingError, match=r"exists.*resume.*overwrite"):
         gather(options=replace(SMALL, seed=4))
-    assert (tmp_path / "one.h5").read_bytes() == before
+    assert (tmp_path / "one.episodes").read_bytes() == before
     assert gather(options=replace(SMALL, seed=4), overwrite=True).options["seed"] == 4
 
 
@@ -180,10 +259,10 @@ OTHERS = {
 @pytest.mark.parametrize(("name", "options"), OTHERS.items(), ids=OTHERS)
 def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather, tmp_path, name, options):
     gather()
-    before = (tmp_path / "one.h5").read_bytes()
+    before = (tmp_path / "one.episodes").read_bytes()
     with pytest.raises(RecordingError, match=rf"other options \({name} \S+, now \S+\)"):
         gather(options=options, resume=True)
-    assert (tmp_path / "one.h5").read_bytes() == before
+    assert (tmp_path / "one.episodes").read_bytes() == before
 
 
 def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
@@ -223,22 +302,22 @@ def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(gather
 
 
 def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp_path):
-    left = tmp_path / f".one.h5.{os.getpid()}.part"
+    left = tmp_path / f".one.episodes.{os.getpid()}.part"
     left.write_bytes(b"cut off while it was laid out")
-    assert_same(gather(), gather("two.h5"))
+    assert_same(gather(), gather("two.episodes"))
     assert not left.exists()
 
 
 def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(RecordingError, match="cannot be written"):
-        gather("file/one.h5")
+        gather("file/one.episodes")
     assert (tmp_path / "file").read_text() == "no folder"
 
 
 def test_a_folder_that_does_not_exist_yet_is_made(gather, tmp_path):
-    assert len(gather("deep/inside/one.h5").time) == 4
-    assert (tmp_path / "deep" / "inside" / "one.h5").exists()
+    assert len(gather("deep/inside/one.episodes").time) == 4
+    assert (tmp_path / "deep" / "inside" / "one.episodes").exists()
 
 
 KILLED = """
@@ -254,7 +333,7 @@ collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOp
 
 
 def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twin, tmp_path):
-    path, random, episodes = tmp_path / "killed.h5", np.random.default_rng(0), [0]
+    path, random, episodes = tmp_path / "killed.episodes", np.random.default_rng(0), [0]
     for _ in range(3):
         running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
         for _ in range(random.integers(2, 9)):
@@ -263,13 +342,12 @@ def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twi
         os.kill(running.pid, signal.SIGKILL)
         running.communicate()
         assert running.returncode == -signal.SIGKILL
-        with h5py.File(path) as file:
-            episodes.append(int(file["committed"][()]))
+        episodes.append(len(load_recording(path).episodes))
     assert np.min(np.diff(episodes)) > 0
     assert episodes[-1] < 60
     options = CollectOptions(episodes=60, samples=40)
     whole, resumed = (
         collect(tmp_path / name, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, resume=True)
-        for name in ("whole.h5", "killed.h5")
+        for name in ("whole.episodes", "killed.episodes")
     )
     assert_same(resumed, whole)

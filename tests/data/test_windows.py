@@ -113,7 +113,7 @@ def test_one_window_worked_in_full():
 def test_shapes_hold_for_any_arm(recording):
     episodes, samples, modules, cables = recording.actions.shape
     neutral = np.zeros((modules, cables))
-    training = controller_samples(recording.configurations, recording.actions, neutral).training
+    training = controller_samples(recording.sensor("configurations"), recording.actions, neutral).training
     rows = episodes * (round(0.7 * samples) - 1)
     assert training.inputs["wanted"].shape == (rows, modules, 3)
     assert training.inputs["configurations"].shape == (rows, modules, 4, 3)

@@ -1,16 +1,14 @@
 """A run step by step, with a robot and a strategy whose every number tells when it was made."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.evaluation import position_errors, rollout
-from s2c2a.planning import Goal
+from s2c2a.errors import RecordingError, S2C2AError, SimulationError
+from s2c2a.evaluation import position_errors, rollout, score_run
+from s2c2a.goals import Goal
 from s2c2a.robots import Robot, checked_action
-from s2c2a.spaces import Reading
+from s2c2a.spaces import Reading, Sensor, Stage
 from s2c2a.tasks import Task
 
 STEPS = 5
@@ -19,20 +17,28 @@ STEPS = 5
 class Counter(Robot):
     """A robot whose tip stands at height n after n actions; it notes what it is sent and when it is closed."""
 
+    own_time = True
+
     def __init__(self, arm):
         self.arm = arm
         self.geometry = ArmGeometry.of(arm)
-        self.sent, self.closed = [], 0
+        self.sent, self.closed, self.bad = [], 0, range(0)
+
+    @property
+    def sensors(self):
+        modules, cables = self.arm.module_count, self.arm.cable_count
+        return {"cables": Sensor((modules, cables), "m", -50.0, 50.0), "states": Sensor((modules, 6), "m, 1")}
 
     def open(self):
         self.sent = []
         return self.read()
 
     def read(self):
+        number = len(self.sent)
         states = np.zeros((self.arm.module_count, 6))
-        states[-1, 2] = len(self.sent)
-        shapes = np.full((self.arm.module_count, 3), 100.0 + len(self.sent))
-        return Reading(0.1 * len(self.sent), np.full((3, 3), float(len(self.sent))), states, shapes)
+        states[-1, 2] = number
+        cables = np.full(self.geometry.action_neutral.shape, np.nan if number in self.bad else float(number))
+        return Reading(0.1 * number, {"cables": cables, "states": states})
 
     def send(self, action):
         self.sent.append(checked_action(action, self.geometry))
@@ -43,28 +49,33 @@ class Counter(Robot):
 
 
 class Script:
-    """A strategy that asks for too much and notes what it was given."""
+    """A strategy that asks for a little more in every step, then for far too much, and notes what it was given."""
 
-    name = "script"
+    name, sensors = "script", ("cables",)
 
     def __init__(self, arm):
-        self.geometry = ArmGeometry.of(arm)
-        self.began, self.seen = [], []
+        self.arm, self.geometry = arm, ArmGeometry.of(arm)
+        self.began, self.seen, self.cut = [], [], []
 
     def start(self, reading):
         self.began.append(reading)
 
     def step(self, reading, goal):
         self.seen.append((reading, goal))
-        return self.geometry.action_high * (0.1 * len(self.seen) if len(self.seen) < STEPS else 9.0)
+        share = 0.05 * len(self.seen) if len(self.seen) < STEPS else 9.0
+        return self.geometry.action_neutral + share * (self.geometry.action_high - self.geometry.action_neutral)
 
-    @property
-    def sensed(self):
-        return np.full((3, 3), 200.0 + len(self.seen))
+    def sent(self, action):
+        self.cut.append(action)
 
-    @property
-    def planned(self):
-        return np.full((3, 3), 300.0 + len(self.seen))
+    def told(self):
+        number = len(self.seen)
+        states = np.full((3, 6), 400.0 + number)
+        return {
+            "sensed": np.full((3, 3), 200.0 + number),
+            "planned": np.full((3, 3), 300.0 + number),
+            "expected": states,
+        }
 
 
 @pytest.fixture
@@ -90,54 +101,68 @@ def run(robot, script, task):
     return rollout(robot, script, task)
 
 
-def test_every_array_has_one_row_a_step(run, task):
-    assert (run.task, run.strategy) == (task, "script")
-    shapes = {
-        "times": (), "states": (3, 6), "configurations": (3, 3), "sensed": (3, 3), "planned": (3, 3),
-        "actions": (3, 3), "tick_times": (),
+def test_the_episode_holds_what_was_read_sent_sensed_planned_and_expected(run):
+    assert run.options == {"strategy": "script", "task": "count", "late_steps": 0}
+    assert {name: values.shape[1:] for name, values in run.columns.items()} == {
+        "time": (), "stage": (), "tick_time": (), "actions": (3, 3), "sensor.cables": (3, 3), "sensor.states": (3, 6),
+        "sensed": (3, 3), "planned": (3, 3), "expected": (3, 6), "wanted_positions": (3, 3),
     }  # fmt: skip
-    assert {name: getattr(run, name).shape for name in shapes} == {n: (STEPS, *s) for n, s in shapes.items()}
 
 
-def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run):
-    np.testing.assert_array_equal(run.states[:, -1, 2], [1, 2, 3, 4, 5])
-    np.testing.assert_array_equal(run.task.wanted_positions()[:, -1, 2], [1, 2, 3, 4, 5])
-    np.testing.assert_array_equal(position_errors(run.states, run.task.wanted_positions()), 0)
+def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run, task):
+    np.testing.assert_array_equal(run.after("states")[:, -1, 2], [1, 2, 3, 4, 5])
+    np.testing.assert_array_equal(run.ran("wanted_positions")[:, -1, 2], [1, 2, 3, 4, 5])
+    np.testing.assert_array_equal(position_errors(run.after("states"), task.wanted_positions()), 0)
+    assert score_run(run, task, "paper")[0].value == 0.0
 
 
-def test_times_and_true_configurations_are_those_after_the_action(run):
-    np.testing.assert_allclose(run.times, [0.1, 0.2, 0.3, 0.4, 0.5])
-    np.testing.assert_array_equal(run.configurations[:, 0, 0], [101, 102, 103, 104, 105])
+def test_times_are_those_after_the_action(run):
+    np.testing.assert_allclose(run.times(), [0.1, 0.2, 0.3, 0.4, 0.5])
 
 
-def test_sensed_and_planned_are_those_of_the_step(run):
-    np.testing.assert_array_equal(run.sensed[:, 0, 0], [201, 202, 203, 204, 205])
-    np.testing.assert_array_equal(run.planned[:, 0, 0], [301, 302, 303, 304, 305])
+def test_sensed_planned_and_expected_are_those_of_the_step(run):
+    np.testing.assert_array_equal(run.ran("sensed")[:, 0, 0], [201, 202, 203, 204, 205])
+    np.testing.assert_array_equal(run.ran("planned")[:, 0, 0], [301, 302, 303, 304, 305])
+    np.testing.assert_array_equal(run.ran("expected")[:, 0, 0], [401, 402, 403, 404, 405])
+    assert np.isnan(run["planned"][STEPS:]).all()
 
 
 def test_the_strategy_sees_the_reading_before_its_action_and_the_goal_of_the_step(run, script, task):
-    assert [reading.states[-1, 2] for reading, _ in script.seen] == [0, 1, 2, 3, 4]
+    assert [reading["states"][-1, 2] for reading, _ in script.seen] == [0, 1, 2, 3, 4]
     assert [goal is wanted for (_, goal), wanted in zip(script.seen, task.goals, strict=True)] == [True] * STEPS
     assert [reading.time for reading in script.began] == [0.0]
 
 
-def test_actions_are_those_really_sent(run, twin):
+def test_actions_are_those_really_sent_and_none_changes_by_more_than_the_arms_limit(run, robot, script, twin):
+    """0.05 of 45 or 50 deg a step is allowed; the last one is cut to 4 deg more."""
     high = ArmGeometry.of(twin).action_high
-    np.testing.assert_allclose(run.actions, [share * high for share in (0.1, 0.2, 0.3, 0.4, 1.0)])
+    np.testing.assert_allclose(run.ran("actions")[:4], [share * high for share in (0.05, 0.1, 0.15, 0.2)])
+    turns = np.rad2deg(np.abs(np.diff(robot.sent, axis=0, prepend=0)) / robot.geometry.cable_radii[:, None])
+    assert turns.max() == pytest.approx(twin.step_limit_deg)
+    np.testing.assert_array_equal(script.cut, [run.ran("actions")[4]])
 
 
 def test_thinking_takes_time_and_the_robot_none_of_it(run):
-    assert np.all(run.tick_times > 0)
-    assert run.tick_times.max() < 0.05
+    assert np.all(run.ran("tick_time") > 0)
+    assert np.median(run["tick_time"]) < 0.05
 
 
-def test_the_arm_is_led_back_to_rest_no_faster_than_its_step_limit(run, robot, twin):
-    """In even steps of at most the limit from the last action, full bend, to neutral."""
+def test_the_way_back_to_rest_is_in_the_episode_no_faster_than_the_step_limit(run, robot, twin):
+    """In even steps from the last action to neutral, one more to turn round, and one reading at rest."""
+    np.testing.assert_array_equal(run["actions"], robot.sent)
     way_back = np.array(robot.sent[STEPS - 1 :])
-    np.testing.assert_array_equal(way_back[-1], robot.geometry.action_neutral)
-    turns = np.abs(np.diff(way_back, axis=0)) / (robot.geometry.cable_radii[:, None])
-    assert np.rad2deg(turns.max()) <= twin.step_limit_deg + 1e-9
-    assert len(way_back) - 1 == np.ceil(twin.modules[0].bend_limit_deg / twin.step_limit_deg)
+    np.testing.assert_allclose(way_back[-1], robot.geometry.action_neutral, atol=1e-15)
+    turns = np.rad2deg(np.abs(np.diff(way_back, axis=0)) / robot.geometry.cable_radii[:, None])
+    assert turns.max() <= twin.step_limit_deg + 1e-9
+    bent = np.rad2deg(np.abs(way_back[0] / robot.geometry.cable_radii[:, None]).max())
+    assert len(way_back) - 1 == np.ceil(bent / twin.step_limit_deg) + 2
+    assert list(run["stage"]) == [Stage.RUN] * STEPS + [Stage.RELEASE] * (len(way_back) - 2) + [Stage.IDLE]
+
+
+def test_a_task_that_leaves_the_arm_at_rest_has_a_reading_after_its_last_action_all_the_same(robot, script, twin):
+    script.step = lambda reading, goal: script.geometry.action_neutral
+    run = rollout(robot, script, Task("rest", (Goal.of(3),) * 3))
+    assert len(run.after("states")) == 3
 
 
 def test_the_robot_is_closed_once_at_the_end(run, robot):
@@ -150,12 +175,40 @@ def test_progress_counts_the_steps(robot, script, task):
     assert told == [(step, STEPS) for step in range(1, STEPS + 1)]
 
 
-def test_a_robot_that_nothing_watches_cannot_be_scored(robot, script, task, monkeypatch):
-    blind = replace(robot.read(), states=None, configurations=None)
-    monkeypatch.setattr(robot, "read", lambda: blind)
+def test_a_run_that_nothing_watched_is_kept_and_cannot_be_scored(robot, script, task, monkeypatch):
+    monkeypatch.setattr(robot, "read", lambda: Reading(0.1 * len(robot.sent), {"cables": np.zeros((3, 3))}))
+    run = rollout(robot, script, task)
     with pytest.raises(S2C2AError, match="no true states"):
+        score_run(run, task, "paper")
+    with pytest.raises(RecordingError, match=r"sensor\.states"):
+        run.after("states")
+
+
+def test_a_sensor_that_fails_for_a_moment_is_held_through_and_told(robot, script, task):
+    robot.bad = range(2, 3)
+    run = rollout(robot, script, task)
+    assert list(run["stage"][:STEPS]) == [Stage.RUN, Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RUN]
+    assert run.options["faults"] == ["'cables' is not finite"]
+    np.testing.assert_array_equal(run["actions"][2], run["actions"][1])
+    assert len(run.after("states")) == STEPS
+
+
+def test_a_sensor_that_fails_for_long_ends_the_run_in_our_error_with_the_arm_at_rest(robot, script):
+    task = Task("long", (Goal.of(3),) * 60)
+    robot.bad = range(4, 100)
+    with pytest.raises(S2C2AError, match=r"step 15 of 'long': 'cables' is not finite; the arm was led to rest"):
         rollout(robot, script, task)
-    assert (robot.sent, robot.closed) == ([], 1)
+    np.testing.assert_allclose(robot.sent[-1], robot.geometry.action_neutral, atol=1e-15)
+    turns = np.rad2deg(np.abs(np.diff(robot.sent, axis=0)) / robot.geometry.cable_radii[:, None])
+    assert turns.max() <= robot.arm.step_limit_deg + 1e-9
+    assert robot.closed == 1
+
+
+def test_a_sensor_that_never_works_keeps_the_arm_where_it_is(robot, script, task):
+    robot.bad = range(100)
+    with pytest.raises(S2C2AError, match=r"step 1 of 'count': 'cables' is not finite"):
+        rollout(robot, script, task)
+    np.testing.assert_array_equal(robot.sent, [robot.geometry.action_neutral] * len(robot.sent))
 
 
 def test_an_error_on_the_way_closes_the_robot_and_goes_on(robot, script, task, monkeypatch):
@@ -170,7 +223,8 @@ def test_an_error_on_the_way_closes_the_robot_and_goes_on(robot, script, task, m
 
 def test_a_tension_arm_is_led_back_to_its_pretension(simulated):
     robot, script = Counter(simulated), Script(simulated)
+    script.told = dict
     task = Task("rest", (Goal.of(3),) * STEPS)
     rollout(robot, script, task)
-    np.testing.assert_array_equal(robot.sent[-1], robot.geometry.action_neutral)
+    np.testing.assert_allclose(robot.sent[-1], robot.geometry.action_neutral, rtol=1e-12)
     assert robot.sent[-1].min() > 0

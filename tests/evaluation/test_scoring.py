@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 
-from s2c2a.evaluation import METRICS, Rollout, score_run
-from s2c2a.planning import Goal
+from s2c2a.arm import load_arm
+from s2c2a.episodes import Episode
+from s2c2a.errors import S2C2AError
+from s2c2a.evaluation import METRICS, score_run
+from s2c2a.goals import Goal
+from s2c2a.spaces import Stage
 from s2c2a.tasks import Score, Task
 
 STEPS = 20
+TWO = load_arm("twin_arm").model_copy(update={"modules": load_arm("twin_arm").modules[:2]})
 REST = Goal.of(2)
 UNITS = {
     "position": "cm", "constraint": "cm", "tilt": "deg", "azimuth": "deg", "orientation": "deg", "end distance": "cm",
@@ -18,11 +23,16 @@ UNITS = {
 
 def made_up(goals, states, scores, centre_lines=None, period=0.1):
     """A run in which these states happened."""
-    steps = len(goals)
-    none = np.zeros((steps, 2, 3))
-    times = period * np.arange(1, steps + 1)
-    task = Task("made up", tuple(goals), tuple(scores))
-    return Rollout(task, "nobody", times, states, none, none, none, none, np.zeros(steps), centre_lines)
+    rows = np.concatenate([states[:1], states])  # the reading before the first action, and then those after each
+    columns = {
+        "time": period * np.arange(len(rows)),
+        "actions": np.zeros((len(rows), 2, 3)),
+        "stage": np.array([Stage.RUN] * len(goals) + [Stage.IDLE], np.int8),
+        "sensor.states": rows,
+    }
+    if centre_lines is not None:
+        columns["sensor.centre_line"] = np.concatenate([centre_lines[:1], centre_lines])
+    return Episode(TWO, columns), Task("made up", tuple(goals), tuple(scores))
 
 
 def states_at(tips, axes=(0, 0, 1)):
@@ -40,7 +50,7 @@ def off_by(centimetres):
 
 
 def scored(run, recipe="paper"):
-    (found,) = score_run(run, recipe)
+    (found,) = score_run(*run, recipe)
     return found
 
 
@@ -54,7 +64,7 @@ def test_every_metric_has_its_unit():
 
 def test_scores_come_in_the_order_of_the_task_with_values_for_every_step():
     scores = [Score("position"), Score("end distance"), Score("path length")]
-    found = score_run(made_up(*off_by(np.arange(STEPS)), scores), "paper")
+    found = score_run(*made_up(*off_by(np.arange(STEPS)), scores), "paper")
     assert [one.score for one in found] == scores
     assert [one.unit for one in found] == ["cm", "cm", "cm"]
     assert [one.values.shape for one in found] == [(STEPS,)] * 3
@@ -210,3 +220,25 @@ def test_an_arm_that_never_recovers_takes_for_ever():
 @pytest.mark.parametrize("inside", [np.ones(6, bool), None])
 def test_a_target_that_never_left_leaves_nothing_to_recover_from(inside):
     assert np.isnan(recovery([9, 9, 9, 9, 9, 9], inside).value)
+
+
+def test_the_way_back_to_rest_is_in_an_episode_and_not_scored():
+    """The tip is where it shall be while the arm runs and held, and far away afterwards."""
+    goals, states = off_by([3, 1, 2, 6])
+    episode, task = made_up(goals, states, [Score("position")])
+    way_back = np.concatenate([episode["sensor.states"], states_at(np.full((3, 3), 9.0))])
+    stage = np.array([Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RUN, *[Stage.RELEASE] * 3, Stage.IDLE], np.int8)
+    longer = Episode(
+        TWO, {"time": 0.1 * np.arange(8), "actions": np.zeros((8, 2, 3)), "stage": stage, "sensor.states": way_back}
+    )
+    assert scored((longer, task)).value == pytest.approx(3.0)
+
+
+def test_an_episode_without_true_states_or_of_another_length_is_not_scored():
+    goals, states = off_by([3, 1, 2, 6])
+    episode, task = made_up(goals, states, [Score("position")])
+    blind = Episode(TWO, {name: values for name, values in episode.columns.items() if name != "sensor.states"})
+    with pytest.raises(S2C2AError, match="no true states"):
+        score_run(blind, task, "paper")
+    with pytest.raises(S2C2AError, match="has 4 steps, and 'made up' has 3"):
+        score_run(episode, Task("made up", tuple(goals[:3])), "paper")

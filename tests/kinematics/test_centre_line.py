@@ -1,5 +1,6 @@
 """The centre line from states against exact arcs."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -74,6 +75,20 @@ def test_the_last_point_of_each_module_is_its_end(lengths):
     bends = random_bends(3).astype(np.float32)
     ends = states_from_bends(bends, np.array(lengths, np.float32))[:, :3]
     np.testing.assert_allclose(line_of(bends, lengths)[CENTRE_LINE_POINTS - 1 :: CENTRE_LINE_POINTS], ends, atol=1e-6)
+
+
+@pytest.mark.parametrize("points", [1, 5, 16])
+def test_arrays_of_numpy_and_of_jax_have_one_centre_line(points):
+    states = np.asarray(states_from_bends(random_bends(4, 3).astype(np.float32), np.full(3, 0.2, np.float32)))
+    lengths = np.full(3, 0.2)
+    exact = centre_line(states.astype(float), lengths, points)
+    assert (type(exact), exact.dtype, exact.shape) == (np.ndarray, np.float64, (4, 3 * points, 3))
+    traced = jax.jit(centre_line, static_argnums=2)(states, lengths.astype(np.float32), points)
+    np.testing.assert_allclose(traced, exact, atol=1e-6)
+    slopes = jax.grad(lambda values: centre_line(values, jax.numpy.asarray(lengths), points).sum())(
+        jax.numpy.asarray(states)
+    )
+    assert np.isfinite(slopes).all()
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])

@@ -3,15 +3,14 @@
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.live.loop import ControlLoop
-from s2c2a.live.measuring import FLAGS
+from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, task_named
 
-from live_tabs import CHROMIUM, WIDE, Tab
+from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
 
 
 @pytest.fixture(scope="session")
@@ -21,20 +20,19 @@ def strategy():
 
 
 @pytest.fixture
-def loop(twin, strategy):
-    """A loop that runs."""
-    robot = SimulatedRobot(twin)
+def control(twin, strategy):
+    """An arm under control that runs."""
     tasks = {name: task_named(name, twin) for name in TASKS}
-    running = ControlLoop(robot, {"s2c2a": lambda: strategy}, tasks, robot, release_after=2.0)
+    running = ArmControl(SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0)
     running.start()
     yield running
     running.stop()
 
 
 @pytest.fixture
-def page(loop, twin, tmp_path):
+def page(control, twin, tmp_path):
     """Its page."""
-    opened = LivePage(loop, 0, tmp_path / "runs", lambda: survey(twin))
+    opened = LivePage(control, 0, tmp_path / "runs", lambda: survey(twin))
     yield opened
     opened.close()
 

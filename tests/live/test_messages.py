@@ -47,6 +47,7 @@ def test_a_drag_and_a_new_value_pass():
         DRAG | {"phase": "never"},
         DRAG | {"extra": 1},
         {"type": "NoSuchMessage"},
+        {"type": "GuiButtonHoldMessage", "uuid": "a", "frequency": 10.0},  # nothing here is held or clicked
         [1, 2, 3],
         None,
     ],

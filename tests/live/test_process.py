@@ -1,4 +1,4 @@
-"""The control loop in a process of its own: the same words, nothing lost when either side ends."""
+"""The arm's control in a process of its own: the same words, nothing lost when either side ends."""
 
 import os
 import signal
@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
+from s2c2a.live.building import Tasks, arm_control
 from s2c2a.live.child import Child
 from s2c2a.live.process import ControlProcess
-from s2c2a.live.simulated import Tasks, simulated_loop
-from s2c2a.live.snapshot import Stage
-from s2c2a.spaces import POSITION
+from s2c2a.robots import Body
+from s2c2a.spaces import POSITION, Stage
 from s2c2a.tasks import TASKS
 
 from live_tabs import until  # type: ignore[import-not-found]
 
 
 def process_of(arm, files=()):
-    return ControlProcess(arm, Child(partial(simulated_loop, arm, files, "fast", "tip", 0, release_after=1.0)))
+    return ControlProcess(arm, Child(partial(arm_control, arm, files, Body(), "tip", 0, release_after=1.0)))
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def control(twin):
     running.stop()
 
 
-def test_it_obeys_wishes_changes_its_strategy_and_ends_at_rest(control):
+def test_it_obeys_requests_changes_its_strategy_and_ends_at_rest(control):
     rows = []
     control.watch(rows.append)
     assert control.limits.tasks
@@ -42,7 +42,7 @@ def test_it_obeys_wishes_changes_its_strategy_and_ends_at_rest(control):
     with pytest.raises(S2C2AError, match=r"no strategy 'nobody'; choose one of s2c2a · best"):
         control.use("nobody")
     control.use("pcc · best")
-    until(lambda: control.latest.strategy == "pcc · best" and control.latest.stage is Stage.DRIVEN)
+    until(lambda: control.latest.strategy == "pcc · best" and control.latest.stage is Stage.RUN)
     control.ask(task="circle", playing=True, speed=4.0)
     until(lambda: control.latest.task_step > 5)
     control.ask(playing=False)
@@ -51,18 +51,18 @@ def test_it_obeys_wishes_changes_its_strategy_and_ends_at_rest(control):
     control.step_task()
     until(lambda: control.latest.task_step == 1)
     control.reset()
-    until(lambda: control.latest.stage is Stage.DRIVEN and np.linalg.norm(control.latest.states[-1, :2]) < 0.02)
+    until(lambda: control.latest.stage is Stage.RUN and np.linalg.norm(control.latest.states[-1, :2]) < 0.02)
     control.ask(target=(0.1, 0.1, 0.55))
     until(lambda: control.latest.error < 0.05, what="arriving as near as pcc does")
     control.stop()
     assert np.linalg.norm(rows[-1].states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
-    assert np.diff([row.number for row in rows]).max() == 1
+    assert np.diff([row.step.number for row in rows]).max() == 1
 
 
 def test_a_process_that_is_killed_is_told_of_and_nobody_waits_for_it(control):
-    until(lambda: control.latest.number > 10)  # what it compiles is kept by now
+    until(lambda: control.latest.step.number > 10)  # what it compiles is kept by now
     os.kill(control.process, signal.SIGKILL)
-    until(lambda: control.latest.stage is Stage.FAILED)
+    until(lambda: control.latest.stage is Stage.FAULT)
     assert "has ended" in control.latest.fault
     control.ask(driven=True)
     for _ in range(2):  # whoever asks
@@ -76,7 +76,7 @@ def test_a_process_that_is_asked_to_end_leads_its_arm_to_rest(control):
     os.kill(control.process, signal.SIGTERM)
     control._process.join(20.0)
     assert not control._process.is_alive()
-    until(lambda: control.latest.stage is Stage.FAILED)
+    until(lambda: control.latest.stage is Stage.FAULT)
     assert np.linalg.norm(control.latest.states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
 
 

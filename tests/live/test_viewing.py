@@ -5,14 +5,14 @@ import time
 import numpy as np
 import pytest
 
-from s2c2a.cli.view import page_of
+from s2c2a.cli.view import window_on
+from s2c2a.episodes import save_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
 from s2c2a.strategies import shipped_networks
 from s2c2a.viz import Trace
-from s2c2a.viz.trace_files import load_traces, save_traces
 
-from live_tabs import TALL, Tab, until  # type: ignore[import-not-found]
+from live_tabs import TALL, Tab, drawn_tip, until  # type: ignore[import-not-found]
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown):
     page = view_runs([run(twin, "best", 0.0), run(twin, "paper", 1.5)], twin, 0)
     tab = shown(page)
     tab.page.get_by_text("cm from the target").wait_for()
-    until(lambda: page.scene._discs.vertices[-1][0] > 0.1, what="the run's end")
+    until(lambda: drawn_tip(page.scene)[0] > 0.1, what="the run's end")
     until(lambda: page.scene._ghost.visible, what="the ghost")
     tab.page.get_by_role("button", name="Pause").click()
     tab.keep("wide-runs")
@@ -63,36 +63,36 @@ def test_an_arm_is_bent_by_sliders(twin, shown):
     thumb.focus()
     for _ in range(30):
         tab.page.keyboard.press("ArrowRight")
-    until(lambda: page.scene._discs.vertices[-1][0] > 0.05, what="bending")
+    until(lambda: drawn_tip(page.scene)[0] > 0.05, what="bending")
     tab.keep("wide-arm")
     assert tab.errors == []
 
 
 def test_a_recording_shows_its_workspace_on_a_telephone_too(recording, shown):
-    tab = shown(view_recording(recording, 0), TALL)
+    tab = shown(view_recording(recording.episodes, 0), TALL)
     tab.page.get_by_role("button", name="Pause").wait_for()
     time.sleep(2.0)
     tab.keep("tall-recording")
     assert tab.errors == []
 
 
-def test_traces_come_back_from_their_file(twin, tmp_path):
-    path = save_traces([run(twin, "best", 0.0)], twin, tmp_path / "twin.traces.npz")
-    traces, arm = load_traces(path)
-    assert arm == twin
-    np.testing.assert_allclose(traces[0].states, run(twin, "best", 0.0).states, atol=1e-6)
-    with np.load(path) as file:
-        np.savez(path, **{name: file[name] for name in file if name != "0.counted"})  # as older versions wrote it
-    assert load_traces(path)[0][0].counted.all()
-    path.write_bytes(path.read_bytes()[:300])
-    with pytest.raises(S2C2AError, match="damaged"):
-        load_traces(path)
+def test_a_file_of_runs_is_told_from_a_recording(recording, twin, tmp_path):
+    (tmp_path / "a").mkdir()
+    save_episodes(recording.episodes[:2], tmp_path / "a" / "runs.episodes")
+    save_episodes(recording.episodes[:2], tmp_path / "collected.episodes", recording.options)
+    for what, label in ((tmp_path / "a", "Run"), (tmp_path / "collected.episodes", "Show")):
+        window = window_on((str(what),), 0)
+        try:
+            assert label in {one.label for one in window.server.gui._gui_input_handle_from_uuid.values()}
+            assert window.arm == twin
+        finally:
+            window.close()
 
 
 def test_what_cannot_be_viewed_is_said(tmp_path):
-    for nothing in ((), (str(tmp_path),), ("twin_arm", "simulated_arm"), ("no_such_arm",), ("none.h5",)):
+    for nothing in ((), (str(tmp_path),), ("twin_arm", "simulated_arm"), ("no_such_arm",), ("none.episodes",)):
         with pytest.raises(S2C2AError):
-            page_of(nothing, 0)
+            window_on(nothing, 0)
 
 
 def test_a_training_shows_the_curves_of_both_networks(twin, shown):
@@ -102,6 +102,28 @@ def test_a_training_shows_the_curves_of_both_networks(twin, shown):
     tab.page.get_by_text("of the full range").first.wait_for()
     until(lambda: tab.page.locator(".uplot").count() == 2, what="two charts")
     tab.keep("wide-training")
+    assert tab.errors == []
+
+
+def test_a_hanging_arm_hangs_and_what_is_dragged_is_told_in_its_base_frame(make_arm, shown):
+    arm = make_arm(gravity_direction=(0.0, 0.0, 1.0))
+    page, told = view_arm(arm, 0), []
+    page.scene.on_drag(lambda _who, where: told.append(where), lambda *_: None, lambda *_: None)
+    page.scene.draw_target((0.0, 0.1, 0.5), None, 0.0)
+    tab = shown(page)
+    tab.page.get_by_text("gravity").wait_for()
+    until(lambda: tab.drag_told((0.0, 0.1, 0.5), (60, -40), arm, told), what="the drag")
+    x, y = tab.place_of((0.0, 0.1, 0.5), arm)
+    np.testing.assert_allclose(tab.place_of(told[-1], arm), (x + 60, y - 40), atol=6)
+    assert told[-1][2] < 0.5  # up the screen is towards the base
+    places = [tab.place_of((0.0, 0.0, height), arm) for height in (0.0, 0.6)]
+    assert places[1][1] > places[0][1] + 200
+    red, _, blue = np.moveaxis(np.array(tab.seen(), dtype=int), -1, 0)
+    column, rows = round(places[0][0]), [round(places[k][1]) for k in (0, 1)]
+    near = slice(column - 20, column + 20)
+    assert (blue - red)[rows[0] + 30 : rows[0] + 80, near].mean() > 40
+    assert (red - blue)[rows[1] - 80 : rows[1] - 30, near].mean() > 40
+    tab.keep("wide-hanging")
     assert tab.errors == []
 
 

@@ -6,14 +6,14 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.kinematics import PCCForwardModel, states_from_configurations
-from s2c2a.planning import BatchPlanner, Goal, LeastSquaresOptions, Planner, PlannerOptions
+from s2c2a.planning import BEST, PAPER, BatchPlanner, Goal, Planner
 
 TWIN = load_arm("twin_arm")
-PARTS = TWIN, PCCForwardModel.of(TWIN), 0.46
+PARTS = TWIN, PCCForwardModel.of(TWIN)
 CHUNK = 4
 STRAIGHT = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, 3, 1))
 TARGETS = np.array([[0.1, 0.05, 0.55], [-0.2, 0.1, 0.5], [0.0, -0.15, 0.55], [0.05, 0.2, 0.5], [0.2, 0.2, 0.45]])
-BOTH = pytest.mark.parametrize("options", [PlannerOptions(), LeastSquaresOptions()], ids=["adam", "least squares"])
+BOTH = pytest.mark.parametrize("options", [PAPER, BEST], ids=["adam", "least squares"])
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
 
 
 def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
-    batch, starts = batch_of(LeastSquaresOptions()), somewhere(6)
+    batch, starts = batch_of(BEST), somewhere(6)
     best = batch.best(starts, Goal.of(3).with_position([0.15, 0.1, 0.52]), steps=25)
     assert best.values.shape == (6,)
     assert best.value == best.values.min() == best.values[best.start]
@@ -77,7 +77,7 @@ def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
 def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
     """The tip on the arm's axis, but lower: a straight arm could go to any side, and so goes to none."""
     goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
-    best = batch_of(LeastSquaresOptions()).best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
+    best = batch_of(BEST).best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
     assert best.value < 0.9 * best.values[0]
 
 
@@ -85,13 +85,13 @@ def test_results_do_not_depend_on_threads():
     wanted, sensed = Goal.stacked(goals()), somewhere(5)
     answers = []
     for threads in (1, 3):
-        batch = BatchPlanner(*PARTS, PlannerOptions(), chunk=2, threads=threads)
+        batch = BatchPlanner(*PARTS, PAPER, chunk=2, threads=threads)
         answers.append(batch.plan(batch.start(sensed), sensed, wanted).configurations)
     np.testing.assert_array_equal(*answers)
 
 
 def test_numbers_that_do_not_fit_are_refused(batch_of):
-    batch, sensed = batch_of(PlannerOptions()), somewhere(3)
+    batch, sensed = batch_of(PAPER), somewhere(3)
     with pytest.raises(TargetError, match="3 plans, 3 sensed arms and 5 goals"):
         batch.plan(batch.start(sensed), sensed, Goal.stacked(goals()))
     with pytest.raises(TargetError, match="at least one, all finite"):
@@ -101,7 +101,7 @@ def test_numbers_that_do_not_fit_are_refused(batch_of):
     with pytest.raises(TargetError, match="0 steps"):
         batch.best(sensed, Goal.of(3), steps=0)
     with pytest.raises(TargetError, match="at least one"):
-        BatchPlanner(*PARTS, PlannerOptions(), chunk=0)
+        BatchPlanner(*PARTS, PAPER, chunk=0)
     with pytest.raises(TargetError, match="at least one"):
         Goal.stacked([])
     with pytest.raises(TargetError, match="different arms"):

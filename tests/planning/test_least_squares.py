@@ -1,6 +1,7 @@
 """The damped least-squares solver alone, then as the planner of an arm that PCC describes exactly."""
 
 import logging
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,6 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.errors import TargetError
 from s2c2a.kinematics import (
     PCCForwardModel,
     bends_from_configurations,
@@ -16,7 +16,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_configurations,
 )
-from s2c2a.planning import Goal, LeastSquaresOptions, Planner
+from s2c2a.planning import BEST, Goal, LeastSquares, Planner
 from s2c2a.planning.least_squares import solve_least_squares
 from s2c2a.tasks import task_named
 
@@ -83,26 +83,8 @@ def test_residuals_that_are_no_numbers_move_nothing():
     np.testing.assert_array_equal(solved(lambda x: x * jnp.nan, start), start)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"iterations": 0},
-        {"unit": 0.0},
-        {"longest_pull": -1.0},
-        {"axis": -1.0},
-        {"change": np.nan},
-        {"shape": -0.1},
-        {"margin": np.nan},
-        {"longest_detour": -1.0},
-    ],
-)
-def test_options_that_cannot_plan_are_refused(options):
-    with pytest.raises(TargetError, match="asked for"):
-        LeastSquaresOptions(**options)
-
-
 def planner_of(arm, **options):
-    return Planner(arm, PCCForwardModel.of(arm), 0.46, LeastSquaresOptions(**options))
+    return Planner(arm, PCCForwardModel.of(arm), replace(BEST, **options))
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +232,7 @@ def compilations(caplog):
 
 def test_building_a_planner_compiles_and_driving_it_does_not(caplog, make_arm):
     with jax.log_compiles(), caplog.at_level(logging.DEBUG):
-        planner = planner_of(make_arm(1), iterations=3)
+        planner = planner_of(make_arm(1), solver=LeastSquares(3))
         assert any("next_plan" in message for message in compilations(caplog))
         caplog.clear()
         drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], STRAIGHT[:1])

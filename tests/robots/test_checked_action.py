@@ -54,7 +54,7 @@ REFUSED = {
 def test_what_is_no_action_is_refused_and_nothing_moves(action, twin):
     robot = SimulatedRobot(twin)
     robot.open()
-    robot.send(np.array([[-0.01, 0.005, 0.005]] * 3))
+    robot.step(np.array([[-0.01, 0.005, 0.005]] * 3))
     before = robot.data.time, robot.data.qpos.copy(), robot.data.qvel.copy(), robot.data.ctrl.copy()
     with pytest.raises(ActionError):
         robot.send(action)
@@ -69,8 +69,8 @@ def test_a_refused_action_leaves_no_trace_in_what_follows(twin):
         with SimulatedRobot(twin) as robot:
             with pytest.raises(ActionError):
                 robot.send(refused)
-            robot.send(action)
-            tips.append(robot.read().states)
+            robot.step(action)
+            tips.append(robot.read()["states"])
     np.testing.assert_array_equal(*tips)
 
 

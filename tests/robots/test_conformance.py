@@ -1,13 +1,16 @@
 """The check of a body's promises: it passes bodies that keep them and names the promise that another breaks."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import check_robot
+from s2c2a.robots import Robot, check_robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.spaces import Reading, Sensor
 
 
 class _Faulty(SimulatedRobot):
@@ -19,29 +22,63 @@ class _Faulty(SimulatedRobot):
         self.closed += 1
 
 
+def _saying(reading, **sensors):
+    """The reading with other numbers of some sensors; None leaves one out."""
+    said = {**reading.sensors, **sensors}
+    return replace(reading, sensors={name: values for name, values in said.items() if values is not None})
+
+
 class _ReadsTooManyCables(_Faulty):
     def read(self):
-        return replace(super().read(), cables=np.zeros((self.arm.module_count, self.arm.cable_count + 1)))
+        return _saying(super().read(), cables=np.zeros((self.arm.module_count, self.arm.cable_count + 1)))
 
 
 class _ReadsNaN(_Faulty):
     def read(self):
-        return replace(super().read(), cables=np.full((self.arm.module_count, self.arm.cable_count), np.nan))
+        return _saying(super().read(), cables=np.full((self.arm.module_count, self.arm.cable_count), np.nan))
 
 
 class _ReadsStatesWithoutAxes(_Faulty):
     def read(self):
-        return replace(super().read(), states=super().states()[:, :3])
+        return _saying(super().read(), states=super().states()[:, :3])
 
 
 class _ReadsLongAxes(_Faulty):
     def read(self):
-        return replace(super().read(), states=2.0 * super().states())
+        return _saying(super().read(), states=2.0 * super().states())
 
 
 class _ReadsFlatConfigurations(_Faulty):
     def read(self):
-        return replace(super().read(), configurations=super().configurations().ravel())
+        return _saying(super().read(), configurations=super().configurations().ravel())
+
+
+class _DeclaresFlatConfigurations(_ReadsFlatConfigurations):
+    @property
+    def sensors(self):
+        return super().sensors | {"configurations": Sensor((9,), "1")}
+
+
+class _KeepsItsStatesToItself(_Faulty):
+    def read(self):
+        return _saying(super().read(), states=None)
+
+
+class _SaysWhatItDoesNotDeclare(_Faulty):
+    def read(self):
+        return _saying(super().read(), flex=np.zeros(3))
+
+
+class _DeclaresNothing(_Faulty):
+    @property
+    def sensors(self):
+        return {}
+
+
+class _ReadsBeyondItsOwnRange(_Faulty):
+    @property
+    def sensors(self):
+        return super().sensors | {"states": Sensor((self.arm.module_count, 6), "m, 1", high=0.5)}
 
 
 class _ReportsAnotherAction(_Faulty):
@@ -57,6 +94,53 @@ class _ReportsNothing(_Faulty):
 class _ClockStandsStill(_Faulty):
     def read(self):
         return replace(super().read(), time=0.0)
+
+
+class _ClockRuns(_Faulty):
+    def read(self):
+        reading = super().read()
+        return replace(reading, time=10.0 * reading.time)
+
+
+class _LetsTimePassInSend(_Faulty):
+    def send(self, action):
+        sent = super().send(action)
+        self.advance(self.arm.control_period)
+        return sent
+
+
+class _DoesNotMove(_Faulty):
+    def advance(self, seconds):
+        self._motors = self._command = self._geometry.action_neutral
+        super().advance(seconds)
+
+
+class _PullsTheOtherWay(_Faulty):
+    def send(self, action):
+        sent = checked_action(action, self._geometry)
+        super().send(2 * self._geometry.action_neutral - sent)
+        return sent
+
+
+class _CablesAreCrossed(_Faulty):
+    """The first cable's motor is the second's: sensors and motors agree, and the arm bends elsewhere."""
+
+    def send(self, action):
+        sent = super().send(action)
+        self._command = np.roll(self._command, 1, axis=-1)
+        return sent
+
+    def read(self):
+        reading = super().read()
+        return _saying(reading, cables=np.roll(reading["cables"], -1, axis=-1))
+
+
+class _TellsTheActionThatWasAsked(_Faulty):
+    """It moves as it should, and its limits are never told."""
+
+    def send(self, action):
+        super().send(action)
+        return np.array(action, dtype=float)
 
 
 class _TakesNaN(_Faulty):
@@ -78,14 +162,25 @@ class _RefusesInItsOwnWords(_Faulty):
 
 
 FAULTS = {
-    _ReadsTooManyCables: "cables has shape",
-    _ReadsNaN: "not finite",
-    _ReadsStatesWithoutAxes: "states has shape",
-    _ReadsLongAxes: "end axes",
-    _ReadsFlatConfigurations: "configurations",
+    _ReadsTooManyCables: r"'cables' has shape \(3, 4\), declared as \(3, 3\)",
+    _ReadsNaN: "'cables' is not finite",
+    _ReadsStatesWithoutAxes: "'states' has shape",
+    _ReadsLongAxes: "axes in 'states' have lengths",
+    _ReadsFlatConfigurations: "'configurations' has shape",
+    _DeclaresFlatConfigurations: "'configurations' is of another shape",
+    _KeepsItsStatesToItself: r"readings lack \['states'\]",
+    _SaysWhatItDoesNotDeclare: r"hold \['flex'\], against what `sensors` declares",
+    _DeclaresNothing: "declares no sensors",
+    _ReadsBeyondItsOwnRange: "'states' lies outside of its own plausible numbers",
     _ReportsAnotherAction: "returned another",
     _ReportsNothing: "send",
-    _ClockStandsStill: "two control steps took",
+    _ClockStandsStill: "its clock went on by 0.000 s",
+    _ClockRuns: "its clock went on by 2.000 s",
+    _LetsTimePassInSend: "time passes in send",
+    _DoesNotMove: "wrong sign, or nothing moves",
+    _PullsTheOtherWay: "'cables' went -1.. %",
+    _CablesAreCrossed: r"sent towards \+x, the tip went",
+    _TellsTheActionThatWasAsked: "far too large action was not limited",
     _TakesNaN: "took NaN",
     _TakesAnyShape: "wrong shape",
     _RefusesInItsOwnWords: "ActionError",
@@ -103,7 +198,7 @@ def test_a_robot_that_breaks_a_promise_is_named_and_closed(kind, fault, twin):
     robot = kind(twin)
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
-    assert robot.closed == 1
+    assert robot.closed == 2  # before it was opened, and after the fault
 
 
 def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
@@ -116,8 +211,12 @@ def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
 
 def test_a_robot_that_nothing_watches_is_fine(twin):
     class Unwatched(SimulatedRobot):
+        @property
+        def sensors(self):
+            return {"cables": super().sensors["cables"]}
+
         def read(self):
-            return replace(super().read(), states=None, configurations=None)
+            return _saying(super().read(), states=None, configurations=None)
 
     check_robot(Unwatched(twin))
 
@@ -132,4 +231,75 @@ def test_the_check_is_gentle(twin):
 
     check_robot(Recorder(twin))
     geometry = Recorder(twin)._geometry
-    assert np.max(np.abs(sent) / geometry.action_high) == pytest.approx(0.05)
+    tried = max(range(len(sent)), key=lambda step: np.abs(sent[step]).max())  # that limits hold: no time passes then
+    moves = np.array(sent[:tried] + sent[tried + 1 :])
+    assert np.max(np.abs(moves) / geometry.action_high) == pytest.approx(0.05)
+
+
+class _Metal(Robot):
+    """An arm that takes the wall's time, whose cables are at once where they are sent; to be broken in one place."""
+
+    def __init__(self, arm):
+        self.arm, self.geometry = arm, ArmGeometry.of(arm)
+        self.at, self.began, self.closed = self.geometry.action_neutral, 0.0, 0
+
+    @property
+    def sensors(self):
+        return {"cables": Sensor(self.at.shape, "m")}
+
+    def open(self):
+        self.began = time.perf_counter()
+        return self.read()
+
+    def read(self):
+        return Reading(time.perf_counter() - self.began, {"cables": self.at})
+
+    def send(self, action):
+        self.at = checked_action(action, self.geometry)
+        return self.at
+
+    def close(self):
+        self.closed += 1
+
+
+class _BlocksInSend(_Metal):
+    def send(self, action):
+        sent = super().send(action)
+        time.sleep(self.arm.control_period)
+        return sent
+
+
+class _BlocksInRead(_Metal):
+    def read(self):
+        time.sleep(self.arm.control_period)
+        return super().read()
+
+
+class _WallStands(_Metal):
+    def read(self):
+        return Reading(0.0, {"cables": self.at})
+
+
+def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_much(make_arm, monkeypatch):
+    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
+    robot = _Metal(make_arm(1, control_rate=100.0))
+    kept = check_robot(robot)
+    assert "send() and read() return at once" in kept
+    assert any("limits are not tried on a real body" in one for one in kept)
+    assert robot.closed >= 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault"),
+    [
+        (_BlocksInSend, r"send\(\) or read\(\) took .* ms: they must not wait"),
+        (_BlocksInRead, r"send\(\) or read\(\) took .* ms: they must not wait"),
+        (_WallStands, r"its clock went on by 0.000 s"),
+    ],
+)
+def test_a_body_on_the_walls_time_that_breaks_a_promise_is_named_and_closed(kind, fault, make_arm, monkeypatch):
+    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
+    robot = kind(make_arm(1, control_rate=20.0))
+    with pytest.raises(S2C2AError, match=fault):
+        check_robot(robot)
+    assert robot.closed == 2

@@ -13,6 +13,10 @@ class _Noted(Robot):
         self.notes: list[str] = []
         self.fault = fault
 
+    @property
+    def sensors(self):
+        return {}
+
     def open(self):
         self.notes.append("open")
         if self.fault is not None:
@@ -56,5 +60,5 @@ def test_a_body_that_does_not_do_everything_cannot_be_built():
         def open(self):
             """Nothing."""
 
-    with pytest.raises(TypeError, match=r"close.*read.*send"):
+    with pytest.raises(TypeError, match=r"close.*read.*send.*sensors"):
         Half()

@@ -1,25 +1,19 @@
 """Files of the LSTM: round trips, arms and strategies that they are not of, and damage."""
 
-import json
-
 import jax
 import numpy as np
 import pytest
-from safetensors import safe_open
-from safetensors.numpy import load_file, save_file
 
 from s2c2a.errors import StrategyError
-from s2c2a.networks.lstm import TipHistory
-from s2c2a.strategies import load_strategy
-from s2c2a.strategies.lstm import LSTMOptions, train_lstm_strategy
-from s2c2a.strategies.lstm_files import load_lstm, save_lstm
+from s2c2a.models.lstm import LSTMOptions, TipHistory
+from s2c2a.strategies import load_lstm, load_strategy, save_lstm
+from s2c2a.strategies.lstm import train_lstm_strategy
 from s2c2a.training import FitOptions
-from s2c2a.training.networks import NetworkSize
 
 
 @pytest.fixture(scope="module")
 def trained(recording):
-    return train_lstm_strategy(recording, LSTMOptions(NetworkSize(2, 8), FitOptions(most_epochs=5), 0.1), seed=3)
+    return train_lstm_strategy(recording, LSTMOptions(2, 8, FitOptions(most_epochs=5), 0.1), seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -30,15 +24,17 @@ def file(trained, tmp_path_factory):
 
 
 @pytest.fixture
-def rewrite(file, tmp_path):
+def rewrite(file, forged):
     """Writes the file anew with other metadata or arrays; its path."""
 
     def write(metadata: dict | None = None, without: tuple = (), **arrays):
-        with safe_open(file, framework="numpy") as opened:
-            known = json.loads(opened.metadata()["s2c2a-lstm"])
-        kept = {name: value for name, value in (load_file(file) | arrays).items() if name not in without}
-        save_file(kept, tmp_path / "changed", metadata={"s2c2a-lstm": json.dumps(known | (metadata or {}))})
-        return tmp_path / "changed"
+        def change(known, found):
+            known |= metadata or {}
+            found |= arrays
+            for name in without:
+                del found[name]
+
+        return forged(file, change)
 
     return write
 
@@ -46,16 +42,19 @@ def rewrite(file, tmp_path):
 def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     random = np.random.default_rng(0)
     wanted, *past = (random.normal(size=(4, *shape)).astype(np.float32) for shape in ((3,), (5, 3), (5, 3, 3)))
-    before, after = (network(wanted, TipHistory(*past)) for network in (trained.network, load_lstm(file, twin).network))
+    before, after = (
+        network(wanted, TipHistory(*past))
+        for network in (one.networks["LSTM"] for one in (trained, load_lstm(file, twin)))
+    )
     np.testing.assert_array_equal(after, before)
 
 
 def test_everything_comes_back(file, trained):
     loaded = load_lstm(file)
-    assert (loaded.arm, loaded.options, loaded.seed) == (trained.arm, trained.options, trained.seed)
+    assert (loaded.arm, loaded.recipe, loaded.seed) == (trained.arm, trained.recipe, trained.seed)
     assert loaded.percent == trained.percent
-    np.testing.assert_array_equal(loaded.curve, trained.curve)
-    before, after = (jax.tree.leaves(one.network) for one in (trained, loaded))
+    np.testing.assert_array_equal(loaded.curves["LSTM"], trained.curves["LSTM"])
+    before, after = (jax.tree.leaves(one.networks) for one in (trained, loaded))
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
 
@@ -90,7 +89,9 @@ def test_a_missing_file_is_refused(tmp_path):
         load_lstm(tmp_path / "nothing")
 
 
-@pytest.mark.parametrize("name", [".network.bias_head", ".network.layers[1].weight_hidden", ".position_scaling.centre"])
+@pytest.mark.parametrize(
+    "name", ["LSTM.network.bias_head", "LSTM.network.layers[1].weight_hidden", "LSTM.position_scaling.centre"]
+)
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
         load_lstm(rewrite(without=(name,)))
@@ -99,12 +100,13 @@ def test_a_missing_array_is_refused_by_name(rewrite, name):
 
 def test_weights_that_are_not_finite_are_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
-        load_lstm(rewrite(**{".network.bias_head": np.full(9, np.nan, np.float32)}))
+        load_lstm(rewrite(**{"LSTM.network.bias_head": np.full(9, np.nan, np.float32)}))
 
 
 WRONG = {
-    "schema": ({"schema_version": 2}, "schema 2"),
-    "size": ({"recipe": {"size": {"layers": 0, "hidden": 8}}}, "damaged"),
+    "schema": ({"schema_version": 1}, "schema 1"),
+    "another form": ({"recipe": {"layers": 1, "hidden": 8, "heads": 2}}, "heads"),
+    "size": ({"recipe": {"layers": 0, "hidden": 8}}, "damaged"),
     "percent": ({"percent": {}}, "damaged"),
     "arm": ({"arm": "name ="}, "damaged"),
 }
@@ -118,9 +120,11 @@ def test_metadata_that_cannot_be_are_refused(rewrite, metadata, message):
 
 def test_a_file_without_its_curve_is_refused(rewrite):
     with pytest.raises(StrategyError, match="damaged"):
-        load_lstm(rewrite(without=("curve",)))
+        load_lstm(rewrite(without=("curve.LSTM",)))
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
-    loaded = load_lstm(rewrite(**{".sum_and_range.high": np.full((3, 3), 9.0, np.float32)}))
-    np.testing.assert_array_equal(loaded.network.sum_and_range.high, trained.network.sum_and_range.high)
+    loaded = load_lstm(rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)}))
+    np.testing.assert_array_equal(
+        loaded.networks["LSTM"].sum_and_range.high, trained.networks["LSTM"].sum_and_range.high
+    )

@@ -12,15 +12,14 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.data.windows import lstm_samples
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation import position_errors, rollout
-from s2c2a.networks import SumAndRange
-from s2c2a.networks.lstm import TipHistory, TipLSTM
+from s2c2a.models.lstm import LSTMOptions, TipHistory
+from s2c2a.models.sum_and_range import SumAndRange
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies.lstm import LSTMOptions, LSTMStrategy, TrainedLSTM, train_lstm_strategy
+from s2c2a.strategies.lstm import LSTMStrategy, TrainedLSTM, train_lstm_strategy
 from s2c2a.tasks import Task
 from s2c2a.training import FitOptions
-from s2c2a.training.networks import NetworkSize
 
 TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
 FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
@@ -28,7 +27,7 @@ FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
 
 @pytest.fixture(scope="module")
 def options() -> LSTMOptions:
-    return LSTMOptions(NetworkSize(1, 8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05)
+    return LSTMOptions(1, 8, FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +43,9 @@ def strategy(trained) -> LSTMStrategy:
 
 def untrained(arm, loudness: float = 1.0) -> TrainedLSTM:
     """A random LSTM of an arm; a loud one asks for full bends at once."""
-    network = TipLSTM.untrained(arm, layers=1, hidden=8, key=jax.random.key(0))
+    network = LSTMOptions(1, 8).untrained(arm, jax.random.key(0))
     network = eqx.tree_at(lambda n: n.network.weight_head, network, loudness * network.network.weight_head)
-    return TrainedLSTM(arm, LSTMOptions(), 0, network, (0.0, 0.0), np.zeros((0, 3)))
+    return TrainedLSTM(arm, LSTMOptions(), 0, {"LSTM": network}, {}, {})
 
 
 def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
@@ -56,8 +55,8 @@ def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
     actions, tips = [], []
     for goal in goals:
         reading = robot.read()
-        tips.append(reading.states[-1, :3])
-        actions.append(robot.send(strategy.step(reading, goal)))
+        tips.append(reading["states"][-1, :3])
+        actions.append(robot.step(strategy.step(reading, goal)))
     return np.array(actions), np.array(tips)
 
 
@@ -77,13 +76,13 @@ def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
         jax.jit(lambda value: 5 * value - 2)(np.float32(2))
         counted = sum(record.name.startswith("jax") for record in caplog.records)
         live(strategy, twin, goals * 3)
-        assert strategy.sensed.shape == strategy.planned.shape == (3, 3)
+        assert strategy.sensed.shape == strategy.told()["sensed"].shape == (3, 3)
         assert counted > 0
         assert sum(record.name.startswith("jax") for record in caplog.records) == counted
 
 
 def test_training_lowers_both_losses(trained):
-    curve = trained.curve
+    curve = trained.curves["LSTM"]
     np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
     assert np.all(np.diff(curve[::3, 1]) < 0)
     assert curve[-1, 2] < 0.5 * curve[0, 2]
@@ -91,52 +90,58 @@ def test_training_lowers_both_losses(trained):
 
 def answers(trained, samples) -> np.ndarray:
     """Actions [m or N] of the network, without noise on its history."""
-    layer = trained.network.sum_and_range
+    layer = trained.networks["LSTM"].sum_and_range
     history = TipHistory(samples.inputs["positions"], layer.normalised(samples.inputs["actions"]))
-    return np.asarray(layer.actions(trained.network(samples.inputs["wanted"], history)))
+    return np.asarray(layer.actions(trained.networks["LSTM"](samples.inputs["wanted"], history)))
 
 
 @pytest.fixture(scope="module")
 def split(recording):
-    return lstm_samples(recording.states[:, :, -1, :3], recording.actions, np.zeros((3, 3)))
+    return lstm_samples(recording.sensor("states")[:, :, -1, :3], recording.actions, np.zeros((3, 3)))
 
 
 def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
     targets = np.concatenate([part.targets for part in (split.training, split.validation, split.test)])
     percent = 100 * np.abs(answers(trained, split.test) - split.test.targets) / np.ptp(targets, axis=0)
-    assert trained.percent == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    assert trained.percent["LSTM"] == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
     assert 0.5 < percent.mean() < 25
 
 
 def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(recording, options, split):
     """Weights that do not move: against losses computed here without noise, only those of training can differ."""
     noisy = train_lstm_strategy(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
-    unit = np.asarray(noisy.network.sum_and_range.unit)
+    unit = np.asarray(noisy.networks["LSTM"].sum_and_range.unit)
     calm = [
         np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
         for samples in (split.training, split.validation)
     ]
-    assert np.all(np.abs(noisy.curve[:, 1] - calm[0]) > 0.05 * calm[0])
-    np.testing.assert_allclose(noisy.curve[:, 2], calm[1], rtol=1e-4)
+    assert np.all(np.abs(noisy.curves["LSTM"][:, 1] - calm[0]) > 0.05 * calm[0])
+    np.testing.assert_allclose(noisy.curves["LSTM"][:, 2], calm[1], rtol=1e-4)
 
 
 def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(trained, recording, options):
     again, other = (train_lstm_strategy(recording, options, seed) for seed in (7, 8))
-    np.testing.assert_array_equal(again.curve, trained.curve)
-    assert other.curve[0, 2] != pytest.approx(trained.curve[0, 2], rel=1e-3)
+    np.testing.assert_array_equal(again.curves["LSTM"], trained.curves["LSTM"])
+    assert other.curves["LSTM"][0, 2] != pytest.approx(trained.curves["LSTM"][0, 2], rel=1e-3)
 
 
 def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
-    wanted = recording.states[:, 1:70, -1, :3].reshape(-1, 3)
-    scaling = trained.network.position_scaling
+    wanted = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
+    scaling = trained.networks["LSTM"].position_scaling
     np.testing.assert_allclose(scaling.half_range, np.ptp(wanted, axis=0) / 2, rtol=1e-4)
     np.testing.assert_allclose(scaling.centre, (wanted.min(axis=0) + wanted.max(axis=0)) / 2, atol=1e-6)
 
 
 def test_training_without_true_states_is_refused(recording, options):
-    blind = replace(recording, states=np.full_like(recording.states, np.nan))
+    def with_states(values):
+        columns = {name: value for name, value in recording.episodes[0].columns.items() if name != "sensor.states"}
+        columns |= {} if values is None else {"sensor.states": values}
+        return replace(recording, options={}, episodes=(replace(recording.episodes[0], columns=columns),))
+
+    with pytest.raises(RecordingError, match="lacks 'states'"):
+        train_lstm_strategy(with_states(None), options, seed=0)
     with pytest.raises(RecordingError, match="lacks true states"):
-        train_lstm_strategy(blind, options, seed=0)
+        train_lstm_strategy(with_states(np.full((100, 3, 6), np.nan)), options, seed=0)
 
 
 def test_training_on_a_recording_cut_short_is_refused(recording, options):
@@ -175,7 +180,7 @@ def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(m
     """Tension of 1 N at rest and 9 N more at full bend: clipping a cable at zero must not halve the bend asked for."""
     arm = make_arm(2, 4, {"pretension": 1.0, "tension_range": 9.0}, actuation="tension", sensing="true")
     strategy = LSTMStrategy(untrained(arm, loudness=100.0))
-    reading = Reading(0.0, np.zeros((2, 4)), np.tile([0.0, 0, 0.4, 0, 0, 1], (2, 1)))
+    reading = Reading(0.0, {"states": np.tile([0.0, 0, 0.4, 0, 0, 1], (2, 1))})
     strategy.start(reading)
     goal = Goal.of(2).with_position([0.1, 0.1, 0.35])
     actions = np.array([strategy.step(reading, goal) for _ in range(30)])
@@ -211,25 +216,26 @@ def test_it_hears_the_wanted_tip_and_nothing_else_of_a_goal(strategy, twin):
     assert np.abs(answers[0] - answers[2]).max() > 1e-5
 
 
-def test_it_senses_what_is_true_and_plans_what_it_senses(strategy, twin):
+def test_it_senses_what_is_true_and_plans_nothing(strategy, twin):
     robot = SimulatedRobot(twin)
     strategy.start(robot.open())
     for _ in range(8):
-        robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+        robot.step(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
     reading = robot.read()
     strategy.step(reading, TARGET)
-    np.testing.assert_allclose(strategy.sensed, reading.configurations, atol=3e-3)  # states do not tell torsion
+    np.testing.assert_allclose(strategy.sensed, reading["configurations"], atol=3e-3)  # states do not tell torsion
     assert np.abs(strategy.sensed[:, :2]).max() > 0.05
-    np.testing.assert_array_equal(strategy.planned, strategy.sensed)
+    assert set(strategy.told()) == {"sensed"}
+    np.testing.assert_array_equal(strategy.told()["sensed"], strategy.sensed)
 
 
 def without_tip(reading: Reading) -> Reading:
-    states = reading.states.copy()
+    states = reading["states"].copy()
     states[-1, 1] = np.nan
-    return replace(reading, states=states)
+    return Reading(reading.time, {"states": states})
 
 
-@pytest.mark.parametrize("blind", [lambda reading: replace(reading, states=None), without_tip], ids=["none", "nan"])
+@pytest.mark.parametrize("blind", [lambda reading: Reading(reading.time, {}), without_tip], ids=["none", "nan"])
 def test_a_reading_without_the_true_tip_is_refused_and_changes_nothing(strategy, twin, blind):
     reading = SimulatedRobot(twin).open()
     with pytest.raises(StrategyError, match="reads true states"):
@@ -260,14 +266,15 @@ def test_one_that_was_not_started_says_so(trained, twin):
     with pytest.raises(StrategyError, match="not started"):
         fresh.step(reading, TARGET)
     with pytest.raises(StrategyError, match="not started"):
-        _ = fresh.planned
+        _ = fresh.sensed
 
 
 def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towards_a_target(strategy, twin):
     task = Task("hold", (TARGET,) * 40)
     done = rollout(SimulatedRobot(twin), strategy, task)
-    errors = position_errors(done.states, task.wanted_positions())
-    assert (done.strategy, done.planned.shape) == ("lstm", (40, 3, 3))
+    errors = position_errors(done.after("states"), task.wanted_positions())
+    assert (done.options["strategy"], done.ran("sensed").shape) == ("lstm", (40, 3, 3))
+    assert done.get("planned") is None
     assert errors[-10:].mean() < 0.8 * errors[0]
 
 

@@ -8,11 +8,12 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, Cable, Motor
 from s2c2a.data import Recording
+from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.kinematics import PCC, configurations_from_bends, states_from_bends
-from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import fitted_gains, pcc_fitted_strategy, pcc_strategy
@@ -32,7 +33,7 @@ def ideal(twin):
 @pytest.fixture(scope="module")
 def pcc(ideal):
     """PCC in the planner and behind it, for the ideal arm."""
-    return pcc_strategy(ideal, PlannerOptions())
+    return pcc_strategy(ideal, PAPER)
 
 
 @pytest.fixture(scope="module")
@@ -41,26 +42,34 @@ def circle_run(ideal, pcc):
     return rollout(SimulatedRobot(ideal), pcc, task_named("circle", ideal))
 
 
+def recorded(arm, cables, states, options=None) -> Recording:
+    """A recording of these cables and states, shape (episodes, samples, ...)."""
+    episodes = [
+        Episode(arm, {"time": np.arange(len(one)), "actions": one, "sensor.cables": one, "sensor.states": true})
+        for one, true in zip(cables, states, strict=True)
+    ]
+    return Recording(arm, options or {"episodes": len(episodes)}, tuple(episodes))
+
+
 def synthetic(arm, gains) -> Recording:
     """A recording of an arm whose modules bend by a gain times what their cables say."""
     bends = 0.6 * (PATH.reshape(2, 30, 3, 2) - 0.5)
     cables = np.asarray(PCC.of(arm).actions(jnp.asarray(bends, jnp.float32)), float)
     true = jnp.asarray(bends * np.asarray(gains)[:, None], jnp.float32)
     states = np.asarray(states_from_bends(true, jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)))
-    return Recording(
-        arm, {"episodes": 2}, np.zeros((2, 30)), cables, cables, states, np.asarray(configurations_from_bends(true))
-    )
+    return recorded(arm, cables, states)
 
 
 def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
-    errors = position_errors(circle_run.states, circle_run.task.wanted_positions())
+    errors = position_errors(circle_run.after("states"), circle_run.ran("wanted_positions"))
     assert errors.mean() < 1.0
     assert errors.max() < 2.0
 
 
 def test_on_such_an_arm_what_is_planned_is_what_happens(circle_run):
-    np.testing.assert_allclose(circle_run.configurations, circle_run.planned, atol=0.01)
-    np.testing.assert_allclose(circle_run.sensed[1:], circle_run.configurations[:-1], atol=0.01)
+    configurations = circle_run.after("configurations")
+    np.testing.assert_allclose(configurations, circle_run.ran("planned"), atol=0.01)
+    np.testing.assert_allclose(circle_run.ran("sensed")[1:], configurations[:-1], atol=0.01)
 
 
 @pytest.mark.parametrize("target", [[5.0, 0.0, 0.0], [0.0, 0.0, 100.0], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]])
@@ -72,9 +81,9 @@ def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, ta
     for _ in range(60):
         action = pcc.step(reading, Goal.of(3).with_position(target))
         assert np.all((action >= geometry.action_low - 1e-6) & (action <= geometry.action_high + 1e-6))
-        robot.send(action)
+        robot.step(action)
         reading = robot.read()
-        states.append(reading.states)
+        states.append(reading["states"])
     assert np.isfinite(states).all()
     assert np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
     np.testing.assert_allclose(np.linalg.norm(pcc.planned, axis=-1), 1.0, atol=1e-4)
@@ -87,12 +96,12 @@ def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_lim
     pcc.start(reading)
     plans = [pcc.planned]
     for _ in range(60):
-        robot.send(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
+        robot.step(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
         reading = robot.read()
         plans.append(pcc.planned)
     turns = angles_deg(np.array(plans[:-1]), np.array(plans[1:]))
     assert 0.98 * ideal.step_limit_deg < turns.max() < 1.001 * ideal.step_limit_deg
-    tip = reading.states[-1, :3]
+    tip = reading["states"][-1, :3]
     assert tip[1] > 0.35
     assert abs(tip[0]) < 0.05
 
@@ -104,7 +113,7 @@ def test_pcc_does_not_listen_to_the_arm(ideal, pcc):
     actions = []
     for bend in (0.0, 0.01):
         pcc.start(rest)
-        reading = Reading(0.1, rest.cables + bend * np.array([-1, 0.5, 0.5]))
+        reading = Reading(0.1, {"cables": rest["cables"] + bend * np.array([-1, 0.5, 0.5])})
         actions.append([pcc.step(reading, goal) for goal in goals])
     np.testing.assert_array_equal(*actions)
 
@@ -116,10 +125,10 @@ def test_gains_are_found_again_on_a_recording_that_has_them(twin, gains):
 
 def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     """With gains of 0.8 its actions are those of the plain one divided by 0.8."""
-    plain = pcc_strategy(twin, PlannerOptions())
-    fitted = pcc_fitted_strategy(synthetic(twin, [0.8] * 3), PlannerOptions())
+    plain = pcc_strategy(twin, PAPER)
+    fitted = pcc_fitted_strategy(synthetic(twin, [0.8] * 3), PAPER)
     assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
-    goal, rest = Goal.of(3).with_position([0.2, 0.05, 0.5]), Reading(0.0, np.zeros((3, 3)))
+    goal, rest = Goal.of(3).with_position([0.2, 0.05, 0.5]), Reading(0.0, {"cables": np.zeros((3, 3))})
     for strategy in (plain, fitted):
         strategy.start(rest)
     for _ in range(5):
@@ -137,13 +146,19 @@ def test_gains_are_not_fitted_to_a_recording_cut_short(twin):
 
 
 def test_gains_cannot_be_fitted_without_true_states(twin):
-    blind = replace(synthetic(twin, [1.0] * 3), states=np.full((2, 30, 3, 6), np.nan))
+    whole = synthetic(twin, [1.0] * 3)
+    nan = recorded(twin, whole.sensor("cables"), np.full((2, 30, 3, 6), np.nan))
     with pytest.raises(RecordingError, match="true states"):
-        fitted_gains(blind)
+        fitted_gains(nan)
+    episode = whole.episodes[0]
+    columns = {name: values for name, values in episode.columns.items() if name != "sensor.states"}
+    with pytest.raises(RecordingError, match="this recording lacks 'states'; it has cables"):
+        fitted_gains(replace(whole, options={}, episodes=(replace(episode, columns=columns),)))
 
 
 def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):
     still = synthetic(twin, [1.0] * 3)
-    still.cables[:, :, 1] = 0.0
+    cables = still.sensor("cables")
+    cables[:, :, 1] = 0.0
     with pytest.raises(RecordingError, match="stood still"):
-        fitted_gains(still)
+        fitted_gains(recorded(twin, cables, still.sensor("states")))

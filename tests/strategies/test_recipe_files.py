@@ -1,8 +1,16 @@
 """Recipes as files."""
 
+import math
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from s2c2a.errors import StrategyError
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, LSTMOptions
+from s2c2a.parts import Own
+from s2c2a.planning import BEST, Adam
+from s2c2a.planning.terms import Evenness
 from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
 
 
@@ -30,11 +38,19 @@ def test_names_and_files_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda text: text.replace("correction =", "corection ="), "belong to none"),
-        (lambda text: text.replace("depth =", "dept ="), "belong to none"),
+        (lambda text: text.replace("correction =", "corection ="), "corection"),
+        (lambda text: text.replace("depth =", "dept ="), "dept"),
         (lambda text: text.replace("iterations = 20", "iterations = 0"), "0 iterations"),
         (lambda text: text.replace("iterations = 20", "iterations = 'many'"), "iterations"),
         (lambda text: text[: text.index("[c2s]")], "c2s"),
+        (lambda text: text.replace("correction = 0.2", "correction = nan"), "correction = nan was asked for"),
+        (lambda text: text.replace('model = "chain"', ""), r"version 0\.1; .*such as model = 'chain'"),
+        (
+            lambda text: text.replace('model = "chain"', 'model = "soup"'),
+            "no model 'soup'; choose one of bilstm, chain",
+        ),
+        (lambda text: text.replace('model = "chain"', 'model = "json:loads"'), "no forward model's options"),
+        (lambda text: text.replace('model = "chain"', 'model = "bilstm"'), "layers"),
         (lambda text: "no recipe", "holds no recipe"),
     ],
 )
@@ -48,3 +64,81 @@ def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
 def test_a_file_that_is_missing_names_the_recipes(tmp_path):
     with pytest.raises(StrategyError, match=r"no recipe at .*; take best, paper"):
         recipe_from(tmp_path / "none.toml")
+
+
+def test_a_recipe_of_0_1_is_refused_in_one_sentence_that_says_how_to_write_it_again(tmp_path):
+    c2s, c2a = "[c2s]\nhidden = 64\ndepth = 2\n", "[c2a]\nlayers = 2\nhidden = 32\n"
+    (tmp_path / "mine.toml").write_text(f"correction = 0.2\n{c2s}{c2a}[planner]\niterations = 25\nunit = 0.5\n")
+    with pytest.raises(StrategyError, match=r"version 0\.1; write based_on = 'best' and what differs") as refused:
+        load_recipe(tmp_path / "mine.toml")
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'based_on = "best"\ncorrection = 0.1\n[planner]\nguides = []\nsolver = "Adam"\n'
+        '[[planner.terms]]\nname = "Evenness"\nweight = 0.5\n[c2s]\nhidden = 32\n'
+    )
+    mine, best = load_recipe(path), RECIPES["best"]
+    terms = tuple(Evenness(0.5) if term == Evenness() else term for term in best.planner.terms)
+    assert mine.planner == replace(best.planner, guides=(), solver=Adam(), terms=terms)
+    assert mine == replace(best, name="mine", correction=0.1, c2s=replace(best.c2s, hidden=32), planner=mine.planner)
+    path.write_text('based_on = "worst"')
+    with pytest.raises(StrategyError, match="no recipe 'worst'"):
+        load_recipe(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda: {"correction": math.nan}, "correction = nan was asked for"),
+        (lambda: {"history_noise": math.inf}, "history_noise = inf was asked for"),
+        (lambda: {"speeds": (0.02, math.inf)}, r"speeds = \(0\.02, inf\) was asked for"),
+        (lambda: {"axis_weights": (("hold-", math.nan),)}, "nan.* was asked for; take weights"),
+        (lambda: {"c2s_fit": replace(RECIPES["best"].c2s_fit, learning_rate=math.inf)}, "learning_rate = inf"),
+        (lambda: {"c2s": replace(RECIPES["best"].c2s, creep_times=(math.nan,))}, "creep_times"),
+        (
+            lambda: {"planner": replace(BEST, solver=Own("mine:Solver", {"step": math.nan}))},
+            r"no finite number at planner\.solver\.parameters\.step",
+        ),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(change, said):
+    with pytest.raises(S2C2AError, match=said):
+        replace(RECIPES["best"], **change())
+
+
+@pytest.mark.parametrize(
+    "absurd",
+    [
+        lambda: ChainOptions(play_widths=(0.01,) * 100_000),
+        lambda: ChainOptions(creep_times=(1e30,)),
+        lambda: C2SOptions(layers=1, hidden=10**9),
+        lambda: C2AOptions(layers=10**9, hidden=8),
+        lambda: LSTMOptions(hidden=10**9),
+        lambda: LSTMOptions(history_noise=math.nan),
+        lambda: replace(RECIPES["best"], correction=-1.0),
+        lambda: replace(RECIPES["best"], axis_weights=(("hold-", 1e30),)),
+    ],
+)
+def test_absurd_numbers_are_refused_where_they_are_given(absurd):
+    with pytest.raises(S2C2AError, match="asked for; take"):
+        absurd()
+
+
+def test_a_recipe_based_on_another_takes_nothing_of_its_forward_model_where_that_differs(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('based_on = "best"\n[c2s]\nmodel = "bilstm"\nlayers = 2\nhidden = 16\n')
+    assert load_recipe(path) == replace(RECIPES["best"], name="mine", c2s=C2SOptions(2, 16))
+
+
+def test_a_forward_model_in_a_file_beside_the_recipe_is_found_from_anywhere(tmp_path, monkeypatch):
+    file = tmp_path / "beside_model.py"
+    file.write_text((Path(__file__).parents[2] / "examples" / "extending" / "own_model.py").read_text())
+    (tmp_path / "mine.toml").write_text(
+        'based_on = "paper"\n[c2s]\nmodel = "beside_model.py:ArcsOptions"\nhidden = 5\n'
+    )
+    monkeypatch.chdir(tmp_path.parent)
+    mine = load_recipe(tmp_path / "mine.toml").c2s
+    assert (mine.model, mine.hidden) == (f"{file}:ArcsOptions", 5)

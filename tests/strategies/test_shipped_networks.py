@@ -17,8 +17,9 @@ PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}  # cm; README says 0.28 and 0
 @pytest.mark.parametrize(("name", "most"), PRESETS.items())
 def test_they_drive_the_circle(name, most):
     arm = load_arm(name)
-    run = rollout(SimulatedRobot(arm), s2c2a_strategy(shipped_networks(arm)), circle(arm))
-    assert np.mean(position_errors(run.states, run.task.wanted_positions())) < most
+    task = circle(arm)
+    run = rollout(SimulatedRobot(arm), s2c2a_strategy(shipped_networks(arm)), task)
+    assert np.mean(position_errors(run.after("states"), task.wanted_positions())) < most
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -12,7 +12,7 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import states_from_configurations
-from s2c2a.planning import Goal, PlannerOptions
+from s2c2a.planning import PAPER, Adam, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
@@ -42,7 +42,7 @@ def either(request):
 @pytest.fixture(scope="module")
 def simulated_pcc(simulated):
     """PCC for the arm that senses its true configuration."""
-    return pcc_strategy(simulated, PlannerOptions())
+    return pcc_strategy(simulated, PAPER)
 
 
 def moving_goals(steps: int = 20) -> list[Goal]:
@@ -59,12 +59,25 @@ def live(strategy, arm, goals, watched=True) -> np.ndarray:
     """Actions of a live session."""
     robot = SimulatedRobot(arm)
     actions, reading = [], robot.open()
-    hidden = {} if watched else {"states": None, "configurations": None}
-    strategy.start(replace(reading, **hidden))
+
+    def seen(reading):
+        return reading if watched else Reading(reading.time, {"cables": reading["cables"]})
+
+    strategy.start(seen(reading))
     for goal in goals:
-        actions.append(robot.send(strategy.step(replace(robot.read(), **hidden), goal)))
+        actions.append(robot.step(strategy.step(seen(robot.read()), goal)))
         assert strategy.sensed.shape == strategy.planned.shape == (3, 3)
     return np.array(actions)
+
+
+def changed(recording, **columns) -> Recording:
+    """The recording with other columns in every episode; None leaves one out."""
+
+    def one(episode):
+        every = {**episode.columns, **columns}
+        return replace(episode, columns={name: values for name, values in every.items() if values is not None})
+
+    return replace(recording, episodes=tuple(map(one, recording.episodes)))
 
 
 @pytest.fixture
@@ -111,8 +124,8 @@ def test_a_trained_strategy_drives_the_arm_within_its_limits(either, twin):
 
 
 def test_readings_that_are_no_numbers_are_refused_and_leave_no_trace(either, twin):
-    good = [Reading(0.1 * step, np.full((3, 3), 1e-3 * step)) for step in range(3)]
-    bad = Reading(0.1, np.full((3, 3), np.nan))
+    good = [Reading(0.1 * step, {"cables": np.full((3, 3), 1e-3 * step)}) for step in range(3)]
+    bad = Reading(0.1, {"cables": np.full((3, 3), np.nan)})
 
     def driven(with_a_bad_one):
         either.start(good[0])
@@ -147,11 +160,33 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
     robot = SimulatedRobot(twin)
     either.start(robot.open())
     for _ in range(8):
-        robot.send(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+        robot.step(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
     reading = robot.read()
     either.step(reading, REST)
-    np.testing.assert_allclose(either.sensed, estimator_for(twin)(reading.cables, None), atol=1e-6)
-    assert np.linalg.norm(either.sensed - reading.configurations, axis=-1).max() > 0.02
+    np.testing.assert_allclose(either.sensed, estimator_for(twin)(reading.sensors), atol=1e-6)
+    assert np.linalg.norm(either.sensed - reading["configurations"], axis=-1).max() > 0.02
+
+
+def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, twin):
+    """Its history holds the action that a limit let through, as if it had asked for it."""
+    reading, goal = SimulatedRobot(twin).open(), Goal.of(3).with_position([0.1, 0.0, 0.55])
+    after = []
+    for told in (False, True, True):
+        trained.start(reading)
+        trained.step(reading, goal)
+        if told:
+            trained.sent(0.5 * ArmGeometry.of(twin).action_high)
+        after.append(trained.step(reading, goal))
+    assert np.abs(after[0] - after[1]).max() > 1e-6
+    np.testing.assert_array_equal(after[1], after[2])
+
+
+def test_what_is_told_of_a_step_has_the_columns_of_an_episode(either, twin):
+    reading = SimulatedRobot(twin).open()
+    either.start(reading)
+    either.step(reading, REST)
+    told = {name: values.shape for name, values in either.told().items()}
+    assert told == {"sensed": (3, 3), "planned": (3, 3), "expected": (3, 6)}
 
 
 def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
@@ -169,9 +204,17 @@ def test_training_on_a_recording_cut_short_is_refused(recording, tiny_recipe):
 
 
 def test_training_without_true_states_is_refused(recording, tiny_recipe):
-    blind: Recording = replace(recording, states=np.full_like(recording.states, np.nan))
+    with pytest.raises(RecordingError, match="lacks 'states'"):
+        train_s2c2a(changed(recording, **{"sensor.states": None}), tiny_recipe, seed=0)
+    nan = np.full_like(recording.episodes[0].sensor("states"), np.nan)
     with pytest.raises(RecordingError, match="lacks true states"):
-        train_s2c2a(blind, tiny_recipe, seed=0)
+        train_s2c2a(changed(recording, **{"sensor.states": nan}), tiny_recipe, seed=0)
+
+
+def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe):
+    nan = np.full_like(recording.episodes[0].sensor("cables"), np.nan)
+    with pytest.raises(RecordingError, match="lacks the configurations that its arm senses"):
+        train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
 
 
 def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
@@ -192,7 +235,7 @@ def test_the_papers_recipe_has_the_papers_numbers():
     assert (paper.c2s.layers, paper.c2s.hidden, paper.c2a.layers, paper.c2a.hidden) == (4, 64, 2, 32)
     assert (paper.c2s_fit.learning_rate, paper.c2s_fit.batch_size) == (1e-3, 64)
     assert (paper.c2a_fit.learning_rate, paper.c2a_fit.batch_size) == (1e-3, 64)
-    assert (paper.planner.learning_rate, paper.planner.iterations, paper.planner.on_sphere) == (0.02, 10, True)
+    assert (paper.planner.solver, paper.planner.on_sphere) == (Adam(learning_rate=0.02, iterations=10), True)
     assert paper.history_noise > 0
 
 
@@ -206,14 +249,14 @@ def test_the_papers_recipe_has_nothing_of_the_best_ones():
 
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     best = recipe_named("best")
-    at_work = replace(best, name="other", planner=PlannerOptions(), correction=0.0, axis_weights=())
+    at_work = replace(best, name="other", planner=PAPER, correction=0.0, axis_weights=())
     assert at_work.training == best.training
     for change in ({"speeds": (0.03, 0.2)}, {"directions": False}, {"c2s": recipe_named("paper").c2s}):
         assert replace(best, **change).training != best.training
 
 
 def test_what_a_plan_leads_to_is_what_the_forward_model_says(twin):
-    strategy = pcc_strategy(twin, PlannerOptions())
+    strategy = pcc_strategy(twin, PAPER)
     with SimulatedRobot(twin) as robot:
         reading = robot.read()
         strategy.start(reading)

@@ -13,9 +13,9 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from s2c2a.arm import Cable
-from s2c2a.errors import StrategyError
-from s2c2a.networks import History
-from s2c2a.strategies import load_strategy, save_strategy
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.models import History
+from s2c2a.strategies import load_lstm, load_strategy, save_strategy
 
 
 def outputs(networks, seed=0) -> list[np.ndarray]:
@@ -50,15 +50,17 @@ def contents(path) -> tuple[dict, dict]:
 
 
 @pytest.fixture
-def rewrite(strategy_file, tmp_path):
-    """Writes the strategy file anew with other metadata or arrays; its path."""
+def rewrite(strategy_file, forged):
+    """Writes the strategy file anew with other metadata or arrays and a digest that fits; its path."""
 
     def write(metadata: dict | None = None, without: tuple = (), **arrays):
-        found, data = contents(strategy_file)
-        data = {key: value for key, value in (data | (metadata or {})).items() if key not in without}
-        kept = {name: value for name, value in (found | arrays).items() if name not in without}
-        save_file(kept, tmp_path / "changed.safetensors", metadata={"s2c2a": json.dumps(data)})
-        return tmp_path / "changed.safetensors"
+        def change(known, found):
+            known |= metadata or {}
+            found |= arrays
+            for name in without:
+                (known if name in known else found).pop(name)
+
+        return forged(strategy_file, change)
 
     return write
 
@@ -80,7 +82,7 @@ def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(saved, twin):
 
 def test_every_weight_and_scaling_comes_back(saved):
     loaded = load_strategy(saved[1])
-    before, after = (jax.tree.leaves((networks.c2s, networks.c2a)) for networks in (saved[0], loaded))
+    before, after = (jax.tree.leaves(networks.networks) for networks in (saved[0], loaded))
     assert len(before) > 20
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
@@ -109,16 +111,17 @@ def test_the_file_appears_whole_and_nothing_is_left_beside_it(tiny_networks, tmp
 
 def test_a_place_that_cannot_be_written_is_refused(tiny_networks, tmp_path):
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(StrategyError, match="cannot be written"):
+    with pytest.raises(S2C2AError, match="cannot write"):
         save_strategy(tiny_networks, tmp_path / "file" / "one.safetensors")
 
 
 def test_the_file_tells_its_schema_version_recipe_and_errors(strategy_file, tiny_networks):
     _, metadata = contents(strategy_file)
-    assert metadata["schema_version"] == 1
+    assert (metadata["schema_version"], metadata["kind"]) == (2, "s2c2a")
     assert metadata["version"]
-    assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", {"layers": 1, "hidden": 8})
-    assert metadata["recipe"]["planner"]["iterations"] == 10
+    c2s = {"model": "bilstm", "layers": 1, "hidden": 8}
+    assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", c2s)
+    assert metadata["recipe"]["planner"]["solver"]["iterations"] == 10
     assert metadata["percent"]["C2S"] == list(tiny_networks.percent["C2S"])
 
 
@@ -192,17 +195,35 @@ def test_a_file_of_another_program_is_refused(tmp_path):
         load_strategy(tmp_path / "other.safetensors")
 
 
-def test_another_schema_is_refused(rewrite):
-    with pytest.raises(StrategyError, match="schema 2, this version reads 1"):
-        load_strategy(rewrite({"schema_version": 2}))
+@pytest.mark.parametrize("schema", [1, 3])
+def test_another_schema_is_refused_and_how_to_make_the_file_again_said(rewrite, schema):
+    with pytest.raises(StrategyError, match=rf"schema {schema}, this version reads 2.*`s2c2a train`"):
+        load_strategy(rewrite({"schema_version": schema}))
 
 
+@pytest.mark.parametrize("key", ["s2c2a", "s2c2a-lstm"])
+@pytest.mark.parametrize("load", [load_strategy, load_lstm])
+def test_files_of_version_0_1_are_refused_with_how_to_make_them_again(tmp_path, key, load):
+    metadata = {"schema_version": 1, "version": "0.1.0", "arm": "", "recipe": {}, "seed": 0, "percent": {}}
+    save_file({"C2S.bias": np.zeros(3, np.float32)}, tmp_path / "old", metadata={key: json.dumps(metadata)})
+    with pytest.raises(StrategyError, match=r"0\.1; make it again with `s2c2a collect` and `s2c2a train`"):
+        load(tmp_path / "old")
+
+
+BILSTM = {"model": "bilstm", "layers": 1, "hidden": 8}
 WRONG_RECIPES = {
     "a word": "soup",
     "nothing": {},
-    "words for numbers": {"c2s": {"layers": "many", "hidden": 8}},
-    "no layer": {"c2s": {"layers": 0, "hidden": 8}},
-    "no hidden state": {"c2s": {"layers": 1, "hidden": 0}},
+    "words for numbers": {"c2s": BILSTM | {"layers": "many"}},
+    "no layer": {"c2s": BILSTM | {"layers": 0}},
+    "no hidden state": {"c2s": BILSTM | {"hidden": 0}},
+    "no model": {"c2s": {"layers": 1, "hidden": 8}},
+    "a model that is none": {"c2s": BILSTM | {"model": ["bilstm"]}},
+    "another model's numbers": {"c2s": BILSTM | {"model": "chain"}},
+    "a correction of NaN": {"correction": float("nan")},
+    "noise without end": {"history_noise": float("inf")},
+    "a weight of NaN": {"axis_weights": [["hold-", float("nan")]]},
+    "a year of training": {"c2s_fit": {"most_epochs": 10**9}},
     "fewer than none": {"c2a": {"layers": 1, "hidden": -8}},
     "no iteration": {"planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}},
     "no number": {"planner": {"learning_rate": "fast", "iterations": 10, "on_sphere": True}},
@@ -218,19 +239,21 @@ def test_an_impossible_recipe_is_refused(rewrite, strategy_file, recipe):
         load_strategy(rewrite({"recipe": known | recipe if isinstance(recipe, dict) else recipe}))
 
 
-def test_networks_larger_than_any_machine_holds_are_refused_and_not_built(rewrite, strategy_file):
+@pytest.mark.parametrize("size", [{"hidden": 10**9}, {"layers": 32, "hidden": 4096}])
+def test_networks_larger_than_any_machine_holds_are_refused_and_not_built(rewrite, strategy_file, size):
     """In a process of its own, since running out of memory ends it."""
-    huge = contents(strategy_file)[1]["recipe"] | {"c2s": {"layers": 4, "hidden": 10**9}}
+    huge = contents(strategy_file)[1]["recipe"] | {"c2s": BILSTM | size}
     load = "import sys; from s2c2a.strategies import load_strategy; load_strategy(sys.argv[1])"
     path = rewrite({"recipe": huge})
-    done = subprocess.run([sys.executable, "-c", load, str(path)], capture_output=True, text=True, timeout=60)
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30)); "
+    done = subprocess.run([sys.executable, "-c", limit + load, str(path)], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "StrategyError" in done.stderr.splitlines()[-1]
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, tiny_networks):
     """A file cannot make a controller speak other cables than its arm has."""
-    forged = {"[1].sum_and_range.high": np.full((3, 3), 9.0, np.float32), "[1].sum_and_range.unit": np.ones((3, 1))}
+    forged = {"C2A.sum_and_range.high": np.full((3, 3), 9.0, np.float32), "C2A.sum_and_range.unit": np.ones((3, 1))}
     loaded, layer = load_strategy(rewrite(**forged)), tiny_networks.c2a.sum_and_range
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.high, layer.high)
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.unit, layer.unit)
@@ -243,7 +266,7 @@ def test_what_follows_from_the_arm_is_no_part_of_the_file_of_a_chain(best_strate
     assert [name for name in names if ".body" in name] == []
 
 
-@pytest.mark.parametrize("name", ["[0].network.bias_head", "[1].network.layers[0][1].weight_hidden"])
+@pytest.mark.parametrize("name", ["C2S.network.bias_head", "C2A.network.layers[0][1].weight_hidden"])
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
         load_strategy(rewrite(without=(name,)))
@@ -252,19 +275,19 @@ def test_a_missing_array_is_refused_by_name(rewrite, name):
 
 def test_an_array_of_another_shape_is_refused(rewrite):
     with pytest.raises(StrategyError, match=r"bias_head of shape \(6,\)"):
-        load_strategy(rewrite(**{"[0].network.bias_head": np.zeros(7, np.float32)}))
+        load_strategy(rewrite(**{"C2S.network.bias_head": np.zeros(7, np.float32)}))
 
 
 def test_an_array_of_other_numbers_is_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(rewrite(**{"[0].network.bias_head": np.zeros(6, np.int32)}))
+        load_strategy(rewrite(**{"C2S.network.bias_head": np.zeros(6, np.int32)}))
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_weights_that_are_not_finite_are_refused(rewrite, value):
-    """They would drive the arm with NaN."""
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e20, -1e7])
+def test_weights_that_are_not_finite_or_absurd_are_refused(rewrite, value):
+    """They would drive the arm with NaN, or to its limits at once."""
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(rewrite(**{"[0].network.bias_head": np.full(6, value, np.float32)}))
+        load_strategy(rewrite(**{"C2S.network.bias_head": np.full(6, value, np.float32)}))
 
 
 @pytest.mark.parametrize("key", ["arm", "recipe", "seed", "percent"])
@@ -275,8 +298,8 @@ def test_metadata_that_lack_a_key_are_refused(rewrite, key):
 
 @pytest.mark.parametrize("metadata", ["[1]", "{", "null", '"paper"'])
 def test_metadata_of_another_form_are_refused(strategy_file, tmp_path, metadata):
-    save_file(contents(strategy_file)[0], tmp_path / "odd", metadata={"s2c2a": metadata})
-    with pytest.raises(StrategyError):
+    save_file(contents(strategy_file)[0], tmp_path / "odd", metadata={"s2c2a": metadata, "digest": "0" * 64})
+    with pytest.raises(StrategyError, match="damaged"):
         load_strategy(tmp_path / "odd")
 
 
@@ -285,18 +308,65 @@ def test_an_arm_that_cannot_be_read_is_refused(rewrite):
         load_strategy(rewrite({"arm": "name ="}))
 
 
-def test_a_bit_that_flips_in_the_header_never_ends_in_another_error(strategy_file, tmp_path):
-    """The file is read, or refused as a strategy; of 150 places tried."""
-    whole = strategy_file.read_bytes()
-    random, length, foreign = np.random.default_rng(0), int.from_bytes(whole[:8], "little"), []
-    for place in random.integers(0, 8 + length, 150):
+@pytest.mark.parametrize("kind", ["strategy_file", "best_strategy_file"])
+def test_a_byte_that_changes_anywhere_is_noticed(request, tmp_path, kind):
+    """Of 300 places, half of them in the header: refused as a strategy, and with no other error."""
+    whole = request.getfixturevalue(kind).read_bytes()
+    random, length = np.random.default_rng(0), int.from_bytes(whole[:8], "little")
+    places = np.concatenate([random.integers(0, 8 + length, 150), random.integers(8 + length, len(whole), 150)])
+    for place in places:
         flipped = bytearray(whole)
-        flipped[place] ^= 1 << int(random.integers(8))
+        flipped[place] ^= int(random.integers(1, 256))
         (tmp_path / "flipped").write_bytes(flipped)
-        try:
+        with pytest.raises(StrategyError):
             load_strategy(tmp_path / "flipped")
-        except StrategyError:
-            continue
-        except Exception as error:
-            foreign.append((int(place), type(error).__name__))
-    assert foreign == []
+
+
+def test_a_file_with_bytes_more_than_it_says_is_refused(strategy_file, tmp_path):
+    (tmp_path / "longer").write_bytes(strategy_file.read_bytes() + b"\0")
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(tmp_path / "longer")
+
+
+def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
+    with open(tmp_path / "large", "wb") as file:
+        file.truncate(10**12)  # holds nothing: a hole on the disk
+    with pytest.raises(StrategyError, match="larger than 200 MB"):
+        load_strategy(tmp_path / "large")
+
+
+def test_a_header_too_large_and_arrays_too_many_are_refused(rewrite, tmp_path):
+    (tmp_path / "header").write_bytes((10**8).to_bytes(8, "little") + b" " * 100)
+    with pytest.raises(StrategyError, match="header"):
+        load_strategy(tmp_path / "header")
+    with pytest.raises(StrategyError, match="arrays"):
+        load_strategy(rewrite(**{f"more{number}": np.zeros(1, np.float32) for number in range(10_001)}))
+
+
+@pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros(3), np.full((3, 3), np.nan)])
+def test_a_learning_curve_that_cannot_be_drawn_is_refused(rewrite, curve):
+    with pytest.raises(StrategyError, match="curve"):
+        load_strategy(rewrite(**{"curve.C2S": curve}))
+
+
+@pytest.mark.parametrize("without", ["curve.C2S", "curve.C2A"])
+def test_a_file_without_its_curves_is_refused(rewrite, without):
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(rewrite(without=(without,)))
+
+
+@pytest.mark.parametrize("percent", [{}, {"C2S": [1.0, 1.0]}, {"C2S": [float("nan"), 1.0], "C2A": [1.0, 1.0]}])
+def test_held_out_errors_that_are_missing_or_no_numbers_are_refused(rewrite, percent):
+    with pytest.raises(StrategyError, match="damaged"):
+        load_strategy(rewrite({"percent": percent}))
+
+
+def test_no_module_is_imported_because_a_file_names_it(rewrite, strategy_file, tmp_path, monkeypatch):
+    (tmp_path / "trap.py").write_text("raise SystemExit('the file was believed')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    recipe = contents(strategy_file)[1]["recipe"]
+    for name in ("trap:Anything", "trap.py:Anything", "trap"):
+        with pytest.raises(StrategyError, match="none is run because a file says so"):
+            load_strategy(rewrite({"recipe": recipe | {"c2s": {"model": name}}}))
+    assert "trap" not in sys.modules

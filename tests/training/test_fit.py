@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Array
 
 from s2c2a.errors import TrainingError
-from s2c2a.training import FitOptions, fit
+from s2c2a.training import FitOptions, Fixed, fit
 
 TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
 KEY = jax.random.key(0)
@@ -158,6 +158,21 @@ def test_a_stopped_gradient_keeps_what_it_guards():
     assert result.curve[-1, 2] < result.curve[0, 2]
 
 
+def test_a_part_that_is_fixed_by_type_is_left_alone():
+    class Unit(Fixed):
+        scale: Array
+
+    class Scaled(Line):
+        unit: Unit
+
+    def loss(model, batch, key):
+        return squared(Line(model.weights * model.unit.scale), batch, key)
+
+    result = fitted(loss=loss, network=Scaled(jnp.zeros((2, 2)), Unit(jnp.array(1.5))))
+    assert result.network.unit.scale == 1.5
+    assert result.curve[-1, 2] < result.curve[0, 2]
+
+
 def test_fewer_samples_than_one_batch_are_refused():
     with pytest.raises(TrainingError, match=r"15 training samples.*16.*collect more"):
         fitted(training=data(15, 0))
@@ -175,8 +190,17 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"epochs_per_call": 0}, {"most_epochs": 0}, {"batch_size": 0}, {"learning_rate": -1.0}]
+    "wrong",
+    [
+        {"epochs_per_call": 0},
+        {"most_epochs": 0},
+        {"most_epochs": 10**9},
+        {"batch_size": 0},
+        {"learning_rate": -1.0},
+        {"learning_rate": np.nan},
+        {"learning_rate": np.inf},
+    ],
 )
 def test_options_that_cannot_train_are_refused(wrong):
-    with pytest.raises(TrainingError, match="at least 1"):
+    with pytest.raises(TrainingError, match="was asked for; take"):
         FitOptions(**wrong)

@@ -65,6 +65,27 @@ def make_trace():
 
 
 @pytest.fixture
+def straight() -> np.ndarray:
+    """States (modules, 6) of the straight arm."""
+    states = np.zeros((3, 6))
+    states[:, 2], states[:, 5] = (0.2, 0.4, 0.6), 1.0
+    return states
+
+
+@pytest.fixture
+def tip_is_below():
+    """Whether a picture has the red module below the blue one; it must have both."""
+
+    def look(pixels: np.ndarray) -> bool:
+        red, _, blue = places = np.moveaxis(pixels[..., :3] / np.float64(pixels.max()), -1, 0)
+        tip, base = (np.argwhere(one - np.delete(places, k, 0).max(axis=0) > 0.25) for k, one in ((0, red), (2, blue)))
+        assert min(len(tip), len(base)) > 100
+        return bool(tip[:, 0].mean() > base[:, 0].mean() + 20)
+
+    return look
+
+
+@pytest.fixture
 def arm(make_arm) -> ArmSpec:
     """Three modules of three cables."""
     return make_arm()

@@ -3,7 +3,7 @@ import pytest
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.viz import arm_figure
-from s2c2a.viz.arm_side import SideScale
+from s2c2a.viz.arm_side import SideView
 from s2c2a.viz.arm_table import spread
 from s2c2a.viz.cross_section import kinds_of_module
 
@@ -39,12 +39,26 @@ def test_twenty_kinds_of_module_get_twenty_cross_sections(make_module, tmp_path)
     assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
 
 
-def test_the_side_view_holds_the_whole_arm_at_equal_scale(make_arm):
-    arm = make_arm()
-    scale = SideScale.of(arm, width=2.9, height=4.2)
-    assert scale.low < 0 < arm.length < scale.high
-    assert scale.high - scale.low == pytest.approx(4.2 * scale.per_inch)
-    assert 2 * scale.half_width == pytest.approx(2.9 * scale.per_inch)
+SIZE = np.array([2.9, 4.2])
+MOUNTS = [
+    ((0, 0, -1), (0, 1)),
+    ((0, 0, 0), (0, 1)),
+    ((0, 0, 1), (0, -1)),
+    ((1, 0, 0), (1, 0)),
+    ((0, 0.8, -0.6), (1, 0)),
+]
+
+
+@pytest.mark.parametrize(("gravity", "way"), MOUNTS)
+def test_the_side_view_shows_the_arm_as_it_is_mounted_whole_and_to_scale(make_arm, gravity, way):
+    arm = make_arm(gravity_direction=gravity)
+    view = SideView.of(arm, SIZE[1])
+    base, tip = view.at([0.0, arm.length])
+    np.testing.assert_allclose(tip - base, np.array(way) * arm.length / view.per_inch, atol=1e-9)
+    corners = view.at([0.0, 0.0, arm.length, arm.length], 0.027 * np.array([-1, 1, -1, 1]))
+    assert (corners > 0).all()
+    assert (corners < SIZE).all()
+    np.testing.assert_allclose(np.linalg.norm(corners[1] - corners[0]) * view.per_inch, 2 * 0.027)
 
 
 def test_rows_are_spread_apart_without_leaving_the_table_or_their_order():

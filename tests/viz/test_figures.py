@@ -48,14 +48,37 @@ def test_a_run_of_another_arm_is_refused_and_nothing_is_written(make_arm, traces
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, tmp_path):
-    assert is_png(recording_figure(make_trace().states, tmp_path / "cloud.png"))
+def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, arm, tmp_path):
+    assert is_png(recording_figure(make_trace().states, arm, tmp_path / "cloud.png"))
+
+
+def drawn(axes, point) -> np.ndarray:
+    """Where a point of the base frame is on paper, up and to the right being positive."""
+    x, y = (point["xyz".index(label[0])] for label in (axes.get_xlabel(), axes.get_ylabel()))
+    return axes.transData.transform((x, y))
+
+
+@pytest.mark.parametrize(
+    ("gravity", "way"),
+    [((0, 0, -1), (0, 1)), ((0, 0, 0), (0, 1)), ((0, 0, 1), (0, -1)), ((1, 0, 0), (1, 0)), ((0, -0.8, 0.6), (1, 0))],
+)
+def test_a_recording_is_drawn_as_its_arm_is_mounted(make_arm, make_trace, tmp_path, monkeypatch, gravity, way):
+    figures = []
+    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path: figures.append(figure))
+    recording_figure(make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png")
+    side, above = figures[0].axes
+    for axes, expected in ((side, way), (above, (way[0], 0))):
+        if any(expected):
+            apart = drawn(axes, (0.0, 0.0, 0.6)) - drawn(axes, (0.0, 0.0, 0.0))
+            np.testing.assert_allclose(apart / np.abs(apart).max(), expected, atol=1e-9)
+        else:
+            assert "z" not in axes.get_xlabel() + axes.get_ylabel()
 
 
 @pytest.mark.parametrize("shape", [(10, 6), (10, 3, 3), (0, 3, 6)])
-def test_a_recording_of_the_wrong_shape_is_refused(shape, tmp_path):
+def test_a_recording_of_the_wrong_shape_is_refused(shape, arm, tmp_path):
     with pytest.raises(S2C2AError, match="samples, modules, 6"):
-        recording_figure(np.zeros(shape), tmp_path / "cloud.png")
+        recording_figure(np.zeros(shape), arm, tmp_path / "cloud.png")
 
 
 def test_learning_curves_are_drawn_from_rows_of_numbers_or_of_text(tmp_path):

@@ -114,6 +114,16 @@ def test_the_arm_is_seen_in_the_colours_of_its_modules(chromium, page, tmp_path,
         assert seen > least  # pixels; a grey arm among coloured paths has too few of green or blue
 
 
+@pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 1), True)])
+def test_the_tip_of_a_hanging_arm_is_below_its_base(
+    chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below
+):
+    still = Trace.without_target("recorded", [0.0], straight[None])
+    page = replay_page([still], make_arm(gravity_direction=gravity), "still", tmp_path / "page.html")
+    chromium(page, f"--screenshot={tmp_path / 'page.png'}")
+    assert tip_is_below(imread(tmp_path / "page.png")[60:690, :900]) == below
+
+
 def test_keys_step_play_and_choose(chromium, page):
     data = body_data(chromium(with_script(page, KEYS), "--dump-dom"))
     assert "error" not in data

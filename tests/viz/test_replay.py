@@ -9,6 +9,7 @@ import pytest
 from s2c2a import viz
 from s2c2a.errors import S2C2AError
 from s2c2a.viz import Trace, replay_page
+from s2c2a.viz.mesh import ArmMesh, frames_of
 
 NASTY = '</script><script>alert("x")</script>&{{data}}<!--'
 
@@ -68,17 +69,40 @@ def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(write_page, ma
     data = data_of(write_page([make_trace(wanted_positions=wanted, states=states)]))["traces"][0]
     assert list(data["wanted"]) == ["2"]
     assert [step for step, point in enumerate(data["wanted"]["2"]) if point is None] == [5, 6, 7, 8]
-    assert set(data["states"][7]) == {None}
+    assert [step for step, frames in enumerate(data["frames"]) if frames is None] == [7]
     assert [step for step, error in enumerate(data["errors"]) if error is None] == [5, 6, 7, 8]
 
 
 def test_every_step_travels_to_a_tenth_of_a_millimetre(write_page, make_trace):
     trace = make_trace()
     data = data_of(write_page([trace]))["traces"][0]
-    assert len(data["states"]) == len(data["times"]) == 200
-    shown = np.array(data["states"]).reshape(200, 3, 6) / 10_000
-    np.testing.assert_allclose(shown, trace.states, atol=0.51e-4)
+    assert len(data["frames"]) == len(data["times"]) == 200
+    shown = np.array(data["frames"]).reshape(200, 3, 9) / 10_000  # position, x axis, z axis
+    np.testing.assert_allclose(shown[..., [0, 1, 2, 6, 7, 8]], trace.states, atol=0.51e-4)
     np.testing.assert_allclose(np.array(data["errors"]) / 1e6, trace.position_errors, atol=0.51e-6)
+
+
+def test_the_page_can_lay_the_surface_from_what_it_is_told(write_page, make_trace, arm):
+    """As page/arm.js does it: a section lies between the frames at its module's ends, an outline in the section."""
+    data, states = data_of(write_page([make_trace()])), make_trace().states[40]
+    frames = frames_of(np.array(data["traces"][0]["frames"][40]).reshape(3, 9)[:, [0, 1, 2, 6, 7, 8]] / 10_000)
+    places, x, y = [], [], []
+    for module, start, slope, end, end_slope, share, radius in data["mesh"]["sections"]:
+        near, far = frames[int(module) : int(module) + 2]
+        places.append(start * near[0] + slope * near[3] + end * far[0] + end_slope * far[3])
+        across, along = ((1 - share) * near[k] + share * far[k] for k in (1, 3))
+        x.append(radius * across / np.linalg.norm(across))
+        y.append(np.cross(along / np.linalg.norm(along), x[-1]))
+    places, x, y = (np.array(values)[:, None] for values in (places, x, y))
+    for piece, expected in zip(data["mesh"]["pieces"], ArmMesh(arm).vertices(states), strict=True):
+        got = [
+            places[slice(*tube)]
+            + np.array(outline)[:, :1] * x[slice(*tube)]
+            + np.array(outline)[:, 1:] * y[slice(*tube)]
+            for tube in piece["tubes"]
+            for outline in piece["outlines"]
+        ]
+        np.testing.assert_allclose(np.concatenate(got).reshape(-1, 3), expected, atol=2e-4)
 
 
 def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(write_page, make_trace):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from s2c2a.viz.body import Body
-from s2c2a.viz.video import SIZE, save_video
+from s2c2a.viz import Trace
+from s2c2a.viz.video import SIZE, Studio, save_video
 
 
 def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
@@ -27,11 +27,21 @@ def test_a_run_becomes_a_film_where_ffmpeg_is_found(make_trace, arm, tmp_path):
     assert save_video(make_trace(), arm, tmp_path / "run").suffix == ".mp4"
 
 
-def test_the_body_is_closed_and_faces_outwards(make_trace, arm):
-    body, states = Body(arm), make_trace().states[0]
-    shape = body.shape(states)
-    for vertices, faces in ((shape.discs, body.disc_faces), (shape.modules[0], body.tube_faces)):
-        a, b, c = np.swapaxes(vertices[faces], 0, 1)
-        assert np.einsum("fk,fk->", a, np.cross(b, c)) > 0  # six times the volume
-    np.testing.assert_allclose(shape.discs[-1], states[-1, :3], atol=0.01)
-    np.testing.assert_allclose(shape.modules[-1].reshape(-1, 20, 3)[-1].mean(axis=0), states[-1, :3], atol=1e-6)
+@pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 0), False), ((0, 0, 1), True)])
+def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(make_arm, straight, tip_is_below, gravity, below):
+    studio, trace = Studio(make_arm(gravity_direction=gravity)), Trace.without_target("s2c2a", [0.0], straight[None])
+    assert tip_is_below(np.array(studio.frame(trace, 0))) == below
+    rows = studio.places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
+    assert (rows[1] > rows[0] + 200) == below  # rows are counted from the top
+
+
+def test_a_lying_arm_is_filmed_level_and_from_beside_it(make_arm):
+    for gravity in ((1, 0, 0), (0, -1, 0), (-0.6, 0.8, 0)):
+        base, tip = Studio(make_arm(gravity_direction=gravity)).places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))
+        assert tip[0] - base[0] > 3 * abs(tip[1] - base[1])
+
+
+def test_an_arm_that_is_not_seen_is_not_painted(make_trace, arm):
+    unseen = make_trace(states=np.full((200, 3, 6), np.nan))
+    red, green, blue = np.moveaxis(np.array(Studio(arm).frame(unseen, 5), dtype=int), -1, 0)
+    assert np.sum(red - np.maximum(green, blue) > 40) == 0

@@ -1,7 +1,6 @@
 """Arm files: TOML in and out, with errors that name the key."""
 
 import os
-import tomllib
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -10,8 +9,10 @@ from pydantic import ValidationError
 
 from s2c2a.arm.presets import preset_names, preset_text
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
-from s2c2a.errors import ArmError
-from s2c2a.files import written_whole
+from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.files import read_text, toml_in, written_whole
+
+MOST_FAULTS, LONGEST_NAME, LONGEST_SAID = 20, 64, 400  # told, of a file that may be all faults
 
 
 def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
@@ -28,11 +29,7 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             f"no arm '{name_or_path}': it is neither a preset ({', '.join(preset_names())}) nor a file; "
             "check the path, or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArmError(f"{path}: cannot be read as UTF-8 text: {error}") from error
-    return arm_from_toml(text, source=str(path))
+    return arm_from_toml(read_text(path, ArmError), source=str(path))
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
@@ -42,9 +39,9 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
         ArmError: broken TOML, unknown key, impossible value.
     """
     try:
-        return ArmSpec.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ArmError(f"{source}: not valid TOML: {error}; mend that place or start again from a preset") from error
+        return ArmSpec.model_validate(toml_in(text))
+    except S2C2AError as error:
+        raise ArmError(f"{source}: {error}; mend that place or start again from a preset") from error
     except ValidationError as error:
         raise ArmError(_explain(error, source)) from error
 
@@ -76,15 +73,15 @@ def _explain(error: ValidationError, source: str) -> str:
     # where every module is faulty, pydantic adds that none is left: true, and no help
     faults = [fault for fault in faults if not (inside and fault["loc"] == ("modules",))]
     lines = [f"{source}: {len(faults)} fault(s) in the arm description (modules count from 0, at the base)"]
-    for fault in faults:
-        key = ".".join(str(part) for part in fault["loc"]) or "arm"
-        lines.append(f"  {key}: {_said(fault)}{_got(fault)}{_hint(fault)}")
+    for fault in faults[:MOST_FAULTS]:
+        key = ".".join(str(part)[:LONGEST_NAME] for part in fault["loc"]) or "arm"
+        lines.append(f"  {key}: {_said(fault)[:LONGEST_SAID]}{_got(fault)}{_hint(fault)}")
     return "\n".join(lines)
 
 
 def _said(fault) -> str:
     if fault["type"] == "extra_forbidden":
-        near = get_close_matches(str(fault["loc"][-1]), _known_keys(), n=1)
+        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], _known_keys(), n=1)
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     if fault["type"] == "missing":
         return "this key is missing"
@@ -97,7 +94,7 @@ def _known_keys() -> list[str]:
 
 def _got(fault) -> str:
     simple = isinstance(fault["input"], int | float | bool | list | tuple) and fault["type"] != "value_error"
-    return f" (got {fault['input']!r})" if simple else ""
+    return f" (got {fault['input']!r:.{LONGEST_SAID}})" if simple else ""
 
 
 def _hint(fault) -> str:

@@ -70,6 +70,8 @@ def _allowed(form: dict) -> str:
     if low is not None:
         whole = "whole, " if form["type"] == "integer" else ""
         return f"{whole}{low:.10g} to {high:.10g}"
+    if "allowed" in form:
+        return form["allowed"]
     if "enum" in form:
         return " or ".join(f'"{one}"' for one in form["enum"])
     if form["type"] == "array":

@@ -1,5 +1,6 @@
 """The description of an arm: frozen values, checked when built."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -56,7 +57,7 @@ class Module(_Frozen):
         Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
     ]
     cable_angles_deg: Annotated[
-        tuple[Number, ...],
+        tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...],
         Field(min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"),
     ]
     mass: Annotated[Number, _between(0.0005, 10, "kg", "mass")]
@@ -115,11 +116,15 @@ class ArmSpec(_Frozen):
     description: Annotated[str, Field(description="a line about it")] = ""
     actuation: Annotated[Literal["displacement", "tension"], Field(description="what its motors are told")]
     sensing: Annotated[
-        Literal["encoders", "true"],
-        Field(description="what tells how modules bend: the motors' encoders, or something that sees it"),
+        str,
+        Field(
+            pattern=r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$",
+            description="what tells how modules bend: the motors' encoders, something that sees it, or your own",
+            json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
+        ),
     ] = "encoders"
     sensing_coupling: Annotated[
-        tuple[tuple[Number, ...], ...] | None,
+        tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None,
         Field(description="how much a module's sensor, one row each, takes in of each module's configuration [1]"),
     ] = None
     coupled_cables: Annotated[
@@ -130,7 +135,16 @@ class ArmSpec(_Frozen):
         Field(description="down, z along the straight arm: [0, 0, -1] stands, [0, 0, 1] hangs, [0, 0, 0] none"),
     ] = (0.0, 0.0, -1.0)
     control_rate: Annotated[Number, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
-    step_limit_deg: Annotated[Number, _between(0.01, 90, "deg", "largest change of a plan, per module and step")] = 4.0
+    step_limit_deg: Annotated[
+        Number, _between(0.01, 90, "deg", "largest change of a plan and of a command, per module and step")
+    ] = 4.0
+    acceleration_limit_deg: (
+        Annotated[
+            Number,
+            _between(0.001, 180, "deg", "largest change of that change; as large if none"),
+        ]
+        | None
+    ) = None
     motor: Motor = Motor()
     modules: Annotated[
         tuple[Module, ...],
@@ -151,7 +165,7 @@ class ArmSpec(_Frozen):
         return self
 
     def _check_gravity(self):
-        norm = sum(value**2 for value in self.gravity_direction) ** 0.5
+        norm = math.hypot(*self.gravity_direction)
         if norm != 0 and abs(norm - 1) > 1e-3:
             raise ValueError(
                 f"gravity_direction {list(self.gravity_direction)} has length {norm:.3g}; give a unit vector in the "

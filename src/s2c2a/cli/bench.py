@@ -1,97 +1,200 @@
 """`s2c2a bench`: how fast it is here."""
 
+import os
+import platform
+import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, NamedTuple
 
-import tyro
-
-from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.console import Arm, print_table
+from s2c2a.cli.first_action import driver_of
 
 if TYPE_CHECKING:
-    from s2c2a.bench.options import BenchOptions
-    from s2c2a.bench.parts import Part
-    from s2c2a.bench.report import Report
+    from s2c2a.arm import ArmSpec
+    from s2c2a.kinematics import ForwardModel
+    from s2c2a.robots.simulation import SimulatedRobot
+    from s2c2a.spaces import Actions
+    from s2c2a.strategies import Strategy
+    from s2c2a.tasks import Task
 
-PartName = Literal[
-    "startup", "plan", "batch", "step", "profile", "jitter", "collect", "training", "simulation", "rods", "growth"
-]
 QUIET_LOAD = 0.5
-Parts = tyro.conf.Positional[Annotated[tuple[PartName, ...], tyro.conf.arg(metavar="[PART ...]")]]
+REPEATS, SECONDS_SIMULATED, STARTS = 1000, 50, 5
+WARM_UP = 10  # one call in so many is made before and not counted
+ASKED = {
+    "a plan": 1.3e-3,
+    "a tick": 2e-3,
+    "a later start": 3.0,
+    "a simulated second, fast": 4e-3,
+    "a simulated second, accurate": 40e-3,
+}
+"""What the project holds itself to on `twin_arm` and two cores of a common server: medians [s] (docs/benchmarks.md)."""
 
 
-def bench(
-    parts: Parts = (),
-    arm: Arm = "twin_arm",
-    seed: int = 0,
-    repeats: int = 1000,
-    long_repeats: int = 5,
-    ticks: int = 10_000,
-    memory_ticks: int = 100_000,
-    device: Literal["cpu", "gpu"] = "cpu",
-    quick: bool = False,
-    whole_torch: bool = False,
-    out: Path | None = None,
-    overwrite: bool = False,
-) -> None:
-    """Time everything here: medians, 99th percentiles, and ratios within one run. Leave the machine alone meanwhile.
+class Figure(NamedTuple):
+    """What was timed, and how long each time took [s]."""
+
+    what: str
+    seconds: Sequence[float]
+
+    def percentile(self, share: float) -> float:
+        """So many of a hundred times are shorter [s]."""
+        import numpy as np
+
+        return float(np.percentile(self.seconds, share))
+
+
+def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
+    """Time a plan, a tick, a second start and a second of simulation. Leave the machine alone meanwhile.
 
     Args:
-        parts: which parts; all if none is named (docs/benchmarks.md says what each measures).
-        arm: a preset or an arm file.
-        seed: of data, networks and whatever else is random.
-        repeats: of what takes milliseconds.
-        long_repeats: of what takes seconds.
-        ticks: at 100 Hz with a real clock.
-        memory_ticks: while memory is watched.
-        device: that JAX computes on; a GPU suits the parts batch and training.
-        quick: a twentieth of all repeats and ticks, few sizes, few epochs: a look, not a result.
-        whole_torch: let PyTorch train as many epochs as we do, instead of one for every call of ours.
-        out: the run folder; one with the time in its name if not stated.
-        overwrite: replace the run folder if it exists.
+        arm: a preset, driven by the networks that come with the package, or an arm file, driven by PCC.
+        out: a file for the figures, as JSON; replaced if it exists.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.bench.figure import draw_growths
-    from s2c2a.bench.lines import options_to_json
-    from s2c2a.bench.options import BenchOptions
-    from s2c2a.bench.report import Report
-    from s2c2a.bench.runner import chosen
-    from s2c2a.experiments.run_folder import open_run_folder
 
-    options = BenchOptions(load_arm(arm), seed, repeats, long_repeats, ticks, memory_ticks, device, whole=whole_torch)
-    options = options.quicker() if quick else options
-    wanted = chosen(parts)
-    folder = open_run_folder(out, "bench", options_to_json(options) | {"parts": parts}, overwrite)
-    report = Report(folder / "bench.json", options)
-    if report.load > QUIET_LOAD:
-        print(f"this machine is busy (load {report.load:.1f}): times will be too long, and limits missed for it")
-    for part in wanted:
-        _measure(part, options, report)
-    if report.growths():
-        print(f"figure: {draw_growths(report.growths(), folder / 'growth.png')}")
-    _sum_up(report)
+    spec, load = load_arm(arm), os.getloadavg()[0]
+    if load > QUIET_LOAD:
+        print(f"this machine is busy (load {load:.1f}): times will be too long")
+    asked = ASKED if spec.same_body(load_arm("twin_arm")) else {}
+    figures = [*control_times(spec), *simulation_times(spec), Figure("a later start", start_times(arm))]
+    rows = [_cells(figure, asked.get(figure.what)) for figure in figures]
+    print_table(f"{spec.name} on this machine", ("what", "median", "99th percentile", "at most"), rows)
+    machine = _machine()
+    print("; ".join(f"{name} {value}" for name, value in machine.items()))
+    if out:
+        print(f"kept in {_save(out, spec, figures, asked, machine | {'load': load})}")
 
 
-def _measure(part: "Part", options: "BenchOptions", report: "Report") -> None:
-    """Measure one part, then print its table, whatever ended it."""
-    from s2c2a.bench.runner import lines_of
-    from s2c2a.bench.table import HEADER, table_rows
+def control_times(arm: "ArmSpec") -> Iterator[Figure]:
+    """Plans around the circle, each from the last, and whole ticks (sense, plan, act) on the readings of a run."""
+    from s2c2a.tasks import circle
 
-    section = report.begin(part)
-    try:
-        with progress_bar() as progress:
-            for line in lines_of(part, options, progress):
-                report.add(part, line)
-    finally:
-        title = f"{part.name}: {part.about} ({part.cores} core(s))"
-        print_table(title, HEADER, table_rows(section.lines))
-        print(f"kept in {report.path}")
+    model, strategy = driver_of(arm)
+    task = circle(arm)
+    yield Figure("a plan", times_of(_planning(arm, model, task), REPEATS))
+    yield Figure("a tick", times_of(_ticking(arm, strategy, task), REPEATS))
 
 
-def _sum_up(report: "Report") -> None:
-    """What missed its limit, and what failed; a failure is the command's."""
-    if missed := report.missed():
-        print("missed: " + "; ".join(missed))
-    if failed := report.failed():
-        print(f"failed: {', '.join(failed)}; the message stands in the table")
-        sys.exit(1)
+def simulation_times(arm: "ArmSpec") -> Iterator[Figure]:
+    """A second of the arm's time while it babbles, in every fidelity."""
+    from s2c2a.arm import ArmGeometry
+    from s2c2a.data import episode_actions
+    from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+
+    steps = max(1, round(arm.control_rate))
+    actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
+    for fidelity in FIDELITIES:
+        with SimulatedRobot(arm, fidelity) as robot:
+            seconds = times_of(partial(_send_all, robot, actions), SECONDS_SIMULATED)
+        yield Figure(f"a simulated second, {fidelity}", seconds / (steps * arm.control_period))
+
+
+def start_times(arm: str, starts: int = STARTS) -> list[float]:
+    """From the start of a process to its first action [s], with what an earlier start has compiled.
+
+    Raises:
+        S2C2AError: a process ended before it acted.
+    """
+    return [_start(arm) for _ in range(1 + starts)][1:]
+
+
+def times_of(call: Callable[[], object], repeats: int):
+    """How long a call takes, again and again [s], shape (repeats,)."""
+    import numpy as np
+
+    for _ in range(-(-repeats // WARM_UP)):
+        call()
+    ends = [time.perf_counter()]
+    for _ in range(repeats):
+        call()
+        ends.append(time.perf_counter())
+    return np.diff(ends)
+
+
+def _planning(arm: "ArmSpec", model: "ForwardModel", task: "Task") -> Callable[[], object]:
+    import jax
+    import numpy as np
+
+    from s2c2a.planning import Planner
+    from s2c2a.strategies import recipe_named
+
+    planner = Planner(arm, model, recipe_named("best").planner)
+    plan, goals = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))), cycle(task.goals)
+
+    def call() -> None:
+        nonlocal plan
+        plan = jax.block_until_ready(planner.plan(plan, plan.configurations, next(goals)))
+
+    return call
+
+
+def _ticking(arm: "ArmSpec", strategy: "Strategy", task: "Task") -> Callable[[], object]:
+    from s2c2a.robots.simulation import SimulatedRobot
+
+    with SimulatedRobot(arm) as robot:
+        readings = [robot.read()]
+        strategy.start(readings[0])
+        for goal in task.goals:
+            robot.step(strategy.step(readings[-1], goal))
+            readings.append(robot.read())
+    strategy.start(readings[0])
+    steps = cycle(zip(readings, task.goals, strict=False))
+    return lambda: strategy.step(*next(steps))
+
+
+def _send_all(robot: "SimulatedRobot", actions: "Actions") -> None:
+    for action in actions:
+        robot.step(action)
+
+
+def _start(arm: str) -> float:
+    from s2c2a.errors import S2C2AError
+
+    began = time.perf_counter()
+    command = [sys.executable, "-m", "s2c2a.cli.first_action", arm]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        said = process.stdout.readline() if process.stdout else ""
+        took = time.perf_counter() - began
+        complaint = process.communicate()[1]
+    if not said:
+        raise S2C2AError(f"the start of '{arm}' in a process of its own failed: {complaint[-500:]}")
+    return took
+
+
+def _cells(figure: Figure, asked: float | None) -> tuple[str, ...]:
+    return figure.what, *(_time(figure.percentile(share)) for share in (50, 99)), _time(asked) if asked else ""
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.2f} ms"
+
+
+def _machine() -> dict[str, object]:
+    """What figures depend on: the machine, and versions."""
+    from s2c2a.executors import all_cores
+    from s2c2a.versions import versions
+
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    processor = (models or [platform.processor()])[0]
+    return {"processor": processor, "cores": all_cores(), "system": platform.platform(), **versions()}
+
+
+def _save(path: Path, arm: "ArmSpec", figures: Sequence[Figure], asked: dict[str, float], machine: dict) -> Path:
+    import json
+
+    from s2c2a.files import save_whole
+
+    told = [
+        {"what": each.what, "median": each.percentile(50), "percentile_99": each.percentile(99)}
+        | {"repeats": len(each.seconds), "at_most": asked.get(each.what)}
+        for each in figures
+    ]
+    content = {"arm": arm.model_dump(mode="json"), "machine": machine, "seconds": told}
+    return save_whole(json.dumps(content, indent=1), path)

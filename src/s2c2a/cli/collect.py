@@ -2,10 +2,16 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
-from s2c2a.cli.crews import Address, crew_for
+from s2c2a.cli.work import Address, executor_for
+from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a.arm import ArmSpec
+    from s2c2a.robots import Body, Robot
 
 
 def collect(
@@ -16,25 +22,29 @@ def collect(
     samples: int = 500,
     seed: int = 0,
     recipe: RecipeName = "best",
+    robot: RobotName = "sim",
+    robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     threads: int | None = None,
     cluster: Address = None,
     resume: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Collect a recording from the simulated arm, and draw its workspace beside it.
+    """Collect a recording from an arm, and draw its workspace beside it.
 
     Args:
-        out: the recording to write, such as twin.h5.
+        out: the recording to write, such as twin.episodes.
         arm: a preset or an arm file.
         babbling: staged as in the paper, or plain motor babbling.
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
         recipe: says how fast to babble; train with the same one.
+        robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        robot_option: what that class takes.
         fidelity: of the simulation.
         threads: episodes side by side; all cores if not stated. The recording is the same.
-        cluster: let its workers drive the episodes. The recording is the same.
+        cluster: see docs/cluster.md. The recording is the same.
         resume: go on with a recording that was cut short.
         overwrite: replace the recording if it exists.
     """
@@ -43,23 +53,33 @@ def collect(
     from s2c2a.arm import load_arm
     from s2c2a.data import CollectOptions
     from s2c2a.data import collect as collect_recording
-    from s2c2a.robots.simulation import SimulatedRobot
     from s2c2a.strategies import recipe_from
     from s2c2a.viz import recording_figure
 
-    spec, chosen = load_arm(arm), recipe_from(recipe)
-    with crew_for(threads, cluster) if cluster else nullcontext() as crew, progress_bar() as progress:
+    spec, chosen, body = load_arm(arm), recipe_from(recipe), body_for(robot, robot_option, fidelity)
+    if not body.simulated:
+        if cluster or threads not in (None, 1):
+            raise S2C2AError(f"{body} is one arm and does one episode at a time; leave out --threads and --cluster")
+        threads = 1
+    with executor_for(threads, cluster) if cluster else nullcontext() as executor, progress_bar() as progress:
         recording = collect_recording(
             out,
             spec,
-            partial(SimulatedRobot, spec, fidelity),
+            partial(_made, body, spec),
             CollectOptions(babbling, episodes, samples, seed, chosen.speeds),
-            body=f"simulation {fidelity}",
+            body=str(body),
             threads=threads,
-            crew=crew,
+            executor=executor,
             resume=resume,
             overwrite=overwrite,
             progress=lambda done, total: progress(f"collecting from {spec.name}", done, total),
         )
-    picture = recording_figure(recording.states.reshape(-1, spec.module_count, 6), Path(f"{out}.png"))
-    print(f"{recording.time.size} samples: {out}; workspace: {picture}")
+    said = f"{recording.time.size} samples of {', '.join(recording.sensors)}: {out}"
+    if "states" in recording.sensors:
+        states = recording.sensor("states").reshape(-1, spec.module_count, 6)
+        said += f"; workspace: {recording_figure(states, spec, Path(f'{out}.png'))}"
+    print(said)
+
+
+def _made(body: "Body", arm: "ArmSpec", seed: int) -> "Robot":
+    return body.make(arm, seed=seed)

@@ -2,20 +2,23 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 if TYPE_CHECKING:
     from s2c2a.evaluation.report import Row
-    from s2c2a.experiments.workshop import Progress
+    from s2c2a.progress import Progress
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an arm file")]
-Controller = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
+StrategyName = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
 RecipeName = Annotated[str, tyro.conf.arg(metavar="best|paper|FILE")]
+ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
 GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120
+KINDS = {".html": "replay", ".mp4": "video", ".gif": "video"}
 
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 
@@ -67,12 +70,18 @@ def print_rows(title: str, rows: Sequence["Row"]) -> None:
         print(f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
 
 
+def print_results(title: str, rows: Sequence["Row"], pictures: Sequence[Path], folder: Path) -> None:
+    """Print result rows, and where pictures and all else are."""
+    print_rows(title, rows)
+    for picture in pictures:
+        print(f"{KINDS.get(picture.suffix, 'figure')}: {picture}")
+    print(f"all of it: {folder}")
+
+
 def _cells(row: "Row") -> tuple[str, ...]:
-    own = _pair(row.mean, row.std_steps)
+    from s2c2a.evaluation.report import pair
+
+    own = pair(row.mean, row.std_steps)
     seeds = "" if row.std_seeds is None else f"± {row.std_seeds:.2f} ({len(row.seeds)})"
-    paper = "" if row.paper_mean is None else _pair(row.paper_mean, row.paper_std)
-    return row.arm, f"{row.task}: {row.metric}", row.controller, row.unit, own, seeds, paper
-
-
-def _pair(mean: float, spread: float | None) -> str:
-    return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
+    paper = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
+    return row.arm, f"{row.task}: {row.metric}", row.strategy, row.unit, own, seeds, paper

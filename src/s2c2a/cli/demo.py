@@ -1,26 +1,19 @@
 """`s2c2a demo`: from nothing to a table, a figure and a replay page."""
 
-from pathlib import Path
+from s2c2a.cli.console import print_results
+from s2c2a.cli.work import NEW_FOLDER, Folder, making
 
 
-def demo(out: Path | None = None, seed: int = 0, overwrite: bool = False) -> None:
+def demo(seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
     """Run the whole pipeline on both simulated arms: collect, train, follow a circle, compare with the paper.
 
     Args:
-        out: the run folder; one with the time in its name if not stated.
         seed: of everything random.
-        overwrite: replace the run folder if it exists.
+        folder: where results go.
     """
-    from s2c2a.cli.console import print_rows, progress_bar
-    from s2c2a.experiments.circle import circle_table
-    from s2c2a.experiments.run_folder import open_run_folder
-    from s2c2a.experiments.workshop import Workshop
-    from s2c2a.shards import compute_on_one_thread
+    from s2c2a.strategies import recipe_named
+    from s2c2a.studies.circle import circle_table
 
-    compute_on_one_thread()
-    folder = open_run_folder(out, "demo", {"seed": seed}, overwrite)
-    with progress_bar() as progress:
-        table = circle_table(folder, [seed], Workshop(folder / "data", progress=progress))
-    print_rows("Following a circle: ours and the paper's", table.rows)
-    for figure, page in table.pictures:
-        print(f"figure: {figure}\nreplay: {page}")
+    with making("demo", {"seed": seed}, folder, own_data=True) as (place, make):
+        rows, pictures = circle_table(place, [seed], make, recipe_named("best"))
+    print_results("Following a circle: ours and the paper's", rows, pictures, place)

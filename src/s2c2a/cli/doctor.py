@@ -22,8 +22,9 @@ EXTRAS = {
     "viser": "live page (extra live)",
     "distributed": "clusters (extra cluster)",
     "optuna": "sweeps (extra sweep)",
-    "torch": "comparisons of bench (extra bench)",
-    "pyelastica": "comparisons of bench (extra bench)",
+    "pytest-benchmark": "benchmarks (extra bench)",
+    "torch": "comparisons of benchmarks (extra bench)",
+    "pyelastica": "comparisons of benchmarks (extra bench)",
 }
 
 
@@ -34,11 +35,8 @@ def doctor() -> None:
     checks = [_python(), _cores(), *_packages(), *_programs()]
     complete = not _faults(checks)
     if complete:
-        checks += [
-            _tried(_simulation, "simulated arm"),
-            _tried(_numerics, "JAX device"),
-            _tried(_cache, "cache folder"),
-        ]
+        tried = {"simulated arm": _simulation, "JAX device": _numerics, "cache folder": _cache}
+        checks += [_tried(check, what) for what, check in tried.items()]
     print_table("What this machine has", ("what", "found", "good for"), checks)
     if faults := _faults(checks):
         advice = "look at the message above" if complete else "install the package again with `pip install .`"
@@ -63,11 +61,9 @@ def _python() -> tuple[str, str, str]:
 
 
 def _cores() -> tuple[str, str, str]:
-    return (
-        "cores",
-        str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
-        "collecting goes side by side",
-    )
+    from s2c2a.executors import all_cores
+
+    return "cores", str(all_cores()), "trainings, runs and collecting go side by side"
 
 
 def _packages() -> list[tuple[str, str, str]]:
@@ -104,11 +100,8 @@ def _cache() -> tuple[str, str, str]:
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
     writable = os.access(existing, os.W_OK)
     free = shutil.disk_usage(existing).free / 1e9
-    return (
-        "cache folder",
-        f"{folder} ({free:.0f} GB free)" if writable else f"FAILED: {folder} cannot be written",
-        "run",
-    )
+    found = f"{folder} ({free:.0f} GB free)" if writable else f"FAILED: {folder} cannot be written"
+    return "cache folder", found, "run"
 
 
 def _programs() -> list[tuple[str, str, str]]:

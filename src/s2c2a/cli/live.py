@@ -5,35 +5,39 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from s2c2a.cli.console import Arm, FidelityName, GuardName
-from s2c2a.cli.crews import require
+from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
+from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
+from s2c2a.cli.work import require
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from s2c2a.arm import ArmSpec
-    from s2c2a.live.loop import ControlLoop
+    from s2c2a.live.control import ArmControl
     from s2c2a.live.page import LivePage, Survey
     from s2c2a.live.process import ControlProcess
     from s2c2a.planning.options import Guard
+    from s2c2a.robots import Body
 
 Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]
 
 
 def live(
     arm: Arm = "twin_arm",
-    strategy: tuple[str, ...] = (),
-    robot: Literal["sim"] = "sim",
+    weights: tuple[str, ...] = (),
+    robot: RobotName = "sim",
+    robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     guard: GuardName = "tip",
     seed: int = 0,
     port: Port = 8080,
     out: Path = Path("runs"),
     release_after: float = 10.0,
+    model: ModelName = None,
 ) -> None:
     """Open a page in the browser on which the arm is alive: drag the target, push the obstacle.
 
@@ -41,18 +45,21 @@ def live(
 
     Args:
         arm: a preset or an arm file.
-        strategy: files made by `s2c2a train`, the first one drives; without any, the networks that come with the
-            package for the presets.
-        robot: what is driven: the simulated arm.
+        weights: files made by `s2c2a train`, the first one drives; without any, the networks that come with the
+            package for the presets, and `pcc` for an arm of your own.
+        robot: what is driven: the simulated arm, or a class of your own.
+        robot_option: what that class takes.
         fidelity: of the simulation.
         guard: what keeps out of obstacles: the tip, or the whole arm.
         seed: of the simulation's noise.
         port: where the page shall be; the next free one if it is taken.
         out: the folder in which recordings get folders of their own.
         release_after: seconds without a driver until the arm is led back to rest; until then it holds.
+        model: the class of a forward model of your own that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    with running_page(arm, strategy, fidelity, guard, seed, port, out, release_after, said=partial(print, flush=True)):
+    body, said = body_for(robot, robot_option, fidelity), partial(print, flush=True)
+    with running_page(arm, weights, body, guard, seed, port, out, release_after, said, model):
         wait_for_interrupt()
     print(f"{arm} has ended, at rest.")
 
@@ -66,14 +73,15 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    strategy: tuple[str, ...] = (),
-    fidelity: str = "fast",
+    weights: tuple[str, ...] = (),
+    body: "Body | None" = None,
     guard: "Guard" = "tip",
     seed: int = 0,
     port: int = 8080,
     out: Path = Path("runs"),
     release_after: float = 10.0,
     said: "Callable[[str], None]" = lambda _: None,
+    model: str | None = None,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
     """The control process and its page, closed in the end; options as in `live`. `said` is told how far it is.
 
@@ -83,9 +91,11 @@ def running_page(
     from s2c2a.arm import load_arm
     from s2c2a.live.child import Child
     from s2c2a.live.process import ControlProcess
+    from s2c2a.robots import Body
 
-    spec = load_arm(arm)
-    control = ControlProcess(spec, Child(partial(_control_loop, spec, strategy, fidelity, guard, seed, release_after)))
+    spec, body = load_arm(arm), body or Body()
+    options = (spec, weights, body, guard, seed, release_after)
+    control = ControlProcess(spec, Child(partial(_control, model, *options)))
     try:
         from s2c2a.live.page import LivePage  # imported while the other process imports its part
 
@@ -101,11 +111,14 @@ def running_page(
         control.stop()
 
 
-def _control_loop(*options: Any) -> "ControlLoop":
-    """What the other process makes."""
-    from s2c2a.live.simulated import simulated_loop
+def _control(model: str | None, *options: Any) -> "ArmControl":
+    """What the other process makes, where a file of weights may name the model that was asked for here."""
+    from s2c2a.live.building import arm_control
+    from s2c2a.models.registry import model_named
 
-    return simulated_loop(*options)
+    if model:
+        model_named(model)
+    return arm_control(*options)
 
 
 def _survey(arm: "ArmSpec") -> "Survey":

@@ -8,25 +8,27 @@ from tyro.extras import SubcommandApp
 from s2c2a.cache import keep_programs
 from s2c2a.cli.arm import app as arm_verbs
 from s2c2a.cli.bench import bench
-from s2c2a.cli.bench_live import bench_live
 from s2c2a.cli.collect import collect
 from s2c2a.cli.demo import demo
 from s2c2a.cli.doctor import doctor
-from s2c2a.cli.interrupts import interrupts_heeded
+from s2c2a.cli.interrupts import INTERRUPTED, interrupts_heeded
 from s2c2a.cli.live import live
+from s2c2a.cli.renamed import check_renamed
 from s2c2a.cli.reproduce import app as reproduce_verbs
+from s2c2a.cli.robot import app as robot_verbs
 from s2c2a.cli.run import run
 from s2c2a.cli.sweep import sweep
 from s2c2a.cli.train import train
 from s2c2a.cli.view import view
 from s2c2a.errors import S2C2AError
 
-FAULT, INTERRUPTED = 2, 130  # exit codes
+FAULT = 2  # exit code
 
 app = SubcommandApp()
-for verb in (demo, live, view, collect, train, run, sweep, bench, bench_live, doctor):
+for verb in (demo, live, view, collect, train, run, sweep, bench, doctor):
     app.command(verb)
 app.command(arm_verbs, name="arm", help="Explain, check, describe, draw or copy an arm file.")
+app.command(robot_verbs, name="robot", help="Check a body.")
 app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
 
 
@@ -35,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     keep_programs()
     try:
         with interrupts_heeded():
+            check_renamed(sys.argv[1:] if arguments is None else arguments)
             app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
     except S2C2AError as error:
         print(f"s2c2a: {error}", file=sys.stderr)
@@ -44,8 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(FAULT)
     except KeyboardInterrupt:
         print(
-            "\ns2c2a: interrupted; what was whole is kept: `reproduce` and `sweep` go on there, `run` starts again "
-            "there, and `collect` goes on with --resume",
+            "\ns2c2a: interrupted; what was whole is kept: `reproduce`, `sweep` and `run` go on there, and "
+            "`collect` goes on with --resume",
             file=sys.stderr,
         )
         sys.exit(INTERRUPTED)

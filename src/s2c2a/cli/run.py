@@ -1,15 +1,17 @@
-"""`s2c2a run`: controllers on a task."""
+"""`s2c2a run`: strategies on a task."""
 
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from s2c2a.cli.console import Arm, Controller, FidelityName, File, GuardName, RecipeName, print_rows, progress_bar
-from s2c2a.cli.crews import crew_for
+from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
+from s2c2a.cli.console import Arm, FidelityName, File, GuardName, ModelName, RecipeName, StrategyName, print_results
+from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Workers, making
 
 if TYPE_CHECKING:
     from s2c2a.arm import ArmSpec
-    from s2c2a.experiments.following import Run
+    from s2c2a.jobs import GivenNetworks, Run
+    from s2c2a.robots import Body
     from s2c2a.tasks import Task
 
 DEFAULT = "best"
@@ -18,94 +20,88 @@ DEFAULT = "best"
 def run(
     task: File,
     arm: Arm = "twin_arm",
-    controller: tuple[Controller, ...] = ("s2c2a",),
+    strategy: tuple[StrategyName, ...] = ("s2c2a",),
     recipe: RecipeName | None = None,
-    strategy: Path | None = None,
+    weights: Path | None = None,
+    model: ModelName = None,
     seed: int = 0,
     seeds: int = 1,
+    robot: RobotName = "sim",
+    robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
     guard: GuardName = "tip",
-    out: Path | None = None,
-    overwrite: bool = False,
-    jobs: int | None = None,
     video: bool = False,
+    folder: Folder = NEW_FOLDER,
+    workers: Workers = ALL_CORES,
 ) -> None:
-    """Let controllers work on a task, and show what happened: results, figure, replay page.
+    """Let strategies work on a task, and show what happened: results, figure, replay page.
+
+    Cut short, it goes on where it was, if the folder is named.
 
     Args:
-        task: its name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...), or a file of waypoints
-            (columns time, x, y, z and, where wanted, axis_x, axis_y, axis_z, module) ending in .csv.
+        task: its name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...), a file of waypoints (columns
+            time, x, y, z and, where wanted, axis_x, axis_y, axis_z, module) ending in .csv, or your own as
+            file.py:function, which is given the arm.
         arm: a preset or an arm file.
-        controller: one or several, compared in one figure.
-        recipe: how networks are trained and plans made, `best` if not stated; a strategy file brings its own.
-        strategy: a file made by `s2c2a train`; without it, networks are trained, or found in the
+        strategy: one or several, compared in one figure.
+        recipe: how networks are trained and plans made, `best` if not stated. A file of weights brings its own; one
+            beside it must train alike, and says how to plan.
+        weights: a file made by `s2c2a train`; without it, networks are trained, or found in the
             cache (S2C2A_CACHE moves it).
+        model: the class of a forward model of your own that this file names; no code is run because a file says so.
         seed: of data, training and start; the first one of several.
-        seeds: how many.
+        seeds: how many; several are run side by side.
+        robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        robot_option: what that class takes.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip [kg].
         guard: what keeps out of obstacles: the tip, or the whole arm.
-        out: the run folder; one with the time in its name if not stated.
-        overwrite: replace the run folder if it exists.
-        jobs: trainings and runs side by side, where there are several seeds and no strategy file; all cores if not
-            stated. Same seeds, same scores.
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
+        folder: where results go.
+        workers: who works.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.errors import S2C2AError
-    from s2c2a.experiments.ahead import jobs_for, make_all_ahead, shelf_for
-    from s2c2a.experiments.following import (
-        Conditions,
-        Shelf,
-        checked_seeds,
-        follow,
-        score_rows,
-        workshop_strategies,
-    )
-    from s2c2a.experiments.run_folder import draw_runs, open_run_folder, save_results
-    from s2c2a.experiments.workshop import Workshop
-    from s2c2a.robots.simulation import SimulatedRobot
-    from s2c2a.shards import compute_on_one_thread
-    from s2c2a.strategies import load_strategy, recipe_from
+    from s2c2a.jobs import Conditions, GivenNetworks, check_robots, checked_seeds, jobs_for, score_rows
+    from s2c2a.jobs.run_folder import draw_runs, save_results
+    from s2c2a.models.registry import model_named
+    from s2c2a.strategies import recipe_from
 
-    compute_on_one_thread()
     spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
-    asked = _asked(task, spec)
-    SimulatedRobot(spec, fidelity, payload=payload)  # says at once what it cannot be
-    saved = load_strategy(strategy, spec) if strategy else None
-    if saved and recipe:
-        raise S2C2AError(f"{strategy} brings its own recipe ('{saved.recipe.name}'); leave out --recipe {recipe}")
-    chosen = saved.recipe if saved else recipe_from(recipe or DEFAULT)
-    options: dict = {
-        "task": task,
-        "arm": spec.model_dump(mode="json"),
-        "controller": controller,
-        "recipe": asdict(chosen),
-    }
-    options |= {"seeds": list(numbers), "fidelity": fidelity, "payload": payload, "guard": guard, "strategy": strategy}
-    unfinished = out is not None and not (out / f"{spec.name}.html").exists()
-    folder = open_run_folder(out, f"{asked.name}-{spec.name}", options, overwrite, go_on=unfinished)
-    under, shelf = Conditions(fidelity, payload, guard), Shelf()
-    with progress_bar() as progress:
-        workshop = Workshop(progress=progress)
-        if seeds > 1 and saved is None:
-            shelf = shelf_for(chosen, folder / "runs")
-            with crew_for(jobs, None) as crew:
-                every = jobs_for([asked], spec, controller, numbers, chosen, under)
-                make_all_ahead(every, folder / "runs", workshop, crew)
-        strategies = workshop_strategies(workshop, spec, chosen, saved, guard)
-        runs = follow([asked], spec, controller, numbers, strategies, chosen, under, shelf, progress)
-    rows = score_rows("run", spec, runs, chosen.name, fidelity)
-    save_results(folder, rows, runs)
-    figure, page = draw_runs(folder, spec, runs, chosen.name, fidelity)
-    print_rows(f"{asked.name} with {spec.name}", rows)
+    under = Conditions(body_for(robot, robot_option, fidelity, payload), guard)
+    if model:
+        model_named(model)
+    given = GivenNetworks.read(weights, spec, recipe_from(recipe) if recipe else None) if weights else None
+    _check_trained(under.body, strategy, given)
+    asked, chosen = _asked(task, spec), given.recipe if given else recipe_from(recipe or DEFAULT)
+    jobs = jobs_for([asked], spec, strategy, numbers, chosen, under, given)
+    check_robots(jobs)
+    options: dict = {"task": task, "arm": spec.model_dump(mode="json"), "strategy": strategy, "recipe": asdict(chosen)}
+    options |= {"seeds": list(numbers), "conditions": asdict(under), "weights": weights}
+    alone = not under.body.simulated or (seeds == 1 and workers.cluster is None)
+    unfinished = folder.out is not None and not (folder.out / f"{spec.name}.html").exists()
+    label = f"{asked.name}-{spec.name}"
+    with making(label, options, folder, None if alone else workers, go_on=unfinished) as (place, make):
+        runs = make(jobs)
+    rows = score_rows("run", runs)
+    save_results(place, rows, runs)
+    pictures = [*draw_runs(place, runs), *([_film(runs[0], place)] if video else [])]
+    print_results(f"{asked.name} with {spec.name}", rows, pictures, place)
     for row in rows:
         if row.metric == "position":
-            print(f"{row.controller}: {row.mean / spec.length:.1f} % of the arm's length")
-    if video:
-        _film(runs[0], spec, folder)
-    print(f"figure: {figure}\nreplay: {page}\nall of it: {folder}")
+            print(f"{row.strategy}: {row.mean / spec.length:.1f} % of the arm's length")
+
+
+def _check_trained(body: "Body", strategies: tuple[str, ...], given: "GivenNetworks | None") -> None:
+    """Networks for a body of the user's come from its own recordings, never from the simulated arm's."""
+    from s2c2a.errors import S2C2AError
+
+    untrained = [name for name in strategies if name != "pcc" and not (given and name == "s2c2a")]
+    if untrained and not body.simulated:
+        raise S2C2AError(
+            f"{', '.join(untrained)} would be trained on the simulated arm, and {body} is driven; `s2c2a collect` from "
+            "it, `s2c2a train`, and give the file with --weights, or take --strategy pcc"
+        )
 
 
 def _asked(task: str, spec: "ArmSpec") -> "Task":
@@ -118,8 +114,8 @@ def _asked(task: str, spec: "ArmSpec") -> "Task":
     return asked
 
 
-def _film(run: "Run", spec: "ArmSpec", folder: Path) -> None:
-    from s2c2a.experiments.run_folder import trace_of
+def _film(run: "Run", place: Path) -> Path:
+    from s2c2a.jobs.run_folder import trace_of
     from s2c2a.viz.video import save_video
 
-    print(f"video: {save_video(trace_of(run), spec, folder / spec.name)}")
+    return save_video(trace_of(run), run.job.arm, place / run.job.arm.name)

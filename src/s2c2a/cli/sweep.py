@@ -1,12 +1,16 @@
 """`s2c2a sweep`: a better recipe, searched in closed loop."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName, RecipeName, print_table, progress_bar
-from s2c2a.cli.crews import Address, crew_for, require
+from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Workers, executor_for, require
+
+if TYPE_CHECKING:
+    from s2c2a.jobs.sweep import Sweep, Trial
 
 SHOWN = 10
 
@@ -27,10 +31,8 @@ def sweep(
     guard: GuardName = "tip",
     seed: int = 0,
     batch: int = 8,
-    out: Path | None = None,
-    overwrite: bool = False,
-    jobs: int | None = None,
-    cluster: Address = None,
+    folder: Folder = NEW_FOLDER,
+    workers: Workers = ALL_CORES,
 ) -> None:
     """Search a better recipe: trials are trained and judged by their error in closed loop.
 
@@ -38,8 +40,8 @@ def sweep(
 
     Args:
         tasks: what each trial is judged on, by name or a file of waypoints (.csv); the mean counts.
-        vary: what to try: planner.iterations=5:60 (a range), c2s_fit.learning_rate=1e-4:1e-2:log (by its logarithm),
-            c2s.hidden=32,64,128 (choices), one after the other. A wrong name is told with those there are.
+        vary: what to try: planner.solver.iterations=5:60 (a range), c2s_fit.learning_rate=1e-4:1e-2:log (by its
+            logarithm), c2s.hidden=32,64,128 (choices), one after the other. A wrong name is told with those there are.
         arm: a preset or an arm file.
         recipe: to begin from.
         trials: how many in all.
@@ -50,67 +52,60 @@ def sweep(
         guard: what keeps out of obstacles: the tip, or the whole arm.
         seed: of the choices.
         batch: trials that are chosen together, and can run side by side.
-        out: the run folder; runs/sweep-TASK-ARM if not stated.
-        overwrite: begin anew.
-        jobs: trainings and runs side by side; all cores if not stated. Same seeds, same trials.
-        cluster: let its workers train and run. Same seeds, same trials.
+        folder: where results go; runs/sweep-TASK-ARM if not stated.
+        workers: who works.
     """
     require("sweep", "optuna")
-    from dataclasses import asdict, replace
-    from importlib.metadata import version
-
     from s2c2a.arm import load_arm
     from s2c2a.errors import S2C2AError
-    from s2c2a.experiments.following import Conditions, checked_seeds
-    from s2c2a.experiments.run_folder import open_run_folder
-    from s2c2a.experiments.sweep import Sweep, best_recipe, save_trials, search
-    from s2c2a.experiments.varying import varied_from
-    from s2c2a.experiments.workshop import Workshop
-    from s2c2a.strategies import recipe_from, save_recipe, save_strategy
+    from s2c2a.jobs import Conditions, checked_seeds
+    from s2c2a.jobs.sweep import Sweep
+    from s2c2a.jobs.varying import varied_from
+    from s2c2a.robots import Body
+    from s2c2a.strategies import recipe_from
     from s2c2a.tasks import task_named
 
     spec, chosen, numbers = load_arm(arm), recipe_from(recipe), checked_seeds(0, seeds)
     if not tasks:
         raise S2C2AError("no task to judge by; name at least one, such as circle")
     asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
-    varied = varied_from(vary, chosen)
-    what = metric or asked[0].scores[0].metric
-    under = Conditions(fidelity, payload, guard)
-    plan = Sweep(spec, asked, chosen, varied, tuple(numbers), what, batch, seed, under)
-    options = {
-        "tasks": tasks,
-        "vary": vary,
-        "arm": spec.model_dump(mode="json"),
-        "recipe": asdict(chosen),
-        "seeds": seeds,
-        "metric": what,
-        "conditions": asdict(under),
-        "seed": seed,
-        "batch": batch,
-        "optuna": version("optuna"),
-    }
-    folder = out or Path("runs") / f"sweep-{asked[0].name}-{spec.name}"
-    folder = open_run_folder(folder, "sweep", options, overwrite, go_on=True)
-    with crew_for(jobs, cluster) as crew, progress_bar() as progress:
-        workshop = Workshop(progress=progress)
-        done = search(plan, trials, folder, workshop, crew)
+    varied, judged = varied_from(vary, chosen), metric or asked[0].scores[0].metric
+    under = Conditions(Body.simulation(fidelity, payload), guard)
+    plan = Sweep(spec, asked, chosen, varied, tuple(numbers), judged, batch, seed, under)
+    _search(plan, {"tasks": tasks, "vary": vary}, trials, folder, workers)
+
+
+def _search(plan: "Sweep", written: dict, trials: int, folder: Folder, workers: Workers) -> None:
+    """Search, or go on with it, and say what was found."""
+    from dataclasses import asdict, replace
+    from importlib.metadata import version
+
+    from s2c2a.jobs import Cache, NetworksArtifact, made
+    from s2c2a.jobs.run_folder import open_run_folder
+    from s2c2a.jobs.sweep import best_recipe, save_trials, search
+    from s2c2a.strategies import save_recipe, save_strategy
+
+    options = written | {"arm": plan.arm.model_dump(mode="json"), "recipe": asdict(plan.recipe), "seeds": plan.seeds}
+    options |= {"metric": plan.metric, "conditions": asdict(plan.conditions), "seed": plan.seed, "batch": plan.batch}
+    out = folder.out or Path("runs") / f"sweep-{plan.tasks[0].name}-{plan.arm.name}"
+    with executor_for(workers.jobs, workers.cluster) as executor, progress_bar() as progress:
+        place = open_run_folder(out, "sweep", options | {"optuna": version("optuna")}, folder.overwrite, go_on=True)
+        cache = Cache(runs_in=place / "runs")
+        done = search(plan, trials, place, cache, executor, progress)
         best = best_recipe(plan, done)
-        name = f"{chosen.name}-swept"
-        save_strategy(
-            replace(workshop.networks(spec, best, numbers[0]), recipe=replace(best, name=name)),
-            folder / "best.safetensors",
-        )
-    table, figure = save_trials(done, plan, folder)
-    header = ("trial", *(one.place for one in varied), what)
-    print_table(f"{len(done)} trials, the best first", header, [_cells(one, header[1:-1]) for one in done[:SHOWN]])
-    written = save_recipe(best, folder / f"{name}.toml")
-    print(
-        f"best recipe: {written} (as --recipe {written})\nits networks: {folder / 'best.safetensors'} (as --strategy)"
-    )
+        networks = made(NetworksArtifact(plan.arm, best, plan.seeds[0]), cache, progress)
+    swept = replace(best, name=f"{plan.recipe.name}-swept")
+    save_strategy(replace(networks, recipe=swept), place / "best.safetensors")
+    table, figure = save_trials(done, plan, place)
+    places = [one.place for one in plan.varied]
+    rows = [_cells(one, places) for one in done[:SHOWN]]
+    print_table(f"{len(done)} trials, the best first", ("trial", *places, plan.metric), rows)
+    recipe = save_recipe(best, place / f"{swept.name}.toml")
+    print(f"best recipe: {recipe} (as --recipe {recipe})\nits networks: {place / 'best.safetensors'} (as --weights)")
     print(f"figure: {figure}\nall trials: {table}")
 
 
-def _cells(trial, places) -> tuple[str, ...]:
+def _cells(trial: "Trial", places: Sequence[str]) -> tuple[str, ...]:
     score = f"failed: {trial.said}" if trial.score is None else f"{trial.score:.4f}"
     return (
         str(trial.number),

@@ -17,7 +17,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     """
     from s2c2a.data import load_recording
     from s2c2a.errors import StrategyError
-    from s2c2a.shards import compute_on_one_thread
+    from s2c2a.executors import compute_on_one_thread
     from s2c2a.strategies import recipe_from, save_strategy, train_s2c2a
     from s2c2a.viz import learning_curves
 

@@ -1,69 +1,93 @@
 """`s2c2a view`: runs, a recording, a training or an arm in the browser."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
-from s2c2a.cli.crews import require
+from s2c2a.cli.console import ModelName
 from s2c2a.cli.live import Port, wait_for_interrupt
+from s2c2a.cli.work import require
+from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a.live.window import Window
+    from s2c2a.viz import Trace
 
 
-def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080) -> None:
+def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080, model: ModelName = None) -> None:
     """Look at what is finished, in the scene of `s2c2a live`: runs, a recording, a training, or an arm on its own.
 
     Args:
-        what: run folders to scrub and compare, or a recording ending in .h5, or a strategy ending in .safetensors, or a
-            preset or an arm file to bend.
+        what: run folders or files of runs to scrub and compare, or a recording (both end in .episodes), or a strategy
+            ending in .safetensors, or a preset or an arm file to bend.
         port: where the page shall be; the next free one if it is taken.
+        model: the class of a forward model of your own that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    page = page_of(what, port)
+    from s2c2a.models.registry import model_named
+
+    if model:
+        model_named(model)
+    window = window_on(what, port)
     try:
-        print(f"{', '.join(what)}: {page.gate.address}\nControl-C ends it.", flush=True)
+        print(f"{', '.join(what)}: {window.gate.address}\nControl-C ends it.", flush=True)
         wait_for_interrupt()
     finally:
-        page.close()
+        window.close()
 
 
-def page_of(what: tuple[str, ...], port: int):
-    """The page for runs, a recording, a training or an arm.
+def window_on(what: tuple[str, ...], port: int) -> "Window":
+    """The window on runs, a recording, a training or an arm.
 
     Raises:
         S2C2AError: nothing, too much or nothing of the kind.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.data import load_recording
-    from s2c2a.errors import S2C2AError
-    from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
+    from s2c2a.episodes.file import ENDING
+    from s2c2a.live.viewing import view_arm, view_training
     from s2c2a.strategies import load_strategy
 
     if not what:
         raise S2C2AError(
-            "say what to look at: run folders, a recording ending in .h5, a strategy ending in .safetensors, or an arm"
+            f"say what to look at: run folders, files ending in {ENDING}, a strategy ending in .safetensors, or an arm"
         )
-    if all(Path(one).is_dir() for one in what):
-        traces, arm = _traces_in(what)
-        return view_runs(traces, arm, port)
+    if all(Path(one).is_dir() or one.endswith(ENDING) for one in what):
+        return _window_on_episodes(what, port)
     if len(what) > 1:
-        raise S2C2AError(f"{len(what)} things to look at, and not all are run folders; give runs, or one thing alone")
-    if what[0].endswith((".h5", ".hdf5")):
-        return view_recording(load_recording(what[0]), port)
+        raise S2C2AError(f"{len(what)} things to look at, and not all are runs; give runs, or one thing alone")
     if what[0].endswith(".safetensors"):
         return view_training(load_strategy(what[0]), port)
     return view_arm(load_arm(what[0]), port)
 
 
-def _traces_in(folders: tuple[str, ...]):
-    """The traces of all folders, which must be of one arm."""
-    from s2c2a.errors import S2C2AError
-    from s2c2a.viz.trace_files import TRACES, load_traces
+def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
+    """Runs side by side, or a recording: one file that says how it was collected."""
+    from s2c2a.data import load_recording
+    from s2c2a.episodes import load_episodes
+    from s2c2a.episodes.file import ENDING
+    from s2c2a.live.viewing import view_recording, view_runs
 
-    files = [file for folder in folders for file in sorted(Path(folder).glob(f"*.{TRACES}"))]
+    files = [file for one in map(Path, what) for file in (sorted(one.glob(f"*{ENDING}")) if one.is_dir() else [one])]
     if not files:
-        raise S2C2AError(f"no runs in {', '.join(folders)}; `s2c2a run` and recordings of `s2c2a live` write them")
-    loaded = [load_traces(file) for file in files]
-    arm = loaded[0][1]
-    other = next((one for _, one in loaded if not one.same_body(arm)), None)
+        raise S2C2AError(f"no runs in {', '.join(what)}; `s2c2a run` and recordings of `s2c2a live` write them")
+    loaded = [load_episodes(file) for file in files]
+    if len(files) == 1 and "babbling" in loaded[0][1]:
+        return view_recording(load_recording(files[0]).episodes, port)
+    traces = [trace for file, (episodes, _) in zip(files, loaded, strict=True) for trace in _traces_of(episodes, file)]
+    arms = [episodes[0].arm for episodes, _ in loaded]
+    other = next((one for one in arms if not one.same_body(arms[0])), None)
     if other is not None:
-        raise S2C2AError(f"runs of '{arm.name}' and of '{other.name}' cannot be shown as one; give those of one arm")
-    return [trace for traces, _ in loaded for trace in traces], arm
+        raise S2C2AError(
+            f"runs of '{arms[0].name}' and of '{other.name}' cannot be shown as one; give those of one arm"
+        )
+    return view_runs(traces, arms[0], port)
+
+
+def _traces_of(episodes, file: Path) -> "list[Trace]":
+    """What is drawn of a file's runs, each with a name that tells it from those of other folders."""
+    from s2c2a.viz.drawn_episode import trace_of
+
+    said = [[one.options.get(name) for name in ("strategy", "task", "seed")] for one in episodes]
+    labels = [" ".join(str(word) for word in words if word is not None) for words in said]
+    return [trace_of(one, f"{label} · {file.parent.name}") for one, label in zip(episodes, labels, strict=True)]

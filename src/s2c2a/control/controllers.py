@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics import PCC, bends_from_configurations, configurations_from_bends, limit_lengths
-from s2c2a.networks import C2A, History
+from s2c2a.models import C2A, History
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 Memory = Any  # a pytree of arrays
@@ -24,6 +24,10 @@ class Controller(eqx.Module):
     @abstractmethod
     def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: Memory):
         """The action [m or N], shape (modules, cables), and the memory after it."""
+
+    @abstractmethod
+    def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
+        """Memory after an action [m or N] was sent in place of the last one, which a limit did not allow."""
 
 
 class InversePCC(Controller):
@@ -45,6 +49,10 @@ class InversePCC(Controller):
         """See `Controller`."""
         return self.pcc.actions(bends_from_configurations(wanted) * self.gains[:, None]), memory
 
+    def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
+        """Nothing to remember."""
+        return memory
+
 
 class NetworkController(Controller):
     """C2A and its history (Chen et al. 2025, eq. (8)). At the start the first values fill the history."""
@@ -65,6 +73,10 @@ class NetworkController(Controller):
         action = self.network(wanted, history)
         next_history = History(history.configurations, _push(history.actions, action))
         return self.network.sum_and_range.actions(action), next_history
+
+    def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
+        """The history holds what was really sent."""
+        return memory._replace(actions=memory.actions.at[:, 0].set(self.network.sum_and_range.normalised(action)))
 
 
 class CorrectedMemory(NamedTuple):
@@ -106,6 +118,10 @@ class CorrectedController(Controller):
         bends = bends_from_configurations(wanted)
         action, inner = self.inner.act(configurations_from_bends(bends + offset), sensed, memory.inner)
         return action, CorrectedMemory(inner, bends, offset)
+
+    def sent(self, action: Float[Array, "modules cables"], memory: CorrectedMemory) -> CorrectedMemory:
+        """See `Controller`."""
+        return memory._replace(inner=self.inner.sent(action, memory.inner))
 
 
 def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:

@@ -1,22 +1,27 @@
-"""Collecting a recording: episodes side by side, written in order, resumable."""
+"""Collecting a recording: episodes side by side, written in order, resumable, each driven by the loop that runs use."""
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-import s2c2a
-from s2c2a.arm import ArmGeometry, ArmSpec, arm_to_toml
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions
-from s2c2a.data.recording import Recording, RecordingWriter, load_recording
+from s2c2a.data.recording import Recording, load_recording
+from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.errors import RecordingError
+from s2c2a.executors import Serial, Threads, in_order
+from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.shards import Crew, Here, Threads, in_order
+from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
+from s2c2a.spaces import Actions, Reading, Stage
 
+MOST_EPISODES, MOST_SAMPLES, MOST_SEED = 100_000, 100_000, 2**63
 MakeRobot = Callable[[int], Robot]
 
 
@@ -41,10 +46,13 @@ class CollectOptions:
     def __post_init__(self):
         if self.babbling not in BABBLING:
             raise RecordingError(f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}")
-        if self.episodes < 1 or self.samples < 1:
-            raise RecordingError(f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive")
-        if self.seed < 0:
-            raise RecordingError(f"seed {self.seed} asked for; it must not be negative")
+        if not (1 <= self.episodes <= MOST_EPISODES and 1 <= self.samples <= MOST_SAMPLES):
+            raise RecordingError(
+                f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive, and at most "
+                f"{MOST_EPISODES} and {MOST_SAMPLES}"
+            )
+        if not 0 <= self.seed <= MOST_SEED or any(count % 1 for count in (self.episodes, self.samples, self.seed)):
+            raise RecordingError(f"seed {self.seed} asked for; it must be whole, as counts are, and not negative")
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
                 f"speeds {self.speeds} asked for; they must rise from above 0 to at most 1 bend a step"
@@ -59,7 +67,7 @@ def collect(
     *,
     body: str = "",
     threads: int | None = None,
-    crew: Crew | None = None,
+    executor: Executor | None = None,
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
@@ -73,8 +81,8 @@ def collect(
         options: how to babble.
         body: what the robot is, kept with the recording, such as "simulation fast".
         threads: episodes side by side; all cores if not stated. A real arm takes one.
-        crew: who drives the episodes, if not threads of this process; then `make_robot` has to travel, as a `partial`
-            of a class does and a lambda does not.
+        executor: who drives the episodes, if not threads of this process; where it has others, `make_robot` has to
+            travel, as a `partial` of a class does and a lambda does not.
         resume: go on with a file that has fewer episodes than asked for.
         overwrite: begin anew where a file exists.
         progress: told how many episodes of how many are whole.
@@ -86,23 +94,21 @@ def collect(
     if threads is not None and threads < 1:
         raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
     drive = partial(_episode, arm, make_robot, options)
-    writer = _open_writer(
-        Path(path), arm, _as_written(options) | {"body": body, "version": s2c2a.__version__}, resume, overwrite
-    )
+    writer = _open_writer(Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite)
     try:
-        left = range(writer.committed, options.episodes)
-        progress(writer.committed, options.episodes)
-        with nullcontext(crew) if crew else _threads(threads) as these:
-            for episode in in_order(these, drive, left):
+        left = range(writer.count, options.episodes)
+        progress(writer.count, options.episodes)
+        with nullcontext(executor) if executor else _threads(threads) as workers:
+            for episode in in_order(workers, drive, left):
                 writer.append(episode)
-                progress(writer.committed, options.episodes)
+                progress(writer.count, options.episodes)
     finally:
         writer.close()
     return load_recording(path)
 
 
-def _threads(count: int | None) -> Crew:
-    return Here() if count == 1 else Threads(count)  # a real arm: nothing is begun before the last episode is safe
+def _threads(count: int | None) -> Executor:
+    return Serial() if count == 1 else Threads(count)  # a real arm: nothing is begun before the last episode is safe
 
 
 def _as_written(options: CollectOptions) -> dict:
@@ -112,17 +118,17 @@ def _as_written(options: CollectOptions) -> dict:
     return written | {"slowest": slowest, "fastest": fastest}
 
 
-def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool) -> RecordingWriter:
+def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool) -> EpisodeWriter:
     if not path.exists() or overwrite:
-        return RecordingWriter.create(path, arm, options)
+        return EpisodeWriter.create(path, arm, options)
     if not resume:
         raise RecordingError(f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name")
-    writer = RecordingWriter(path)
-    begun_arm, begun = writer.arm_and_options()
+    writer = EpisodeWriter(path)
+    begun = writer.options
     differing = [
         f"{key} {begun.get(key)!r}, now {value!r}" for key, value in options.items() if begun.get(key) != value
     ]
-    differing += ["arm"] if begun_arm != arm_to_toml(arm) else []
+    differing += ["arm"] if writer.arm != arm else []
     if differing:
         writer.close()
         raise RecordingError(
@@ -132,21 +138,52 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
     return writer
 
 
-def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> dict[str, np.ndarray]:
+class _Player:
+    """Actions that were chosen before, one a step; it needs everything that the body says, since all is recorded."""
+
+    def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
+        self.arm, self.sensors, self._actions = arm, sensors, actions
+
+    def start(self, reading: Reading) -> None:
+        """From the first one."""
+        self._left = iter(self._actions)
+
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """The next one."""
+        return next(self._left)
+
+    def sent(self, action: Actions) -> None:
+        """It goes on with the next one."""
+
+    def told(self) -> dict:
+        """It makes nothing of what it reads."""
+        return {}
+
+
+def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> Episode:
+    """Drive the arm through one episode, and back to rest.
+
+    Raises:
+        RecordingError: a sensor could not be believed; the arm is at rest, and the episode is not kept.
+    """
     actions = episode_actions(
         ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, options.speeds
     )
-    samples = []
-    with make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0])) as robot:
-        for action in actions:
-            reading = robot.read()
-            samples.append((reading.time, robot.send(action), reading.cables, *_truth(reading, arm)))
-    names = ("time", "actions", "cables", "states", "configurations")
-    return {name: np.array(values) for name, values in zip(names, zip(*samples, strict=True), strict=True)}
+    robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
+    with Loop(robot, _Player(arm, tuple(robot.sensors), actions), limits=_limits(arm, options)) as loop:
+        steps = []
+        for _ in actions:
+            steps.append(loop.tick(Ask()))
+            if steps[-1].stage is not Stage.RUN:
+                raise RecordingError(
+                    f"episode {number + 1}, step {len(steps)}: {loop.fault}; mend that, then go on (--resume)"
+                )
+        whole = episode_of(steps, arm)
+    timeless = {name: values for name, values in whole.columns.items() if name != "tick_time"}
+    return replace(whole, columns=timeless)  # a recording is the same to the last byte, wherever it is made
 
 
-def _truth(reading, arm: ArmSpec) -> tuple[np.ndarray, np.ndarray]:
-    """True states and configurations, NaN where nothing watches."""
-    states = np.full((arm.module_count, 6), np.nan) if reading.states is None else reading.states
-    shapes = np.full((arm.module_count, 3), np.nan) if reading.configurations is None else reading.configurations
-    return states, shapes
+def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
+    """As fast as the babbling is meant to be, and its corners as sharp."""
+    fastest = options.speeds[1] * np.rad2deg(ArmGeometry.of(arm).bend_limits.max()) * (1 + 1e-6)
+    return CommandLimits.with_steps(arm, fastest, 2 * fastest)

@@ -5,13 +5,15 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole, written_whole
+from s2c2a.files import read_text, save_whole, written_whole
+
+MOST_BYTES = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Row:
     task: str
     arm: str
     fidelity: str
-    controller: str
+    strategy: str
     recipe: str
     metric: str
     unit: str
@@ -39,6 +41,8 @@ class Row:
     first_mode_hz: float | None = None
     damping_ratio: float | None = None
 
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
 
 def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[str, Any]:
     """Mean over seeds, mean of the spreads over steps if there are any, and spread between seeds.
@@ -50,6 +54,11 @@ def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[s
     between = float(np.std(values, ddof=1)) if len(values) > 1 and np.isfinite(values).all() else None
     steps = float(np.mean(spreads)) if len(spreads) else None
     return {"mean": float(np.mean(values)), "std_steps": steps, "std_seeds": between}
+
+
+def pair(mean: float, spread: float | None) -> str:
+    """A mean and its spread, where there is one, as tables show them."""
+    return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
 
 
 def save_rows(rows: Iterable[Row], path: str | os.PathLike) -> None:
@@ -65,18 +74,13 @@ def load_rows(path: str | os.PathLike) -> list[Row]:
         S2C2AError: it is no list of rows.
     """
     try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        return [Row(**row | {"seeds": tuple(row["seeds"])} | _from_words(row)) for row in found]
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return TypeAdapter(list[Row]).validate_json(read_text(path, most=MOST_BYTES))
+    except (S2C2AError, ValidationError) as error:
         raise S2C2AError(f"{path} holds no result rows: {error}; make the table again") from error
 
 
 def _as_word(value: Any) -> Any:
     return str(value) if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _from_words(row: dict[str, Any]) -> dict[str, float]:
-    return {key: float(row[key]) for key in ("mean", "std_steps", "std_seeds") if isinstance(row[key], str)}
 
 
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | os.PathLike) -> None:

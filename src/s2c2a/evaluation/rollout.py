@@ -1,86 +1,45 @@
 """One run of a strategy on a task."""
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
-import numpy as np
-from jaxtyping import Float
-
-from s2c2a.arm import ArmGeometry
+from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
+from s2c2a.runtime import Ask, Clock, Loop, Step, episode_of
+from s2c2a.spaces import Stage
 from s2c2a.strategies import AnyStrategy
 from s2c2a.tasks import Task
 
 
-@dataclass(frozen=True)
-class Rollout:
-    """What happened, one row a control step, each after the step's action.
-
-    Attributes:
-        task: what was asked.
-        strategy: name of the strategy.
-        times: [s], shape (steps,).
-        states: true states, shape (steps, modules, 6), base frame.
-        configurations: true configurations, shape (steps, modules, 3).
-        sensed: sensed configurations before the action, shape (steps, modules, 3).
-        planned: planned configurations, shape (steps, modules, 3).
-        actions: as really sent [m or N], shape (steps, modules, cables).
-        tick_times: sense, plan and act together [s], shape (steps,).
-        centre_lines: true centre line between control steps too [m], shape (steps, moments, points, 3), or None where
-            nothing watched it.
-    """
-
-    task: Task
-    strategy: str
-    times: Float[np.ndarray, " steps"]
-    states: Float[np.ndarray, "steps modules 6"]
-    configurations: Float[np.ndarray, "steps modules 3"]
-    sensed: Float[np.ndarray, "steps modules 3"]
-    planned: Float[np.ndarray, "steps modules 3"]
-    actions: Float[np.ndarray, "steps modules cables"]
-    tick_times: Float[np.ndarray, " steps"]
-    centre_lines: Float[np.ndarray, "steps moments points 3"] | None = None
-
-
-COLUMNS = ("times", "states", "configurations", "sensed", "planned", "actions", "tick_times")
-
-
 def rollout(
-    robot: Robot, strategy: AnyStrategy, task: Task, progress: Callable[[int, int], None] = lambda done, total: None
-) -> Rollout:
-    """Let a strategy work on a task, from rest and back to rest; the way back is not part of the run.
+    robot: Robot,
+    strategy: AnyStrategy,
+    task: Task,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    clock: Clock | None = None,
+) -> Episode:
+    """Let a strategy work on a task, from rest and back to rest; the episode holds the way back, too.
+
+    Args:
+        robot: the body; closed in the end.
+        strategy: for its arm.
+        task: what is asked, step by step.
+        progress: told how many steps of how many are done.
+        clock: the wall's for a body that shares its time, else as fast as the body can.
 
     Raises:
-        S2C2AError: the robot tells no true states, so that nothing can be scored.
+        S2C2AError: a sensor could not be believed for so long that the arm was led to rest; or the body, the strategy
+            or the goals failed.
     """
-    rows, lines = [], []
-    with robot:
-        reading = robot.read()
-        if reading.states is None or reading.configurations is None:
-            raise S2C2AError("this robot tells no true states; a run needs them to be scored")
-        strategy.start(reading)
-        for step, goal in enumerate(task.goals):
-            began = time.perf_counter()
-            action = strategy.step(reading, goal)
-            took = time.perf_counter() - began
-            sent = robot.send(action)
-            reading = robot.read()
-            rows.append(
-                (reading.time, reading.states, reading.configurations, strategy.sensed, strategy.planned, sent, took)
-            )
-            lines.append(reading.centre_line)
-            progress(step + 1, len(task.goals))
-        return_to_rest(robot, sent)
-    seen = None if any(line is None for line in lines) else np.array(lines)
-    columns = dict(zip(COLUMNS, (np.array(column) for column in zip(*rows, strict=True)), strict=True))
-    return Rollout(task, strategy.name, **columns, centre_lines=seen)
-
-
-def return_to_rest(robot: Robot, action: np.ndarray) -> None:
-    """Lead every cable back to neutral, no faster than the arm's step limit."""
-    geometry = ArmGeometry.of(robot.arm)
-    steps = int(np.ceil(np.rad2deg(geometry.bend_limits.max()) / robot.arm.step_limit_deg))
-    for share in np.linspace(1.0, 0.0, steps + 1)[1:]:
-        robot.send(geometry.action_neutral + share * (action - geometry.action_neutral))
+    with Loop(robot, strategy, clock) as loop:
+        steps: list[Step] = []
+        for number, goal in enumerate(task.goals, 1):
+            steps.append(loop.tick(Ask(goal)))
+            while steps[-1].stage is Stage.START:
+                steps.append(loop.tick(Ask(goal)))
+            if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
+                loop.to_rest()
+                raise S2C2AError(f"step {number} of '{task.name}': {steps[-1].fault}; the arm was led to rest")
+            progress(number, len(task.goals))
+        steps += loop.to_rest() or [loop.tick(Ask(asked=False))]
+        return episode_of(steps, robot.arm, strategy=strategy.name, task=task.name, late_steps=loop.late_steps)

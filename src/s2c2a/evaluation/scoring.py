@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.episodes import Episode
+from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import metrics
-from s2c2a.evaluation.rollout import Rollout
 from s2c2a.spaces import POSITION
-from s2c2a.tasks import Score
+from s2c2a.tasks import Score, Task
 
 LAST_STEPS = 10
 REACHED = {"paper": 5.0}
@@ -28,6 +29,39 @@ def _mean(values: PerStep) -> float:
 
 
 @dataclass(frozen=True)
+class Outcome:
+    """What came of a task, one row a control step, each after the step's action.
+
+    Attributes:
+        task: what was asked.
+        times: [s], shape (steps,).
+        states: true states, shape (steps, modules, 6), base frame.
+        centre_lines: true centre line between control steps too [m], shape (steps, moments, points, 3), or None where
+            nothing watched it.
+    """
+
+    task: Task
+    times: Float[np.ndarray, " steps"]
+    states: Float[np.ndarray, "steps modules 6"]
+    centre_lines: Float[np.ndarray, "steps moments points 3"] | None
+
+    @classmethod
+    def of(cls, episode: Episode, task: Task) -> "Outcome":
+        """What an episode of a task holds for its scores.
+
+        Raises:
+            S2C2AError: it holds no true states, or is not of as many steps as the task.
+        """
+        if "states" not in episode.sensors:
+            raise S2C2AError("this episode holds no true states; a run needs them to be scored")
+        states = episode.after("states")
+        if len(states) != len(task.goals):
+            raise S2C2AError(f"this episode has {len(states)} steps, and '{task.name}' has {len(task.goals)}")
+        lines = episode.after("centre_line") if "centre_line" in episode.sensors else None
+        return cls(task, episode.times(), states, lines)
+
+
+@dataclass(frozen=True)
 class Metric:
     """A metric of the protocol.
 
@@ -40,7 +74,7 @@ class Metric:
     """
 
     unit: str
-    of: Callable[[Rollout, Score], PerStep]
+    of: Callable[[Outcome, Score], PerStep]
     summed_up: Callable[[PerStep], float] = _mean
     averaged: bool = True
     rises: bool = False
@@ -65,17 +99,19 @@ class Scored:
     averaged: bool
 
 
-def score_run(run: Rollout, recipe: str) -> list[Scored]:
+def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
     """Score a run by what its task asks for.
 
     Args:
-        run: what happened.
+        episode: what happened.
+        task: what was asked.
         recipe: its name; the protocol lets the paper's recipe end further from a target and still count as there.
     """
-    return [_scored(run, score, recipe) for score in run.task.scores]
+    outcome = Outcome.of(episode, task)
+    return [_scored(outcome, score, recipe) for score in task.scores]
 
 
-def _scored(run: Rollout, score: Score, recipe: str) -> Scored:
+def _scored(run: Outcome, score: Score, recipe: str) -> Scored:
     metric = METRICS[score.metric]
     values = metric.of(run, score)
     if score.steps is not None and score.metric != "recovery":
@@ -86,31 +122,31 @@ def _scored(run: Rollout, score: Score, recipe: str) -> Scored:
     return Scored(score, metric.unit, values, value, metric.averaged)
 
 
-def _of_states(function, wanted: str) -> Callable[[Rollout, Score], PerStep]:
+def _of_states(function, wanted: str) -> Callable[[Outcome, Score], PerStep]:
     return lambda run, score: function(run.states, getattr(run.task, wanted)(), score.module)
 
 
-def _tips(run: Rollout) -> np.ndarray:
+def _tips(run: Outcome) -> np.ndarray:
     return run.states[:, -1, POSITION]
 
 
-def _clearance(run: Rollout, score: Score) -> PerStep:
+def _clearance(run: Outcome, score: Score) -> PerStep:
     """Of the tip, between control steps too where the run was watched."""
     points = _tips(run)[:, None] if run.centre_lines is None else run.centre_lines[:, :, -1]
     return metrics.clearances(points, run.task.obstacles())
 
 
-def _clearance_at_steps(run: Rollout, score: Score) -> PerStep:
+def _clearance_at_steps(run: Outcome, score: Score) -> PerStep:
     return metrics.clearances(_tips(run)[:, None], run.task.obstacles())
 
 
-def _clearance_of_arm(run: Rollout, score: Score) -> PerStep:
+def _clearance_of_arm(run: Outcome, score: Score) -> PerStep:
     """Of all module ends where the run was not watched, else of all points of the centre line."""
     points = run.states[:, :, POSITION] if run.centre_lines is None else run.centre_lines
     return metrics.clearances(points, run.task.obstacles())
 
 
-def _recovery(run: Rollout, score: Score) -> PerStep:
+def _recovery(run: Outcome, score: Score) -> PerStep:
     """The one number of the run at the last step, so that it can be shown beside the others.
 
     The score's steps are those whose target is within reach.

@@ -1,14 +1,15 @@
 """Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
 
+from s2c2a.arm.centre_line import centre_line
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.cables import PCC
-from s2c2a.kinematics.centre_line import centre_line
 from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
-from s2c2a.kinematics.forward_model import ForwardModel, PCCForwardModel
+from s2c2a.kinematics.forward_model import ForwardModel, MemorylessModel, PCCForwardModel
 
 __all__ = [
     "PCC",
     "ForwardModel",
+    "MemorylessModel",
     "PCCForwardModel",
     "bends_from_configurations",
     "centre_line",

@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, sinc, squared_norm
@@ -49,23 +50,24 @@ def states_from_configurations(
     return states_from_bends(bends_from_configurations(configurations), lengths)
 
 
-def configurations_from_states(states: Float[Array, "*batch modules 6"]) -> Float[Array, "*batch modules 3"]:
+def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules 6"]):
     """What the modules' configurations must be for given states of an arm without torsion.
 
     Args:
-        states: only the end axes count; base frame.
+        states: only the end axes count; base frame. In NumPy or JAX, as the result then is.
 
     Returns:
-        Unit end axes, module frames.
+        Unit end axes, module frames, shape (*batch, modules, 3).
     """
+    xp = states.__array_namespace__()
     axes = states[..., 3:]
-    rotation = jnp.broadcast_to(jnp.eye(3), (*axes.shape[:-2], 3, 3))
+    rotation = xp.broadcast_to(xp.eye(3, dtype=axes.dtype), (*axes.shape[:-2], 3, 3))
     configurations = []
     for module in range(axes.shape[-2]):
-        axis = _rotate(jnp.swapaxes(rotation, -1, -2), axes[..., module, :])
-        configurations.append(axis / jnp.linalg.norm(axis, axis=-1, keepdims=True))
+        axis = xp.einsum("...ji,...j->...i", rotation, axes[..., module, :])
+        configurations.append(axis / xp.linalg.norm(axis, axis=-1, keepdims=True))
         rotation = rotation @ _rotations_to(configurations[-1])
-    return jnp.stack(configurations, axis=-2)
+    return xp.stack(configurations, axis=-2)
 
 
 def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
@@ -75,12 +77,12 @@ def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -
     return lengths[..., None] * jnp.concatenate([across, sinc(squared)[..., None]], axis=-1)
 
 
-def _rotations_to(axes: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+def _rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
     """The rotation without torsion that turns z into each axis."""
     x, y, z = axes[..., 0], axes[..., 1], axes[..., 2]
     share = 1.0 / (1.0 + z)
     rows = [1.0 - x * x * share, -x * y * share, x, -x * y * share, 1.0 - y * y * share, y, -x, -y, z]
-    return jnp.stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
+    return axes.__array_namespace__().stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
 
 
 def _rotate(rotation: Float[Array, "*batch 3 3"], vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -1,6 +1,10 @@
-"""The other side of `ControlProcess`: a process that makes a control loop and does what it is told.
+"""The other side of `ControlProcess`: a process that moves an arm and does what it is told.
 
 Nothing heavy is imported here, so that the process can begin before whoever starts it has imported its own part.
+
+Both sides say that they live: this one by its snapshots, the other by its request, again and again. When that stays
+away, as when the page's process hangs, nobody can press Stop any more: the arm is stopped, and goes on only when
+somebody says so who knows of that: what was asked before counts as stopped.
 """
 
 import multiprocessing
@@ -15,29 +19,34 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from s2c2a.errors import S2C2AError
-from s2c2a.shards import compute_on_one_thread
+from s2c2a.executors import compute_on_one_thread
 
 if TYPE_CHECKING:
-    from s2c2a.live.loop import ControlLoop
+    from s2c2a.live.control import ArmControl
     from s2c2a.live.snapshot import Snapshot
 
 TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
 MOST_WAITING = 1000  # snapshots that nobody has fetched yet
 PATIENCE = 5.0  # s for what is left to say in the end
+HEARTBEAT, SILENCE = 0.25, 1.5  # s between the page's signs of life, and without any until the arm is stopped
 OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
-REQUESTS = ("ask", "reset", "use", "step_task", "restart_task")
+KNOWN = "known"
+"""What the page says when it has heard `SILENT`."""
+ORDERS = ("ask", "reset", "use", "step_task", "restart_task", KNOWN)
+SILENT = "the page was silent"
+"""What is told when the arm was stopped for that."""
 
 
 class Child:
-    """A process that makes a control loop, and the pipe to it; it ends with this one.
+    """A process that moves an arm, and the pipe to it; it ends with this one.
 
     Attributes:
-        pipe: takes requests and their arguments, gives what can be asked, snapshots, answers of `use`, or an error.
+        pipe: takes orders and their arguments, gives what can be asked, snapshots, answers of `use`, or an error.
         process: that it is.
     """
 
-    def __init__(self, build: "Callable[[], ControlLoop]"):
-        """Start it; `build` makes the loop over there, and can be pickled."""
+    def __init__(self, build: "Callable[[], ArmControl]"):
+        """Start it; `build` makes the control over there, and can be pickled."""
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
@@ -45,8 +54,8 @@ class Child:
         theirs.close()
 
 
-def _control(build: "Callable[[], ControlLoop]", pipe: Connection) -> None:
-    """What the process does: build the loop, run it, hear requests until the other end says stop or is gone."""
+def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
+    """What the process does: build, run, hear orders until the other end says stop or is gone."""
     for name in OTHERS_SIGNALS:
         if hasattr(signal, name):  # not every system has all
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -64,17 +73,17 @@ def _control(build: "Callable[[], ControlLoop]", pipe: Connection) -> None:
     passing.join(PATIENCE)
 
 
-def _run(loop: "ControlLoop", pipe: Connection, said: queue.Queue) -> None:
-    """Run the loop while it is wanted; in the end, whatever that is, lead the arm to rest."""
-    said.put((loop.limits, loop.strategies))
-    loop.watch(lambda snapshot: _leave(said, snapshot))
-    loop.start()
+def _run(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
+    """Run while it is wanted; in the end, whatever that is, lead the arm to rest."""
+    said.put((control.limits, control.strategies))
+    control.watch(lambda snapshot: _leave(said, snapshot))
+    control.start()
     try:
         _go_first()
-        threading.Thread(target=loop.prepare, daemon=True).start()
-        _obey(loop, pipe, said)
+        threading.Thread(target=control.prepare, daemon=True).start()
+        _obey(control, pipe, said)
     finally:
-        loop.stop()
+        control.stop()
 
 
 def _go_first() -> None:
@@ -90,23 +99,32 @@ def _go_first() -> None:
             os.sched_setscheduler(int(thread), policy, least)
 
 
-def _obey(loop: "ControlLoop", pipe: Connection, said: queue.Queue) -> None:
-    """Do what is asked, in order; building a strategy takes long, so that goes beside the rest."""
+def _obey(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
+    """Do what is ordered, in order; stop the arm where nothing is heard for too long, not even a sign of life."""
+    silent = False  # and the page does not know yet that the arm was stopped for that
     with suppress(EOFError, OSError):
         while True:
-            request, arguments = pipe.recv()
-            if request not in REQUESTS:
+            if not pipe.poll(SILENCE):
+                if control.request.driven and not control.request.stopped:
+                    control.halt(SILENT)
+                    silent = True
+                    said.put(SILENT)
+                continue
+            order, arguments = pipe.recv()
+            if order not in ORDERS:
                 return
-            if request == "use":
-                threading.Thread(target=_use, args=(loop, arguments["name"], said), daemon=True).start()
+            if order == KNOWN:
+                silent = False
+            elif order == "use":  # building a strategy takes long, so that goes beside the rest
+                threading.Thread(target=_use, args=(control, arguments["name"], said), daemon=True).start()
             else:
-                getattr(loop, request)(**arguments)
+                getattr(control, order)(**arguments | ({"stopped": True} if silent and order == "ask" else {}))
 
 
-def _use(loop: "ControlLoop", name: str, said: queue.Queue) -> None:
+def _use(control: "ArmControl", name: str, said: queue.Queue) -> None:
     """Change the strategy; say nothing where that went well."""
     try:
-        loop.use(name)
+        control.use(name)
         said.put("")
     except Exception as error:  # whatever it is, somebody waits for the answer
         said.put(str(error) or type(error).__name__)

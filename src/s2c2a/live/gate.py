@@ -3,12 +3,15 @@
 viser checks no origin, so any page in the same browser could drive the arm through it. The gate listens on 127.0.0.1,
 lets in only pages that it served itself, passes on only messages of known form, and not too many of them. viser stands
 behind it on a port of its own and takes websockets from the gate alone: they carry a secret as their origin.
+
+The gate serves the page, so it also puts the Stop there, which is viser's neither to hide nor to break.
 """
 
 import asyncio
 import gzip
 import http
 import logging
+import re
 import secrets
 import threading
 import time
@@ -16,7 +19,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from urllib.parse import urlsplit
+from pathlib import Path
 
 import websockets.asyncio.client
 import websockets.asyncio.server
@@ -31,7 +34,10 @@ from s2c2a.errors import S2C2AError
 from s2c2a.live.messages import MOST_BYTES, is_sound
 
 HOST = "127.0.0.1"
-LOCAL = ("127.0.0.1", "localhost", "::1")
+LOCAL = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII)
+ONCE = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
+STOP, STOP_HEADER = "/stop", "S2C2A-Stop"
+STOP_BUTTON = Path(__file__).with_name("stop_button.html")
 MOST_CONNECTIONS = 16
 RATE, BURST = 100.0, 200.0  # messages a second of one browser; dragging sends about 20, turning the view as many
 MOST_REFUSED = 20  # messages of unknown form, then the connection is closed
@@ -39,6 +45,8 @@ PING_EVERY, PING_PATIENCE = 3.0, 5.0  # s; a browser that is gone without a word
 CLOSE_PATIENCE = 0.3  # s
 TRIED_PORTS = 50
 
+_QUIET = logging.getLogger("s2c2a.gate")
+_QUIET.setLevel(logging.CRITICAL)  # to websockets, answers to plain requests are failed handshakes
 _SAFE_HEADERS = {
     "Content-Security-Policy": "frame-ancestors 'none'",
     "X-Frame-Options": "DENY",
@@ -90,15 +98,21 @@ class Gate:
         refused: connections and messages that did not pass, by reason.
     """
 
-    def __init__(self, port: int, behind: int, secret: str):
+    def __init__(self, port: int, behind: int, secret: str, on_stop: Callable[[], bool] | None = None):
         """Open the door on `port`, or on the next free one after it, to viser on port `behind`.
+
+        Args:
+            port: where browsers come in.
+            behind: viser's.
+            secret: that viser wants to hear.
+            on_stop: stops the arm when somebody who looks at the page says so, and says whether it was heard.
 
         Raises:
             S2C2AError: no port is free, or viser does not answer.
         """
-        self.port, self.refused = port, dict.fromkeys(("origin", "host", "path", "full", "form", "flood"), 0)
-        self._behind, self._secret, self._open = behind, secret, 0
-        self._page = _page_of(behind)
+        self.port, self.refused = port, dict.fromkeys(("twice", "origin", "host", "path", "full", "form", "flood"), 0)
+        self._behind, self._secret, self._open, self._on_stop = behind, secret, 0, on_stop
+        self._page = _page_of(behind, b"" if on_stop is None else STOP_BUTTON.read_bytes())
         self._ready, self._fault = threading.Event(), ""
         self._loop, self._closing = asyncio.new_event_loop(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="gate", daemon=True)
@@ -129,7 +143,6 @@ class Gate:
             self._loop.close()
 
     async def _serve(self) -> None:
-        logging.getLogger("websockets.server").addFilter(_quiet)
         async with await self._bound():
             self._ready.set()
             await self._closing.wait()
@@ -150,6 +163,7 @@ class Gate:
                     ping_interval=PING_EVERY,
                     ping_timeout=PING_PATIENCE,
                     close_timeout=CLOSE_PATIENCE,
+                    logger=_QUIET,
                 )
                 self.port = server.sockets[0].getsockname()[1]
                 return server
@@ -157,18 +171,32 @@ class Gate:
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for the page; let a websocket through only where it comes from that page."""
-        host = request.headers.get("Host", "")
-        if not _is_local(host):
+        if any(len(request.headers.get_all(name)) > 1 for name in ONCE):
+            return self._refuse("twice", connection, http.HTTPStatus.BAD_REQUEST)
+        host, path = request.headers.get("Host", ""), request.path.partition("?")[0]
+        if not LOCAL.fullmatch(host):  # a page elsewhere that points its name here
             return self._refuse("host", connection, http.HTTPStatus.FORBIDDEN)
         if request.headers.get("Upgrade", "").lower() == "websocket":
-            if request.headers.get_all("Origin") != [f"http://{host}"]:
-                return self._refuse("origin", connection, http.HTTPStatus.FORBIDDEN)
-            if self._open >= MOST_CONNECTIONS:
-                return self._refuse("full", connection, http.HTTPStatus.SERVICE_UNAVAILABLE)
-            return None
-        if request.path.partition("?")[0] not in ("/", "/index.html"):
+            return self._admit_websocket(connection, request, f"http://{host}")
+        if path == STOP and self._on_stop is not None:
+            return self._stop(connection, request)
+        if path not in ("/", "/index.html"):
             return self._refuse("path", connection, http.HTTPStatus.NOT_FOUND)
         return self._page_response(request)
+
+    def _admit_websocket(self, connection: ServerConnection, request: Request, own: str) -> Response | None:
+        if request.headers.get("Origin") != own:
+            return self._refuse("origin", connection, http.HTTPStatus.FORBIDDEN)
+        if self._open >= MOST_CONNECTIONS:
+            return self._refuse("full", connection, http.HTTPStatus.SERVICE_UNAVAILABLE)
+        return None
+
+    def _stop(self, connection: ServerConnection, request: Request) -> Response:
+        """Stop the arm for our own page: others would have to be allowed to say the header, and nobody allows them."""
+        if STOP_HEADER not in request.headers or self._on_stop is None:
+            return self._refuse("origin", connection, http.HTTPStatus.FORBIDDEN)
+        heard = self._on_stop()
+        return connection.respond(*((200, "stopped\n") if heard else (503, "nobody hears\n")))
 
     def _refuse(self, reason: str, connection: ServerConnection, status: http.HTTPStatus) -> Response:
         self.refused[reason] += 1
@@ -241,28 +269,16 @@ async def _outwards(viser: ClientConnection, browser: ServerConnection) -> None:
             await browser.send(message)
 
 
-def _page_of(port: int) -> bytes:
-    """Viser's page, compressed."""
+def _page_of(port: int, more: bytes) -> bytes:
+    """Viser's page, with more at its end, compressed."""
     try:
         with urllib.request.urlopen(f"http://{HOST}:{port}/", timeout=10) as answer:
-            return gzip.compress(answer.read(), 6)
+            before, end, after = answer.read().rpartition(b"</body>")
     except OSError as error:
         raise S2C2AError(f"viser does not answer on port {port}: {error}") from error
-
-
-def _is_local(host: str) -> bool:
-    """Whether a Host header names this machine: a page elsewhere that points its name here does not."""
-    try:
-        return urlsplit(f"//{host}").hostname in LOCAL
-    except ValueError:
-        return False
+    return gzip.compress(before + more + end + after, 6)
 
 
 def _viser_protocol(connection: ServerConnection, offered) -> Subprotocol | None:
     """Viser's page says its version so."""
     return next((Subprotocol(name) for name in offered if name.startswith("viser-v")), None)
-
-
-def _quiet(record: logging.LogRecord) -> bool:
-    """Answers to plain requests are no failed handshakes."""
-    return record.levelno >= logging.ERROR and "handshake" not in record.getMessage()

@@ -17,4 +17,4 @@ def hint_for(task: str | None) -> str:
     if task is None:
         return "You drive. Drag the violet ball: the arm follows."
     kind = next((said for start, said in HINTS.items() if task.startswith(start)), "")
-    return f"The arm plays *{task}*{kind}."
+    return f"*{task}*{kind}. The arm goes to its start; Play begins it."

@@ -1,12 +1,9 @@
-"""The page: viser behind the gate, the scene drawn at its own rate, and a panel for everyone who comes."""
+"""The page: a window on an arm that moves, drawn at its own rate, with a panel for everyone who comes."""
 
-import io
 import threading
 import time
-import warnings
 from collections import deque
-from collections.abc import Callable
-from contextlib import redirect_stdout
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,49 +11,20 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.live.beats import beats
-from s2c2a.live.gate import HOST, Gate, new_secret, only_with
-from s2c2a.live.panel import Desk, Panel, View
+from s2c2a.live.panel import CLOUD, GHOST, TRAILS, Desk, Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
-from s2c2a.live.scene import ArmScene
+from s2c2a.live.request import Obstacle, Point
 from s2c2a.live.session import Session
-from s2c2a.live.snapshot import Control, Snapshot, Stage
-from s2c2a.live.wish import Obstacle, Point
-from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.live.window import Window
+from s2c2a.spaces import AXIS, POSITION, Stage, States
 
-FRAME = 1 / 30  # s between frames
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
+LEAST_GAP = 0.005  # m; a target less far out of reach is within it
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
-BRAND = (31, 95, 196)
-CAMERA, LOOK_AT = (1.75, -1.85, 1.2), (0.12, 0.1, 0.55)  # in parts of the arm's length
-UPRIGHT_CAMERA, UPRIGHT_LOOK_AT = (2.7, -2.9, 1.5), (0.0, 0.0, 0.1)  # of a telephone, its lower half under the panel
-
-
-warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # of browsers that have just gone
-
-
-def open_viser(title: str) -> tuple[viser.ViserServer, str]:
-    """A viser server on 127.0.0.1 that takes websockets from its gate alone, and the secret that the gate says."""
-    secret = new_secret()
-    with only_with(secret), redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=HOST, port=0, label=title, verbose=False)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
-    return server, secret
-
-
-def look_at_arm(server: viser.ViserServer, size: float) -> None:
-    """Put the camera where the whole arm and its workspace are seen."""
-    server.initial_camera.position = size * np.array(CAMERA)
-    server.initial_camera.look_at = size * np.array(LOOK_AT)
-    server.initial_camera.fov = np.deg2rad(40)
-
-
-def across_the_screen() -> Float[np.ndarray, "3"]:
-    """The direction to the right on the screen, seen from where the camera is first, base frame."""
-    across = np.cross(np.subtract(LOOK_AT, CAMERA), (0.0, 0.0, 1.0))
-    return across / np.linalg.norm(across)
+VIEWER = "by somebody who looks at this page"
 
 
 class Survey(NamedTuple):
@@ -72,7 +40,7 @@ class Survey(NamedTuple):
 
 
 class LivePage:
-    """The live page of one control loop.
+    """The live page of one arm.
 
     Attributes:
         gate: where browsers come in.
@@ -80,17 +48,11 @@ class LivePage:
         frames: drawn so far.
     """
 
-    def __init__(
-        self,
-        loop: Control,
-        port: int,
-        runs: Path,
-        survey: Callable[[], Survey] | None = None,
-    ):
-        """Open the page of a loop that runs, or will soon: until its first snapshot the page says that it prepares.
+    def __init__(self, control: Control, port: int, runs: Path, survey: Callable[[], Survey] | None = None):
+        """Open the page of an arm that moves, or will soon: until its first snapshot the page says that it prepares.
 
         Args:
-            loop: moves the arm.
+            control: moves the arm.
             port: where the page shall be; the next free one if it is taken.
             runs: where recordings go.
             survey: finds out where the arm can be; called once the arm is there, in a thread of its own.
@@ -98,45 +60,32 @@ class LivePage:
         Raises:
             S2C2AError: no port is free.
         """
-        self._loop, self._arm = loop, loop.arm
-        self._server, secret = open_viser(f"s2c2a · {loop.arm.name}")
-        look_at_arm(self._server, loop.arm.length)
-        self.session = Session(self._session_changed)
-        self._panels: dict[int, Panel] = {}
-        self._view = View()
-        self._desk = Desk(loop, self.session, Recorder(loop, runs), self._view, across_the_screen(), self._tell)
-        self._status = self._server.gui.add_markdown(f"**{loop.arm.name}** · {PREPARING}", order=0)
-        self._scene = ArmScene(self._server.scene, loop.arm)
+        self._control, self._survey, self._window = control, survey, Window(control.arm)
+        self._scene, gui = self._window.scene, self._window.server.gui
+        self.session, self._panels = Session(self._session_changed), dict[int, Panel]()
+        self._view = dict.fromkeys((GHOST, TRAILS, CLOUD), True)
+        self._desk = Desk(control, self.session, Recorder(control, runs), self._view, self._tell)
+        self._status = gui.add_markdown(f"**{control.arm.name}** · {PREPARING}", order=0)
         self._scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
-        with self._server.gui.add_folder("Plots", order=20, expand_by_default=False):
-            self._plots = Plots(self._server.gui, loop.arm)
-        self._trail: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=round(TRAIL * loop.arm.control_rate))
+        with gui.add_folder("Plots", order=20, expand_by_default=False):
+            self._plots = Plots(gui, control.arm)
+        self._trail: deque[np.ndarray] = deque(maxlen=round(TRAIL * control.arm.control_rate))
         self._before: Snapshot | None = None
         self._shown: Snapshot | None = None
-        self._gap = 0.0
-        self._gap_of: Point | None = None
-        self.frames = 0
-        self._server.on_client_connect(self._joined)
-        self._server.on_client_disconnect(self._left)
-        self._closing, self._changing = threading.Event(), threading.Lock()
-        self._survey = survey
+        self._gap, self._gap_of = 0.0, (np.nan,) * 3
         self._gap_at: Callable[[Point], float] = _unknown
-        self._drawing = threading.Thread(target=self._draw_on, name="scene", daemon=True)
-        self._drawing.start()
-        self.gate = Gate(port, self._server.get_port(), secret)
+        self.frames, self._changing = 0, threading.Lock()
+        self._window.server.on_client_connect(self._joined)
+        self._window.server.on_client_disconnect(self._left)
+        self._window.every(self._draw)
+        self._window.open(port, lambda: control.halt(VIEWER))
+        self.gate = self._window.gate
 
     def close(self) -> None:
-        """Close the gate and the page; the loop goes on."""
-        self._closing.set()
-        self._drawing.join(2.0)
-        self.gate.close()
-        with redirect_stdout(io.StringIO()):
-            self._server.stop()
+        """Close the gate and the page; the arm goes on."""
+        self._window.close()
 
     async def _joined(self, client: viser.ClientHandle) -> None:
-        if client.camera.image_height > 1.2 * client.camera.image_width:
-            client.camera.position = self._arm.length * np.array(UPRIGHT_CAMERA)
-            client.camera.look_at = self._arm.length * np.array(UPRIGHT_LOOK_AT)
         self._panels[client.client_id] = Panel(client, self._desk)
         self.session.join(client.client_id)
 
@@ -146,125 +95,136 @@ class LivePage:
 
     def _session_changed(self) -> None:
         """Nobody at the handle: the arm holds. Somebody new: it goes on from where it is, unless it was stopped."""
-        if self._loop.latest is None:
+        latest = self._control.latest
+        if latest is None:
             return  # `_draw` calls this again when there is something to drive
         with self._changing:  # from viser's thread, and once from the one that draws
-            driven, wish = self.session.driver is not None, self._loop.wish
-            if driven and not wish.driven:
-                latest = self._loop.latest
-                start = {} if latest is None or wish.task else {"target": tuple(latest.states[-1, POSITION])}
-                self._loop.ask(driven=True, **start)
+            driven, request = self.session.driver is not None, self._control.request
+            if driven and not request.driven:
+                start = {} if request.task else {"target": tuple(latest.states[-1, POSITION])}
+                self._control.ask(driven=True, **start)
             elif not driven:
-                self._loop.ask(driven=False)
+                self._control.ask(driven=False)
             for panel in list(self._panels.values()):
                 panel.refresh()
 
     def _tell(self, text: str) -> None:
-        for client in self._server.get_clients().values():
+        for client in self._window.server.get_clients().values():
             client.add_notification(title="s2c2a", body=text, auto_close_seconds=6.0)
 
     def _drag_target(self, who: int, where: Point) -> None:
-        if self.session.drives(who) and self._loop.wish.task is None:
-            self._loop.ask(target=where)
+        if self.session.drives(who) and self._control.request.task is None:
+            self._control.ask(target=where)
 
     def _drag_pointer(self, who: int, where: Point) -> None:
-        wish = self._loop.wish
-        if self.session.drives(who) and wish.task is None and wish.target is not None:
-            self._loop.ask(axis=self._scene.axis_towards(wish.target, where))
+        request = self._control.request
+        if self.session.drives(who) and request.task is None and request.target is not None:
+            self._control.ask(axis=self._scene.axis_towards(request.target, where))
 
     def _drag_obstacle(self, who: int, number: int, where: Point) -> None:
-        own = self._loop.wish.obstacles
+        own = self._control.request.obstacles
         if self.session.drives(who) and number < len(own):
             moved = Obstacle(where, own[number].threshold)
-            self._loop.ask(obstacles=(*own[:number], moved, *own[number + 1 :]))
+            self._control.ask(obstacles=(*own[:number], moved, *own[number + 1 :]))
 
-    def _look_round(self, survey: Callable[[], Survey]) -> None:
-        found = survey()
-        if self._closing.is_set():
-            return
-        self._scene.draw_cloud(found.cloud)
-        self._gap_at, self._gap_of = found.gap, None
+    def _look_round(self) -> None:
+        found = self._survey() if self._survey is not None else None
+        if found is not None and not self._window.closing.is_set():
+            self._scene.draw_cloud(found.cloud)
+            self._gap_at, self._gap_of = found.gap, (np.nan,) * 3
 
-    def _draw_on(self) -> None:
-        """One frame after the other, until the page closes; a late frame is left out."""
-        for _ in beats(FRAME, self._closing):
-            self._draw()
-            self.frames += 1
-
-    def _draw(self) -> None:
-        latest = self._loop.latest
+    def _draw(self, _passed: float) -> None:
+        """One frame."""
+        latest, first = self._control.latest, self._shown is None
         if latest is None:
             return
-        new, first = latest is not self._shown, self._shown is None
+        new = self._shown is None or latest.step is not self._shown.step
         if new:
-            self._before, self._shown = self._shown or latest, latest
-            self._plots.add(latest)
-            self._trail.append((latest.states[-1, POSITION].copy(), _wanted(latest)))
+            self._take(latest)
         if first:
-            if self._survey is not None:
-                threading.Thread(target=self._look_round, args=(self._survey,), daemon=True).start()
+            threading.Thread(target=self._look_round, daemon=True).start()
             if self.session.present:
                 self._session_changed()
-        share = self._share_of_step(latest)
-        if share is not None and self._before is not None:
-            self._scene.draw_arm(between(self._before.states, latest.states, share))
-            ghost = between(self._before.expected, latest.expected, share) if self._view.ghost else None
-            self._scene.draw_ghost(ghost, latest.states)
+        self._draw_arm(latest)
         self._draw_asked(latest)
         if new:
             self._draw_trails()
-            self._scene.draw_load(latest.states[-1, POSITION], self._loop.wish, self._loop.limits)
+            self._scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
         if first or self.frames % PLOT_EVERY == 0:
-            self._plots.draw()
-            self._scene.show_cloud(self._view.cloud)
-            self._status.content = self._status_of(latest)
+            self._say(latest)
+        self.frames += 1
 
-    def _share_of_step(self, latest: Snapshot) -> float | None:
-        """How far between the last two states the picture is now; None where it stands."""
-        share = (time.perf_counter() - latest.moment) / latest.period
-        return None if share > 1.5 else float(np.clip(share, 0.0, 1.0))
+    def _take(self, latest: Snapshot) -> None:
+        """Keep what is new."""
+        self._before, self._shown = self._shown or latest, latest
+        self._plots.add(latest)
+        self._trail.append(np.array([latest.states[-1, POSITION], _wanted(latest)[0]]))
+
+    def _draw_arm(self, latest: Snapshot) -> None:
+        """Between the last two states, as far as time has come; it stands where nothing comes any more."""
+        share = (time.perf_counter() - latest.step.moment) / latest.period
+        if share > 1.5 or self._before is None:
+            return
+        states, expected = (
+            between(getattr(self._before, name), getattr(latest, name), float(np.clip(share, 0.0, 1.0)))
+            for name in ("states", "expected")
+        )
+        self._scene.draw_arm(states)
+        self._scene.draw_ghost(expected if self._view[GHOST] else None, latest.states)
 
     def _draw_asked(self, latest: Snapshot) -> None:
-        wish, tip = self._loop.wish, latest.states[-1, POSITION]
-        position, axis = (wish.target, wish.axis) if wish.task is None else _asked_of_tip(latest)
-        self._scene.draw_target(position, axis, self._reach_gap(position))
-        own = wish.obstacles
-        asked = _task_obstacles(latest, len(own)) if wish.task else ()
-        self._scene.draw_obstacles(own, asked, tip)
+        request, tip, goal = self._control.request, latest.states[-1, POSITION], latest.step.goal
+        own, nothing = request.obstacles, (np.nan,) * 3
+        if request.task is None or goal is None:
+            position, axis, spheres = request.target or nothing, request.axis or nothing, np.zeros((0, 4))
+        else:
+            position, axis = _wanted(latest)
+            spheres = np.column_stack([goal.obstacles, goal.thresholds])
+            spheres = spheres[spheres[:, 3] > 0]
+            spheres = spheres[: max(len(spheres) - len(own), 0)]  # the driver's come after the task's
+        self._window.draw_asked(tip, position, axis, spheres, own, self._reach_gap(position))
 
-    def _reach_gap(self, position: Point | None) -> float:
+    def _reach_gap(self, position: Sequence[float] | np.ndarray) -> float:
         """How far out of reach the target is [m]; asked of one point at a time, so that it compiles once."""
-        if position is None:
-            return 0.0
-        if position != self._gap_of:
-            self._gap, self._gap_of = self._gap_at(position), position
+        x, y, z = (float(value) for value in position)
+        if (x, y, z) != self._gap_of:
+            self._gap_of = (x, y, z)
+            self._gap = self._gap_at(self._gap_of) if np.isfinite(self._gap_of).all() else 0.0
         return self._gap
 
     def _draw_trails(self) -> None:
-        shown = self._view.trails and len(self._trail) > 1
-        real, wanted = np.swapaxes(np.array(self._trail), 0, 1) if shown else np.zeros((2, 0, 3))
-        self._scene.draw_trail("real", real)
+        shown = self._view[TRAILS] and len(self._trail) > 1
+        followed, wanted = np.swapaxes(np.array(self._trail), 0, 1) if shown else np.zeros((2, 0, 3))
+        self._scene.draw_trail("real", followed)
         self._scene.draw_trail("wanted", wanted)
+
+    def _say(self, latest: Snapshot) -> None:
+        """What is shown now and then only: plots, words, buttons."""
+        self._plots.draw()
+        self._scene.show_cloud(self._view[CLOUD])
+        self._status.content = self._status_of(latest)
+        for panel in list(self._panels.values()):
+            panel.follow()
 
     def _status_of(self, latest: Snapshot) -> str:
         driver, others = self.session.driver, len(self.session.present) - (self.session.driver is not None)
         who = "nobody drives" if driver is None else "one drives"
-        lines = [f"**{self._arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")]
-        if latest.stage is Stage.FAILED:
-            return f"{lines[0]}\n\n**stopped:** {latest.fault}"
-        said = [latest.stage.value if latest.stage is not Stage.DRIVEN or not self._loop.wish.stopped else "stopped"]
-        if np.isfinite(latest.error):
-            said.append(f"error {100 * latest.error:.1f} cm")
-        if np.isfinite(latest.clearance):
-            said.append(f"clearance {100 * latest.clearance:.1f} cm")
-        if latest.task_steps:
-            over = latest.task_step + 1 == latest.task_steps
-            said.append("task finished" if over else f"step {latest.task_step + 1} of {latest.task_steps}")
-        if self._desk.recorder.running:
-            said.append("recording")
-        if self._gap > 0.005:
-            said.append(f"**{100 * self._gap:.1f} cm out of reach**")
-        return f"{lines[0]}\n\n{' · '.join(said)}"
+        head = f"**{self._control.arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")
+        if latest.stage is Stage.FAULT:
+            return f"{head}\n\n**stopped:** {latest.fault}"
+        stopped = f"**stopped:** {self._control.halted_by}" if self._control.request.stopped else ""
+        said = {
+            stopped or str(latest.stage): True,
+            f"error {100 * latest.error:.1f} cm": np.isfinite(latest.error),
+            f"clearance {100 * latest.clearance:.1f} cm": np.isfinite(latest.clearance),
+            f"step {latest.task_step + 1} of {latest.task_steps}": latest.task_steps and not latest.finished,
+            "task finished": latest.finished,
+            "recording": self._desk.recorder.running,
+            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > LEAST_GAP,
+            "nothing watches this arm: drawn as its model expects it": not latest.watched,
+            f"**{latest.fault}**": latest.fault,
+        }
+        return f"{head}\n\n{' · '.join(text for text, shown in said.items() if shown)}"
 
 
 def _unknown(_position: Point) -> float:
@@ -279,21 +239,10 @@ def between(before: States, after: States, share: float) -> States:
     return states
 
 
-def _wanted(snapshot: Snapshot) -> np.ndarray:
-    asked = float(np.asarray(snapshot.goal.position_weights)[-1]) > 0
-    return np.array(snapshot.goal.positions[-1], float) if asked else np.full(3, np.nan)
-
-
-def _asked_of_tip(snapshot: Snapshot) -> tuple[Point | None, Point | None]:
-    wanted, goal = _wanted(snapshot), snapshot.goal
-    pointed = float(np.asarray(goal.axis_weights)[-1]) > 0
-    position = tuple(wanted) if np.isfinite(wanted).all() else None
-    return position, tuple(np.array(goal.axes[-1], float)) if pointed else None
-
-
-def _task_obstacles(snapshot: Snapshot, own: int) -> tuple[Obstacle, ...]:
-    """The task's obstacles come first in a goal, the driver's after them."""
-    thresholds = np.asarray(snapshot.goal.thresholds)
-    count = int((thresholds > 0).sum()) - own
-    centres = np.asarray(snapshot.goal.obstacles, float)
-    return tuple(Obstacle(tuple(centres[k]), float(thresholds[k])) for k in range(max(count, 0)))
+def _wanted(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
+    """Position and axis that are asked of the tip; NaN where they are not."""
+    goal = snapshot.step.goal
+    if goal is None:
+        return np.full((2, 3), np.nan)
+    asked = np.array([goal.position_weights[-1], goal.axis_weights[-1]], float)[:, None] > 0
+    return np.where(asked, np.array([goal.positions[-1], goal.axes[-1]], float), np.nan)

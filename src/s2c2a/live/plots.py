@@ -6,12 +6,14 @@ from collections.abc import Mapping
 import numpy as np
 from viser import GuiApi, uplot
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
+from s2c2a.spaces import AXIS
 from s2c2a.viz.colours import TARGET, module_colours
 
 SHOWN = 20.0  # s
 HEIGHT = 124  # pixels
+MOST_NAMED = 6  # modules whose names are written under a chart
 CLEARANCE_COLOUR, TIME_COLOUR = "#5b6675", "#1f5fc4"
 
 
@@ -20,48 +22,45 @@ class Plots:
 
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
-        self._arm, self._geometry = arm, ArmGeometry.of(arm)
-        self._rows: deque[np.ndarray] = deque(maxlen=round(SHOWN * arm.control_rate))
-        colours = module_colours(arm.module_count)
-        names = [f"module {number + 1}" for number in range(arm.module_count)]
-        unit, self._scale = ("mm", 1e3) if arm.actuation == "displacement" else ("N", 1.0)
-        cables = {
-            f"{module}, {cable + 1}": colour
-            for module, colour in zip(names, colours, strict=True)
-            for cable in range(arm.cable_count)
-        }
-        seconds = uplot.Scale(time=False, range=(-SHOWN, 0.0))
+        self._rows: deque[list[np.ndarray]] = deque(maxlen=round(SHOWN * arm.control_rate))
+        modules = {f"module {k + 1}": colour for k, colour in enumerate(module_colours(arm.module_count))}
+        cables = {f"{name}, {k + 1}": colour for name, colour in modules.items() for k in range(arm.cable_count)}
+        unit, self._scale = unit_of_cables(arm)
+        across = uplot.Scale(time=False, range=(-SHOWN, 0.0))
         self._charts = [
-            add_chart(gui, title, lines, legend=legend, across=seconds)
-            for title, lines, legend in (
-                ("tip from its target [cm]", {"error": TARGET}, False),
-                ("clearance of the tip [cm]", {"clearance": CLEARANCE_COLOUR}, False),
-                ("bend of the modules [deg]", dict(zip(names, colours, strict=True)), arm.module_count <= 6),
-                (f"cables [{unit}]", cables, False),
-                ("sense, plan, act [ms]", {"tick": TIME_COLOUR}, False),
+            add_chart(gui, title, lines, legend=lines is modules and len(modules) <= MOST_NAMED, across=across)
+            for title, lines in (
+                ("tip from its target [cm]", {"error": TARGET}),
+                ("clearance of the tip [cm]", {"clearance": CLEARANCE_COLOUR}),
+                ("bend of the modules [deg]", modules),
+                (f"cables [{unit}]", cables),
+                ("sense, plan, act [ms]", {"tick": TIME_COLOUR}),
             )
         ]
 
     def add(self, snapshot: Snapshot) -> None:
         """One more control step."""
-        bends = np.rad2deg(np.arccos(np.clip(snapshot.configurations[:, 2], -1.0, 1.0)))
-        error, clearance = (
-            100 * value if np.isfinite(value) else 0.0 for value in (snapshot.error, snapshot.clearance)
-        )  # a chart with a NaN in it stays empty
-        if self._charts[1].visible != (seen := bool(np.isfinite(snapshot.clearance))):
-            self._charts[1].visible = seen
-        values = [snapshot.number * snapshot.period, error, clearance, *bends]
-        self._rows.append(np.array([*values, *(self._scale * snapshot.actions).ravel(), 1e3 * snapshot.tick_time]))
+        axes = np.concatenate([[[0.0, 0.0, 1.0]], snapshot.states[:, AXIS]])
+        bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
+        self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
+        values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
+        values = [snapshot.step.number * snapshot.period, *values, 1e3 * snapshot.step.tick_time]
+        self._rows.append(
+            [np.nan_to_num(np.ravel(one), posinf=0.0) for one in values]
+        )  # with a NaN a chart stays empty
 
     def draw(self) -> None:
         """Send the charts what is new."""
         if len(self._rows) < 2:
             return
-        columns = np.array(self._rows).T
-        seconds, modules = columns[0] - columns[0, -1], self._arm.module_count
-        parts = np.split(columns[1:], np.cumsum([1, 1, modules, self._geometry.action_neutral.size]))
+        (seconds,), *parts = (np.transpose(part) for part in zip(*self._rows, strict=True))
         for chart, part in zip(self._charts, parts, strict=True):
-            chart.data = (seconds, *part)
+            chart.data = (seconds - seconds[-1], *part)
+
+
+def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
+    """The unit in which cables are shown, and how many of it are one of the arm's."""
+    return ("mm", 1e3) if arm.actuation == "displacement" else ("N", 1.0)
 
 
 def add_chart(
@@ -84,11 +83,9 @@ def add_chart(
         legend: whether the lines' names are shown.
         across: the scale of what is along; as wide as the values unless stated.
     """
-    empty = tuple(np.zeros(2) for _ in range(len(lines) + 1))
-    series = [uplot.Series(label=name, stroke=colour, width=1.6) for name, colour in lines.items()]
     return gui.add_uplot(
-        values or empty,
-        (uplot.Series(label=label), *series),
+        values or tuple(np.zeros(2) for _ in range(len(lines) + 1)),
+        (uplot.Series(label=label), *(uplot.Series(label=name, stroke=lines[name], width=1.6) for name in lines)),
         title=title,
         scales={"x": across or uplot.Scale(time=False)},
         legend=uplot.Legend(show=legend, live=False),

@@ -8,18 +8,16 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.ground import LEVEL, lay_ground, rgb
-from s2c2a.live.wish import MOST_OBSTACLES, Limits, Obstacle, Point, Wish
+from s2c2a.live.ground import NO_SHADOW, lay_ground
+from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Point, Request, RequestLimits
 from s2c2a.spaces import POSITION, States
-from s2c2a.viz.body import THREAD_SIDES, Body, Vertices, thread_faces, threads
-from s2c2a.viz.colours import INK, TARGET, module_colours
+from s2c2a.viz.colours import INK, OBSTACLE, REAL, TARGET, module_colours, rgb
+from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, Vertices, threads, tube_faces
 
-SHADOW = "#d9dee6"
-DISC, GHOST = "#aab3bf", "#5b6675"
-REAL = "#1f5fc4"
+SHADOW, GHOST = "#d9dee6", "#5b6675"
 SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown
 FAR_TARGET = "#f0a000"
-SAFE, NEAR, INSIDE = "#8a93a6", "#f0a000", "#d62728"
+SAFE, NEAR, INSIDE = OBSTACLE, "#f0a000", "#d62728"
 NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer than that
 PALE = 0.6  # how much of the workspace's colours is white
 BALL = 0.042  # radius of the target in parts of the arm's length
@@ -37,15 +35,15 @@ class ArmScene:
 
     def __init__(self, scene: SceneApi, arm: ArmSpec):
         """Lay everything out, the arm straight."""
-        straight = _straight(arm)
-        self._scene, self._arm, self._body = scene, arm, Body(arm)
-        self._size = arm.length
-        lay_ground(scene, arm)
-        self._tubes, self._cables, self._discs = self._add_arm(straight)
-        first = self._body.outline(self._body.shape(straight))
-        outline: dict[str, Any] = {"faces": self._body.outline_faces, "cast_shadow": False, "receive_shadow": False}
-        self._shadow = scene.add_mesh_simple("/shadow", self._flat(first), color=rgb(SHADOW), side="double", **outline)
-        self._ghost = scene.add_mesh_simple("/ghost", first, color=rgb(GHOST), opacity=0.22, visible=False, **outline)
+        self._scene, self._mesh, self._size = scene, ArmMesh(arm), arm.length
+        around = lay_ground(scene, arm)
+        self._up, self._level = around.mounting.turn[2], around.level if around.mounting.upright else None
+        vertices = self._mesh.vertices(_straight(arm))
+        self._pieces = [self._add_piece(number, corners) for number, corners in enumerate(vertices)]
+        first, faces = self._mesh.outline(vertices), self._mesh.outline_faces
+        outline: dict[str, Any] = {"visible": False, **NO_SHADOW}
+        self._shadow = scene.add_mesh_simple("/shadow", first, faces, color=rgb(SHADOW), side="double", **outline)
+        self._ghost = scene.add_mesh_simple("/ghost", first, faces, color=rgb(GHOST), opacity=0.22, **outline)
         self._trails = {name: self._add_thread(name, colour) for name, colour in (("real", REAL), ("wanted", TARGET))}
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
@@ -53,18 +51,20 @@ class ArmScene:
         self._push = self._add_thread("push", FAR_TARGET)
         self._payload = _ball(scene, "/payload", 1.0, INK)
         self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
-        self._spheres = [_Sphere(scene, f"/obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
-        self._asked = [_Sphere(scene, f"/task_obstacles/{number}", self._size) for number in range(MOST_OBSTACLES)]
+        self._spheres, self._asked = (
+            [_Sphere(scene, f"/{name}/{number}", self._level) for number in range(MOST_OBSTACLES)]
+            for name in ("obstacles", "task_obstacles")
+        )
 
     def draw_arm(self, states: States) -> None:
         """Put the arm where it is."""
-        shape = self._body.shape(states)
-        for tube, vertices in zip(self._tubes, shape.modules, strict=True):
-            tube.vertices = vertices.astype(np.float32)
-        for cable, points in zip(self._cables, shape.cables, strict=True):
-            cable.vertices = points.astype(np.float32)
-        self._discs.vertices = shape.discs.astype(np.float32)
-        self._shadow.vertices = self._flat(self._body.outline(shape))
+        vertices = self._mesh.vertices(states)
+        for handle, corners in zip(self._pieces[:-1], vertices, strict=False):  # but the base, which never moves
+            handle.vertices = corners.astype(np.float32)
+        if self._level is not None:  # far cheaper than a light's shadow
+            flat = self._mesh.outline(vertices) * (1.0, 1.0, 0.0) + (0.0, 0.0, self._level + 0.002 * self._size)
+            self._shadow.vertices = flat.astype(np.float32)
+            _show(self._shadow, True)
 
     def draw_ghost(self, states: States | None, arm: States) -> None:
         """Show where the plan leads to, unless that is where the arm is already."""
@@ -72,7 +72,7 @@ class ArmScene:
         shown = states is not None and bool(apart >= SAME_PLACE * self._size)
         _show(self._ghost, shown)
         if states is not None and shown:
-            self._ghost.vertices = self._body.outline(self._body.shape(states)).astype(np.float32)
+            self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states)).astype(np.float32)
 
     def draw_target(self, position: Point | None, axis: Point | None, gap: float) -> None:
         """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
@@ -89,19 +89,19 @@ class ArmScene:
             self._target.color = colour
         if far:
             self._far.text = f"{100 * gap:.1f} cm out of reach"
-            self._far.position = np.add(position, (0, 0, 0.05 * self._size))
+            self._far.position = position + 0.05 * self._size * self._up
         if axis is not None:
             end = np.add(position, ARROW * self._size * np.array(axis))
             self._pointer.position = end
             self._lay(self._shaft, np.array([position, end]))
 
-    def draw_load(self, tip: Float[np.ndarray, "3"], wish: Wish, limits: Limits) -> None:
+    def draw_load(self, tip: Float[np.ndarray, "3"], request: Request, limits: RequestLimits) -> None:
         """Show the payload under the tip, and the push as a line that ends at the tip; both as large as they are."""
-        _show(self._payload, wish.payload > 0)
-        if wish.payload > 0:
-            radius = BALL * self._size * (wish.payload / limits.payload) ** (1 / 3)
-            self._payload.scale, self._payload.position = radius, np.subtract(tip, (0, 0, 1.4 * radius))
-        push = np.array(wish.push)
+        _show(self._payload, request.payload > 0)
+        if request.payload > 0:
+            radius = BALL * self._size * (request.payload / limits.payload) ** (1 / 3)
+            self._payload.scale, self._payload.position = radius, tip - 1.4 * radius * self._up
+        push = np.array(request.push)
         _show(self._push, bool(push.any()))
         if push.any():
             self._lay(self._push, np.array([tip - 0.4 * self._size * push / limits.push, tip]))
@@ -144,37 +144,19 @@ class ArmScene:
         x, y, z = np.subtract(pointer, target)
         return float(x), float(y), float(z)
 
-    def _flat(self, outline: Vertices) -> Vertices:
-        """The arm straight down on the floor; far cheaper than a light's shadow."""
-        flat = outline.astype(np.float32)
-        flat[:, 2] = (LEVEL + 0.002) * self._size
-        return flat
-
-    def _add_arm(self, states: States):
-        shape, colours = self._body.shape(states), module_colours(self._arm.module_count)
-        tubes, cables = [], []
-        for number, (tube, lines, colour) in enumerate(zip(shape.modules, shape.cables, colours, strict=True)):
-            tubes.append(self._scene.add_mesh_simple(f"/arm/{number}", tube, self._body.tube_faces, color=rgb(colour)))
-            dark = np.array(rgb(colour)) // 2
-            cables.append(
-                self._scene.add_mesh_simple(
-                    f"/cables/{number}", lines, self._body.cable_faces, color=dark, cast_shadow=False
-                )
-            )
-        discs = self._scene.add_mesh_simple(
-            "/arm/discs", shape.discs, self._body.disc_faces, color=rgb(DISC), flat_shading=True
-        )
-        return tubes, cables, discs
+    def _add_piece(self, number: int, corners: Vertices) -> MeshHandle:
+        piece = self._mesh.pieces[number]
+        look: dict[str, Any] = {"flat_shading": piece.name in ("discs", "base"), "cast_shadow": piece.name != "cables"}
+        return self._scene.add_mesh_simple(f"/arm/{number}", corners, piece.faces, color=rgb(piece.colour), **look)
 
     def _add_thread(self, name: str, colour: str) -> MeshHandle:
         return self._scene.add_mesh_simple(
             f"/trails/{name}",
             np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)),
-            thread_faces(1, TRAIL_POINTS),
+            tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
             color=rgb(colour),
             visible=False,
-            cast_shadow=False,
-            receive_shadow=False,
+            **NO_SHADOW,
         )
 
     def _lay(self, thread: MeshHandle, points: Float[np.ndarray, "points 3"]) -> None:
@@ -187,16 +169,17 @@ class ArmScene:
 class _Sphere:
     """An obstacle: a small core in its threshold sphere."""
 
-    def __init__(self, scene: SceneApi, name: str, size: float):
-        self._size = size
+    def __init__(self, scene: SceneApi, name: str, level: float | None):
+        self._level = level
         self._core = _ball(scene, f"{name}/core", 1.0, INK)
         self._threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
         self._shadow = _ball(scene, f"{name}/shadow", 1.0, SHADOW)  # says how far away it is
         self._drawn: tuple | None = None
 
     def draw(self, obstacle: Obstacle | None, tip: Float[np.ndarray, "3"]) -> None:
-        for part in (self._core, self._threshold, self._shadow):
+        for part in (self._core, self._threshold):
             _show(part, obstacle is not None)
+        _show(self._shadow, obstacle is not None and self._level is not None)
         if obstacle is None:
             return
         room = float(np.linalg.norm(np.subtract(tip, obstacle.centre))) - obstacle.threshold
@@ -207,8 +190,8 @@ class _Sphere:
         self._core.position = self._threshold.position = obstacle.centre
         self._core.scale, self._threshold.scale = 0.3 * obstacle.threshold, obstacle.threshold
         self._threshold.color = rgb(colour)
-        self._shadow.position = (*obstacle.centre[:2], LEVEL * self._size)
-        self._shadow.scale = (obstacle.threshold, obstacle.threshold, 0.001 * self._size)
+        self._shadow.position = (*obstacle.centre[:2], self._level or 0.0)
+        self._shadow.scale = (obstacle.threshold, obstacle.threshold, 0.001)
 
     def on_drag(self, told: Dragged) -> None:
         _follow_drags(self._threshold, told)
@@ -230,9 +213,7 @@ def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
 
 
 def _ball(scene: SceneApi, name: str, radius: float, colour: str, opacity: float | None = None) -> IcosphereHandle:
-    return scene.add_icosphere(
-        name, radius, color=rgb(colour), opacity=opacity, visible=False, cast_shadow=False, receive_shadow=False
-    )
+    return scene.add_icosphere(name, radius, color=rgb(colour), opacity=opacity, visible=False, **NO_SHADOW)
 
 
 def _straight(arm: ArmSpec) -> States:

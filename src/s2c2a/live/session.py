@@ -1,7 +1,8 @@
 """Who drives: one browser at a time; the others watch and see who has the handle."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 Changed = Callable[[], None]
 
@@ -33,33 +34,31 @@ class Session:
 
     def join(self, who: int) -> None:
         """A browser comes; it drives where nobody else does."""
-        with self._lock:
+        with self._change():
             self._present.append(who)
-            if self._driver is None:
-                self._driver = who
-        self._on_change()
+            self._driver = who if self._driver is None else self._driver
 
     def leave(self, who: int) -> None:
         """A browser goes; the handle it had is free, and nobody has it until somebody takes it."""
-        with self._lock:
-            if who in self._present:
-                self._present.remove(who)
-            if self._driver == who:
-                self._driver = None
-        self._on_change()
+        with self._change():
+            self._present = [one for one in self._present if one != who]
+            self._driver = None if self._driver == who else self._driver
 
     def take(self, who: int) -> bool:
         """Take the handle where it is free; returns whether this browser drives now."""
-        with self._lock:
+        with self._change():
             if self._driver is None and who in self._present:
                 self._driver = who
-            mine = self._driver == who
-        self._on_change()
-        return mine
+        return self.drives(who)
 
     def give(self, who: int) -> None:
         """Leave the handle to whoever takes it."""
+        with self._change():
+            self._driver = None if self._driver == who else self._driver
+
+    @contextmanager
+    def _change(self) -> Iterator[None]:
+        """One at a time; told when it is done."""
         with self._lock:
-            if self._driver == who:
-                self._driver = None
+            yield
         self._on_change()

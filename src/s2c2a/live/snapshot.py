@@ -1,43 +1,20 @@
-"""What is known after a control step, and what can be asked: all that the page needs of the control loop.
+"""What is known after a control step, and what can be asked: all that the page needs of what moves the arm.
 
-Light to import, for the page's process has neither planner nor body; `Asked` is a `planning.Goal` in plain arrays.
+Light to import, for the page's process has neither planner nor body.
 """
 
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
-from typing import Any, NamedTuple
-
-import numpy as np
-from jaxtyping import Float
+from typing import Any
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.wish import Limits, Wish
-from s2c2a.spaces import Actions, Configurations, States
+from s2c2a.live.request import Request, RequestLimits
+from s2c2a.runtime.loop import Step
+from s2c2a.spaces import Stage, States
 
-
-class Asked(NamedTuple):
-    """The fields of a `planning.Goal`."""
-
-    positions: Float[np.ndarray, "modules 3"]
-    position_weights: Float[np.ndarray, " modules"]
-    axes: Float[np.ndarray, "modules 3"]
-    axis_weights: Float[np.ndarray, " modules"]
-    obstacles: Float[np.ndarray, "obstacles 3"]
-    thresholds: Float[np.ndarray, " obstacles"]
-    obstacle_weight: Float[np.ndarray, ""]
-    change_weight: Float[np.ndarray, ""]
-
-
-class Stage(Enum):
-    """What the loop does."""
-
-    DRIVEN = "driven"
-    HOLDING = "holding"
-    RETURNING = "going to rest"
-    RESTING = "at rest"
-    FAILED = "failed"
+Watcher = Callable[["Snapshot"], None]
 
 
 @dataclass(frozen=True)
@@ -45,78 +22,116 @@ class Snapshot:
     """What is known after one control step; all arrays are the reader's to keep and nobody's to change.
 
     Attributes:
-        number: of the step, counted from the start of the loop.
-        moment: when it was done, on the loop's clock [s].
+        step: of the control loop.
         period: of the control steps [s].
-        stage: what the loop does.
-        states: of the arm, shape (modules, 6), base frame.
+        stage: what the arm does.
+        states: of the arm, shape (modules, 6), base frame; what its model expects where nothing watches it.
         expected: states that the plan leads to, the same shape.
-        configurations: of the arm, shape (modules, 3).
-        goal: what was asked in this step, as a `planning.Goal` says it.
-        actions: as really sent [m or N], shape (modules, cables).
-        error: distance of the tip from where it should be [m]; NaN where nothing is asked of it.
+        error: distance of the tip from where it should be by now [m]; NaN where nothing is asked of it.
         clearance: least distance of the tip from a threshold [m]; infinite without obstacles.
-        tick_time: sense, plan and act together [s].
         task_step: step of the task that is played.
         task_steps: how many steps it has; zero without a task.
         strategy: name of what drives the arm.
-        compiled: programs that the loop's process has compiled (`programs.compilations`).
-        fault: what went wrong, in words, or nothing.
+        compiled: programs that the process has compiled (`programs.compilations`).
+        fault: what is wrong, in words, or nothing.
     """
 
-    number: int
-    moment: float
+    step: Step
     period: float
     stage: Stage
     states: States
     expected: States
-    configurations: Configurations
-    goal: Asked
-    actions: Actions
     error: float
     clearance: float
-    tick_time: float
     task_step: int
     task_steps: int
     strategy: str
     compiled: int = 0
     fault: str = ""
 
+    @property
+    def finished(self) -> bool:
+        """Whether the task that is played is at its last step."""
+        return 0 < self.task_steps <= self.task_step + 1
+
+    @property
+    def watched(self) -> bool:
+        """Whether the states are what somebody sees of the arm, not what its model expects."""
+        return "states" in self.step.reading.sensors
+
 
 class Control(ABC):
-    """What moves the arm as the latest wish says, here or in another process.
+    """What moves the arm as the latest request says, here or in another process.
 
     Attributes:
         arm: the arm.
-        limits: how far wishes may go.
+        limits: how far requests may go.
         strategies: names of what can drive the arm.
+        halted_by: who or what stopped the arm last, in words.
     """
 
     arm: ArmSpec
-    limits: Limits
+    limits: RequestLimits
     strategies: tuple[str, ...]
+    halted_by: str = ""
+
+    def __init__(self) -> None:
+        """Nothing asked, nothing known, nobody watching."""
+        self._lock = threading.RLock()
+        self._request = Request()
+        self._watchers: tuple[Watcher, ...] = ()
+        self._latest: Snapshot | None = None
 
     @property
-    @abstractmethod
-    def wish(self) -> Wish:
-        """The latest wish."""
+    def request(self) -> Request:
+        """The latest request."""
+        return self._request
 
     @property
-    @abstractmethod
     def latest(self) -> Snapshot | None:
         """The latest snapshot, None before the first."""
+        return self._latest
 
+    def ask(self, **changes: Any) -> Request:
+        """Change the request, within the limits; returns what it has become. From any thread."""
+        with self._lock:
+            self._request = self.limits.changed(self._request, **changes)
+            return self._request
+
+    def halt(self, by: str) -> bool:
+        """Stop the arm until somebody asks with `stopped=False`; returns whether what moves it can hear that now."""
+        with self._lock:
+            self.halted_by = by
+            self.ask(stopped=True)
+        return self.answers
+
+    @property
     @abstractmethod
-    def ask(self, **changes: Any) -> Wish:
-        """Change the wish, within the limits; returns what it has become. From any thread."""
+    def answers(self) -> bool:
+        """Whether what moves the arm is there, and goes on."""
+
+    def watch(self, watcher: Watcher) -> Callable[[], None]:
+        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
+        with self._lock:
+            self._watchers = (*self._watchers, watcher)
+
+        def end() -> None:
+            with self._lock:
+                self._watchers = tuple(one for one in self._watchers if one is not watcher)
+
+        return end
 
     @abstractmethod
     def reset(self) -> None:
-        """Open the robot anew, at rest; wishes that would move it at once are forgotten."""
+        """Open the robot anew, at rest; requests that would move it at once are forgotten."""
 
     @abstractmethod
     def use(self, name: str) -> None:
-        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin."""
+        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin.
+
+        Raises:
+            S2C2AError: no such strategy, or it cannot be built.
+        """
 
     @abstractmethod
     def step_task(self) -> None:
@@ -127,9 +142,10 @@ class Control(ABC):
         """Back to the task's first step."""
 
     @abstractmethod
-    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
-        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
-
-    @abstractmethod
     def stop(self) -> None:
         """Lead the arm to rest, close it, and end."""
+
+    def _show(self, snapshot: Snapshot) -> None:
+        self._latest = snapshot
+        for watcher in self._watchers:
+            watcher(snapshot)

@@ -1,4 +1,4 @@
-"""Planning for many at once, offline: many goals, many starts, whole paths. Objective and options are the planner's.
+"""Planning for many at once, offline: many goals, many starts, whole paths. The control step is the planner's.
 
 Work goes in chunks of one size, padded, over threads: nothing compiles anew for another number, and results do not
 depend on the number of threads.
@@ -16,14 +16,13 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError
+from s2c2a.executors import all_cores
+from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel
-from s2c2a.planning.goal import Goal, Numbers
-from s2c2a.planning.guard import guarded_points
-from s2c2a.planning.objective import objective
-from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions
-from s2c2a.planning.planner import Plan, next_plan, solver_of, started
+from s2c2a.planning.options import PAPER, PlannerOptions
+from s2c2a.planning.planner import Plan, Step
+from s2c2a.planning.situation import Numbers
 from s2c2a.programs import compiled
-from s2c2a.shards import all_cores
 
 CHUNK = 64
 
@@ -66,8 +65,7 @@ class BatchPlanner:
         self,
         arm: ArmSpec,
         model: ForwardModel,
-        length_scale: float,
-        options: AnyPlannerOptions,
+        options: PlannerOptions,
         chunk: int = CHUNK,
         threads: int | None = None,
     ):
@@ -76,7 +74,6 @@ class BatchPlanner:
         Args:
             arm: its limits count.
             model: predicts states.
-            length_scale: what a length of one stands for [m].
             options: how to plan.
             chunk: plans in one call; larger ones suit a GPU.
             threads: chunks side by side; all cores if not stated.
@@ -87,12 +84,12 @@ class BatchPlanner:
         if chunk < 1 or (threads is not None and threads < 1):
             raise TargetError(f"chunks of {chunk} on {threads} threads asked for; both must be at least one")
         self._chunk, self._threads = chunk, threads or all_cores()
-        solver, parts = solver_of(arm, model, length_scale, options)
-        self._start = compiled(_start_each, model)
-        self._one_past_obstacles = compiled(next_plan, solver, parts, model)
-        self._each_freely = compiled(_next_side_by_side, solver, (arm, _without_ways_round(options), parts[-1]), model)
-        self._along = compiled(_along, solver, parts, model)
-        self._values = compiled(_values, arm, model, length_scale, options.guard)
+        step = Step.of(arm, model, options)
+        self._start = compiled(_each, Step.started, step)
+        self._free = compiled(_each, Step.next_plan, step)
+        self._alone = compiled(_alone, step)
+        self._along = compiled(_along, step)
+        self._values = compiled(_each, _value, Step.of(arm, model, replace(PAPER, guard=options.guard)))
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
         """Plans of arms at rest; arrays of the plan have the batch in front.
@@ -103,7 +100,7 @@ class BatchPlanner:
         configurations = np.asarray(sensed, np.float32)
         if not len(configurations) or not np.isfinite(configurations).all():
             raise TargetError(f"configurations of shape {configurations.shape} given; give at least one, all finite")
-        return self._in_chunks(self._start, len(configurations), configurations)
+        return self._in_chunks(self._start, self._chunk, configurations)
 
     def plan(self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal) -> Plan:
         """The next plan of each, towards goals of their own (`Goal.stacked`).
@@ -121,11 +118,10 @@ class BatchPlanner:
             raise TargetError(
                 f"{count} plans, {len(sensed)} sensed arms and {len(goals.positions)} goals; give as many"
             )
-        inputs = plans, np.asarray(sensed, np.float32), goals
-        past_obstacles = bool((np.asarray(goals.thresholds) > 0).any())
-        if past_obstacles:  # side by side, ways round would be searched for all, needed or not
-            return self._one_by_one(self._one_past_obstacles, count, *inputs)
-        return self._in_chunks(self._each_freely, count, *inputs)
+        inputs = plans, np.asarray(sensed, np.float32)
+        if (np.asarray(goals.thresholds) > 0).any():  # side by side, ways round would be searched for all
+            return self._in_chunks(self._alone, 1, *inputs, goals)
+        return self._in_chunks(self._free, self._chunk, *inputs, _without_obstacles(goals))
 
     def best(self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50) -> Best:
         """From many starts towards one goal, and the best end of all: what a single start stays short of.
@@ -144,7 +140,7 @@ class BatchPlanner:
         goals = Goal.stacked([goal] * len(starts))
         for _ in range(steps):
             plans = self.plan(plans, plans.configurations, goals)
-        values = self._in_chunks(self._values, len(starts), plans, goals)
+        values = self._in_chunks(self._values, self._chunk, plans, goals)
         first = int(np.argmin(values))
         return Best(np.asarray(plans.configurations[first]), float(values[first]), first, values)
 
@@ -163,69 +159,56 @@ class BatchPlanner:
         count = len(goals.positions)
         plan, parts = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None])), []
         for begin in range(0, count, self._chunk):
-            plan, part = self._along(plan, self._chunk_of(goals, begin))
+            plan, part = self._along(plan, _cut(goals, begin, self._chunk))
             parts.append(part)
         return PlannedPath(*(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True)))
 
-    def _in_chunks(self, program: Callable[..., Any], count: int, *inputs: Any) -> Any:
+    def _in_chunks(self, program: Callable[..., Any], size: int, *inputs: Any) -> Any:
         """A program over all chunks, on threads, its results put together again."""
-        begins = range(0, count, self._chunk)
         inputs = jax.tree.map(np.asarray, inputs)
+        count = len(jax.tree.leaves(inputs)[0])
 
         def one(begin: int):
-            return jax.tree.map(np.asarray, program(*self._chunk_of(inputs, begin)))
+            return jax.tree.map(np.asarray, program(*_cut(inputs, begin, size)))
 
         with ThreadPoolExecutor(self._threads) as pool:
-            results = list(pool.map(one, begins))
+            results = list(pool.map(one, range(0, count, size)))
         return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *results)
 
-    def _one_by_one(self, program: Callable[..., Any], count: int, *inputs: Any) -> Any:
-        """A program for every row."""
-        inputs = jax.tree.map(np.asarray, inputs)
 
-        def one(row: int):
-            return jax.tree.map(np.asarray, program(*jax.tree.map(lambda values: values[row], inputs)))
+def _cut(inputs: Any, begin: int, size: int) -> Any:
+    """One chunk; the last one filled up with its last row."""
 
-        with ThreadPoolExecutor(self._threads) as pool:
-            results = list(pool.map(one, range(count)))
-        return jax.tree.map(lambda *arrays: np.stack(arrays), *results)
+    def cut(values):
+        part = np.asarray(values[begin : begin + size])
+        missing = size - len(part)
+        return np.concatenate([part, np.repeat(part[-1:], missing, axis=0)]) if missing else part
 
-    def _chunk_of(self, inputs: Any, begin: int) -> Any:
-        """One chunk; the last one filled up with its last row."""
-
-        def cut(values):
-            part = np.asarray(values[begin : begin + self._chunk])
-            missing = self._chunk - len(part)
-            return np.concatenate([part, np.repeat(part[-1:], missing, axis=0)]) if missing else part
-
-        return jax.tree.map(cut, inputs)
+    return jax.tree.map(cut, inputs)
 
 
-def _without_ways_round(options: AnyPlannerOptions) -> AnyPlannerOptions:
-    """Where no goal has obstacles, none is needed."""
-    return replace(options, longest_detour=0.0) if isinstance(options, LeastSquaresOptions) else options
+def _without_obstacles(goals: Goal) -> Goal:
+    """With no room for any, so that no work is done for them."""
+    return goals._replace(obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0])
 
 
-def _start_each(model: ForwardModel, sensed) -> Plan:
-    return jax.vmap(partial(started, model))(sensed)
+def _each(work: Callable[..., Any], step: Step, *inputs: Any) -> Any:
+    return jax.vmap(partial(work, step))(*inputs)
 
 
-def _next_side_by_side(solver, parts: tuple, model: ForwardModel, plans: Plan, sensed, goals: Goal) -> Plan:
-    return jax.vmap(partial(next_plan, solver, parts, model))(plans, sensed, goals)
+def _alone(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
+    """A chunk of one, so that ways round are searched only where they are needed."""
+    plan = step.next_plan(*jax.tree.map(lambda values: values[0], (plans, sensed, goals)))
+    return jax.tree.map(lambda values: values[None], plan)
 
 
-def _along(solver, parts: tuple, model: ForwardModel, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
-    def step(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
-        plan = next_plan(solver, parts, model, last, last.configurations, goal)
-        return plan, PlannedPath(plan.configurations, model.predict(plan.configurations, plan.memory))
+def _along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
+    def on(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
+        plan = step.next_plan(last, last.configurations, goal)
+        return plan, PlannedPath(plan.configurations, step.predicted(plan))
 
-    return jax.lax.scan(step, plan, goals)
+    return jax.lax.scan(on, plan, goals)
 
 
-def _values(arm: ArmSpec, model: ForwardModel, length_scale: float, guard, plans: Plan, goals: Goal):
-    guarded = guarded_points(arm, guard)
-
-    def value(plan: Plan, goal: Goal):
-        return objective(model, plan.memory, goal, plan.configurations, length_scale, guarded)(plan.configurations)
-
-    return jax.vmap(value)(plans, goals)
+def _value(paper: Step, plan: Plan, goal: Goal):
+    return paper.problem(plan.configurations, plan.memory, goal).sum_of_norms(plan.configurations)

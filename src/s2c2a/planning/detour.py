@@ -1,4 +1,4 @@
-"""A way round obstacles that a planner of single steps does not see.
+"""A guide round obstacles, which a planner of single steps does not see.
 
 Two obstacles side by side hold a tip that only looks one step ahead. So a coarse map of the workspace is made once,
 the arm bent everywhere alike, in a grid over the disc of full bend. In every control step nodes within an obstacle's
@@ -6,6 +6,7 @@ threshold and margin are crossed out, shortest ways from all others to the targe
 sweeps over the grid), and the tip is drawn along its way instead of straight at the target.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -14,10 +15,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import ForwardModel, configurations_from_bends
-from s2c2a.planning.goal import Goal
-from s2c2a.planning.guard import guarded_points
-from s2c2a.planning.options import Guard
+from s2c2a.goals import Goal
+from s2c2a.kinematics import ForwardModel, configurations_from_bends, limit_lengths
+from s2c2a.planning.guides import Guide
+from s2c2a.planning.situation import Guard, Situation, guarded_points
+from s2c2a.planning.terms import FAR
 from s2c2a.programs import compiled
 from s2c2a.spaces import POSITION
 
@@ -28,7 +30,7 @@ NEAR = 0.1  # of the arm's length: how far off the map the tip may be
 LOOKAHEAD = 0.1  # of the arm's length, along a way round
 NEIGHBOURS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
 SAMPLES = 16  # on the straight way
-FAR = 1e6  # m
+SHAPE_STEP_DEG = 2.0  # of every module and step, towards a node of the map
 
 Nodes = Float[Array, "side side"]
 Length = Float[Array, ""] | float
@@ -65,6 +67,41 @@ class Drawn(NamedTuple):
     position: Float[Array, "3"]
     bends: Float[Array, "modules 2"]
     on_the_map: Float[Array, ""]
+
+
+@dataclass(frozen=True)
+class Detour(Guide):
+    """Draws the tip along a way round obstacles, where they stand between it and its target.
+
+    Attributes:
+        margin: kept around obstacles beyond their thresholds, in parts of the arm's length.
+        longest: a longer way is not taken, in parts of the arm's length; the tip then waits before the obstacles. With
+            zero none is looked for, and no map is made.
+    """
+
+    margin: float = 0.04
+    longest: float = 0.8
+
+    def prepared(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> WorkspaceMap | None:
+        """The map, made at once: made when obstacles first come, it would compile in a control step."""
+        return workspace_map(arm, model, guard) if self.longest else None
+
+    def lead(self, situation: Situation, prepared: WorkspaceMap | None) -> Situation:
+        """The tip's target moved to a point of the way, and the shape of the map there asked for."""
+        goal, last = situation.goal, situation.last
+        if prepared is None or not len(goal.thresholds):
+            return situation
+
+        def along() -> Drawn:
+            margin, longest = self.margin * prepared.length, self.longest * prepared.length
+            return drawn_along(prepared, last.states[-1, POSITION], goal.positions[-1], goal, margin, longest)
+
+        needed = (goal.position_weights[-1] > 0.0) & (goal.thresholds > 0.0).any()
+        drawn = jax.lax.cond(needed, along, lambda: Drawn(goal.positions[-1], last.bends, jnp.zeros(())))
+        positions = jnp.asarray(goal.positions).at[-1].set(drawn.position)
+        shape = last.bends + limit_lengths(drawn.bends - last.bends, np.deg2rad(SHAPE_STEP_DEG))
+        goal = goal._replace(positions=positions)  # type: ignore[arg-type]
+        return situation._replace(goal=goal, shape=shape, led=drawn.on_the_map)
 
 
 def workspace_map(arm: ArmSpec, model: ForwardModel, guard: Guard) -> WorkspaceMap:

@@ -1,90 +1,72 @@
-"""How to plan: as the paper does, or by least squares."""
+"""How to plan: with which terms, guides and solver. `PAPER` is the paper's way, `BEST` that of the recipe `best`."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
-from s2c2a.errors import TargetError
+from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
-MOST_ITERATIONS = 10_000
-Guard = Literal["tip", "arm"]
-"""What keeps out of obstacles: the tip, as in the paper, or five centre-line points of every module."""
+from s2c2a.errors import S2C2AError
+from s2c2a.parts import Kind, Own
+from s2c2a.planning import terms
+from s2c2a.planning.detour import Detour
+from s2c2a.planning.guides import Guide, Pull
+from s2c2a.planning.situation import Guard
+from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Solver
+from s2c2a.planning.terms import TERMS, Term
+
+GUIDES = Kind.of("guide", Guide, Detour, Pull)
+WORKSPACE_SHARE = 0.46 / 0.6
+"""Half the width of the paper's workspace over the length of its arm (Chen et al. 2025, sec. II-D)."""
+
+AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
+AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
+AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
 
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """Adam from the last configuration, as the paper plans (Chen et al. 2025, sec. III-A).
+    """What a planner is made of. In files, parts are tables with their name and numbers, or `Own`.
 
     Attributes:
-        learning_rate: of Adam.
-        iterations: of Adam in a control step.
-        on_sphere: whether each module's vector returns to unit length after every iteration, and stays within the
-            module's bend limit. Sensed configurations under sensing coupling are not of unit length.
-        guard: what keeps out of obstacles.
-    """
-
-    learning_rate: float = 0.02
-    iterations: int = 10
-    on_sphere: bool = True
-    guard: Guard = "tip"
-
-    def __post_init__(self):
-        """Refuse what cannot be solved."""
-        _check_iterations(self.iterations)
-        if not self.learning_rate > 0:
-            raise TargetError(f"a learning rate of {self.learning_rate} was asked for; it must be positive")
-
-
-@dataclass(frozen=True)
-class LeastSquaresOptions:
-    """Damped least squares on bends.
-
-    Residuals are in units of `unit` for positions and of one for axes, times the root of the goal's weights.
-
-    Attributes:
-        iterations: of Levenberg and Marquardt's method in a control step.
-        unit: what a length of one stands for, in parts of the arm's length.
-        axis: weight of axes beside positions.
-        longest_pull: a target further away pulls no more than from there, in parts of the arm's length.
-        change: weight of changes of bends [1/rad], times the root of the goal's mu_d.
-        evenness: weight of differences between neighbouring modules' bends [1/rad], where a target is asked for: of
-            all shapes that serve, take one that the data hold.
-        shape: weight of bends that differ from the map's, while the tip goes round obstacles [1/rad].
-        limit: weight of bends beyond their limits [1/rad].
-        obstacle: weight of points within a threshold and its margin, in `unit`.
-        margin: kept around obstacles beyond their thresholds, in parts of the arm's length.
-        longest_detour: a way round obstacles that is longer is not taken, in parts of the arm's length; the tip then
-            waits before them. With zero none is looked for, and the tip is always drawn straight at its target.
+        solver: finds configurations.
+        terms: what they are judged by.
+        guides: what may change the goal before, one after the other.
         engaged_slopes: whether slopes are those of taut cables that follow their motors (`ForwardModel.for_planning`),
             or the true ones.
+        on_sphere: whether configurations are kept at unit length and within the bend limits. Those sensed under sensing
+            coupling are not of unit length.
         guard: what keeps out of obstacles.
+        own_code: whether parts by name may be files and modules; never in a strategy file, which may be a stranger's.
     """
 
-    iterations: int = 20
-    unit: float = 0.4
-    axis: float = 1.0
-    longest_pull: float = 0.035
-    change: float = 0.03
-    evenness: float = 0.02
-    shape: float = 0.3
-    limit: float = 5.0
-    obstacle: float = 20.0
-    margin: float = 0.04
-    longest_detour: float = 0.8
-    engaged_slopes: bool = True
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+    solver: AnySolver
+    terms: tuple[AnyTerm, ...]
+    guides: tuple[AnyGuide, ...] = ()
+    engaged_slopes: bool = False
+    on_sphere: bool = True
     guard: Guard = "tip"
+    own_code: bool = field(default=True, compare=False)
 
     def __post_init__(self):
-        """Refuse what cannot be solved."""
-        _check_iterations(self.iterations)
-        positive = (self.unit, self.longest_pull)
-        weights = (self.axis, self.change, self.evenness, self.shape, self.limit, self.obstacle, self.margin)
-        if not (all(value > 0 for value in positive) and all(value >= 0 for value in (*weights, self.longest_detour))):
-            raise TargetError(f"{self} asked for; units and pull must be positive, weights and lengths not negative")
+        """Refuse what cannot plan."""
+        if not self.terms:
+            raise S2C2AError("a planner without terms asked for; give at least one")
+
+    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...]]:
+        """Solver, terms and guides; those asked for by name are found.
+
+        Raises:
+            S2C2AError: one is not found, may not be imported, or does not take its parameters.
+        """
+        terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
+        guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
+        return SOLVERS.made(self.solver, self.own_code), terms, guides
 
 
-AnyPlannerOptions = PlannerOptions | LeastSquaresOptions
-
-
-def _check_iterations(iterations: int) -> None:
-    if not 1 <= iterations <= MOST_ITERATIONS:
-        raise TargetError(f"{iterations} iterations were asked for; take 1 to {MOST_ITERATIONS}")
+PAPER = PlannerOptions(
+    Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
+)
+_BEST = terms.Positions, terms.Axes, terms.BendChange, terms.Shape, terms.Evenness, terms.Limits, terms.Obstacles
+BEST = PlannerOptions(LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True)

@@ -1,6 +1,6 @@
 """The planner: one compiled call from a goal to the next configuration."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,20 +8,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends, limit_lengths
+from s2c2a.errors import TargetError
+from s2c2a.goals import Goal
+from s2c2a.kinematics import ForwardModel, bends_from_configurations
 from s2c2a.kinematics.forward_model import Memory
-from s2c2a.planning.detour import WorkspaceMap, workspace_map
-from s2c2a.planning.goal import Goal, Numbers
-from s2c2a.planning.guard import guarded_points
-from s2c2a.planning.least_squares import solve_least_squares
-from s2c2a.planning.losses import norm
-from s2c2a.planning.objective import objective
-from s2c2a.planning.options import AnyPlannerOptions, LeastSquaresOptions, PlannerOptions
-from s2c2a.planning.residuals import goal_residuals
-from s2c2a.planning.solver import solve
+from s2c2a.planning.guides import Guide
+from s2c2a.planning.options import PlannerOptions
+from s2c2a.planning.situation import Bends, Candidate, Configurations, Numbers, Situation, guarded_points
+from s2c2a.planning.solvers import Problem, Solver
+from s2c2a.planning.terms import Term
 from s2c2a.programs import compiled
-
-Configurations = Float[Array, "modules 3"]
 
 
 class Plan(NamedTuple):
@@ -32,8 +28,76 @@ class Plan(NamedTuple):
         memory: of the forward model.
     """
 
-    configurations: Float[Array, "modules 3"]
+    configurations: Configurations
     memory: Memory
+
+
+class Step(NamedTuple):
+    """One control step of planning, with all that it takes; a pytree, so that programs share (`programs.compiled`).
+
+    Attributes:
+        arm: its limits count.
+        model: predicts states.
+        solver: finds configurations.
+        terms: what they are judged by.
+        guides: what may change the goal before.
+        prepared: what each guide knows of the arm.
+        options: how else to plan.
+    """
+
+    arm: ArmSpec
+    model: ForwardModel
+    solver: Solver
+    terms: tuple[Term, ...]
+    guides: tuple[Guide, ...]
+    prepared: tuple[Any, ...]
+    options: PlannerOptions
+
+    @classmethod
+    def of(cls, arm: ArmSpec, model: ForwardModel, options: PlannerOptions) -> "Step":
+        """As the options say.
+
+        Raises:
+            S2C2AError: a part that they name is not found.
+        """
+        solver, terms, guides = options.made()
+        prepared = tuple(guide.prepared(arm, model, options.guard) for guide in guides)
+        return cls(arm, model, solver, terms, guides, prepared, options)
+
+    def started(self, sensed: Configurations) -> Plan:
+        """The plan of an arm at rest."""
+        return Plan(sensed, self.model.start(sensed))
+
+    def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
+        """The states that the forward model expects of a plan [m, 1], base frame."""
+        return self.model.predict(plan.configurations, plan.memory)
+
+    def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+        """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
+        memory = _where_finite(self.model.observe(sensed, plan.memory), plan.memory)
+        problem = self.problem(plan.configurations, memory, goal)
+        following = problem.within_limits(self.solver.solve(problem))
+        return Plan(_where_finite(following, plan.configurations), memory)
+
+    def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
+        """What the solver is given, once the guides have seen it."""
+        options = self.options
+        model = self.model.for_planning() if options.engaged_slopes else self.model
+        guarded = guarded_points(self.arm, options.guard)
+
+        def look(configurations: Configurations, bends: Bends) -> Candidate:
+            states = model.predict(configurations, memory)
+            return Candidate(configurations, bends, states, guarded(states))
+
+        now = look(last, bends_from_configurations(last))
+        limits = jnp.asarray(ArmGeometry.of(self.arm).bend_limits, dtype=jnp.float32)
+        step = float(np.deg2rad(self.arm.step_limit_deg))
+        situation = Situation(
+            goal, now, self.arm.length, limits, step, options.on_sphere, shape=now.bends, led=jnp.zeros(())
+        )
+        for guide, prepared in zip(self.guides, self.prepared, strict=True):
+            situation = guide.lead(situation, prepared)
+        return Problem(situation, self.terms, look)
 
 
 class Planner:
@@ -42,20 +106,26 @@ class Planner:
     Compiles once, when built; targets, obstacles and weights may change with every call.
     """
 
-    def __init__(self, arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
-        """Compile for an arm and a forward model; `length_scale` is what a length of one stands for [m]."""
-        self._modules = arm.module_count
-        self._start = compiled(started, model)
-        self._predicted = compiled(_predicted, model)
-        self._next = compiled(next_plan, *solver_of(arm, model, length_scale, options), model)
+    def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
+        """Compile for an arm and a forward model."""
+        self._modules, step = arm.module_count, Step.of(arm, model, options)
+        self._start = compiled(Step.started, step)
+        self._predicted = compiled(Step.predicted, step)
+        self._next = compiled(Step.next_plan, step)
         self._warm_up()
 
     def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
-        """The plan of an arm at rest: stay where the sensors say it is."""
+        """The plan of an arm at rest: stay where the sensors say it is.
+
+        Raises:
+            TargetError: what is sensed is not finite.
+        """
+        if not np.isfinite(sensed).all():
+            raise TargetError("the sensed configurations are not finite, and would stay in the plan; read them again")
         return self._start(_single(sensed))
 
     def plan(self, plan: Plan, sensed: Float[Numbers, "modules 3"], goal: Goal) -> Plan:
-        """The next plan.
+        """The next plan; a reading that is not finite is passed over, for the model would never forget it.
 
         Args:
             plan: the last one.
@@ -77,90 +147,7 @@ def _single(values: Numbers) -> Numbers:
     return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
 
 
-def started(model: ForwardModel, sensed: Configurations) -> Plan:
-    """The plan of an arm at rest (`Planner.start`)."""
-    return Plan(sensed, model.start(sensed))
-
-
-def _predicted(model: ForwardModel, plan: Plan) -> Float[Array, "modules 6"]:
-    return model.predict(plan.configurations, plan.memory)
-
-
-def solver_of(arm: ArmSpec, model: ForwardModel, length_scale: float, options: AnyPlannerOptions):
-    """The solver that the options ask for, and the parts that it takes first."""
-    if isinstance(options, LeastSquaresOptions):
-        return _by_least_squares, (arm, options, workspace_map(arm, model, options.guard))
-    return _as_the_paper, (arm, options, length_scale)
-
-
-def next_plan(solver, parts: tuple, model: ForwardModel, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
-    """What one control step plans (`Planner.plan`)."""
-    memory = model.observe(sensed, plan.memory)
-    following = solver(*parts, model, memory, goal, plan.configurations)
-    sound = jnp.isfinite(following).all()  # a goal built by hand can hold anything; it must not stay in the plan
-    return Plan(jnp.where(sound, following, plan.configurations), memory)
-
-
-def _as_the_paper(
-    arm: ArmSpec,
-    options: PlannerOptions,
-    length_scale: float,
-    model: ForwardModel,
-    memory: Memory,
-    goal: Goal,
-    last: Configurations,
-) -> Configurations:
-    """Adam on configurations, its result then brought within the step and the bend limits."""
-    bend_limits, longest_step = _limits(arm)
-
-    def project(configurations):
-        return configurations / norm(configurations)[:, None] if options.on_sphere else configurations
-
-    def within_limits(wanted):
-        """Bends change by at most the step; the angle between two configurations is never more than that."""
-        if not options.on_sphere:
-            return last + limit_lengths(wanted - last, longest_step)
-        start = bends_from_configurations(last)
-        change = limit_lengths(bends_from_configurations(wanted), bend_limits) - start
-        return configurations_from_bends(start + limit_lengths(change, longest_step))
-
-    guarded = guarded_points(arm, options.guard)
-    value = objective(model, memory, goal, last, length_scale, guarded)
-    return within_limits(solve(value, last, project, options.learning_rate, options.iterations))
-
-
-def _by_least_squares(
-    arm: ArmSpec,
-    options: LeastSquaresOptions,
-    workspace: WorkspaceMap,
-    model: ForwardModel,
-    memory: Memory,
-    goal: Goal,
-    last: Configurations,
-) -> Configurations:
-    """Damped least squares on bends; every iterate stays within the step, the result within the bend limits."""
-    bend_limits, longest_step = _limits(arm)
-    start = bends_from_configurations(last)
-
-    def within_step(flat: Float[Array, " variables"]) -> Float[Array, " variables"]:
-        return (start + limit_lengths(flat.reshape(start.shape) - start, longest_step)).reshape(-1)
-
-    residuals = goal_residuals(
-        model.for_planning() if options.engaged_slopes else model,
-        memory,
-        goal,
-        start,
-        bend_limits,
-        arm.length,
-        guarded_points(arm, options.guard),
-        workspace,
-        options,
-    )
-    flat = solve_least_squares(residuals, start.reshape(-1), within_step, options.iterations)
-    allowed = limit_lengths(flat.reshape(start.shape), bend_limits)  # an arm can begin beyond its bend limits
-    return configurations_from_bends(start + limit_lengths(allowed - start, longest_step))
-
-
-def _limits(arm: ArmSpec) -> tuple[Float[Array, " modules"], float]:
-    """Largest bends [rad], and their largest change in a step [rad]."""
-    return jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32), float(np.deg2rad(arm.step_limit_deg))
+def _where_finite(new: Any, old: Any) -> Any:
+    """The new pytree, or the old one where anything in the new one is not finite."""
+    sound = jnp.all(jnp.array([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)], dtype=bool))
+    return jax.tree.map(lambda one, other: jnp.where(sound, one, other), new, old)

@@ -1,6 +1,7 @@
 """Bodies: what every arm promises, simulated or real. NumPy only."""
 
 from s2c2a.robots.conformance import check_robot
+from s2c2a.robots.making import Body, options_from
 from s2c2a.robots.robot import Robot, checked_action
 
-__all__ = ["Robot", "check_robot", "checked_action"]
+__all__ = ["Body", "Robot", "check_robot", "checked_action", "options_from"]

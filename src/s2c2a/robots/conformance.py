@@ -1,65 +1,165 @@
 """A check that anyone can run on a new body, in simulation or (gently) on hardware."""
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots.robot import Robot
-from s2c2a.spaces import Reading
+from s2c2a.spaces import POSITION, Actions
+
+GENTLE = 0.05  # of the full bend
+SETTLING = 1.0  # s
 
 
-def check_robot(robot: Robot) -> None:
+def check_robot(robot: Robot) -> list[str]:
     """Open a robot, drive it a little, and see that it keeps its promises.
 
-    It moves every cable by at most 5 % of its range.
+    It moves every cable by at most 5 % of its range, no faster than the arm's step limit, and leaves the arm at rest.
+
+    Returns:
+        What was seen to be kept, in words.
 
     Raises:
         S2C2AError: a promise is broken; the message says which.
     """
+    robot.close()  # before it was opened
     with robot:
         geometry = ArmGeometry.of(robot.arm)
-        first = robot.read()
-        _check_reading(first, robot)
-        _check_sends(robot, geometry)
-        _check_clock(first, robot)
-        _check_refuses(robot, np.full(geometry.action_neutral.shape, np.nan), "NaN")
-        _check_refuses(robot, np.zeros(geometry.action_neutral.shape[0] + 1), "an action of the wrong shape")
+        kept = [check(robot, geometry) for check in CHECKS]
     robot.close()
+    robot.close()
+    return [*kept, "closes, more than once, and before it was opened"]
 
 
-def _check_reading(reading: Reading, robot: Robot) -> None:
-    modules, cables = robot.arm.module_count, robot.arm.cable_count
-    _expect(reading.cables.shape == (modules, cables), f"read().cables has shape {reading.cables.shape}")
-    _expect(np.isfinite(reading.cables).all(), "read().cables is not finite")
-    if reading.states is not None:
-        _expect(reading.states.shape == (modules, 6), f"read().states has shape {reading.states.shape}")
-        lengths = np.linalg.norm(reading.states[:, 3:], axis=-1)
-        _expect(np.allclose(lengths, 1.0, atol=1e-3), f"end axes have lengths {lengths}, not 1")
-    if reading.configurations is not None:
-        _expect(reading.configurations.shape == (modules, 3), "read().configurations is not of shape (modules, 3)")
+def _check_reading(robot: Robot, geometry: ArmGeometry) -> str:
+    reading, declared = robot.read(), robot.sensors
+    _expect(bool(declared), "it declares no sensors")
+    missing, extra = sorted(set(declared) - set(reading.sensors)), sorted(set(reading.sensors) - set(declared))
+    _expect(not missing and not extra, f"readings lack {missing} and hold {extra}, against what `sensors` declares")
+    for name, sensor in declared.items():
+        values = np.asarray(reading[name])
+        _expect(values.shape == sensor.shape, f"'{name}' has shape {values.shape}, declared as {sensor.shape}")
+        _expect(bool(np.isfinite(values).all()), f"'{name}' is not finite")
+        inside = (values >= sensor.low) & (values <= sensor.high)
+        _expect(bool(inside.all()), f"'{name}' lies outside of its own plausible numbers")
+    return f"says {', '.join(declared)}, as declared"
 
 
-def _check_sends(robot: Robot, geometry: ArmGeometry) -> None:
-    """One gentle bend and back; what was really sent may be rounded, say to encoder ticks."""
-    reach = np.abs(geometry.action_scale)[:, None]
-    towards_x = geometry.action_neutral + geometry.action_scale[:, None] * 0.05 * geometry.cable_matrices[:, :, 0]
-    for action in (towards_x, geometry.action_neutral):
-        sent = _sent(robot, action)
-        _expect(bool((np.abs(sent - action) <= 0.02 * reach).all()), "send() of an allowed action returned another one")
+def _check_named(robot: Robot, geometry: ArmGeometry) -> str:
+    """Sensors whose name means something say that."""
+    modules, cables = geometry.action_neutral.shape
+    shapes = {"cables": (modules, cables), "states": (modules, 6), "configurations": (modules, 3)}
+    reading = robot.read()
+    for name, shape in shapes.items():
+        values = reading.get(name)
+        _expect(values is None or values.shape == shape, f"'{name}' is of another shape than {shape}")
+    for name in ("states", "configurations"):
+        if (values := reading.get(name)) is not None:
+            lengths = np.linalg.norm(values[:, -3:], axis=-1)
+            _expect(bool(np.allclose(lengths, 1.0, atol=1e-3)), f"axes in '{name}' have lengths {lengths}, not 1")
+    return "names mean what they mean on every arm"
 
 
-def _sent(robot: Robot, action: np.ndarray) -> np.ndarray:
-    sent = robot.send(action)
-    _expect(np.shape(sent) == action.shape, f"send() returned {sent!r}, not what was really sent, {action.shape}")
-    return np.asarray(sent)
+def _check_moves(robot: Robot, geometry: ArmGeometry) -> str:
+    """A gentle bend towards x and back: it comes about, with the right sign, and `send` does not wait for it."""
+    before = robot.read()
+    towards_x = geometry.action_scale[:, None] * GENTLE * geometry.cable_matrices[:, :, 0]
+    _lead(robot, geometry.action_neutral, geometry.action_neutral + towards_x)
+    after = robot.read()
+    if "cables" in robot.sensors:
+        moved = np.sum((after["cables"] - before["cables"]) * towards_x) / np.sum(towards_x**2)
+        _expect(
+            moved > 0.5, f"'cables' went {100 * moved:.0f} % of the way that was sent: wrong sign, or nothing moves"
+        )
+    if "states" in robot.sensors:
+        way = after["states"][-1, POSITION] - before["states"][-1, POSITION]
+        _expect(way[0] > 0 and way[0] > 2 * abs(way[1]), f"sent towards +x, the tip went {way.round(4)} m")
+    _lead(robot, geometry.action_neutral + towards_x, geometry.action_neutral)
+    return "moves where it is sent"
 
 
-def _check_clock(first: Reading, robot: Robot) -> None:
-    passed, wanted = robot.read().time - first.time, 2 * robot.arm.control_period
-    _expect(abs(passed - wanted) < 0.5 * wanted, f"two control steps took {passed:.3f} s, not {wanted:.3f} s")
+def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
+    first, wanted = robot.read(), 2 * robot.arm.control_period
+    _let_pass(robot, wanted)
+    passed = robot.read().time - first.time
+    _expect(abs(passed - wanted) < 0.5 * wanted, f"in {wanted:.3f} s, its clock went on by {passed:.3f} s")
+    return "its clock goes on"
 
 
-def _check_refuses(robot: Robot, action: np.ndarray, name: str) -> None:
+def _check_prompt(robot: Robot, geometry: ArmGeometry) -> str:
+    if robot.own_time:
+        before = robot.read().time
+        robot.send(geometry.action_neutral)
+        _expect(robot.read().time == before, "time passes in send(); it must pass in advance() alone")
+        return "time passes in advance() alone"
+    took = _took(lambda: robot.send(geometry.action_neutral))
+    took = max(took, _took(robot.read))
+    _expect(took < 0.5 * robot.arm.control_period, f"send() or read() took {1e3 * took:.0f} ms: they must not wait")
+    return "send() and read() return at once"
+
+
+def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
+    """What is sent beyond a limit is brought within it; not tried where that would move metal."""
+    sent = robot.send(geometry.action_neutral + 1e-9)
+    _expect(np.shape(sent) == geometry.action_neutral.shape, f"send() returned {sent!r}, not what was really sent")
+    if not robot.own_time:
+        return "returns what was really sent (limits are not tried on a real body: look at `checked_action`)"
+    beyond = geometry.action_high + 10 * np.abs(geometry.action_scale)[:, None]
+    limited = np.asarray(robot.send(beyond))
+    robot.send(geometry.action_neutral)
+    room = 0.02 * np.abs(geometry.action_scale)[:, None]
+    _expect(bool((limited <= geometry.action_high + room).all()), "send() of a far too large action was not limited")
+    return "keeps the arm's limits"
+
+
+def _check_refuses(robot: Robot, geometry: ArmGeometry) -> str:
+    shape = geometry.action_neutral.shape
+    _check_refused(robot, np.full(shape, np.nan), "NaN")
+    _check_refused(robot, np.zeros(shape[0] + 1), "an action of the wrong shape")
+    return "refuses what is no action, before anything moves"
+
+
+CHECKS: tuple[Callable[[Robot, ArmGeometry], str], ...] = (
+    _check_reading,
+    _check_named,
+    _check_refuses,
+    _check_prompt,
+    _check_clock,
+    _check_moves,
+    _check_limits,
+)
+
+
+def _lead(robot: Robot, start: Actions, end: Actions) -> None:
+    """From one action to another within the step limit, then a while to settle."""
+    steps = int(np.ceil(GENTLE * np.rad2deg(ArmGeometry.of(robot.arm).bend_limits.max()) / robot.arm.step_limit_deg))
+    for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+        action = start + share * (end - start)
+        sent = np.asarray(robot.send(action))
+        scale = np.abs(ArmGeometry.of(robot.arm).action_scale)[:, None]
+        _expect(sent.shape == action.shape, f"send() returned {sent!r}, not what was really sent")
+        _expect(bool((np.abs(sent - action) <= 0.02 * scale).all()), "send() of an allowed action returned another one")
+        _let_pass(robot, robot.arm.control_period)
+    _let_pass(robot, SETTLING)
+
+
+def _let_pass(robot: Robot, seconds: float) -> None:
+    if robot.own_time:
+        robot.advance(seconds)
+    else:
+        time.sleep(seconds)
+
+
+def _took(call: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    call()
+    return time.perf_counter() - began
+
+
+def _check_refused(robot: Robot, action: np.ndarray, name: str) -> None:
     try:
         robot.send(action)
     except ActionError:

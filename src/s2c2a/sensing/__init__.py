@@ -1,6 +1,7 @@
 """From readings to rough configurations. Here NumPy turns into JAX."""
 
 from s2c2a.sensing.estimators import (
+    ESTIMATORS,
     PAPER_COUPLING,
     CoupledEstimator,
     DirectionEstimator,
@@ -11,6 +12,7 @@ from s2c2a.sensing.estimators import (
 )
 
 __all__ = [
+    "ESTIMATORS",
     "PAPER_COUPLING",
     "CoupledEstimator",
     "DirectionEstimator",

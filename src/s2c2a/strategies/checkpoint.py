@@ -1,175 +1,176 @@
-"""What strategy files share: safetensors with JSON beside the weights. Safe to open, whoever made them.
+"""The form of files of trained networks: safetensors with JSON beside the weights. Safe to open, whoever made them.
 
-Only the weights and scalings of the networks are read from the arrays; what follows from the arm is built from its
-description, so a file cannot make a controller speak other cables than its arm has.
+Only what was learned or fitted to data is read from the arrays; what follows from the arm is built from its
+description, so a file cannot make a controller speak other cables than its arm has. A digest of the whole file tells of
+damage; sizes and numbers are limited, for a digest tells nothing of who made it.
 """
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
+from hashlib import blake2b
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any
 
 import equinox as eqx
 import jax
 import numpy as np
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
+from pydantic import BaseModel, ConfigDict, Field
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
-from s2c2a.arm import ArmSpec, arm_from_toml
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, StrategyError
-from s2c2a.files import written_whole
+from s2c2a.files import save_whole
+from s2c2a.training import FromArm
 
-SCHEMA = 1
-Options = TypeVar("Options")
-Networks = TypeVar("Networks")
+SCHEMA = 2
+METADATA, DIGEST, NO_DIGEST = "s2c2a", "digest", "0" * 64
+MOST_BYTES, MOST_HEADER, MOST_ARRAYS = 200_000_000, 2_000_000, 10_000
+LARGEST = 1e6
+"""Of any number in the arrays; trained ones are about one, scalings below a hundred."""
+
+METADATA_OF_AN_LSTM = "s2c2a-lstm"  # in version 0.1
+_FOREIGN = (SafetensorError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
+Arrays = Mapping[str, np.ndarray]
 
 
 class Metadata(BaseModel):
-    """What stands beside the weights."""
+    """What stands beside the weights; the kind says which form the recipe has."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     schema_version: int
     version: str
+    kind: str
     arm: str
     recipe: dict
-    seed: int
-    percent: dict[str, tuple[float, float]]
-
-    def trained_for(self, path: str | os.PathLike, arm: ArmSpec | None) -> ArmSpec:
-        """The arm that was trained for.
-
-        Raises:
-            StrategyError: damaged, or it differs from the arm that is given.
-        """
-        try:
-            trained_for = arm_from_toml(self.arm, f"arm in {path}")
-        except S2C2AError as error:
-            raise StrategyError(f"{path} is damaged: {error}; train it anew") from error
-        if arm is not None and not arm.same_body(trained_for):
-            raise StrategyError(
-                f"{path} was trained for '{trained_for.name}', which differs from '{arm.name}' in "
-                f"{', '.join(arm.differences(trained_for))}; train one for this arm with `s2c2a train`"
-            )
-        return trained_for
-
-    def recipe_as(self, form: type[Options], path: str | os.PathLike) -> Options:
-        """How it was trained.
-
-        Raises:
-            StrategyError: damaged.
-        """
-        adapter = TypeAdapter(form)
-        try:
-            recipe = adapter.validate_python(self.recipe)
-        except (S2C2AError, ValidationError) as error:
-            raise StrategyError(f"{path} is damaged: {error}; train it anew") from error
-        if not all_read(self.recipe, adapter.dump_python(recipe)):
-            raise StrategyError(f"{path} is damaged: its recipe is of no known form; train it anew")
-        return recipe
+    seed: Annotated[int, Field(ge=-(2**63), lt=2**63)]
+    percent: Mapping[str, tuple[float, float]]
 
 
-def write(path: str | os.PathLike, kind: str, arrays: dict[str, np.ndarray], metadata: Metadata) -> None:
-    """Write a file; it appears whole or not at all. Its kind is the key of its metadata.
+def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
+    """Write a file; it appears whole or not at all.
 
     Raises:
-        StrategyError: the file cannot be written.
+        S2C2AError: the file cannot be written.
     """
-    content = save(arrays, metadata={kind: metadata.model_dump_json()})
-    try:
-        with written_whole(path) as part:
-            part.write_bytes(content)
-    except OSError as error:
-        raise StrategyError(f"{path} cannot be written: {error}; choose another place") from error
+    content = save(dict(arrays), metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST})
+    save_whole(content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path)
 
 
-def read(path: str | os.PathLike, kind: str) -> tuple[dict[str, np.ndarray], Metadata]:
-    """Arrays and metadata of a file.
+def read(path: str | os.PathLike, kind: str) -> tuple[Metadata, Arrays]:
+    """What a file holds.
 
     Raises:
-        StrategyError: no such file, damaged, of another kind or schema.
+        StrategyError: no such file, too large, damaged, of another kind or schema.
     """
-    with _opened(path) as file:
-        metadata = _metadata_in(file, kind, path)
-        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    return arrays, metadata
-
-
-def read_metadata(path: str | os.PathLike, kind: str) -> Metadata:
-    """The metadata alone, which is quicker.
-
-    Raises:
-        StrategyError: no such file, damaged, of another kind or schema.
-    """
-    with _opened(path) as file:
-        return _metadata_in(file, kind, path)
+    content = _content(path)
+    with damaged(path):
+        header = json.loads(content[8 : 8 + _header_bytes(content)])
+        beside = header.get("__metadata__") or {}
+        written = json.loads(beside.get(METADATA) or beside.get(METADATA_OF_AN_LSTM, "null"))
+        schema, arrays = written["schema_version"], len(header) - 1
+    if schema != SCHEMA:
+        raise StrategyError(
+            f"{path} has schema {schema}, this version reads {SCHEMA}: another version of the package wrote it, such "
+            "as 0.1; make it again with `s2c2a collect` and `s2c2a train`"
+        )
+    with damaged(path):
+        digest, metadata = beside[DIGEST], Metadata.model_validate(written)
+        if digest != _digest(content.replace(digest.encode(), NO_DIGEST.encode(), 1)):
+            raise StrategyError("what it holds does not fit its digest")
+        if metadata.kind != kind or arrays > MOST_ARRAYS:
+            raise StrategyError(f"it holds {arrays} arrays of the kind '{metadata.kind}', not '{kind}'")
+        return metadata, load(content)
 
 
 @contextmanager
-def _opened(path: str | os.PathLike) -> Iterator[Any]:
-    """A file to read; whatever is wrong with it becomes a StrategyError."""
-    if not Path(path).is_file():
-        raise StrategyError(f"no strategy at {path}; train one with `s2c2a train`")
+def damaged(path: str | os.PathLike) -> Iterator[None]:
+    """Whatever is wrong with a file's content becomes a StrategyError."""
     try:
-        with safe_open(path, framework="numpy") as file:
-            yield file
-    except (SafetensorError, OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        yield
+    except (*_FOREIGN, S2C2AError) as error:
         raise StrategyError(f"{path} is no strategy file, or damaged: {error}; train it anew") from error
 
 
-def _metadata_in(file: Any, kind: str, path: str | os.PathLike) -> Metadata:
-    metadata = Metadata.model_validate(json.loads((file.metadata() or {}).get(kind, "null")))
-    if metadata.schema_version != SCHEMA:
-        raise StrategyError(f"{path} has schema {metadata.schema_version}, this version reads {SCHEMA}; train it anew")
-    return metadata
+def _content(path: str | os.PathLike) -> bytes:
+    """All of a file, unless it is too large."""
+    if not Path(path).is_file():
+        raise StrategyError(f"no strategy at {path}; train one with `s2c2a train`")
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise StrategyError(f"{path} cannot be read: {error}") from error
+    if len(content) > MOST_BYTES:
+        raise StrategyError(f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB and no strategy file; choose another")
+    return content
 
 
-def learned(networks) -> dict[str, np.ndarray]:
-    """Every array that is learned or fitted to data, by its place in the networks."""
-    leaves = jax.tree_util.tree_leaves_with_path(networks)
-    named = {jax.tree_util.keystr(path): leaf for path, leaf in leaves if eqx.is_array(leaf)}
-    return {name: np.asarray(leaf) for name, leaf in named.items() if _is_learned(name)}
+def _header_bytes(content: bytes) -> int:
+    count = int.from_bytes(content[:8], "little")
+    if count > MOST_HEADER:
+        raise StrategyError(f"its header has {count} bytes, more than {MOST_HEADER}")
+    return count
 
 
-def filled(blank: Networks, arrays: dict[str, np.ndarray], path: str | os.PathLike) -> Networks:
-    """The blank networks with the file's numbers.
+def _digest(content: bytes) -> str:
+    return blake2b(content, digest_size=len(NO_DIGEST) // 2).hexdigest()
+
+
+def learned(networks: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Every array but those that follow from the arm, by network and place in it."""
+    return {
+        f"{name}{jax.tree_util.keystr(place)}": np.asarray(leaf)
+        for name, network in networks.items()
+        for place, leaf in jax.tree_util.tree_leaves_with_path(network, is_leaf=_is_from_arm)
+        if _is_array(leaf)
+    }
+
+
+def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str, Any]:
+    """Networks of these shapes with a file's numbers.
+
+    Args:
+        blanks: networks of shapes alone (`eqx.filter_eval_shape`), so that none grows as large as a file says.
+        arm: from which the rest follows.
+        arrays: of the file.
 
     Raises:
-        StrategyError: one is missing, not finite or of another shape.
+        StrategyError: one is missing, not sound or of another shape.
     """
 
-    def fill(place, leaf):
-        name = jax.tree_util.keystr(place)
-        if not _is_array(leaf) or not _is_learned(name):
-            return leaf
-        found = arrays.get(name)
-        if found is None or found.shape != leaf.shape or found.dtype != np.float32 or not np.isfinite(found).all():
-            raise StrategyError(
-                f"{path} holds no sound array {name} of shape {leaf.shape}; it is damaged: train it anew"
-            )
-        return found
+    def fill(name: str, place, blank):
+        if _is_from_arm(blank):
+            return type(blank).of(arm)
+        return _sound(arrays, f"{name}{jax.tree_util.keystr(place)}", blank) if _is_array(blank) else blank
 
-    full, rest = eqx.partition(jax.tree_util.tree_map_with_path(fill, blank), _is_array)
-    return eqx.combine(jax.device_put(full), rest)  # all in one go: each alone would be a program of its own
+    full = {
+        name: jax.tree_util.tree_map_with_path(partial(fill, name), blank, is_leaf=_is_from_arm)
+        for name, blank in blanks.items()
+    }
+    numbers, rest = eqx.partition(full, _is_array)
+    return eqx.combine(jax.device_put(numbers), rest)  # all in one go, which is quicker than each alone
 
 
-def all_read(written, understood) -> bool:
-    """Whether no key was passed over.
-
-    Of several forms, one that knows some of the keys would else do for another.
-    """
-    if not isinstance(written, dict):
-        return True
-    return all(key in understood and all_read(value, understood[key]) for key, value in written.items())
+def _sound(arrays: Arrays, name: str, blank: Any) -> np.ndarray:
+    found = arrays.get(name)
+    if found is None or (found.shape, found.dtype) != (blank.shape, blank.dtype) or not in_range(found):
+        raise StrategyError(f"it holds no sound array {name} of shape {blank.shape}, all within {LARGEST:g}")
+    return found
 
 
-def _is_learned(name: str) -> bool:
-    """Whether an array is learned or fitted to data; the last layer and the body follow from the arm."""
-    return "sum_and_range" not in name and ".body" not in name
+def in_range(values: np.ndarray) -> bool:
+    """Whether all are numbers, and none is absurd."""
+    return bool(((values >= -LARGEST) & (values <= LARGEST)).all())
 
 
-def _is_array(leaf) -> bool:
-    return isinstance(leaf, np.ndarray | jax.Array)
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, np.ndarray | jax.Array | jax.ShapeDtypeStruct)
+
+
+def _is_from_arm(part: Any) -> bool:
+    return isinstance(part, FromArm)

@@ -1,35 +1,69 @@
-"""Files of the paper's strategy: both networks, their recipe and their arm; see `checkpoint` for the form."""
+"""Files of trained networks: what they keep, whichever strategy they are of; see `checkpoint` for their form."""
 
 import os
-from dataclasses import asdict
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from typing import Any, TypeVar
 
+import equinox as eqx
+import jax
 import numpy as np
+from jaxtyping import PRNGKeyArray
+from pydantic import TypeAdapter
 
 import s2c2a
-from s2c2a.arm import ArmSpec, arm_to_toml
-from s2c2a.strategies.checkpoint import SCHEMA, Metadata, filled, learned, read, read_metadata, write
+from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
+from s2c2a.errors import StrategyError
+from s2c2a.models import LSTMOptions
+from s2c2a.models.registry import model_known, name_of
+from s2c2a.strategies.checkpoint import SCHEMA, Arrays, Metadata, damaged, filled, learned, read, write
 from s2c2a.strategies.recipe import Recipe
-from s2c2a.strategies.s2c2a import TrainedNetworks, blank_networks
+from s2c2a.strategies.recipe_files import recipe_in
+from s2c2a.strategies.trained import TrainedNetworks
 
-KIND = "s2c2a"
+Options = TypeVar("Options", Recipe, LSTMOptions)
+S2C2A, LSTM, CURVE = "s2c2a", "lstm", "curve."
 
 
-def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
-    """Write trained networks; the file appears whole or not at all.
+def save_strategy(networks: TrainedNetworks[Recipe], path: str | os.PathLike) -> None:
+    """Write the networks of the paper's strategy; the file appears whole or not at all.
 
     Raises:
-        StrategyError: the file cannot be written.
+        S2C2AError: the file cannot be written.
     """
-    curves = {f"curve.{name}": np.asarray(curve) for name, curve in networks.curves.items()}
-    metadata = Metadata(
-        schema_version=SCHEMA,
-        version=s2c2a.__version__,
-        arm=arm_to_toml(networks.arm),
-        recipe=asdict(networks.recipe),
-        seed=networks.seed,
-        percent=networks.percent,
-    )
-    write(path, KIND, learned((networks.c2s, networks.c2a)) | curves, metadata)
+    c2s = networks.recipe.c2s
+    planner = replace(networks.recipe.planner, own_code=True)  # who reads the file says what may be imported
+    by_class = replace(networks.recipe, c2s=replace(c2s, model=name_of(type(c2s))), planner=planner)
+    _save(replace(networks, recipe=by_class), S2C2A, path)
+
+
+def save_lstm(networks: TrainedNetworks[LSTMOptions], path: str | os.PathLike) -> None:
+    """Write a trained LSTM; the file appears whole or not at all.
+
+    Raises:
+        S2C2AError: the file cannot be written.
+    """
+    _save(networks, LSTM, path)
+
+
+def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> TrainedNetworks[Recipe]:
+    """Read the networks of the paper's strategy, for an arm if one is given.
+
+    A forward model that does not come with the package must have been imported before: see `model_named`.
+
+    Raises:
+        StrategyError: no such file, damaged, of another kind or schema, or trained for another arm.
+    """
+    return _load(path, arm, S2C2A, _recipe_without_code, Recipe.untrained)
+
+
+def load_lstm(path: str | os.PathLike, arm: ArmSpec | None = None) -> TrainedNetworks[LSTMOptions]:
+    """Read a trained LSTM, for an arm if one is given.
+
+    Raises:
+        StrategyError: no such file, damaged, of another kind or schema, or trained for another arm.
+    """
+    return _load(path, arm, LSTM, TypeAdapter(LSTMOptions).validate_python, _untrained_lstm)
 
 
 def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
@@ -38,17 +72,65 @@ def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
     Raises:
         StrategyError: no such file, damaged, of another kind or schema.
     """
-    return read_metadata(path, KIND).trained_for(path, None)
+    return _arm(read(path, S2C2A)[0], path)
 
 
-def load_strategy(path: str | os.PathLike, arm: ArmSpec | None = None) -> TrainedNetworks:
-    """Read trained networks, for an arm if one is given.
+def _save(networks: TrainedNetworks[Any], kind: str, path: str | os.PathLike) -> None:
+    metadata = Metadata(
+        schema_version=SCHEMA,
+        version=s2c2a.__version__,
+        kind=kind,
+        arm=arm_to_toml(networks.arm),
+        recipe=asdict(networks.recipe),
+        seed=networks.seed,
+        percent=networks.percent,
+    )
+    curves = {f"{CURVE}{name}": np.asarray(curve) for name, curve in networks.curves.items()}
+    write(path, metadata, learned(networks.networks) | curves)
 
-    Raises:
-        StrategyError: no such file, damaged, of another kind or schema, or trained for another arm.
-    """
-    arrays, metadata = read(path, KIND)
-    trained_for, recipe = metadata.trained_for(path, arm), metadata.recipe_as(Recipe, path)
-    c2s, c2a = filled(blank_networks(trained_for, recipe), arrays, path)
-    curves = {name.removeprefix("curve."): value for name, value in arrays.items() if name.startswith("curve.")}
-    return TrainedNetworks(trained_for, recipe, metadata.seed, c2s, c2a, metadata.percent, curves)
+
+def _load(
+    path: str | os.PathLike,
+    arm: ArmSpec | None,
+    kind: str,
+    recipe_of: Callable[[dict], Options],
+    untrained: Callable[[Options, ArmSpec, PRNGKeyArray], dict[str, Any]],
+) -> TrainedNetworks[Options]:
+    metadata, arrays = read(path, kind)
+    trained_for = _arm(metadata, path)
+    if arm is not None and not arm.same_body(trained_for):
+        raise StrategyError(
+            f"{path} was trained for '{trained_for.name}', which differs from '{arm.name}' in "
+            f"{', '.join(arm.differences(trained_for))}; train one for this arm with `s2c2a train`"
+        )
+    with damaged(path):
+        recipe = recipe_of(metadata.recipe)
+        blanks = eqx.filter_eval_shape(untrained, recipe, trained_for, jax.random.key(0))
+        networks, curves = filled(blanks, trained_for, arrays), _curves(arrays)
+        if not set(networks) == set(curves) == set(metadata.percent):
+            raise StrategyError("it lacks what is known of its training")
+    return TrainedNetworks(trained_for, recipe, metadata.seed, networks, metadata.percent, curves)
+
+
+def _recipe_without_code(table: dict[str, Any]) -> Recipe:
+    """A file that may be a stranger's names no code to be imported."""
+    planner = table.get("planner")
+    planner = planner | {"own_code": False} if isinstance(planner, dict) else planner
+    return recipe_in(table | {"planner": planner}, model_known)
+
+
+def _untrained_lstm(options: LSTMOptions, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
+    return {"LSTM": options.untrained(arm, key)}
+
+
+def _arm(metadata: Metadata, path: str | os.PathLike) -> ArmSpec:
+    with damaged(path):
+        return arm_from_toml(metadata.arm, f"arm in {path}")
+
+
+def _curves(arrays: Arrays) -> dict[str, np.ndarray]:
+    curves = {name.removeprefix(CURVE): curve for name, curve in arrays.items() if name.startswith(CURVE)}
+    for name, curve in curves.items():
+        if curve.ndim != 2 or curve.shape[1] != 3 or not np.isfinite(curve).all():
+            raise StrategyError(f"the curve of {name} has no rows of epoch, training and validation loss")
+    return curves

@@ -3,7 +3,6 @@
 It reads true states, so it works only where something outside watches the arm: simulation or motion capture.
 """
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,60 +11,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording
-from s2c2a.data.windows import lstm_samples
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import configurations_from_states, limit_lengths
-from s2c2a.networks.lstm import TipHistory, TipLSTM
-from s2c2a.networks.sum_and_range import HEADROOM
+from s2c2a.models.lstm import LSTMOptions, TipHistory, TipLSTM
+from s2c2a.models.sum_and_range import HEADROOM
 from s2c2a.planning import Goal
 from s2c2a.programs import compiled
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Configurations, Reading
-from s2c2a.training import FitOptions
-from s2c2a.training.fit import Progress
-from s2c2a.training.lstm import train_lstm
-from s2c2a.training.networks import NetworkSize
+from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training import Progress, quiet
 
-
-@dataclass(frozen=True)
-class LSTMOptions:
-    """How the LSTM is trained; the defaults are the best in closed loop on the circle with `simulated_arm`.
-
-    Attributes:
-        size: of the network.
-        fit: how it is trained.
-        history_noise: on past actions in training, normalised.
-    """
-
-    size: NetworkSize = field(default_factory=lambda: NetworkSize(layers=1, hidden=64))
-    fit: FitOptions = field(default_factory=FitOptions)
-    history_noise: float = 0.2
-
-
-@dataclass(frozen=True)
-class TrainedLSTM:
-    """The LSTM of an arm and how it came about.
-
-    Attributes:
-        arm: what it was trained for.
-        options: how it was trained.
-        seed: of the training.
-        network: from tip positions to actions.
-        percent: mean and standard deviation of the held-out error [% of full range].
-        curve: rows of epoch, training loss, validation loss.
-    """
-
-    arm: ArmSpec
-    options: LSTMOptions
-    seed: int
-    network: TipLSTM
-    percent: tuple[float, float]
-    curve: np.ndarray
+TrainedLSTM = TrainedNetworks[LSTMOptions]
 
 
 def train_lstm_strategy(
-    recording: Recording, options: LSTMOptions, seed: int, progress: Progress = lambda *_: None
+    recording: Recording, options: LSTMOptions, seed: int, progress: Progress = quiet
 ) -> TrainedLSTM:
     """Train the LSTM on a recording, on the same stretches of it as the networks of the paper.
 
@@ -80,14 +42,11 @@ def train_lstm_strategy(
         TrainingError: too few samples, or the loss is not finite.
     """
     recording.check_complete()
-    positions = recording.states[:, :, -1, POSITION]
-    if not np.isfinite(positions).all():
+    tips = recording.sensor("states")[:, :, -1, POSITION]
+    if not np.isfinite(tips).all():
         raise RecordingError("this recording lacks true states, which the LSTM reads; record with motion capture on")
-    arm = recording.arm
-    split = lstm_samples(positions, recording.actions, ArmGeometry.of(arm).action_neutral)
-    key = jax.random.key(seed)
-    trained = train_lstm(split, arm, options.size, options.history_noise, options.fit, key, progress)
-    return TrainedLSTM(arm, options, seed, trained.network, trained.percent, trained.curve)
+    trained = options.train(recording.arm, tips, recording.actions, jax.random.key(seed), progress)
+    return TrainedNetworks.of(recording.arm, options, seed, {"LSTM": trained})
 
 
 class LSTMStrategy:
@@ -99,11 +58,10 @@ class LSTMStrategy:
     Attributes:
         name: "lstm".
         arm: the arm that it drives.
-        sensed: the latest configuration, as the true states tell it, shape (modules, 3).
-        planned: the same, since it plans none.
+        sensors: names of the sensors that it needs.
     """
 
-    name = "lstm"
+    name, sensors = "lstm", ("states",)
 
     def __init__(self, trained: TrainedLSTM):
         """Compile for the arm that the LSTM was trained for."""
@@ -152,15 +110,17 @@ class LSTMStrategy:
             raise StrategyError("this strategy was not started; it has sensed nothing yet")
         return np.asarray(self._sensed)
 
-    @property
-    def planned(self) -> Configurations:
-        """What was sensed, shape (modules, 3): the LSTM plans no configuration."""
-        return self.sensed
+    def sent(self, action: Actions) -> None:
+        """The next step begins from what it asked for."""
+
+    def told(self) -> dict[str, np.ndarray]:
+        """What it sensed; it plans no configuration."""
+        return {"sensed": self.sensed}
 
     def _warm_up(self) -> None:
         heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
         states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
-        reading = Reading(0.0, np.zeros((self.arm.module_count, self.arm.cable_count)), states)
+        reading = Reading(0.0, {"states": states})
         self.start(reading)
         self.step(reading, Goal.of(self.arm.module_count).with_position(states[-1, POSITION]))
         self._memory = None
@@ -190,7 +150,7 @@ class _Policy(eqx.Module):
     def of(cls, trained: TrainedLSTM) -> "_Policy":
         units = HEADROOM * ArmGeometry.of(trained.arm).bend_limits[:, None]
         longest_step = float(np.deg2rad(trained.arm.step_limit_deg))
-        return cls(trained.network, jnp.asarray(units, dtype=jnp.float32), longest_step)
+        return cls(trained.networks["LSTM"], jnp.asarray(units, dtype=jnp.float32), longest_step)
 
     def start(self, tip: Float[Array, "3"]) -> _Memory:
         """A history of rest, as before every episode of the training data."""
@@ -218,9 +178,10 @@ def _push(history: Float[Array, "moments *features"], newest: Float[Array, "*fea
 
 def _states(reading: Reading) -> np.ndarray:
     """True states, refused where the tip is not watched."""
-    if reading.states is None or not np.isfinite(reading.states[-1, POSITION]).all():
+    states = reading.get("states")
+    if states is None or not np.isfinite(states[-1, POSITION]).all():
         raise StrategyError("the LSTM reads true states and this reading holds none of the tip; have the arm watched")
-    return np.asarray(reading.states, np.float32)
+    return np.asarray(states, np.float32)
 
 
 def _wanted_tip(goal: Goal) -> np.ndarray:

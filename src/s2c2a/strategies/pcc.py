@@ -9,18 +9,17 @@ from s2c2a.control import InversePCC
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
 from s2c2a.kinematics import PCC, PCCForwardModel, bends_from_configurations, configurations_from_states
-from s2c2a.planning import AnyPlannerOptions, Planner
+from s2c2a.planning import Planner, PlannerOptions
 from s2c2a.sensing import EncoderEstimator
-from s2c2a.strategies.scale import planning_scale
 from s2c2a.strategies.strategy import Strategy
 
 
-def pcc_strategy(arm: ArmSpec, options: AnyPlannerOptions) -> Strategy:
+def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
     """PCC with the arm's nominal numbers."""
     return _strategy("pcc", arm, options, np.ones(arm.module_count))
 
 
-def pcc_fitted_strategy(recording: Recording, options: AnyPlannerOptions) -> Strategy:
+def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
     """PCC with one gain a module, fitted on a recording."""
     return _strategy("pcc-fitted", recording.arm, options, 1.0 / fitted_gains(recording))
 
@@ -32,8 +31,8 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
         RecordingError: episodes are missing, no true states, or a module that did not move.
     """
     recording.check_complete()
-    said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.cables, dtype=jnp.float32)))
-    states = jnp.asarray(recording.states, dtype=jnp.float32)
+    said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)))
+    states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
     true = np.asarray(bends_from_configurations(configurations_from_states(states)))
     everything = (0, 1, 3)
     together, alone = (true * said).sum(axis=everything), (said**2).sum(axis=everything)
@@ -42,7 +41,7 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     return together / alone
 
 
-def _strategy(name: str, arm: ArmSpec, options: AnyPlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
+def _strategy(name: str, arm: ArmSpec, options: PlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
     pcc = PCC.of(arm)
-    planner = Planner(arm, PCCForwardModel.of(arm), planning_scale(arm), options)
+    planner = Planner(arm, PCCForwardModel.of(arm), options)
     return Strategy(name, arm, EncoderEstimator(pcc), planner, InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)))

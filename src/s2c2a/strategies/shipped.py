@@ -29,5 +29,5 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
                     return replace(networks, arm=arm, recipe=recipe_named(networks.recipe.name))
     raise StrategyError(
         f"no trained networks come with the package for '{arm.name}'; collect data with `s2c2a collect`, train with "
-        "`s2c2a train`, and give the file with --strategy"
+        "`s2c2a train`, and give the file with --weights"
     )

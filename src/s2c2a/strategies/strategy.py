@@ -10,34 +10,17 @@ from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.programs import compiled
+from s2c2a.runtime import Driver
 from s2c2a.sensing import Estimator
 from s2c2a.spaces import Actions, Configurations, Reading, States
 
 
-class AnyStrategy(Protocol):
-    """What every strategy can do; `Strategy` says it in full."""
+class AnyStrategy(Driver, Protocol):
+    """What every strategy can do, beside driving an arm; `Strategy` says it in full."""
 
     @property
     def name(self) -> str:
         """Such as "s2c2a"."""
-
-    @property
-    def arm(self) -> ArmSpec:
-        """The arm that it drives."""
-
-    @property
-    def sensed(self) -> Configurations:
-        """The latest sensed configuration, shape (modules, 3)."""
-
-    @property
-    def planned(self) -> Configurations:
-        """The latest planned configuration, shape (modules, 3)."""
-
-    def start(self, reading: Reading) -> None:
-        """Begin from an arm at rest."""
-
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """The action of one control step [m or N], shape (modules, cables)."""
 
 
 class Strategy:
@@ -48,18 +31,18 @@ class Strategy:
     Attributes:
         name: such as "s2c2a".
         arm: the arm that it drives.
-        sensed: the latest sensed configuration, shape (modules, 3).
-        planned: the latest planned configuration, shape (modules, 3).
+        sensors: names of the sensors that it needs.
     """
 
     def __init__(self, name: str, arm: ArmSpec, estimator: Estimator, planner: Planner, controller: Controller):
         """Put the parts together and compile them."""
-        self.name, self.arm = name, arm
-        self._planner = planner
+        self.name, self.arm, self.sensors = name, arm, estimator.sensors
+        self._estimator, self._planner = estimator, planner
         self._plan: Plan | None = None
         self._sense = compiled(operator.call, estimator)
         self._start_control = compiled(_start_control, controller)
         self._act = compiled(_act, controller)
+        self._after = compiled(_after, controller)
         self._warm_up()
 
     def start(self, reading: Reading) -> None:
@@ -92,6 +75,10 @@ class Strategy:
         action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
         return np.asarray(action, dtype=np.float64)
 
+    def sent(self, action: Actions) -> None:
+        """An action was sent in place of the last one, which a limit did not allow."""
+        self._memory = self._after(np.asarray(action, np.float32), self._memory)
+
     @property
     def sensed(self) -> Configurations:
         """The latest sensed configuration, shape (modules, 3)."""
@@ -115,28 +102,34 @@ class Strategy:
             raise StrategyError("this strategy was not started; it expects nothing yet")
         return np.asarray(self._planner.predicted(self._plan), dtype=float)
 
+    def told(self) -> dict[str, np.ndarray]:
+        """What it sensed, planned and expects, by column of an episode."""
+        return {"sensed": self.sensed, "planned": self.planned, "expected": self.expected}
+
     def _sensed_in(self, reading: Reading):
-        truth = reading.configurations
-        sensed = self._sense(_single(reading.cables), None if truth is None else _single(truth))
+        sensed = self._sense(self._estimator.inputs(reading))
         if not np.isfinite(np.asarray(sensed)).all():  # it would stay in what planner and controller remember
             raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
         return sensed
 
     def _warm_up(self) -> None:
+        """Compile; what the sensors say does not matter, and of sensors that are not known here nothing is said."""
         straight = np.tile([0.0, 0.0, 1.0], (self.arm.module_count, 1))
-        cables = np.zeros((self.arm.module_count, self.arm.cable_count))
-        self.start(Reading(0.0, cables, configurations=straight))
-        for truth in (straight, None) if self.arm.sensing == "encoders" else (straight,):
-            self.step(Reading(0.0, cables, configurations=truth), Goal.of(self.arm.module_count))
+        known = {"cables": np.zeros((self.arm.module_count, self.arm.cable_count)), "configurations": straight}
+        if set(self.sensors) <= set(known):
+            self.start(Reading(0.0, known))
+            self.step(Reading(0.0, known), Goal.of(self.arm.module_count))
+            self.sent(known["cables"])
+            self.told()
         self._plan = None
-
-
-def _single(values: np.ndarray) -> np.ndarray:
-    return np.asarray(values, np.float32)
 
 
 def _start_control(controller: Controller, sensed):
     return controller.start(sensed)
+
+
+def _after(controller: Controller, action, memory):
+    return controller.sent(action, memory)
 
 
 def _act(controller: Controller, wanted, sensed, memory):

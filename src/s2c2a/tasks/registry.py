@@ -1,11 +1,12 @@
-"""Tasks by name, or from a file of waypoints."""
+"""Tasks by name, from a file of waypoints, or from a function of the user's."""
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TargetError
+from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.extensions import found
 from s2c2a.tasks.circle import circle, tilt
 from s2c2a.tasks.follow import follow
 from s2c2a.tasks.hold import hold_base, hold_end, hold_middle
@@ -36,13 +37,30 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 
 
 def task_named(name: str, arm: ArmSpec) -> Task:
-    """The task of that name for an arm, or the one in a file of waypoints.
+    """The task of that name for an arm, the one in a file of waypoints, or one of the user's: `file.py:function`.
 
     Raises:
-        TargetError: no such task, or a file that holds none.
+        TargetError: no such task, a file that holds none, or a function that fails or makes something else.
     """
-    if name in TASKS:
-        return TASKS[name](arm)
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
-    raise TargetError(f"no task '{name}'; choose one of {', '.join(TASKS)}, or a file of waypoints ending in .csv")
+    try:
+        make = found("task", name, TASKS)
+    except S2C2AError as error:
+        raise TargetError(f"{error}, or a file of waypoints ending in .csv") from error
+    return _made(name, make, arm)
+
+
+def _made(name: str, make: Callable[[ArmSpec], Task], arm: ArmSpec) -> Task:
+    """What a function makes of an arm; others may have written it."""
+    try:
+        task = make(arm)
+    except S2C2AError:
+        raise
+    except Exception as error:
+        raise TargetError(
+            f"the task '{name}' cannot be made for {arm.name}: {type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(task, Task):
+        raise TargetError(f"the task '{name}' made {task!r}; its function takes an arm and returns a Task")
+    return task

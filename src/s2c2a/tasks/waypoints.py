@@ -1,17 +1,22 @@
 """A user's own path as a table: `time,x,y,z` and, where wanted, `axis_x,axis_y,axis_z` and `module`."""
 
 import csv
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TargetError
+from s2c2a.arm.spec import MOST_MODULES
+from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.files import read_text
+from s2c2a.goals import LARGEST
 from s2c2a.planning import Goal
 from s2c2a.planning.reach import reach_gaps
 from s2c2a.tasks.task import Score, Task
@@ -21,6 +26,7 @@ AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 FAR = 0.01  # of the arm's length: gaps below it are not worth a word
 LONGEST_STEPS = 1_000_000
+MOST_LINES, MOST_BYTES = 1_000_000, 150_000_000
 
 
 @dataclass(frozen=True)
@@ -57,10 +63,16 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
             that do not rise, an axis of length zero; the line or the time is named.
     """
     table = _read(Path(path))
-    if not table:
+    if not table["time"].size:
         raise TargetError(f"{path} holds no waypoints; give at least one line of numbers below the column names")
-    modules = dict.fromkeys(int(row.get("module", -1)) for row in table)
-    return [_track(path, module, [row for row in table if int(row.get("module", -1)) == module]) for module in modules]
+    modules = table.pop("module", np.full_like(table["time"], -1))
+    named = list(dict.fromkeys(modules.tolist()))
+    if len(named) > 2 * MOST_MODULES:
+        raise TargetError(f"{path} names {len(named)} modules; an arm has at most {MOST_MODULES}")
+    return [
+        _track(path, int(module), {name: column[modules == module] for name, column in table.items()})
+        for module in named
+    ]
 
 
 def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task:
@@ -73,25 +85,28 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     """
     _check_modules(name, tracks, arm)
     last = float(max((track.times[-1] for track in tracks), default=0.0))
-    steps = int(min(last * arm.control_rate + 1e-6, LONGEST_STEPS + 1))
-    if not 1 <= steps <= LONGEST_STEPS:
+    steps = last * arm.control_rate + 1e-6
+    if not 1 <= steps < LONGEST_STEPS + 1:
         raise TargetError(
             f"the waypoints of '{name}' end at {last:g} s; at {arm.control_rate:g} Hz the last time must lie between "
             f"one step and {LONGEST_STEPS} steps after the start"
         )
-    times = np.arange(1, steps + 1) / arm.control_rate
-    goals = [Goal.of(arm.module_count, change_weight=0.5)] * steps
+    times = np.arange(1, int(steps) + 1) / arm.control_rate
+    every = Goal.of(arm.module_count, change_weight=0.5)
+    positions, axes = (np.tile(start, (len(times), 1, 1)) for start in (every.positions, every.axes))
     scores: list[Score] = []
     for track in tracks:
-        goals = [
-            goal.with_position(position, 1.0, track.module)
-            for goal, position in zip(goals, _between(times, track.times, track.positions), strict=True)
-        ]
+        wanted = _between(times, track.times, track.positions)
+        every = every.with_position(_furthest(wanted), 1.0, track.module)  # refused as any other goal would be
+        positions[:, track.module] = wanted
         scores.append(Score("position", track.module))
         if track.axes is not None:
-            axes = _between(times, track.times, track.axes)
-            goals = [goal.with_axis(axis, 2.0, track.module) for goal, axis in zip(goals, axes, strict=True)]
+            towards = _between(times, track.times, track.axes)
+            for axis in (_furthest(towards), _shortest(towards)):
+                every = every.with_axis(axis, 2.0, track.module)
+            axes[:, track.module] = _unit(towards)
             scores.append(Score("orientation", track.module))
+    goals = (every._replace(positions=here, axes=there) for here, there in zip(positions, axes, strict=True))
     return Task(name, tuple(goals), tuple(scores))
 
 
@@ -105,17 +120,23 @@ def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
     return found
 
 
-def _read(path: Path) -> list[dict[str, float]]:
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """The columns by name."""
     if not path.is_file():
         raise TargetError(f"no waypoints at {path}; give a table with the columns {', '.join(REQUIRED)}")
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-            _check_columns(path, reader.fieldnames)
-            return [_numbers(path, reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = csv.reader(io.StringIO(read_text(path, most=MOST_BYTES), newline=""), skipinitialspace=True)
+        columns = [name.strip() for name in next(lines, ())]
+        _check_columns(path, columns)
+        rows = islice((_numbers(path, lines.line_num, row, columns) for row in lines if row), MOST_LINES + 1)
+        numbers = np.array(list(rows)).reshape(-1, len(columns))
+    except (S2C2AError, csv.Error) as error:
+        if isinstance(error, TargetError):
+            raise
         raise TargetError(f"{path} cannot be read as a table of text: {error}") from error
+    if len(numbers) > MOST_LINES:
+        raise TargetError(f"{path} has more than {MOST_LINES} lines; give fewer waypoints, the way between is straight")
+    return dict(zip(columns, numbers.T, strict=True))
 
 
 def _check_columns(path: Path, columns: Sequence[str]) -> None:
@@ -129,28 +150,32 @@ def _check_columns(path: Path, columns: Sequence[str]) -> None:
         )
 
 
-def _numbers(path: Path, line: int, row: dict) -> dict[str, float]:
+def _numbers(path: Path, line: int, row: list[str], columns: Sequence[str]) -> list[float]:
     try:
-        numbers = {name: float(value) for name, value in row.items()}
-    except (TypeError, ValueError) as error:
-        raise TargetError(f"{path}, line {line}: every column must hold one number, got {row}") from error
-    whole = numbers.get("module", -1.0)
-    if not np.isfinite(list(numbers.values())).all() or whole != int(whole):
-        raise TargetError(f"{path}, line {line}: numbers must be finite, and the module a whole number, got {row}")
+        numbers = list(map(float, row))
+        if len(numbers) != len(columns):
+            raise ValueError("not as many as columns")
+    except ValueError as error:
+        raise TargetError(f"{path}, line {line}: every column must hold one number, got {row!r:.200}") from error
+    if not all(map(isfinite, numbers)) or ("module" in columns and numbers[columns.index("module")] % 1):
+        raise TargetError(
+            f"{path}, line {line}: numbers must be finite, and the module a whole number, got {row!r:.200}"
+        )
     return numbers
 
 
-def _track(path, module: int, rows: list[dict[str, float]]) -> Waypoints:
-    times = np.array([row["time"] for row in rows])
+def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
+    times = table["time"]
     if times[0] < 0:
         raise TargetError(f"{path}: times count from the start of the task and are not negative, got {times[0]:g}")
-    for before, after in pairwise(times):
-        if after <= before:
-            raise TargetError(f"{path}: the times of a module must rise, got {after:g} after {before:g}")
-    positions = np.array([[row[name] for name in ("x", "y", "z")] for row in rows])
-    if AXIS[0] not in rows[0]:
+    for step in np.flatnonzero(times[1:] <= times[:-1]):
+        raise TargetError(f"{path}: the times of a module must rise, got {times[step + 1]:g} after {times[step]:g}")
+    positions = np.stack([table[name] for name in ("x", "y", "z")], axis=-1)
+    if AXIS[0] not in table:
         return Waypoints(module, times, positions, None)
-    axes = np.array([[row[name] for name in AXIS] for row in rows])
+    axes = np.stack([table[name] for name in AXIS], axis=-1)
+    if np.abs(axes).max() > LARGEST:
+        raise TargetError(f"{path}: an axis has numbers beyond {LARGEST:g}; any length below will do")
     lengths = np.linalg.norm(axes, axis=-1)
     if (lengths < 1e-9).any():
         raise TargetError(f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; give a direction")
@@ -170,3 +195,17 @@ def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None
 
 def _between(times: np.ndarray, moments: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(times, moments, column) for column in values.T], axis=-1)
+
+
+def _furthest(vectors: np.ndarray) -> np.ndarray:
+    return vectors[np.abs(vectors).max(axis=-1).argmax()]
+
+
+def _shortest(vectors: np.ndarray) -> np.ndarray:
+    return vectors[np.abs(vectors).max(axis=-1).argmin()]
+
+
+def _unit(axes: np.ndarray) -> np.ndarray:
+    """As `Goal.with_axis` does it, in single precision."""
+    vectors = axes.astype(np.float32)
+    return vectors / np.sqrt(np.vecdot(vectors, vectors))[:, None]

@@ -1,7 +1,8 @@
-"""Training: one loop, two networks, checkpoints."""
+"""Training: what a model learns from, what of it is learned, and the one loop."""
 
-from s2c2a.training.errors import percent_error
-from s2c2a.training.fit import FitOptions, FitResult, fit
-from s2c2a.training.networks import train_c2a, train_c2s
+from s2c2a.training.data import TrainingData
+from s2c2a.training.fit import FitOptions, Progress, fit, quiet
+from s2c2a.training.learned import Fixed, FromArm
+from s2c2a.training.trained import Trained, train
 
-__all__ = ["FitOptions", "FitResult", "fit", "percent_error", "train_c2a", "train_c2s"]
+__all__ = ["FitOptions", "Fixed", "FromArm", "Progress", "Trained", "TrainingData", "fit", "quiet", "train"]

@@ -12,11 +12,19 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.errors import TrainingError
+from s2c2a.training.learned import held
+from s2c2a.training.limits import check_limits
 
+MOST = 1_000_000  # epochs, and samples in a batch
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 Progress = Callable[[int, int, float], None]
+"""Told the epoch, the most epochs and the validation loss."""
+
+
+def quiet(epoch: int, most: int, loss: float) -> None:
+    """A progress that tells nobody."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +49,8 @@ class FitOptions:
 
     def __post_init__(self):
         """Refuse what cannot be trained with."""
-        counts = (self.batch_size, self.most_epochs, self.patience, self.epochs_per_call)
-        if min(counts) < 1 or not self.learning_rate >= 0:
-            raise TrainingError(f"{self} asked for; every count must be at least 1, the rate not negative")
+        counts = {name: (1, MOST) for name in ("batch_size", "most_epochs", "patience", "epochs_per_call")}
+        check_limits(self, learning_rate=(0, 10), **counts)
 
 
 @dataclass(frozen=True)
@@ -75,12 +82,12 @@ def fit(
     validation: Batch,
     options: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress = lambda epoch, most, loss: None,
+    progress: Progress = quiet,
 ) -> FitResult[Network]:
     """Train a network with Adam.
 
     Args:
-        network: what to train; every floating array in it is a weight, unless the loss stops its gradient.
+        network: what to train; every floating array in it is a weight, but for those of parts that are `Fixed`.
         loss: (network, batch, key) -> mean loss of the batch; the key is None when validating.
         training: arrays with samples first.
         validation: arrays with samples first.
@@ -98,7 +105,7 @@ def fit(
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     optimiser = optax.adam(_learning_rate(options, samples))
-    run = _compiled_epochs(lambda w, batch, k: loss(eqx.combine(w, rest), batch, k), optimiser, samples, options)
+    run = _compiled_epochs(lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k), optimiser, samples, options)
     state = _Progress(weights, optimiser.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):

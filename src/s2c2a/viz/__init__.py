@@ -1,8 +1,7 @@
 """Figures and replay pages, from State values alone: simulation, real arm and recordings are drawn alike.
 
 A `Trace` is what is drawn. `replay_page` writes a page to watch it on, `run_figure` a figure of it, `arm_figure` a
-drawing of the arm itself; the others answer figures of the paper. Matplotlib is imported when the first figure is asked
-for, not before.
+drawing of the arm itself. Matplotlib is imported when the first figure is asked for, not before.
 """
 
 from importlib import import_module
@@ -15,24 +14,13 @@ from s2c2a.viz.trace import Trace
 if TYPE_CHECKING:
     from s2c2a.viz.arm_drawing import arm_figure
     from s2c2a.viz.figures import learning_curves, recording_figure, run_figure
-    from s2c2a.viz.paper_figures import comparison_bars, coordinates_figure, estimation_figure, orientation_figure
-    from s2c2a.viz.paper_obstacles import interaction_figure, obstacles_figure
-    from s2c2a.viz.paper_views import plan_view_figure, poses_figure
     from s2c2a.viz.trials import trials_figure
 
 __all__ = [
     "Trace",
     "arm_figure",
     "centre_line",
-    "comparison_bars",
-    "coordinates_figure",
-    "estimation_figure",
-    "interaction_figure",
     "learning_curves",
-    "obstacles_figure",
-    "orientation_figure",
-    "plan_view_figure",
-    "poses_figure",
     "recording_figure",
     "replay_page",
     "run_figure",
@@ -41,15 +29,7 @@ __all__ = [
 
 _NEED_MATPLOTLIB = {
     "arm_figure": "s2c2a.viz.arm_drawing",
-    "comparison_bars": "s2c2a.viz.paper_figures",
-    "coordinates_figure": "s2c2a.viz.paper_figures",
-    "estimation_figure": "s2c2a.viz.paper_figures",
-    "interaction_figure": "s2c2a.viz.paper_obstacles",
     "learning_curves": "s2c2a.viz.figures",
-    "obstacles_figure": "s2c2a.viz.paper_obstacles",
-    "orientation_figure": "s2c2a.viz.paper_figures",
-    "plan_view_figure": "s2c2a.viz.paper_views",
-    "poses_figure": "s2c2a.viz.paper_views",
     "recording_figure": "s2c2a.viz.figures",
     "run_figure": "s2c2a.viz.figures",
     "trials_figure": "s2c2a.viz.trials",

@@ -8,21 +8,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from s2c2a.arm import ArmSpec
-from s2c2a.viz.arm_side import SideScale, draw_side, fitting_height
+from s2c2a.viz.arm_side import SIDE_WIDTH, SideView, draw_gravity, draw_side, fitting_height
 from s2c2a.viz.arm_table import draw_table
 from s2c2a.viz.colours import INK, MUTED
 from s2c2a.viz.cross_section import Kind, draw_cross_section, kinds_of_module
-from s2c2a.viz.gravity_arrow import draw_gravity
+from s2c2a.viz.mounting import Mounting
 from s2c2a.viz.saving import save_figure
 
 WIDTH, HEADING, MARGIN = 11.0, 1.65, 0.2  # inches
-SIDE_LEFT, SIDE_WIDTH, TABLE_WIDTH = 0.95, 2.9, 6.7
+SIDE_LEFT, TABLE_WIDTH = 0.95, 6.7
 SIDE_HEIGHT, ROW_HEIGHT = 4.2, 0.27
 SECTIONS_IN_A_ROW, SECTION_HEIGHT = 4, 2.85
 
 
 def arm_figure(arm: ArmSpec, path: str | os.PathLike) -> Path:
-    """Draw an arm in its base frame: the straight arm from the side and to scale, its modules, cables and gravity.
+    """Draw the straight arm as it is mounted, from the side and to scale, its modules, cables and gravity.
 
     Args:
         arm: the arm.
@@ -32,16 +32,17 @@ def arm_figure(arm: ArmSpec, path: str | os.PathLike) -> Path:
         S2C2AError: the name ends in another format, or the file cannot be written.
     """
     kinds = kinds_of_module(arm)
-    side_height = max(fitting_height(arm, SIDE_WIDTH, SIDE_HEIGHT), ROW_HEIGHT * arm.module_count)
+    side_height = max(fitting_height(arm, SIDE_HEIGHT), ROW_HEIGHT * arm.module_count)
     sections_height = SECTION_HEIGHT * -(-len(kinds) // SECTIONS_IN_A_ROW)
     height = HEADING + side_height + 2 * MARGIN + sections_height
     figure = Figure(figsize=(WIDTH, height), facecolor="white")
     _write_heading(figure, arm)
-    draw_gravity(_axes(figure, WIDTH - 1.3, 0.12, 1.0, 1.0), arm.gravity_direction)
-    scale = SideScale.of(arm, SIDE_WIDTH, side_height)
-    draw_side(_axes(figure, SIDE_LEFT, HEADING, SIDE_WIDTH, side_height), arm, scale)
-    table = _axes(figure, SIDE_LEFT + SIDE_WIDTH, HEADING, TABLE_WIDTH, side_height)
-    draw_table(table, arm, kinds, scale, (TABLE_WIDTH, side_height))
+    draw_gravity(_axes(figure, WIDTH - 1.3, 0.12, 1.0, 1.0), Mounting.of(arm))
+    view = SideView.of(arm, side_height)
+    axes = _axes(figure, SIDE_LEFT, HEADING, SIDE_WIDTH + TABLE_WIDTH, side_height)
+    axes.set(xlim=(0, SIDE_WIDTH + TABLE_WIDTH), ylim=(0, side_height))
+    draw_side(axes, arm, view)
+    draw_table(axes, arm, kinds, view, SIDE_WIDTH, (TABLE_WIDTH, side_height))
     _draw_sections(figure, kinds, HEADING + side_height + 2 * MARGIN)
     return save_figure(figure, path)
 

@@ -1,92 +1,130 @@
-"""The straight arm from the side, to scale."""
+"""The straight arm from the side, to scale and as it is mounted, and which way gravity points beside it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 
-from s2c2a.arm import ArmSpec, Module
+from s2c2a.arm import ArmSpec
+from s2c2a.viz.chart_style import draw_arrow
 from s2c2a.viz.colours import INK, MUTED, module_colours
+from s2c2a.viz.mounting import Mounting
+from s2c2a.viz.paths import SIDE
 
 DISC_WIDTH = 1.15  # share of the cable radius
-END_ROOM = 0.3  # inches kept free above and below the arm
-TICK_GAP = 0.16  # inches; boundaries closer than this share a number
+BASE_WIDTH, BASE_HEIGHT = 1.7, 0.09  # share of the cable radius, inches
+END_ROOM = 0.3  # inches kept free at both ends of the arm together
+ROOM_ACROSS = 4.6  # cable radii, for the arm and the numbers beside it
+TICK_GAP = 0.16, 0.32  # inches below and beside each other; boundaries closer than this share a number
+SIDE_WIDTH = 2.9  # inches, of the drawing
+ARROW = -0.45, 0.4  # where gravity's arrow starts beside the frame's axes
 
 
-@dataclass(frozen=True)
-class SideScale:
-    """What part of the x-z plane [m] the side view shows, at equal scale in both directions.
+@dataclass(frozen=True, eq=False)
+class SideView:
+    """Where points of the plane of the paper are on it [inches].
 
     Attributes:
-        per_inch: metres in an inch of paper.
-        half_width: x shown on either side of the centre line [m].
-        low: least z shown [m].
-        high: largest z shown [m].
+        side: which axis of the base frame runs across the arm, 0 for x, 1 for y.
+        ways: across and along the arm on paper, as columns of signs.
+        per_inch: metres in an inch.
+        origin: where the base is.
     """
 
+    side: int
+    ways: Float[np.ndarray, "2 2"]
     per_inch: float
-    half_width: float
-    low: float
-    high: float
+    origin: Float[np.ndarray, "2"]
 
     @classmethod
-    def of(cls, arm: ArmSpec, width: float, height: float) -> "SideScale":
-        """The largest scale at which the arm fits width and height [inches]."""
-        per_inch = max(arm.length / (height - END_ROOM), _per_inch_across(arm, width))
-        spare = per_inch * height - arm.length
-        return cls(per_inch, per_inch * width / 2, -0.6 * spare, arm.length + 0.4 * spare)
+    def of(cls, arm: ArmSpec, height: float) -> "SideView":
+        """The largest scale at which the arm fits into the middle of the drawing, so many inches high."""
+        drawn, room = drawn_axes(Mounting.of(arm)), np.array([SIDE_WIDTH, height])
+        side, along = int(np.argmax(np.abs(drawn[:, :2]).sum(axis=0))), np.abs(drawn[:, 2])
+        per_inch = max(arm.length / (room @ along - END_ROOM), _across(arm) / (room @ (1 - along)))
+        return cls(side, drawn[:, [side, 2]], per_inch, (room - drawn[:, 2] * arm.length / per_inch) / 2)
 
-    def share(self, z):
-        """Height of z [m] as a share of the axes' height."""
-        return (z - self.low) / (self.high - self.low)
+    @property
+    def upright(self) -> bool:
+        """Whether the arm runs up or down the paper."""
+        return bool(self.ways[1, 1])
 
-
-def _per_inch_across(arm: ArmSpec, width: float) -> float:
-    """Metres in an inch at which the widest module has room for its numbers on either side."""
-    return 4.6 * max(module.cable_radius for module in arm.modules) / width
-
-
-def fitting_height(arm: ArmSpec, width: float, most: float) -> float:
-    """Height [inches] that the arm fills at the given width, a short thick arm less than a slender one."""
-    return min(most, max(1.6, arm.length / _per_inch_across(arm, width) + END_ROOM))
+    def at(self, z, across=0.0) -> Float[np.ndarray, "*batch 2"]:
+        """Places of points by their height above the base and their place across it [m]."""
+        points = np.stack(np.broadcast_arrays(across, z), axis=-1)
+        return self.origin + points @ self.ways.T / self.per_inch
 
 
-def module_ends(arm: ArmSpec) -> np.ndarray:
+def drawn_axes(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
+    """The base frame's axes as a drawing from the side shows them, to the right and upward; one is not seen."""
+    axes, backward = mounting.flat(SIDE)
+    return np.eye(3)[list(axes)] * np.where(backward, -1.0, 1.0)[:, None]
+
+
+def _across(arm: ArmSpec) -> float:
+    """Metres that the widest module and its numbers need across."""
+    return ROOM_ACROSS * max(module.cable_radius for module in arm.modules)
+
+
+def fitting_height(arm: ArmSpec, most: float) -> float:
+    """Height [inches] that the arm fills, a short thick arm less than a slender one."""
+    along = arm.length * SIDE_WIDTH / _across(arm) + END_ROOM if drawn_axes(Mounting.of(arm))[1, 2] else 0.0
+    return min(most, max(1.6, along))
+
+
+def module_ends(arm: ArmSpec) -> Float[np.ndarray, " ends"]:
     """Boundaries of the modules [m], from base to tip, shape (modules + 1,)."""
     return np.concatenate([[0.0], np.cumsum([module.length for module in arm.modules])])
 
 
-def draw_side(axes: Axes, arm: ArmSpec, scale: SideScale) -> None:
-    """Draw the straight arm in the x-z plane with its cables, and number its boundaries [mm]."""
-    axes.set(xlim=(-scale.half_width, scale.half_width), ylim=(scale.low, scale.high))
+def draw_side(axes: Axes, arm: ArmSpec, view: SideView) -> None:
+    """Draw the straight arm with its cables, and number its boundaries [mm]."""
     ends = module_ends(arm)
-    for module, bottom, colour in zip(arm.modules, ends, module_colours(arm.module_count), strict=False):
-        _draw_module(axes, module, bottom, colour)
-    foot = 1.7 * arm.modules[0].cable_radius
-    axes.add_patch(Rectangle((-foot, -0.09 * scale.per_inch), 2 * foot, 0.09 * scale.per_inch, color="#7d8795"))
-    _number_boundaries(axes, ends, scale)
+    for module, low, high, colour in zip(arm.modules, ends, ends[1:], module_colours(arm.module_count), strict=False):
+        radius, quarter = module.cable_radius, 90.0 * view.side
+        _box(axes, view, (low, high), radius, colour + "38")
+        for angle in np.deg2rad(np.subtract(module.cable_angles_deg, quarter)):
+            axes.plot(*view.at([low, high], radius * np.cos(angle)).T, color=colour, linewidth=1.2)
+        plate = view.at(high, DISC_WIDTH * radius * np.array([-1, 1]))
+        axes.plot(*plate.T, color=INK, linewidth=1.8, solid_capstyle="butt")
+    _box(axes, view, (-BASE_HEIGHT * view.per_inch, 0.0), BASE_WIDTH * arm.modules[0].cable_radius, "#7d8795")
+    _number_boundaries(axes, ends, view, beside=_across(arm) / view.per_inch / 2)
 
 
-def _draw_module(axes: Axes, module: Module, bottom: float, colour: str) -> None:
-    """Body as wide as the circle of its cables, cables as lines, the end as a plate."""
-    radius, top = module.cable_radius, bottom + module.length
-    axes.add_patch(Rectangle((-radius, bottom), 2 * radius, module.length, facecolor=colour + "38", edgecolor="none"))
-    for angle in np.deg2rad(module.cable_angles_deg):
-        axes.plot([radius * np.cos(angle)] * 2, [bottom, top], color=colour, linewidth=1.2)
-    plate = [-DISC_WIDTH * radius, DISC_WIDTH * radius]
-    axes.plot(plate, [top, top], color=INK, linewidth=1.8, solid_capstyle="butt")
+def _box(axes: Axes, view: SideView, heights: tuple[float, float], half: float, colour: str) -> None:
+    corners = view.at(np.repeat(heights, 2), half * np.array([-1, 1, 1, -1]))
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
 
 
-def _number_boundaries(axes: Axes, ends: np.ndarray, scale: SideScale) -> None:
-    """Heights above the base at the left edge; where they would touch, the inner ones are left out."""
-    left, shown = -0.98 * scale.half_width, [ends[-1]]
+def _number_boundaries(axes: Axes, ends: np.ndarray, view: SideView, beside: float) -> None:
+    """Heights above the base, below a lying arm; where they would touch, the inner ones are left out."""
+    gap, shown = view.per_inch * TICK_GAP[not view.upright], [ends[-1]]
     for end in ends[-2::-1]:
-        clear = (shown[-1] - end) / scale.per_inch > TICK_GAP
-        if clear and (end == 0 or end / scale.per_inch > TICK_GAP):
+        if shown[-1] - end > gap and (end == 0 or end > gap):
             shown.append(end)
-    for end in shown:
-        axes.text(left, end, f"{1000 * end:.4g}", ha="right", va="center", fontsize=8, color=MUTED)
+    away = np.array([-0.49 * SIDE_WIDTH, 0.0] if view.upright else [0.0, -beside])
+    style: dict[str, Any] = {"ha": "right", "va": "center"} if view.upright else {"ha": "center", "va": "top"}
+    beyond = ends[-1] + (0.28 if view.upright else 0.5) * view.per_inch
+    for end, text in [*((end, f"{1000 * end:.4g}") for end in shown), (beyond, "z [mm]")]:
+        x, y = view.at(end) + away
+        axes.text(x, y, text, fontsize=8, color=MUTED, **style)
     for end in ends:
-        axes.plot([left + 0.06 * scale.per_inch, left + 0.16 * scale.per_inch], [end, end], color=MUTED, linewidth=0.8)
-    axes.text(left, scale.high + 0.08 * scale.per_inch, "z [mm]", ha="right", fontsize=8, color=INK)
+        tick = view.at(end) + away - np.outer([0.06, 0.16], np.sign(away))
+        axes.plot(*tick.T, color=MUTED, linewidth=0.8)
+
+
+def draw_gravity(axes: Axes, mounting: Mounting) -> None:
+    """Draw gravity beside the base frame's axes as they are seen from the side, and how the arm is mounted in words."""
+    axes.set(xlim=(-1, 1), ylim=(-1, 1), aspect="equal")
+    drawn = drawn_axes(mounting)
+    for name, end in zip("xyz", drawn.T, strict=True):
+        if end.any():
+            draw_arrow(axes, (0.0, 0.0), 0.38 * end, MUTED, 0.8, head=0.0)
+            axes.text(0.51 * end[0], 0.51 * end[1], name, fontsize=7.5, color=MUTED, ha="center", va="center")
+    if mounting.gravity.any():
+        draw_arrow(axes, ARROW, ARROW + 0.8 * drawn @ mounting.gravity, INK, 2.2, head=15.0)
+    words = f"gravity\nthe arm {mounting.word}" if mounting.gravity.any() else "no gravity"
+    axes.text(-0.95, 0, words, fontsize=8.5, color=INK, ha="right", va="center", linespacing=1.3)

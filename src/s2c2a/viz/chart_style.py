@@ -56,6 +56,12 @@ def padded_limits(values: np.ndarray, least_span: float = LEAST_SPAN) -> tuple[f
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
+def draw_arrow(axes: Axes, start, end, colour: str, width: float, head: float) -> None:
+    """A straight arrow, or a line where its head has no size [points]."""
+    look = {"arrowstyle": "-|>" if head else "-", "shrinkA": 0, "shrinkB": 0, "mutation_scale": head or 1}
+    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops={"color": colour, "lw": width, **look}, zorder=3)
+
+
 def say_nothing_here(axes: Axes, text: str) -> None:
     """Words in the middle of axes that have nothing to show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED, fontsize=9)

@@ -8,6 +8,10 @@ import numpy as np
 WANTED = "#d62728"  # in figures
 TARGET = "#7b35c9"  # the same where the arm's body is drawn, whose end is red
 POINTING = "#e0a100"
+REAL = "#1f5fc4"  # where the arm was
+OBSTACLE = "#8a93a6"
+DISC, BASE = "#c4cbd5", "#8791a0"  # of the arm's body, beside its modules
+GRID, GRID_STRONG = "#d9dfe7", "#b3bdc9"
 INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
@@ -15,6 +19,17 @@ FAINT = "#dfe4ea"
 _BASE_TO_END = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
 _CONTROLLERS = {"s2c2a": "#1f5fc4", "pcc": "#2b9a4b", "pcc-fitted": "#c77d0a", "lstm": "#0d8fa0"}
 _OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """A colour as three numbers of 0 to 255."""
+    red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
+    return red, green, blue
+
+
+def darker(colour: str) -> str:
+    """Half as bright."""
+    return "#{:02x}{:02x}{:02x}".format(*(value // 2 for value in rgb(colour)))
 
 
 def module_colours(count: int) -> list[str]:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from s2c2a.arm import ArmSpec, Module
+from s2c2a.viz.chart_style import draw_arrow
 from s2c2a.viz.colours import INK, MUTED, module_colours
 
 BODY = 1.22  # radius of the body drawn, as a share of the cable radius; an arm file does not state it
@@ -49,18 +50,12 @@ def draw_cross_section(axes: Axes, kind: Kind) -> None:
     axes.set_axis_off()
     axes.add_patch(Circle((0, 0), BODY, facecolor=kind.colour + "1f", edgecolor=kind.colour, linewidth=1.4))
     axes.add_patch(Circle((0, 0), 1, facecolor="none", edgecolor=MUTED, linewidth=0.8, linestyle=(0, (3, 3))))
-    _draw_frame(axes)
+    for end, name in (((0.5, 0.0), "x"), ((0.0, 0.5), "y")):
+        draw_arrow(axes, (0.0, 0.0), end, MUTED, 0.9, head=8.0)
+        axes.text(1.3 * end[0], 1.3 * end[1], name, fontsize=8, color=MUTED, ha="center", va="center")
     for number, angle in enumerate(kind.module.cable_angles_deg, start=1):
         _draw_cable(axes, number, angle, kind.colour)
     _write_title(axes, kind)
-
-
-def _draw_frame(axes: Axes) -> None:
-    """The axes of the module's frame, from its centre."""
-    for end, name in (((0.5, 0.0), "x"), ((0.0, 0.5), "y")):
-        arrow = {"arrowstyle": "-|>", "color": MUTED, "lw": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
-        axes.annotate("", xy=end, xytext=(0, 0), arrowprops=arrow)
-        axes.text(1.3 * end[0], 1.3 * end[1], name, fontsize=8, color=MUTED, ha="center", va="center")
 
 
 def _draw_cable(axes: Axes, number: int, angle_deg: float, colour: str) -> None:

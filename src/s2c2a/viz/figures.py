@@ -1,7 +1,7 @@
 """Figures of runs, recordings and training, set as in the paper (Chen et al. 2025, figures 3 and 6)."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,16 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure, new_time_axes, padded_limits, say_nothing_here
 from s2c2a.viz.colours import INK, module_colours, trace_colours
+from s2c2a.viz.mounting import Mounting, View
 from s2c2a.viz.paths import (
     ABOVE,
     FRONT,
+    SIDE,
     WANTED_LINE,
     draw_obstacles,
     draw_wanted,
     named_error,
+    seen,
     shade_uncounted,
     view_axes,
 )
@@ -28,6 +31,7 @@ from s2c2a.viz.trace import Trace, check_same_arm
 
 COORDINATES = ("x", "y", "z")
 POINTS_SHOWN = 60_000
+CLOUD: dict[str, Any] = {"marker": ".", "markersize": 1.6, "linestyle": "none", "alpha": 0.55, "markeredgewidth": 0}
 
 
 def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, title: str | None = None) -> Path:
@@ -50,11 +54,12 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, t
     colours = trace_colours([trace.label for trace in traces])
     labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
     over_time = new_time_axes(figure, [grid[row, 0] for row in range(4)], labels)
-    above = view_axes(figure, grid[:, 1], ABOVE)
+    view, backward = Mounting.of(arm).flat(ABOVE)
+    above = view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
         draw_coordinate(axes, traces, colours, axis)
     _draw_errors(over_time[3], traces, colours)
-    _draw_from_above(above, traces, colours)
+    _draw_from_above(above, traces, colours, view)
     headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
     legend(figure, above, loc="outside upper right", ncols=min(len(traces) + 2, 5))
     return save_figure(figure, path)
@@ -64,16 +69,20 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: Sequence[str],
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
     wanted = traces[0].wanted_path[:, axis]
     axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
-    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        style: dict[str, Any] = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
-        axes.plot(trace.times, trace.followed_path[:, axis], label=named_error(trace), **style)
+    _draw_traces(axes, traces, colours, lambda trace: (trace.times, trace.followed_path[:, axis]))
     shown = [traces[0].wanted_path[:, axis], *(trace.followed_path[:, axis] for trace in traces)]
     axes.set_ylim(*padded_limits(np.concatenate(shown)))
 
 
-def _draw_errors(axes: Axes, traces, colours) -> None:
+def _draw_traces(axes: Axes, traces, colours, shown: Callable[[Trace], tuple], named: bool = True) -> None:
+    """A line for each trace, the first in front."""
     for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        axes.plot(trace.times, 100 * trace.position_errors, color=colour, linewidth=1.4, zorder=FRONT - place)
+        label = named_error(trace) if named else None
+        axes.plot(*shown(trace), color=colour, linewidth=1.4, zorder=FRONT - place, label=label)
+
+
+def _draw_errors(axes: Axes, traces, colours) -> None:
+    _draw_traces(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors), named=False)
     axes.set_ylim(bottom=0)
     shade_uncounted(axes, traces[0])
     legend(axes, axes, loc="upper center")
@@ -81,23 +90,22 @@ def _draw_errors(axes: Axes, traces, colours) -> None:
         say_nothing_here(axes, "no position is asked for")
 
 
-def _draw_from_above(axes: Axes, traces, colours) -> None:
-    """Paths in the x-y plane at equal scale, obstacles as they stand at the start, the base as a cross."""
-    draw_wanted(axes, traces[0].wanted_path, ABOVE)
-    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        style: dict[str, Any] = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
-        axes.plot(*trace.followed_path[:, :2].T, label=named_error(trace), **style)
-    draw_obstacles(axes, traces[0].obstacles[0], ABOVE)
+def _draw_from_above(axes: Axes, traces, colours, view: View) -> None:
+    """Paths at equal scale, obstacles as they stand at the start, the base as a cross."""
+    draw_wanted(axes, traces[0].wanted_path, view)
+    _draw_traces(axes, traces, colours, lambda trace: seen(trace.followed_path, view))
+    draw_obstacles(axes, traces[0].obstacles[0], view)
     axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
     headline(axes, "from above")
 
 
-def recording_figure(states: Float[np.ndarray, "samples modules 6"], path: str | os.PathLike) -> Path:
+def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | os.PathLike) -> Path:
     """Draw the workspace that a recording covers, a colour for each module (figure 3 of the paper).
 
     Args:
         states: end positions [m] and end axes, shape (samples, modules, 6), base frame. Above 60 000 samples an even
             choice of them is drawn.
+        arm: the arm that was recorded; what hangs is drawn hanging.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Raises:
@@ -109,28 +117,21 @@ def recording_figure(states: Float[np.ndarray, "samples modules 6"], path: str |
     shown = states[:: -(-len(states) // POINTS_SHOWN)]
     figure = new_figure(11.0, 5.6)
     grid = figure.add_gridspec(1, 2)
-    _draw_cloud(new_axes(figure, grid[0], "x [m]", "z [m]"), shown, (0, 2), f"from the side, {len(states):,} samples")
-    above = new_axes(figure, grid[1], "x [m]", "y [m]")
-    _draw_cloud(above, shown, (0, 1), "from above")
-    legend(figure.axes[0], figure.axes[0], loc="lower right", markerscale=7)
+    titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
+    for place, (view, title) in zip((grid[0], grid[1]), titles.items(), strict=True):
+        near, backward = Mounting.of(arm).flat(view)
+        _draw_cloud(view_axes(figure, place, near, backward), shown, near, title)
+    legend(figure, figure.axes[0], loc="outside upper right", ncols=min(states.shape[1], 8), markerscale=7)
     return save_figure(figure, path)
 
 
-def _draw_cloud(axes: Axes, states: np.ndarray, view: tuple[int, int], title: str) -> None:
+def _draw_cloud(axes: Axes, states: np.ndarray, view: View, title: str) -> None:
     """End positions seen along one axis; inner modules in front, for their clouds are small."""
     count = states.shape[1]
     for module, colour in enumerate(module_colours(count)):
-        x, y = states[:, module, view[0]], states[:, module, view[1]]
-        style: dict[str, Any] = {
-            "marker": ".",
-            "markersize": 1.6,
-            "linestyle": "none",
-            "alpha": 0.55,
-            "markeredgewidth": 0,
-        }
-        axes.plot(x, y, color=colour, zorder=2 + count - module, label=f"module {module + 1}", rasterized=True, **style)
+        name, order = f"module {module + 1}", 2 + count - module
+        axes.plot(*seen(states[:, module], view), color=colour, zorder=order, label=name, rasterized=True, **CLOUD)
     axes.plot(0, 0, "+", color=INK, markersize=9, zorder=3 + count)
-    axes.set_aspect("equal", adjustable="datalim")
     headline(axes, title)
 
 

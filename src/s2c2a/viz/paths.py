@@ -11,10 +11,8 @@ from matplotlib.patches import Circle
 
 from s2c2a.viz.chart_style import new_axes
 from s2c2a.viz.colours import MUTED, WANTED
-from s2c2a.viz.trace import Trace
-
-View = tuple[int, int]
-"""Which coordinates run to the right and upward."""
+from s2c2a.viz.mounting import View
+from s2c2a.viz.trace import Trace, standing
 
 ABOVE, SIDE = (0, 1), (0, 2)
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
@@ -24,12 +22,14 @@ OBSTACLE, NOT_COUNTED = "#6b6f86", "#e6eaf0"
 STANDING = 1e-6  # m; a target that moves less stands still
 
 
-def view_axes(figure: Figure, place: SubplotSpec, view: View) -> Axes:
-    """Axes in metres, at equal scale in both directions."""
+def view_axes(figure: Figure, place: SubplotSpec, view: View, backward: tuple[bool, bool] = (False, False)) -> Axes:
+    """Axes in metres, at equal scale in both directions; what runs backward grows to the left or downward."""
     right, up = ("xyz"[coordinate] for coordinate in view)
     axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
+    axes.xaxis.set_inverted(backward[0])
+    axes.yaxis.set_inverted(backward[1])
     return axes
 
 
@@ -51,11 +51,6 @@ def draw_obstacles(axes: Axes, obstacles: Float[np.ndarray, "obstacles 4"], view
     look = {"facecolor": OBSTACLE + "33", "edgecolor": OBSTACLE, "linewidth": 1, **style}
     for obstacle in obstacles[standing(obstacles)]:
         axes.add_patch(Circle(seen(obstacle, view), obstacle[3], **look))
-
-
-def standing(obstacles: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
-    """Which obstacles are there."""
-    return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., 3] > 0)
 
 
 def draw_ends(axes: Axes, path: Float[np.ndarray, "time 3"], view: View, colour: str, order: float = FRONT) -> None:

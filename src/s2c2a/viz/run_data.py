@@ -1,8 +1,7 @@
-"""A run as the compact JSON that the replay page draws.
+"""A run as the compact JSON that the replay page draws; `page/run.js` is the other end.
 
 Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths, errors as whole micrometres and
 microradians, their mean in metres; NaN travels as null.
-`page/run.js` is the other end.
 """
 
 import json
@@ -10,8 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.viz.colours import TARGET, module_colours, trace_colours
+from s2c2a.arm import ArmSpec
+from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, TARGET, module_colours, trace_colours
+from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
+from s2c2a.viz.surroundings import Surroundings
 from s2c2a.viz.trace import Trace
 
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
@@ -19,12 +20,19 @@ PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for
 
 
 def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
-    """All that the page shows, as values that JSON knows."""
+    """All that the page shows, as `json_for_script` takes it."""
+    mesh = ArmMesh(arm)
     return {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in summary.items()],
-        "wantedColour": TARGET,
-        "arm": _arm_data(arm),
+        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
+        "arm": {
+            "name": arm.name,
+            "lengths": [module.length for module in arm.modules],
+            "colours": module_colours(arm.module_count),
+        },
+        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
+        "surroundings": vars(Surroundings.of(arm)),
         "traces": [
             _trace_data(trace, colour)
             for trace, colour in zip(traces, trace_colours([trace.label for trace in traces]), strict=True)
@@ -33,34 +41,28 @@ def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping
 
 
 def json_for_script(data) -> str:
-    """Compact JSON that can stand inside a script element, whatever strings it holds.
+    """Compact JSON, arrays as lists, that can stand inside a script element, whatever strings it holds.
 
     Raises:
         ValueError: a number is NaN or infinite.
     """
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _arm_data(arm: ArmSpec) -> dict:
-    geometry = ArmGeometry.of(arm)
-    return {
-        "name": arm.name,
-        "lengths": geometry.lengths.tolist(),
-        "radii": geometry.cable_radii.tolist(),
-        "cableAngles": [[float(a) for a in np.deg2rad(module.cable_angles_deg).round(4)] for module in arm.modules],
-        "gravity": list(arm.gravity_direction),
-        "colours": module_colours(arm.module_count),
-    }
+def _plain(value):
+    """Arrays as lists to a hundredth of a millimetre, and what is made of plain values as those."""
+    return value.round(5).tolist() if isinstance(value, np.ndarray | np.generic) else vars(value)
 
 
 def _trace_data(trace: Trace, colour: str) -> dict:
+    frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
     return {
         "label": trace.label,
         "colour": colour,
         "followed": trace.followed_module,
         "times": trace.times.round(4).tolist(),
-        "states": _whole(trace.states.reshape(trace.times.size, -1)),  # (time, modules * 6)
+        "frames": _points(frames.reshape(trace.times.size, -1)),  # (time, modules * 9): position, x axis, z axis
         "wanted": _asked(trace.wanted_positions),
         "axes": _asked(trace.wanted_axes),
         "obstacles": _whole(_without_repeats(trace.obstacles)),
@@ -73,13 +75,13 @@ def _trace_data(trace: Trace, colour: str) -> dict:
 
 def _asked(wanted: np.ndarray) -> dict[str, list]:
     """For each module of which something is asked, its points over time, null where nothing is."""
-    whole = np.isfinite(wanted).all(axis=-1)
-    points = np.where(whole[..., None], wanted, np.nan)
-    return {str(module): _points(points[:, module]) for module in np.flatnonzero(whole.any(axis=0))}
+    asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
+    return {str(module): _points(wanted[:, module]) for module in np.flatnonzero(asked)}
 
 
 def _points(values: np.ndarray) -> list:
-    return [None if point[0] is None else point for point in _whole(values)]
+    """Rows of whole numbers, null for a row that is not wholly finite."""
+    return [None if None in row else row for row in _whole(values)]
 
 
 def _without_repeats(obstacles: np.ndarray) -> np.ndarray:

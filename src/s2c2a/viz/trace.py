@@ -101,6 +101,11 @@ class Trace:
         """Wanted positions of the followed module's end [m], or NaN."""
         return self.wanted_positions[:, self.followed_module]
 
+    def spheres(self, step: int) -> Float[np.ndarray, "spheres 4"]:
+        """Centre and radius of the obstacles that are there at a step [m]."""
+        obstacles = self.obstacles[step]
+        return obstacles[standing(obstacles)]
+
     @property
     def position_errors(self) -> Float[np.ndarray, " time"]:
         """Distance of the followed module's end from where it should be [m], or NaN."""
@@ -124,6 +129,11 @@ class Trace:
         real, wanted = self.states[:, self.pointing_module, AXIS], self.wanted_axes[:, self.pointing_module]
         across = np.linalg.norm(np.cross(real, wanted), axis=-1)
         return np.arctan2(across, np.sum(real * wanted, axis=-1))
+
+
+def standing(obstacles: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
+    """Which obstacles are there."""
+    return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., 3] > 0)
 
 
 def _outermost_asked(wanted: np.ndarray) -> int:

@@ -14,16 +14,18 @@ from PIL import Image, ImageDraw
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
-from s2c2a.viz.body import Body
-from s2c2a.viz.colours import FAINT, INK, MUTED, TARGET, module_colours
+from s2c2a.viz.colours import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
+from s2c2a.viz.mesh import ArmMesh, unit
+from s2c2a.viz.surroundings import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE, FINER = (480, 400), 2  # pixels, and how much finer it is painted
 MOST_FRAMES, COLOURS = 120, 64
-EYE, TOWARDS = np.array([1.9, -2.0, 1.25]), np.array([0.0, 0.0, 0.48])  # in parts of the arm's length
-SCALE = 1.6  # heights of the picture that one arm's length fills at its distance
+EYE, TOWARDS = (1.9, -2.0, 1.25), (0.0, 0.0, 0.48)  # in parts of the arm's length
+SCALE = 1.65  # heights of the picture that one arm's length fills at its distance
 LIGHT = np.array([0.35, -0.55, 0.76])
-BACKGROUND, DISC, REAL, OBSTACLE = "#ffffff", "#c4cbd5", "#1f5fc4", "#8a93a6"
+ARROW = 0.15  # length of a wanted axis in parts of the arm's length
+BACKGROUND, BALL = "#ffffff", "#dde1e8"
 
 
 def save_video(trace: Trace, arm: ArmSpec, path: Path, ending: str | None = None) -> Path:
@@ -40,111 +42,96 @@ def save_video(trace: Trace, arm: ArmSpec, path: Path, ending: str | None = None
     """
     check_same_arm([trace], arm)
     ending = ending or ("mp4" if shutil.which("ffmpeg") else "gif")
-    steps = np.arange(0, trace.times.size, max(1, -(-trace.times.size // MOST_FRAMES)))
+    steps = range(0, trace.times.size, max(1, -(-trace.times.size // MOST_FRAMES)))
     seconds = float(trace.times[-1] - trace.times[0]) / max(len(steps) - 1, 1) or 0.1
-    frames = _frames(trace, arm, steps)
+    studio = Studio(arm)
     write = _write_mp4 if ending == "mp4" else _write_gif
-    return write(frames, path.with_suffix(f".{ending}"), seconds)
+    return write((studio.frame(trace, step) for step in steps), path.with_suffix(f".{ending}"), seconds)
 
 
-def _frames(trace: Trace, arm: ArmSpec, steps: np.ndarray) -> Iterator[Image.Image]:
-    body, camera = Body(arm), _Camera(arm.length)
-    for step in steps:
+class Studio:
+    """Paints pictures of one arm."""
+
+    def __init__(self, arm: ArmSpec):
+        """A camera that sees the whole arm, upright in the world."""
+        self._mesh, self._round, self._size = ArmMesh(arm), Surroundings.of(arm), arm.length
+        mounting = self._round.mounting
+        eye, towards = (arm.length * mounting.placed(point) for point in (EYE, TOWARDS))
+        self._eye, self._ahead = eye, unit(towards - eye)
+        self._right = unit(np.cross(self._ahead, mounting.turn[2]))
+        self._light = LIGHT @ mounting.turn
+        self._scale = FINER * SIZE[1] / SCALE / arm.length * float(np.linalg.norm(towards - eye))
+
+    def frame(self, trace: Trace, step: int) -> Image.Image:
+        """The arm at one step of a run."""
         canvas = Image.new("RGB", (FINER * SIZE[0], FINER * SIZE[1]), BACKGROUND)
-        painter = ImageDraw.Draw(canvas)
-        _paint_floor(painter, camera, arm.length)
-        _paint_path(painter, camera, trace.wanted_path, TARGET)
-        _paint_path(painter, camera, trace.followed_path[: step + 1], REAL)
-        _paint_obstacles(painter, camera, trace.obstacles[step])
-        _paint_arm(painter, camera, body, np.nan_to_num(trace.states[step]), arm)
-        _paint_target(painter, camera, trace.wanted_path[step])
-        painter.text((16, 12), f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s", MUTED, font_size=26)
-        yield canvas.resize(SIZE, Image.Resampling.LANCZOS)
-
-
-class _Camera:
-    """Where points of the base frame are on the canvas."""
-
-    def __init__(self, size: float):
-        self._eye = size * EYE
-        ahead = TOWARDS - EYE
-        self._distance = size * float(np.linalg.norm(ahead))
-        self.ahead = ahead / np.linalg.norm(ahead)
-        self._right = np.cross(self.ahead, (0, 0, 1)) / np.linalg.norm(np.cross(self.ahead, (0, 0, 1)))
-        self._up = np.cross(self._right, self.ahead)
-        self._scale = FINER * SIZE[1] / SCALE / size * self._distance
+        self._paint = ImageDraw.Draw(canvas)
+        self._paint_ground()
+        self._line(trace.wanted_path, TARGET)
+        self._line(trace.followed_path[: step + 1], REAL)
+        for *centre, radius in trace.spheres(step):
+            self._dot(np.array(centre), self._scale * radius / self.places(np.array(centre))[2] / FINER, BALL, OBSTACLE)
+        if np.isfinite(trace.states[step]).all():
+            self._paint_arm(trace.states[step])
+        self._paint_target(trace, step)
+        said = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
+        self._paint.text((16, FINER * SIZE[1] - 44), said, MUTED, font_size=26)
+        return canvas.resize(SIZE, Image.Resampling.LANCZOS)
 
     def places(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Columns, rows [pixels], and depths [m]."""
+        """Columns, rows [pixels of the canvas], and depths [m] of points of the base frame."""
         seen = points - self._eye
-        depth = seen @ self.ahead
-        across, high = self._scale * (seen @ self._right) / depth, self._scale * (seen @ self._up) / depth
-        return np.stack([FINER * SIZE[0] / 2 + across, FINER * SIZE[1] / 2 - high, depth], axis=-1)
+        depth = seen @ self._ahead
+        across, high = seen @ self._right, seen @ np.cross(self._right, self._ahead)
+        middle, scale = FINER * np.array(SIZE) / 2, self._scale / depth
+        return np.stack([middle[0] + scale * across, middle[1] - scale * high, depth], axis=-1)
 
-    def pixels(self, length: float, depth: float) -> float:
-        """How long a length [m] is at a depth."""
-        return self._scale * length / depth
+    def _paint_ground(self) -> None:
+        for ends in self._round.grid:
+            self._line(ends, GRID, FINER)
+        for name, place in self._round.names.items():
+            self._word(name, place)
+        if self._round.arrow is not None:
+            self._line(self._round.arrow, INK, 3 * FINER)
+            self._dot(self._round.arrow[1], 5, INK)
+            self._word("gravity", self._round.arrow[0] - 0.06 * self._size * self._round.mounting.gravity)
 
+    def _paint_arm(self, states) -> None:
+        """All faces that are turned to the eye, the farthest first."""
+        corners = zip(self._mesh.pieces, self._mesh.vertices(states), strict=True)
+        triangles = [(piece, vertices[piece.faces]) for piece, vertices in corners]
+        lifts = np.concatenate([np.full(len(faces), piece.lift) for piece, faces in triangles])
+        shades = np.concatenate([self._lit(faces, piece.colour) for piece, faces in triangles])
+        places = self.places(np.concatenate([faces for _, faces in triangles]))
+        for number in np.argsort(lifts - places[..., 2].mean(axis=1)):
+            (a, b), (c, d) = places[number, 1:, :2] - places[number, 0, :2]
+            if a * d < b * c:  # rows run downward
+                self._paint.polygon([tuple(corner) for corner in places[number, :, :2]], tuple(shades[number]))
 
-def _paint_arm(painter, camera: _Camera, body: Body, states, arm: ArmSpec) -> None:
-    shape = body.shape(states)
-    parts = [
-        (tube, body.tube_faces, colour)
-        for tube, colour in zip(shape.modules, module_colours(arm.module_count), strict=True)
-    ]
-    faces, colours = [], []
-    for vertices, corners, colour in [*parts, (shape.discs, body.disc_faces, DISC)]:
-        triangles = vertices[corners]
-        faces.append(triangles)
-        colours.append(_lit(triangles, colour))
-    triangles, shades = np.concatenate(faces), np.concatenate(colours)
-    places = camera.places(triangles)
-    for number in np.argsort(-places[..., 2].mean(axis=1)):
-        painter.polygon([tuple(corner) for corner in places[number, :, :2]], tuple(shades[number]))
+    def _lit(self, triangles: Float[np.ndarray, "faces 3 3"], colour: str) -> np.ndarray:
+        """Colours of faces in soft light from above."""
+        normals = unit(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]))
+        bright = 0.68 + 0.36 * np.clip(normals @ self._light, 0.0, 1.0)
+        return np.clip(bright[:, None] * rgb(colour), 0, 255).astype(int)
 
-
-def _lit(triangles: Float[np.ndarray, "faces 3 3"], colour: str) -> np.ndarray:
-    """Colours of faces in soft light from above."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    bright = 0.68 + 0.36 * np.clip(normals @ LIGHT, 0.0, 1.0)
-    base = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)])
-    return np.clip(bright[:, None] * base, 0, 255).astype(int)
-
-
-def _paint_floor(painter, camera: _Camera, size: float) -> None:
-    reach = 0.8 * size
-    for place in np.linspace(-reach, reach, 9):
-        for ends in (((place, -reach, 0), (place, reach, 0)), ((-reach, place, 0), (reach, place, 0))):
-            painter.line([tuple(end[:2]) for end in camera.places(np.array(ends, float))], FAINT, FINER)
-
-
-def _paint_path(painter, camera: _Camera, points, colour: str) -> None:
-    known = points[np.isfinite(points).all(axis=-1)]
-    if len(known) > 1:
-        painter.line([tuple(place[:2]) for place in camera.places(known)], colour, 2 * FINER, joint="curve")
-
-
-def _paint_obstacles(painter, camera: _Camera, obstacles) -> None:
-    for *centre, radius in obstacles:
-        if radius > 0 and np.isfinite(centre).all():
-            _paint_ball(painter, camera, np.array(centre), radius, outline=OBSTACLE, fill="#dde1e8")
-
-
-def _paint_target(painter, camera: _Camera, point) -> None:
-    if np.isfinite(point).all():
-        column, row, _ = camera.places(point)
+    def _paint_target(self, trace: Trace, step: int) -> None:
+        axis, end = trace.wanted_axes[step, trace.pointing_module], trace.wanted_path[step]
+        self._line(np.stack([end, end + ARROW * self._size * axis]), TARGET)
         for radius, colour in ((8, BACKGROUND), (6, TARGET)):
-            painter.ellipse(_square(column, row, FINER * radius), fill=colour, outline=INK)
+            self._dot(end, radius, colour, INK)
 
+    def _line(self, points: Float[np.ndarray, "points 3"], colour: str, width: int = 2 * FINER) -> None:
+        known = points[np.isfinite(points).all(axis=-1)]
+        if len(known) > 1:
+            self._paint.line([tuple(place[:2]) for place in self.places(known)], colour, width, joint="curve")
 
-def _paint_ball(painter, camera: _Camera, centre, radius: float, outline: str, fill: str) -> None:
-    column, row, depth = camera.places(centre)
-    painter.ellipse(_square(column, row, camera.pixels(radius, depth)), fill=fill, outline=outline, width=FINER)
+    def _dot(self, point: Float[np.ndarray, "3"], radius: float, fill: str, outline: str | None = None) -> None:
+        if np.isfinite(point).all():
+            column, row, _ = self.places(point)
+            self._paint.circle((column, row), FINER * radius, fill, outline, FINER)
 
-
-def _square(column: float, row: float, half: float) -> tuple[float, float, float, float]:
-    return column - half, row - half, column + half, row + half
+    def _word(self, text: str, point: Float[np.ndarray, "3"]) -> None:
+        self._paint.text(tuple(self.places(point)[:2]), text, MUTED, font_size=24, anchor="mm")
 
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:

@@ -5,7 +5,8 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, Cable
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.robots.simulation.rod import rod_shape
+
+from rod import rod_shape
 
 WEIGHTLESS = (0.0, 0.0, 0.0)
 LENGTH, RADIUS, MASS = 0.2, 0.027, 0.075
@@ -24,7 +25,7 @@ def settled(arm, action=None, fidelity="fast", seconds=5.0, push=(0.0, 0.0, 0.0)
     robot.open()
     robot.push(push)
     for _ in range(round(seconds * arm.control_rate)):
-        robot.send(ArmGeometry.of(arm).action_neutral if action is None else action)
+        robot.step(ArmGeometry.of(arm).action_neutral if action is None else action)
     return robot
 
 
@@ -92,7 +93,7 @@ def test_no_tension_is_ever_negative_whatever_is_sent(preset, fidelity, request)
     robot.open()
     tensions = []
     for _ in range(25):
-        robot.send(random.uniform(geometry.action_low, geometry.action_high))
+        robot.step(random.uniform(geometry.action_low, geometry.action_high))
         tensions.append(robot.tensions())
     assert np.min(tensions) >= 0
     assert np.max(tensions) > 5

@@ -13,7 +13,7 @@ def held(arm, action, fidelity="fast", steps=30) -> np.ndarray:
     """States after holding an action for some control steps."""
     with SimulatedRobot(arm, fidelity) as robot:
         for _ in range(steps):
-            robot.send(action)
+            robot.step(action)
         return robot.states()
 
 
@@ -62,7 +62,7 @@ def test_every_module_bends_towards_the_cable_that_pulls(preset, fidelity, reque
             action[module, cable] += 0.3 * (pulling - geometry.action_neutral)[module, cable]
             with SimulatedRobot(arm, fidelity) as robot:
                 for _ in range(4):
-                    robot.send(action)
+                    robot.step(action)
                 axis = robot.configurations()[module]
             assert axis[:2] @ [np.cos(angle), np.sin(angle)] > 0.05
             assert axis[:2] @ [-np.sin(angle), np.cos(angle)] == pytest.approx(0, abs=0.01)
@@ -74,7 +74,7 @@ def pushed_aside(robot, distance: float) -> np.ndarray:
     for _ in range(60):
         force += 0.02 * (1 - np.linalg.norm(robot.states()[-1, :2]) / distance)
         robot.push([force, 0, 0])
-        robot.send(neutral)
+        robot.step(neutral)
     return robot.states()[-1, :3]
 
 
@@ -87,7 +87,7 @@ def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(p
         aside = pushed_aside(robot, 0.02)
         robot.push([0, 0, 0])
         for _ in range(50):
-            robot.send(ArmGeometry.of(arm).action_neutral)
+            robot.step(ArmGeometry.of(arm).action_neutral)
         back = robot.states()[-1, :3]
     assert np.linalg.norm(aside - rest) == pytest.approx(0.02, abs=0.005)
     assert np.linalg.norm(back - rest) < 0.001
@@ -100,7 +100,7 @@ def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
         robot.push([0.05, 0, 0])
         for step in range(80):
             robot.push([0.05 * (step < 20), 0, 0])
-            robot.send(np.zeros((3, 3)))
+            robot.step(np.zeros((3, 3)))
         assert np.linalg.norm(robot.states()[-1, :2]) > 0.1
 
 
@@ -112,7 +112,7 @@ def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, r
     with SimulatedRobot(arm) as robot:
         robot.push(0.05 * np.array(direction))
         for _ in range(20):
-            robot.send(ArmGeometry.of(arm).action_neutral)
+            robot.step(ArmGeometry.of(arm).action_neutral)
         moved = robot.states()[-1, :3] - [0, 0, arm.length]
     assert moved @ direction > max(0.003, aligned * np.linalg.norm(moved))
 
@@ -121,8 +121,8 @@ def test_opening_again_ends_a_push(twin):
     robot = SimulatedRobot(twin)
     robot.open()
     robot.push([0.2, 0, 0])
-    robot.send(np.zeros((3, 3)))
-    rest = robot.open().states
+    robot.step(np.zeros((3, 3)))
+    rest = robot.open()["states"]
     np.testing.assert_allclose(rest[-1], [0, 0, twin.length, 0, 0, 1], atol=1e-9)
 
 
@@ -134,10 +134,10 @@ def test_arms_of_any_size_open_straight_and_move(make_arm, modules, cables):
     with SimulatedRobot(arm) as robot:
         first = robot.read()
         for _ in range(20):
-            robot.send(action)
+            robot.step(action)
         last = robot.read()
-    assert first.cables.shape == (modules, cables)
-    assert first.states.shape == (modules, 6)
-    np.testing.assert_allclose(first.states[-1], [0, 0, 0.6, 0, 0, 1], atol=1e-6)
-    assert last.states[-1, 0] > 0.02
-    assert abs(last.states[-1, 1]) < 1e-3
+    assert first["cables"].shape == (modules, cables)
+    assert first["states"].shape == (modules, 6)
+    np.testing.assert_allclose(first["states"][-1], [0, 0, 0.6, 0, 0, 1], atol=1e-6)
+    assert last["states"][-1, 0] > 0.02
+    assert abs(last["states"][-1, 1]) < 1e-3

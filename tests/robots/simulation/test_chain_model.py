@@ -165,7 +165,7 @@ def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(twin, s
     assert robot.model.opt.integrator == getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
     robot.open()
     for _ in range(5):
-        robot.send(random.uniform(geometry.action_low, geometry.action_high))
+        robot.step(random.uniform(geometry.action_low, geometry.action_high))
     assert np.isfinite(robot.states()).all()
 
 
@@ -179,7 +179,7 @@ def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twi
     after = robot.model.opt.integrator, robot.model.opt.timestep
     assert before == (mujoco.mjtIntegrator.mjINT_DISCRETE, pytest.approx(0.1 / 50))
     assert after == (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, pytest.approx(0.1 / 34))
-    robot.send(neutral)
+    robot.step(neutral)
     assert robot.read().time == pytest.approx(twin.control_period)
 
 

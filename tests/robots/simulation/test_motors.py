@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import Motor
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.motors import encoder_reading, follow
+from s2c2a.robots.simulation.motors import encoder_reading, motor_path
 
 MOTORS = {
     "neither": Motor(),
@@ -32,30 +32,30 @@ def by_euler(motor: Motor, step: float = 1e-5) -> np.ndarray:
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_agree_with_brute_force_integration(motor):
-    np.testing.assert_allclose(follow(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6)
+    np.testing.assert_allclose(motor_path(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6)
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_going_on_from_halfway_leads_to_the_same_place(motor):
-    whole = follow(STARTS, COMMANDS, TIMES, motor)
+    whole = motor_path(STARTS, COMMANDS, TIMES, motor)
     halfway = whole[9]
-    np.testing.assert_allclose(follow(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15)
+    np.testing.assert_allclose(motor_path(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15)
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_neither_overshoot_nor_turn_back(motor):
-    gaps = (COMMANDS - follow(STARTS, COMMANDS, TIMES, motor)) * np.sign(COMMANDS - STARTS)
+    gaps = (COMMANDS - motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(COMMANDS - STARTS)
     assert gaps.min() >= -1e-15
     assert np.diff(gaps, axis=0).max() <= 1e-15
 
 
 def test_after_one_time_constant_the_gap_is_down_to_one_in_e():
-    position = follow(np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3))
+    position = motor_path(np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3))
     assert position[0, 0] == pytest.approx(1 - np.exp(-1))
 
 
 def test_a_limited_motor_takes_distance_over_speed():
-    positions = follow(np.zeros(1), np.array([-0.02]), np.array([0.05, 0.1, 0.2]), Motor(speed_limit=0.2))
+    positions = motor_path(np.zeros(1), np.array([-0.02]), np.array([0.05, 0.1, 0.2]), Motor(speed_limit=0.2))
     np.testing.assert_allclose(positions[:, 0], [-0.01, -0.02, -0.02])
 
 
@@ -86,8 +86,8 @@ def test_a_robot_reads_what_its_lagging_motors_did_not_what_was_sent(make_arm):
     motor = Motor(time_constant=0.1, noise_ticks=0.0, ticks_per_turn=2**20)
     action = 0.01 * np.array([[-1, 0.5, 0.5]])
     with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:
-        robot.send(action)
-        np.testing.assert_allclose(robot.read().cables, action * (1 - np.exp(-1)), atol=1e-7)
+        robot.step(action)
+        np.testing.assert_allclose(robot.read()["cables"], action * (1 - np.exp(-1)), atol=1e-7)
 
 
 def test_tension_sensors_have_their_own_noise(make_arm):
@@ -99,6 +99,6 @@ def test_tension_sensors_have_their_own_noise(make_arm):
         motor={"noise_tension": 0.5},
     )
     with SimulatedRobot(noisy) as robot:
-        readings = np.array([robot.read().cables for _ in range(200)])
+        readings = np.array([robot.read()["cables"] for _ in range(200)])
     assert readings.std() == pytest.approx(0.5, rel=0.05)
     assert readings.mean() == pytest.approx(9.0, abs=0.02)

@@ -6,7 +6,7 @@ from jaxtyping import Float
 from s2c2a.arm import Motor
 
 
-def follow(
+def motor_path(
     position: Float[np.ndarray, "*cables"], command: Float[np.ndarray, "*cables"], times: np.ndarray, motor: Motor
 ) -> Float[np.ndarray, "times *cables"]:
     """Positions of motors that chase a held command: exact, so it does not depend on the physics step.
@@ -29,10 +29,15 @@ def follow(
     return command + np.sign(gap) * np.where(later < fast_time, left, lagging)
 
 
+def tick_length(motor: Motor) -> float:
+    """Displacement of one encoder tick [m]."""
+    return 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
+
+
 def encoder_reading(
     position: Float[np.ndarray, "*cables"], motor: Motor, random: np.random.Generator
 ) -> Float[np.ndarray, "*cables"]:
     """Displacement [m] as the encoders tell it: noise, then whole ticks."""
-    tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
+    tick = tick_length(motor)
     noise = random.normal(scale=motor.noise_ticks, size=position.shape)
     return tick * np.round(position / tick + noise)

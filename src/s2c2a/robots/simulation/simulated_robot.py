@@ -11,16 +11,18 @@ from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.robots.simulation.cables import CableTransmission
 from s2c2a.robots.simulation.chain import build_model
 from s2c2a.robots.simulation.fidelity import fidelity_named
-from s2c2a.robots.simulation.motors import encoder_reading, follow
-from s2c2a.spaces import Actions, Reading, States
+from s2c2a.robots.simulation.motors import encoder_reading, motor_path, tick_length
+from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
+TURNS_A_STEP = 6.0  # times the step limit: what readings may change by, since the arm swings and lags
+NOISE = 8.0  # standard deviations
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class SimulatedRobot(Robot):
-    """An arm in MuJoCo whose clock is the simulation's own.
+    """An arm in MuJoCo whose clock is the simulation's own, and moves in `advance`.
 
     Args:
         arm: the description.
@@ -32,8 +34,10 @@ class SimulatedRobot(Robot):
         watched: whether readings tell the centre line at every physics step; it costs a little time.
 
     Raises:
-        S2C2AError: unknown fidelity, impossible payload.
+        S2C2AError: unknown fidelity, impossible payload, seed or jitter.
     """
+
+    own_time = True
 
     def __init__(
         self,
@@ -44,6 +48,8 @@ class SimulatedRobot(Robot):
         jitter: float = 0.0,
         watched: bool = False,
     ):
+        if seed < 0 or not 0 <= jitter <= 1:
+            raise S2C2AError(f"seed {seed} and jitter {jitter} asked for; no seed is negative, jitter is from 0 to 1")
         self.arm, self._fidelity = arm, fidelity_named(fidelity)
         self.model = build_model(arm, self._fidelity, _checked_payload(payload))
         self.data = mujoco.MjData(self.model)
@@ -57,17 +63,32 @@ class SimulatedRobot(Robot):
         self._seen: list[np.ndarray] = []
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
         self._motors: Actions
+        self._command: Actions
         self._transmission: CableTransmission
         self._last_states: States | None
         self._rest()
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """What readings hold; plausible numbers are those of the cables' limits, and of unit vectors."""
+        modules = self.arm.module_count
+        said = {
+            "cables": _cable_sensor(self.arm, self._geometry),
+            "states": Sensor((modules, 6), "m, 1"),
+            "configurations": Sensor((modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(self.arm)),
+        }
+        if self._watched:
+            moments = len(self._physics_times(self.arm.control_period)) + 1
+            said["centre_line"] = Sensor((moments, modules * CENTRE_LINE_POINTS, 3), "m")
+        return said
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
         mujoco.mj_resetData(self.model, self.data)
         self._rest()
-        self.send(self._jittered())
+        self.step(self._jittered())
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
-            self.send(self._geometry.action_neutral)
+            self.step(self._geometry.action_neutral)
         self.data.time, self._step = 0.0, 0
         return self.read()
 
@@ -78,20 +99,29 @@ class SimulatedRobot(Robot):
             SimulationError: the simulated arm blew up before; open it again.
         """
         self._check_sane()
-        line = np.array(self._seen) if self._seen else None
-        return Reading(self.data.time, self._measured_cables(), self.states(), self.configurations(), line)
+        said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
+        if self._seen:
+            said["centre_line"] = np.array(self._seen)
+        return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
-        """Hold an action for one control step; see `Robot.send`.
+        """Ask for an action from now on; see `Robot.send`.
 
         Raises:
             ActionError: wrong shape or not finite; nothing has moved.
+        """
+        self._command = checked_action(action, self._geometry)
+        return self._command.copy()
+
+    def advance(self, seconds: float) -> None:
+        """Let simulated time pass, in whole physics steps.
+
+        Raises:
             SimulationError: the simulated arm blew up.
         """
-        sent = checked_action(action, self._geometry)
         self._check_sane()
-        times = self._physics_times()
-        path = follow(self._motors, sent, times, self.arm.motor)
+        times = self._physics_times(seconds)
+        path = motor_path(self._motors, self._command, times, self.arm.motor)
         felt = self._transmission.pass_on(path, times, self.tensions(), self._bend_angles())
         self._motors = path[-1]
         self._seen = []
@@ -101,6 +131,11 @@ class SimulatedRobot(Robot):
         self._step += 1
         self._check_sane()
         self._last_states = self.states()
+
+    def step(self, action: Actions) -> Actions:
+        """Send an action and let one control period pass; returns what was really sent."""
+        sent = self.send(action)
+        self.advance(self.arm.control_period)
         return sent
 
     def close(self) -> None:
@@ -163,16 +198,17 @@ class SimulatedRobot(Robot):
 
     def _rest(self) -> None:
         self._random = np.random.default_rng(self._seed)
-        self._motors = self._geometry.action_neutral.copy()
+        self._motors = self._command = self._geometry.action_neutral.copy()
+        self._seen = []
         self._transmission = CableTransmission(self.arm, self._geometry.action_neutral)
         self._step, self._last_states = 0, None
         self._push = np.zeros(3)
         mujoco.mj_forward(self.model, self.data)
 
-    def _physics_times(self) -> Float[np.ndarray, " times"]:
-        """Ends of the physics steps of one control step [s], from its start."""
+    def _physics_times(self, seconds: float) -> Float[np.ndarray, " times"]:
+        """Ends of the physics steps of so much time [s], from its start."""
         step = self.model.opt.timestep
-        return step * np.arange(1, round(self.arm.control_period / step) + 1)
+        return step * np.arange(1, max(1, round(seconds / step)) + 1)
 
     def _advance(self, commands: Float[np.ndarray, "times cables"]) -> None:
         """One physics step for every command: in one call, since Python between them costs as much as they do."""
@@ -233,3 +269,21 @@ def _checked_payload(payload: float) -> float:
     if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
         raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
     return payload
+
+
+def _cable_sensor(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
+    """Encoders, or tension sensors: a quarter of the range and their noise beyond the limits is still plausible."""
+    noise = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
+    noise = NOISE * (noise if arm.actuation == "displacement" else arm.motor.noise_tension)
+    scale = np.abs(geometry.action_scale)[:, None]
+    fastest = (TURNS_A_STEP * scale / geometry.bend_limits[:, None]) * _step_limit(arm) + noise * arm.control_rate
+    beyond = 0.25 * scale + noise
+    unit = "m" if arm.actuation == "displacement" else "N"
+    return Sensor(
+        geometry.action_neutral.shape, unit, geometry.action_low - beyond, geometry.action_high + beyond, fastest
+    )
+
+
+def _step_limit(arm: ArmSpec) -> float:
+    """What commands change by at most, in a second [rad/s]."""
+    return float(np.deg2rad(arm.step_limit_deg)) * arm.control_rate

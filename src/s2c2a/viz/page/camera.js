@@ -1,10 +1,13 @@
-// A camera that orbits a point, and the gestures that move it. Screen lengths are CSS pixels.
+// A camera that orbits a point of the base frame, upright in the world, and the gestures that move it. Screen lengths are
+// CSS pixels.
 
 const FIELD = 0.27; // tangent of half the field of view
 const VIEWS = { "3D": [-0.95, 0.4], Front: [-Math.PI / 2, 0], Side: [0, 0], Top: [-Math.PI / 2, Math.PI / 2 - 0.001] };
 
 class Camera {
-  constructor() {
+  // `turn`: the world's axes in the base frame.
+  constructor(turn) {
+    this.turn = turn;
     [this.yaw, this.pitch] = VIEWS["3D"];
     this.target = [0, 0, 0];
     this.distance = 1;
@@ -15,9 +18,10 @@ class Camera {
 
   update() {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    this.back = [cp * cy, cp * sy, sp];
-    this.right = [-sy, cy, 0];
-    this.up = [-sp * cy, -sp * sy, cp];
+    const inBase = ([x, y, z]) => along(along(scaled(this.turn[0], x), this.turn[1], y), this.turn[2], z);
+    this.back = inBase([cp * cy, cp * sy, sp]);
+    this.right = inBase([-sy, cy, 0]);
+    this.up = inBase([-sp * cy, -sp * sy, cp]);
     this.eye = along(this.target, this.back, this.distance);
     this.focal = Math.min(this.size[0], this.size[1]) / (2 * FIELD);
   }

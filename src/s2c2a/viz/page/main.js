@@ -92,7 +92,7 @@ addEventListener("click", (event) => {
   if (event.detail) event.target.closest("button")?.blur();
 });
 resize();
-byId("hint").textContent = `grid ${shortNumber(100 * scene.ground.spacing)} cm`;
+byId("hint").textContent = `grid ${shortNumber(100 * run.surroundings.spacing)} cm`;
 begin();
 draw();
 document.body.dataset.ready = "true";

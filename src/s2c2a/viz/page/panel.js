@@ -73,8 +73,8 @@ function writeKey(run, chosen) {
   const ramp =
     run.arm.colours.length > 1 ? `linear-gradient(90deg, ${run.arm.colours.join(", ")})` : run.arm.colours[0];
   item("bar", { background: ramp }, "base to end");
-  if (trace.wanted.length || trace.axes.length) item("line", { borderColor: run.wantedColour }, "wanted");
+  if (trace.wanted.length || trace.axes.length) item("line", { borderColor: run.colours.wanted }, "wanted");
   item("line", { borderColor: trace.colour }, trace.label);
-  if (trace.obstacles.some((step) => step.length)) item("dot", { background: OBSTACLE }, "obstacle");
+  if (trace.obstacles.some((step) => step.length)) item("dot", { background: run.colours.obstacle }, "obstacle");
   byId("key").replaceChildren(...items);
 }

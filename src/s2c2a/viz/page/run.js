@@ -4,27 +4,22 @@ const PER_UNIT = 10000;
 const PER_ERROR = 1000000;
 
 function readRun(data) {
-  const turn = uprightTurn(data.arm.gravity);
-  const traces = data.traces.map((trace) => readTrace(trace, turn));
+  const traces = data.traces.map(readTrace);
   return {
     ...data,
     traces,
-    frame: { x: turn([1, 0, 0]), y: turn([0, 1, 0]), z: turn([0, 0, 1]) },
-    stands: length(data.arm.gravity) === 0 || data.arm.gravity[2] < -0.7,
-    hangs: data.arm.gravity[2] > 0.7,
     start: Math.min(...traces.map((trace) => trace.times[0])),
     end: Math.max(...traces.map((trace) => trace.times[trace.times.length - 1])),
   };
 }
 
-function readTrace(trace, turn) {
+function readTrace(trace) {
   const small = (value) => (value === null ? null : value / PER_ERROR);
-  const point = (p) => (p === null ? null : turn(scaled(p, 1 / PER_UNIT)));
   const overModules = (asked) =>
     Object.entries(asked).map(([module, points]) => ({ module: +module, points: points.map(point) }));
   return {
     ...trace,
-    states: trace.states.map((row) => readState(row, turn)),
+    frames: trace.frames.map(readFrames),
     wanted: overModules(trace.wanted),
     axes: overModules(trace.axes),
     obstacles: trace.obstacles.map((step) =>
@@ -35,19 +30,19 @@ function readTrace(trace, turn) {
   };
 }
 
+const point = (p) => (p === null ? null : scaled(p, 1 / PER_UNIT));
 const isThere = (obstacle) => obstacle.every((value) => value !== null) && obstacle[3] > 0;
 
-// One step's state: end position and axis for each module, or null where any of them was not seen.
-function readState(row, turn) {
-  if (row.includes(null)) return null;
-  const state = [];
-  for (let k = 0; k < row.length; k += 6) {
-    state.push({
-      position: turn(scaled(row.slice(k, k + 3), 1 / PER_UNIT)),
-      axis: unit(turn(row.slice(k + 3, k + 6))),
-    });
-  }
-  return state;
+const BASE = { position: [0, 0, 0], x: [1, 0, 0], z: [0, 0, 1] };
+const frameOf = (position, x, z) => ({ position, x: unit(x), z: unit(z) });
+
+// Frames of the base and of every module's end at one step, or null where any of them was not seen.
+function readFrames(row) {
+  if (row === null) return null;
+  const frames = [BASE];
+  for (let k = 0; k < row.length; k += 9)
+    frames.push(frameOf(point(row.slice(k, k + 3)), row.slice(k + 3, k + 6), row.slice(k + 6, k + 9)));
+  return frames;
 }
 
 // The step before `time` and the share of the way to the next one.
@@ -72,11 +67,8 @@ function valueAt(values, { step, share }, mix) {
 }
 
 const mixNumbers = (a, b, share) => a + (b - a) * share;
-const mixStates = (a, b, share) =>
-  a.map((one, k) => ({
-    position: between(one.position, b[k].position, share),
-    axis: unit(between(one.axis, b[k].axis, share)),
-  }));
+const mixFrames = (a, b, share) =>
+  a.map((one, k) => frameOf(...["position", "x", "z"].map((name) => between(one[name], b[k][name], share))));
 const mixObstacles = (a, b, share) =>
   a.length !== b.length
     ? a
@@ -94,7 +86,7 @@ function momentOf(trace, time) {
       .filter(({ point }) => point);
   return {
     place,
-    state: valueAt(trace.states, place, mixStates),
+    frames: valueAt(trace.frames, place, mixFrames),
     wanted: points(trace.wanted),
     axes: points(trace.axes).map(({ module, point }) => ({ module, axis: unit(point) })),
     obstacles: trace.obstacles.length > 1 ? valueAt(trace.obstacles, place, mixObstacles) : trace.obstacles[0],

@@ -2,15 +2,10 @@
 
 class Scene {
   constructor(canvas, run) {
-    Object.assign(this, { canvas, run, camera: new Camera(), context: canvas.getContext("2d"), moved: false });
-    const content = contentOf(run);
-    const reach = Math.max(
-      0.4 * run.arm.lengths.reduce((a, b) => a + b),
-      ...content.map((p) => flatReach(p, run.frame)),
-    );
-    this.ground = groundOf(reach);
-    this.points = [...content, ...rimOf(0.6 * this.ground.radius, run.frame)];
-    if (run.hangs) this.camera.pitch = -0.12;
+    const camera = new Camera(run.surroundings.mounting.turn);
+    Object.assign(this, { canvas, run, camera, context: canvas.getContext("2d"), moved: false });
+    this.points = [...contentOf(run), ...rimOf(run.surroundings, 0.35)];
+    this.camera.look(this.viewOf("3D"));
   }
 
   // Take the canvas's size, and frame the run unless the user has moved the camera.
@@ -28,8 +23,13 @@ class Scene {
     );
   }
 
+  // What hangs is seen from below.
+  viewOf(view) {
+    return this.run.surroundings.mounting.word === "hangs" && view === "3D" ? [VIEWS[view][0], -0.12] : VIEWS[view];
+  }
+
   look(view) {
-    this.camera.look(this.run.hangs && view === "3D" ? [VIEWS[view][0], -0.12] : VIEWS[view]);
+    this.camera.look(this.viewOf(view));
     this.moved = false;
     this.frame();
   }
@@ -38,52 +38,58 @@ class Scene {
     const { context, camera, run } = this;
     context.lineJoin = context.lineCap = "round";
     paintSky(context, camera.size);
-    paintGround(context, camera, run.frame, this.ground);
+    paintGround(context, camera, run);
     const light = lightOf(camera),
       things = [],
       moment = moments[chosen],
       trace = run.traces[chosen];
-    pushBase(things, camera, light, run);
     this.pushPaths(things, trace, moment);
-    pushObstacles(things, camera, moment.obstacles);
-    if (moment.state) {
-      const line = pushArm(things, camera, light, moment.state, run);
-      if (run.stands) paintShadow(context, camera, line);
+    pushObstacles(things, camera, moment.obstacles, run.colours.obstacle);
+    if (moment.frames) {
+      const sections = sectionsAt(moment.frames, run.mesh);
+      pushArm(things, camera, light, sections, run.mesh);
+      const { arrow, level } = run.surroundings;
+      if (!arrow) paintShadow(context, camera, bodyOf(sections, run), level);
     }
+    paintGravity(context, camera, run);
     this.paintGhosts(moments, chosen);
     paintByDepth(context, things);
     this.paintWanted(moment, trace);
   }
 
   pushPaths(things, trace, { place }) {
-    const real = trace.states.map((state) => state && state[trace.followed].position);
-    for (const { points } of trace.wanted) pushPath(things, this.camera, points, this.run.wantedColour, 2.2);
+    const real = trace.frames.map((frames) => frames && frames[trace.followed + 1].position);
+    for (const { points } of trace.wanted) pushPath(things, this.camera, points, this.run.colours.wanted, 2.2);
     const now = Math.min(place.step + 2, real.length);
     pushPath(things, this.camera, real.slice(place.step), tint(trace.colour, 0.3), 1.6);
     pushPath(things, this.camera, real.slice(0, now), trace.colour, 3, 0.002);
   }
 
   paintGhosts(moments, chosen) {
-    moments.forEach(({ state }, k) => {
-      if (k !== chosen && state) paintGhost(this.context, this.camera, state, this.run, this.run.traces[k].colour);
+    const { context, camera, run } = this;
+    moments.forEach(({ frames }, k) => {
+      if (k === chosen || !frames) return;
+      paintGhost(context, camera, bodyOf(sectionsAt(frames, run.mesh), run), run.traces[k].colour);
     });
   }
 
-  paintWanted({ state, wanted, axes }, trace) {
+  paintWanted({ frames, wanted, axes }, trace) {
     const { context, camera, run } = this;
     const targets = new Map(wanted.map(({ module, point }) => [module, point]));
     for (const { module, axis } of axes) {
       const size = arrowSize(run.arm, module),
-        end = state && state[module];
+        end = frames && frames[module + 1];
       const start = targets.get(module) || (end && end.position);
-      if (end) paintArrow(context, camera, end.position, end.axis, size, trace.colour, 2);
-      if (start) paintArrow(context, camera, start, axis, size, run.wantedColour, 2.8);
+      if (end) paintArrow(context, camera, end.position, end.z, size, trace.colour, 2);
+      if (start) paintArrow(context, camera, start, axis, size, run.colours.wanted, 2.8);
     }
     for (const { module, point } of wanted) {
       const place = camera.project(point);
-      if (state)
-        paintLine(context, { places: [camera.project(state[module].position), place], stroke: "#17202b", width: 1.4 });
-      paintTarget(context, place, run.wantedColour);
+      if (frames) {
+        const places = [camera.project(frames[module + 1].position), place];
+        paintLine(context, { places, stroke: run.colours.ink, width: 1.4 });
+      }
+      paintTarget(context, place, run.colours.wanted);
     }
   }
 }
@@ -92,9 +98,9 @@ class Scene {
 function contentOf(run) {
   const points = [[0, 0, 0]];
   for (const trace of run.traces) {
-    const stride = Math.ceil(trace.states.length / 150);
+    const stride = Math.ceil(trace.frames.length / 150);
     const every = (list) => list.filter((_, k) => k % stride === 0).filter(Boolean);
-    for (const state of every(trace.states)) points.push(...state.map((end) => end.position));
+    for (const frames of every(trace.frames)) points.push(...frames.map((frame) => frame.position));
     for (const { points: path } of trace.wanted) points.push(...every(path));
     for (const tips of arrowTips(trace, run.arm)) points.push(...every(tips));
     for (const step of every(trace.obstacles)) points.push(...step.flatMap(cornersOf));
@@ -109,7 +115,7 @@ function arrowTips(trace, arm) {
   return trace.axes.map(({ module, points }) => {
     const wanted = trace.wanted.find((one) => one.module === module);
     return points.map((axis, k) => {
-      const start = (wanted && wanted.points[k]) || (trace.states[k] && trace.states[k][module].position);
+      const start = (wanted && wanted.points[k]) || (trace.frames[k] && trace.frames[k][module + 1].position);
       return axis && start && along(start, unit(axis), arrowSize(arm, module));
     });
   });
@@ -123,8 +129,6 @@ const cornersOf = ({ centre, radius }) =>
       return corner;
     }),
   );
-
-const flatReach = (point, { x, y }) => Math.hypot(dot(point, x), dot(point, y));
 
 function paintSky(context, [width, height]) {
   const sky = context.createLinearGradient(0, 0, 0, height);

@@ -1,75 +1,51 @@
-// What stands round the arm: ground grid, shadow, base plate, ghosts, paths, targets, obstacles.
-
-const OBSTACLE = "#8a93a6";
-
-// A round grid on the plane that the arm is mounted on, as wide as the run reaches.
-function groundOf(reach) {
-  const spacing = roundAbove(reach / 6);
-  return { spacing, radius: Math.ceil((1.05 * reach) / spacing) * spacing };
-}
+// What is round the arm: the plane it is mounted on, shadow, gravity, ghosts, paths, targets, obstacles.
 
 const RIM = Array.from({ length: 73 }, (_, k) => (k * Math.PI) / 36);
-const rimOf = (radius, { x, y }) =>
-  RIM.map((turn) => add(scaled(x, radius * Math.cos(turn)), scaled(y, radius * Math.sin(turn))));
+const rimOf = (around, share = 1) =>
+  RIM.map((turn) => [...[Math.cos(turn), Math.sin(turn)].map((x) => share * around.radius * x), around.level]);
 
-function paintGround(context, camera, frame, { spacing, radius }) {
-  const at = (a, b) => camera.project(add(scaled(frame.x, a), scaled(frame.y, b)));
-  const rim = rimOf(radius, frame).map((point) => camera.project(point));
+function paintGround(context, camera, { surroundings, colours }) {
+  const rim = rimOf(surroundings).map((p) => camera.project(p));
   tracePlaces(context, rim, true);
   context.fillStyle = "rgba(255,255,255,0.72)";
   context.fill();
-  for (let place = -radius; place <= radius + 1e-9; place += spacing) {
-    const half = Math.sqrt(Math.max(0, radius ** 2 - place ** 2));
-    const stroke = Math.abs(place) < 1e-9 ? "#b3bdc9" : "#d9dfe7";
-    paintLine(context, { places: [at(place, -half), at(place, half)], stroke, width: 1 });
-    paintLine(context, { places: [at(-half, place), at(half, place)], stroke, width: 1 });
+  for (const ends of surroundings.grid) {
+    const inMiddle = ends[0][0] === ends[1][0] ? ends[0][0] === 0 : ends[0][1] === 0;
+    const stroke = inMiddle ? colours.strong : colours.grid;
+    paintLine(context, { places: ends.map((p) => camera.project(p)), stroke, width: 1 });
   }
-  paintLine(context, { places: rim, stroke: "#cdd5de", width: 1.2 });
-  nameAxes(context, at, radius);
-  return spacing;
+  paintLine(context, { places: rim, stroke: colours.grid, width: 1.2 });
+  for (const [name, p] of Object.entries(surroundings.names)) paintWord(context, camera.project(p), name);
 }
 
-function nameAxes(context, at, radius) {
+function paintWord(context, place, text) {
   context.font = "600 12px system-ui, sans-serif";
   context.fillStyle = "#7a8594";
   context.textAlign = "center";
   context.textBaseline = "middle";
-  for (const [name, place] of [
-    ["x", at(radius * 1.06, 0)],
-    ["y", at(0, radius * 1.06)],
-  ])
-    context.fillText(name, place.x, place.y);
+  context.fillText(text, place.x, place.y);
 }
 
-// The arm's shadow straight down on the ground.
-function paintShadow(context, camera, line) {
-  const places = line.map(({ position }) => camera.project([position[0], position[1], 0]));
-  const width = 2 * line[0].radius * places[0].scale;
+function paintGravity(context, camera, { surroundings: { arrow }, colours }) {
+  if (!arrow) return;
+  const [tail, fall] = [arrow[0], subtract(arrow[1], arrow[0])];
+  paintArrow(context, camera, tail, unit(fall), length(fall), colours.ink, 2.4);
+  const place = camera.project(tail);
+  paintWord(context, { ...place, y: place.y - 12 }, "gravity");
+}
+
+// The arm's shadow straight down on the plane.
+function paintShadow(context, camera, body, level) {
+  const places = body.map(({ position }) => camera.project([position[0], position[1], level]));
+  const width = 2 * body[0].radius * places[0].scale;
   for (let wide = 0.5; wide < 1.7; wide += 0.12) {
     paintLine(context, { places, stroke: "rgba(30,42,66,0.022)", width: width * wide });
   }
 }
 
-function pushBase(things, camera, light, run) {
-  const radius = BODY * run.arm.radii[0];
-  const point = { position: [0, 0, 0], tangent: run.frame.z, x: run.frame.x, y: run.frame.y };
-  pushDisc(things, camera, light, point, 2 * radius, [0, 0.16 * radius], [radius, 1.4 * radius], [122, 133, 148]);
-  pushDisc(
-    things,
-    camera,
-    light,
-    point,
-    1.4 * radius,
-    [0.16 * radius, COLLAR * radius],
-    [radius, radius],
-    [160, 170, 184],
-  );
-}
-
 // Another controller's arm: its outline on the screen, see-through.
-function paintGhost(context, camera, state, run, colour) {
-  const line = centreLine(state, run.arm, run.frame);
-  const places = line.map((point) => ({ ...camera.project(point.position), radius: point.radius }));
+function paintGhost(context, camera, body, colour) {
+  const places = body.map(({ position, radius }) => ({ ...camera.project(position), radius }));
   const left = [],
     right = [];
   places.forEach((place, k) => {
@@ -108,10 +84,10 @@ function pushPath(things, camera, points, stroke, width, closer = 0) {
   }
 }
 
-function pushObstacles(things, camera, obstacles) {
+function pushObstacles(things, camera, obstacles, colour) {
   for (const { centre, radius } of obstacles) {
     const place = camera.project(centre);
-    things.push({ kind: "ball", depth: place.depth, place, radius: radius * place.scale, colour: OBSTACLE });
+    things.push({ kind: "ball", depth: place.depth, place, radius: radius * place.scale, colour });
   }
 }
 

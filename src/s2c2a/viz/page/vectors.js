@@ -15,18 +15,6 @@ const unit = (a) => scaled(a, 1 / (length(a) || 1));
 const between = (a, b, share) => [0, 1, 2].map((k) => a[k] + (b[k] - a[k]) * share);
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
-// The part of `a` that is square to the unit vector `axis`, as a unit vector.
-const squareTo = (a, axis) => unit(along(a, axis, -dot(a, axis)));
-
-// A function that turns base-frame vectors so that gravity points down the screen.
-function uprightTurn(gravity) {
-  if (length(gravity) === 0 || gravity[2] < -0.9999) return (v) => v;
-  if (gravity[2] > 0.9999) return (v) => [v[0], -v[1], -v[2]];
-  const up = unit(scaled(gravity, -1));
-  const axis = cross(up, [0, 0, 1]);
-  return (v) => add(add(scaled(v, up[2]), cross(axis, v)), scaled(axis, dot(axis, v) / (1 + up[2])));
-}
-
 // The round number (1, 2 or 5 times a power of ten) nearest above `value`.
 function roundAbove(value) {
   const power = 10 ** Math.floor(Math.log10(value));

@@ -1,0 +1,22 @@
+"""Whole recordings as a user collects them, file and all."""
+
+import pytest
+
+from s2c2a.data import CollectOptions, collect
+from s2c2a.executors import all_cores
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import recipe_named
+
+pytestmark = pytest.mark.cores(2)
+
+
+@pytest.mark.asked("at most 8 s")
+def test_9000_samples(benchmark, arm, tmp_path):
+    how, cores = CollectOptions(speeds=recipe_named("best").speeds), all_cores()
+    assert how.episodes * how.samples == 9000
+
+    def body(seed: int) -> SimulatedRobot:
+        return SimulatedRobot(arm, "fast", seed)
+
+    file = tmp_path / "recording.episodes"
+    benchmark.pedantic(lambda: collect(file, arm, body, how, threads=cores, overwrite=True), rounds=5)

@@ -1,0 +1,77 @@
+"""Error beside speed: five arms at rest, simulated here and in PyElastica, against an independent rod."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+
+from driving import hold, module_with
+from rod_cases import rod_cases
+
+CHUNK = 0.1  # s of the arm's time, one control step of the cases' arms
+TIMED = 20  # chunks of every case, in turn; then each goes on alone until it rests
+STILL, LONGEST = 1e-6, 400  # m that a tip at rest may still move in a chunk; chunks
+
+
+class Layout(NamedTuple):
+    """How fine a rod in PyElastica is: elements, a time step [s] that is stable with them, and how stiff it is made."""
+
+    elements: int
+    time_step: float
+    stiffer: float
+
+
+LAYOUTS = {
+    "30 elements": Layout(30, 4e-4, 1.0),
+    "30 elements, stretch x25": Layout(30, 1e-4, 25.0),
+    "60 elements, stretch x25": Layout(60, 5e-5, 25.0),
+}
+
+
+class Ours:
+    """A rod case in our simulation."""
+
+    def __init__(self, case, fidelity: str):
+        self._robot, self._tensions = SimulatedRobot(case.arm, fidelity), case.tensions
+        self._robot.open()
+        self._robot.push(case.tip_force)
+
+    def advance(self, seconds: float) -> None:
+        hold(self._robot, self._tensions)
+
+    @property
+    def tip(self) -> np.ndarray:
+        return self._robot.states()[-1, :3]
+
+
+@pytest.mark.parametrize("case", rod_cases(), ids=lambda case: f"case {case.name}")
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_ours(benchmark, case, fidelity):
+    engine = Ours(case, fidelity)
+    benchmark.pedantic(engine.advance, args=(CHUNK,), rounds=TIMED, warmup_rounds=2)
+    tell(benchmark, engine, case)
+
+
+@pytest.mark.parametrize("case", rod_cases(), ids=lambda case: f"case {case.name}")
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_pyelastica(in_turn, benchmark, case, layout):
+    engine, ours = module_with("elastica", "elastica_rod").ElasticaRod(case, *LAYOUTS[layout]), Ours(case, "fast")
+    in_turn(lambda: engine.advance(CHUNK), lambda: ours.advance(CHUNK), "our fast", rounds=TIMED)
+    assert tell(benchmark, engine, case) < 5e-3
+
+
+def tell(benchmark, engine, case) -> float:
+    """Arm seconds in a second, and the tip's distance from the rod's when both rest [m]."""
+    if benchmark.stats:
+        benchmark.extra_info["arm seconds a second"] = CHUNK / benchmark.stats.stats.median
+    before, after = np.full(3, np.inf), engine.tip
+    for _ in range(LONGEST):
+        if np.linalg.norm(after - before) < STILL:
+            break
+        engine.advance(CHUNK)
+        before, after = after, engine.tip
+    error = float(np.linalg.norm(after - case.tip))
+    benchmark.extra_info["error at rest [mm]"] = 1e3 * error
+    return error

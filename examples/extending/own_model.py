@@ -1,0 +1,60 @@
+"""A forward model of your own, in one file: constant-curvature arcs, and a small network for what they leave out.
+
+    s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
+    s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
+
+where own_model.toml is any recipe whose part [c2s] names this one and gives its numbers:
+
+    [c2s]
+    model = "own_model.py:ArcsOptions"
+    hidden = 32
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from s2c2a.data import forward_samples
+from s2c2a.kinematics import MemorylessModel, PCCForwardModel, bends_from_configurations
+from s2c2a.models import ForwardOptions
+from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
+
+
+class Arcs(MemorylessModel):
+    """Every array in it is learned, the arcs' lengths too; what must not be goes into a part below `Fixed`."""
+
+    arcs: PCCForwardModel
+    network: eqx.nn.MLP
+
+    def predict(self, configurations, memory):
+        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        bends = bends_from_configurations(configurations)  # (*batch, modules, 2)
+        flat = bends.reshape(-1, bends.shape[-2] * bends.shape[-1])
+        left_out = jax.vmap(self.network)(flat).reshape(*configurations.shape[:-1], 6)
+        return self.arcs.predict(configurations, memory) + 0.1 * left_out
+
+
+@dataclass(frozen=True)
+class ArcsOptions(ForwardOptions):
+    """Its numbers, and how it is made from them: options and arm alone decide the shapes of its arrays."""
+
+    hidden: int = 32
+
+    def untrained(self, arm, key) -> Arcs:
+        network = eqx.nn.MLP(2 * arm.module_count, 6 * arm.module_count, self.hidden, depth=1, key=key)
+        return Arcs(PCCForwardModel.of(arm), network)
+
+    def train(self, data: TrainingData, fit: FitOptions, key, progress=quiet) -> Trained[Arcs]:
+        network_key, fit_key = jax.random.split(key)
+        model, split = self.untrained(data.arm, network_key), forward_samples(data.sensed, data.states)
+        return train(model, loss, answer, split, fit, fit_key, progress)
+
+
+def answer(model, batch):
+    return model.predict(batch["configurations"], ())
+
+
+def loss(model, batch, key):
+    return jnp.mean((answer(model, batch) - batch["targets"]) ** 2)

@@ -1,0 +1,51 @@
+"""A sensor of your own, in one file: two flex sensors a module, and what tells configurations from their voltage.
+
+The body says `flex`, and the arm file names the estimator: `sensing = "own_sensor.py:FlexEstimator"`. Then
+
+    s2c2a robot check --robot own_sensor.py:FlexArm --arm flex_arm.toml
+    s2c2a collect --robot own_sensor.py:FlexArm --arm flex_arm.toml --out flex.episodes
+    s2c2a train flex.episodes --out flex.safetensors
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.kinematics import configurations_from_bends
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.sensing import Estimator
+from s2c2a.spaces import Reading, Sensor
+
+REST, GAIN = 1.5, 0.8  # V, V/rad
+
+
+class FlexEstimator(Estimator):
+    """Configurations from voltages: a module bends towards x and y by what its two strips say."""
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        return ("flex",)
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> "FlexEstimator":
+        return cls()
+
+    def __call__(self, sensors):
+        return configurations_from_bends((sensors["flex"] - REST) / GAIN)
+
+
+class FlexArm(SimulatedRobot):
+    """The simulated arm with such strips along its modules; they are a little noisy."""
+
+    @property
+    def sensors(self):
+        return super().sensors | {"flex": Sensor((self.arm.module_count, 2), "V", 0.0, 3.0, fastest=20.0)}
+
+    def read(self) -> Reading:
+        reading = super().read()
+        x, y, z = reading["configurations"].T
+        angle = np.arctan2(np.hypot(x, y), z)
+        bends = np.stack([x, y], axis=-1) / np.sinc(angle / np.pi)[:, None]
+        flex = REST + GAIN * bends + self._random.normal(scale=0.005, size=bends.shape)
+        return replace(reading, sensors={**reading.sensors, "flex": flex})

@@ -1,1 +1,0 @@
-"""Everything that makes a table or a figure: collect, train, evaluate, report."""

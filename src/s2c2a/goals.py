@@ -1,0 +1,164 @@
+"""What is asked of the next state: targets, obstacles, weights. Always of one size, so that nothing compiles anew."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.errors import TargetError
+
+MOST_OBSTACLES = 64
+LARGEST = 1e6
+"""A position [m], weight or threshold beyond it is a slip, and would not be a number any more once it is squared."""
+Numbers = np.ndarray  # inside the planner, the same fields are traced by JAX
+
+
+class Goal(NamedTuple):
+    """A goal for one control step; build it with `Goal.of`, change it with `with_...`.
+
+    Attributes:
+        positions: wanted module ends [m], base frame, shape (modules, 3).
+        position_weights: mu_p of every module; zero where nothing is asked, shape (modules,).
+        axes: wanted end axes, base frame, shape (modules, 3).
+        axis_weights: mu_o of every module, shape (modules,).
+        obstacles: centres [m], base frame, shape (MOST_OBSTACLES, 3).
+        thresholds: r of every obstacle [m]; zero where there is none, shape (MOST_OBSTACLES,).
+        obstacle_weight: mu_ob.
+        change_weight: mu_d.
+    """
+
+    positions: Float[Numbers, "modules 3"]
+    position_weights: Float[Numbers, " modules"]
+    axes: Float[Numbers, "modules 3"]
+    axis_weights: Float[Numbers, " modules"]
+    obstacles: Float[Numbers, "obstacles 3"]
+    thresholds: Float[Numbers, " obstacles"]
+    obstacle_weight: Float[Numbers, ""]
+    change_weight: Float[Numbers, ""]
+
+    @classmethod
+    def of(cls, modules: int, change_weight: float = 0.5) -> "Goal":
+        """A goal that asks for nothing but little change (mu_d)."""
+        return cls(
+            positions=np.zeros((modules, 3), np.float32),
+            position_weights=np.zeros(modules, np.float32),
+            axes=np.tile(np.array([0, 0, 1], np.float32), (modules, 1)),
+            axis_weights=np.zeros(modules, np.float32),
+            obstacles=np.zeros((MOST_OBSTACLES, 3), np.float32),
+            thresholds=np.zeros(MOST_OBSTACLES, np.float32),
+            obstacle_weight=np.array(1.0, np.float32),
+            change_weight=np.array(_weight(change_weight), np.float32),
+        )
+
+    def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
+        """Also ask for a module's end position [m], base frame.
+
+        Raises:
+            TargetError: not three finite numbers, a negative weight, or no such module.
+        """
+        vector, mu = _vector(position, "target position"), _weight(weight)
+        self._check_module(module)
+        return self._replace(
+            positions=_put(self.positions, module, vector),
+            position_weights=_put(self.position_weights, module, mu),
+        )
+
+    def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
+        """Also ask for a module's end axis, base frame, of any length.
+
+        Raises:
+            TargetError: not three finite numbers, all zero, a negative weight, or no such module.
+        """
+        vector = _vector(axis, "target axis")
+        length = np.linalg.norm(vector)
+        if length < 1e-9:
+            raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
+        mu = _weight(weight)
+        self._check_module(module)
+        return self._replace(
+            axes=_put(self.axes, module, vector / length),
+            axis_weights=_put(self.axis_weights, module, mu),
+        )
+
+    @classmethod
+    def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
+        """Many goals as one, every array with the number of goals in front.
+
+        Raises:
+            TargetError: none, or for arms of different numbers of modules.
+        """
+        if len({len(goal.positions) for goal in goals}) != 1:
+            raise TargetError("goals of one arm are needed, at least one; got none, or goals for different arms")
+        return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
+
+    def _check_module(self, module: int) -> None:
+        count = len(self.positions)
+        if not -count <= module < count or module != int(module):
+            raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
+
+    def with_obstacles(self, centres, thresholds, weight: float = 1.0) -> "Goal":
+        """Replace the obstacles: centres [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
+
+        Raises:
+            TargetError: too many, or not finite numbers of these shapes.
+        """
+        centres, thresholds = _numbers(centres, "obstacles"), _numbers(thresholds, "thresholds of obstacles")
+        count = thresholds.size
+        if thresholds.shape != (count,) or centres.shape not in ((count, 3), (0,)) or count > MOST_OBSTACLES:
+            raise TargetError(
+                f"obstacles of shape {centres.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centres "
+                f"and n thresholds, n at most {MOST_OBSTACLES}"
+            )
+        if (thresholds < 0).any():
+            raise TargetError(f"obstacle thresholds are lengths and must not be negative, got {thresholds.tolist()}")
+        goal = Goal.of(len(self.positions))
+        return self._replace(
+            obstacles=np.concatenate([centres.reshape(-1, 3), goal.obstacles[count:]]),
+            thresholds=np.concatenate([thresholds, goal.thresholds[count:]]),
+            obstacle_weight=np.array(_weight(weight), np.float32),
+        )
+
+
+def _numbers(values, name: str) -> np.ndarray:
+    try:
+        with np.errstate(over="ignore"):
+            numbers = np.asarray(values, np.float32)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TargetError(f"{name} must be numbers, got {_shown(values)}; the arm was not moved") from error
+    if not (np.abs(numbers) <= LARGEST).all():
+        raise TargetError(f"{name} must be finite and at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
+    return numbers
+
+
+def _vector(values, name: str) -> Float[np.ndarray, "3"]:
+    try:
+        vector = _numbers(values, name)
+    except TargetError:
+        vector = np.empty(0, np.float32)
+    if vector.shape != (3,):
+        raise TargetError(
+            f"the {name} must be three finite numbers of at most {LARGEST:g}, got {_shown(values)}; the arm was not "
+            "moved"
+        )
+    return vector
+
+
+def _shown(values) -> str:
+    try:
+        return f"{values!r:.200}"
+    except ValueError:  # a whole number of thousands of digits
+        return "something too long to show"
+
+
+def _weight(value) -> np.ndarray:
+    weight = _numbers(value, "weight")
+    if weight.shape != () or weight < 0:
+        raise TargetError(f"a weight must be one number and not negative, got {_shown(value)}")
+    return weight
+
+
+def _put(values: Numbers, place: int, value) -> np.ndarray:
+    changed = np.array(values)
+    changed[place] = value
+    return changed

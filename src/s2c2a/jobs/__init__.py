@@ -1,0 +1,50 @@
+"""Jobs: a strategy on a task with a seed; what they need is made once and kept, whoever does the work.
+
+    cache = Cache()
+    jobs = jobs_for(["circle", "tilt-50"], load_arm("twin_arm"), ["s2c2a", "pcc"], range(3), recipe_named("best"))
+    runs = run_all(jobs, cache)                      # here, one after the other
+    with Processes() as executor:
+        runs = run_all(jobs, cache, executor)        # on every core, with the same scores
+    rows = score_rows("mine", runs)
+
+Any executor of the standard kind will do, dask's `client.get_executor()` too; `s2c2a.jobs.cluster.Cluster` adds a check
+of versions to it.
+"""
+
+from s2c2a.executors import Processes, Serial, Threads
+from s2c2a.jobs.artifacts import Artifact, Cache
+from s2c2a.jobs.conditions import SIMULATED_FAST, Conditions
+from s2c2a.jobs.job import STRATEGIES, Job, Run, checked_seeds, jobs_for
+from s2c2a.jobs.making import Make, check_robots, in_groups, made, make_all, run_all, try_all
+from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows
+from s2c2a.jobs.trained import GivenNetworks, LSTMArtifact, NetworksArtifact, RecordingArtifact
+
+__all__ = [
+    "SIMULATED_FAST",
+    "STRATEGIES",
+    "Artifact",
+    "Cache",
+    "Conditions",
+    "GivenNetworks",
+    "Heading",
+    "Job",
+    "LSTMArtifact",
+    "Make",
+    "NetworksArtifact",
+    "Processes",
+    "RecordingArtifact",
+    "Run",
+    "Serial",
+    "Threads",
+    "check_robots",
+    "checked_seeds",
+    "in_groups",
+    "jobs_for",
+    "made",
+    "make_all",
+    "run_all",
+    "score_rows",
+    "tick_rows",
+    "training_rows",
+    "try_all",
+]

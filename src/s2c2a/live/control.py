@@ -1,0 +1,208 @@
+"""The arm under a driver's hand: the runtime's loop, in a thread of its own, fed with the latest request.
+
+It never waits for the page: it reads the latest request and leaves a frozen snapshot behind. The live page has it in a
+process of its own besides (`ControlProcess`).
+"""
+
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from s2c2a.errors import S2C2AError
+from s2c2a.goals import Goal
+from s2c2a.live.disturbing import Disturbable, Disturbances
+from s2c2a.live.goals import goal_of, judged
+from s2c2a.live.request import Request, RequestLimits
+from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.programs import compilations
+from s2c2a.robots import Robot
+from s2c2a.runtime import Ask, Clock, Loop, Patience, Step, WallClock
+from s2c2a.spaces import POSITION, Stage, States
+from s2c2a.strategies import AnyStrategy
+from s2c2a.tasks import Task
+
+RELEASE_AFTER = 10.0  # s without a driver until the cables are led back to rest
+
+
+class ArmControl(Control):
+    """Moves an arm in this process, in a thread of its own."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        strategies: Mapping[str, Callable[[], AnyStrategy]],
+        tasks: Mapping[str, Task],
+        clock: Clock | None = None,
+        release_after: float = RELEASE_AFTER,
+    ):
+        """Nothing is opened yet.
+
+        Args:
+            robot: the body; it is opened and closed by the thread.
+            strategies: what can drive its arm, by name; the first one is built now, another when it is used.
+            tasks: what can be played, by name.
+            clock: the wall's unless stated.
+            release_after: seconds without a driver until the cables are led back to rest.
+
+        Raises:
+            S2C2AError: the strategy cannot be built, or needs what the body does not say.
+        """
+        super().__init__()
+        self.arm, self.strategies = robot.arm, tuple(strategies)
+        self.limits = RequestLimits.of(robot.arm, tuple(tasks), isinstance(robot, Disturbable))
+        self._builders, self._name, self._tasks = strategies, self.strategies[0], tasks
+        self._disturbances = Disturbances(robot)
+        patience = Patience.of(robot.arm.control_rate, alone=release_after)
+        self._loop = Loop(
+            robot, strategies[self._name](), clock or WallClock(), patience=patience, faults=self._disturbances.spoilt
+        )
+        self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stopping, self._opened = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self._played, self._place = "", 0.0
+        self._before: Goal | None = None
+        self._expected = _straight(robot)
+
+    @property
+    def answers(self) -> bool:
+        """See `Control`."""
+        return self._thread.is_alive()
+
+    def reset(self) -> None:
+        """See `Control`."""
+        self.ask(target=None, axis=None, task=None, playing=False)
+        self._orders.put(self._begin)
+
+    def use(self, name: str) -> None:
+        """See `Control`; it is built at once, in the thread of whoever asks."""
+        if name not in self._builders:
+            raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
+        self._orders.put(partial(self._change_strategy, self._builders[name](), name))
+
+    def prepare(self) -> None:
+        """Look every task up, for those that are made when first looked up; in the thread of whoever asks."""
+        for name in self._tasks:
+            self._tasks[name]
+
+    def step_task(self) -> None:
+        """See `Control`."""
+        self._orders.put(partial(self._move_on, 1.0))
+
+    def restart_task(self) -> None:
+        """See `Control`."""
+        self._orders.put(partial(self._move_on, -np.inf))
+
+    def start(self, timeout: float = 60.0) -> None:
+        """Open the robot and begin.
+
+        Raises:
+            S2C2AError: the robot did not open.
+        """
+        self._thread.start()
+        if not self._opened.wait(timeout) or self._loop.phase.stage is Stage.FAULT:
+            raise S2C2AError(f"the arm did not open: {self._loop.fault or f'nothing within {timeout:g} s'}")
+
+    def stop(self, timeout: float = 10.0) -> None:
+        """See `Control`."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+
+    def _run(self) -> None:
+        try:
+            with self._loop:
+                self._tick()
+                self._opened.set()
+                while not self._stopping.is_set():
+                    self._tick()
+                for step in self._loop.to_rest():
+                    self._publish(step)
+        except Exception as error:  # told by `start`, or on the page
+            self._loop.stop(error)
+        self._opened.set()
+
+    def _tick(self) -> None:
+        """One control step; a body or strategy that fails stops the arm, not the thread: somebody can reset."""
+        try:
+            with suppress(queue.Empty):
+                while True:
+                    self._orders.get_nowait()()
+            request = self._request
+            self._disturbances.apply(request)
+            ask = Ask(self._goal(request), request.driven and not request.stopped, request.driven)
+            self._publish(self._loop.tick(ask))
+        except Exception as error:
+            if not self._opened.is_set():
+                raise
+            self._loop.stop(error)
+            self._stopping.wait(self.arm.control_period)
+            if self._latest is not None:
+                self._show(replace(self._latest, stage=Stage.FAULT, fault=self._loop.fault))
+
+    def _begin(self) -> None:
+        """The arm at rest, the task at its start."""
+        self._loop.open()
+        self._disturbances.begin()
+        self._played, self._place = "", 0.0
+
+    def _change_strategy(self, strategy: AnyStrategy, name: str) -> None:
+        self._loop.use(strategy)
+        self._loop.release()
+        self._name = name
+
+    def _goal(self, request: Request) -> Goal:
+        """What is asked in this step."""
+        task = self._task_of(request)
+        if task is None:
+            return goal_of(request, self.arm.module_count, None)
+        goal = goal_of(request, self.arm.module_count, task.goals[int(self._place)])
+        if request.playing and self._loop.phase.stage is Stage.RUN and not request.stopped:
+            self._move_on(request.speed)
+        return goal
+
+    def _task_of(self, request: Request) -> Task | None:
+        asked = request.task or ""
+        if asked != self._played:
+            self._played, self._place = asked, 0.0
+        return self._tasks[asked] if asked else None
+
+    def _move_on(self, steps: float) -> None:
+        if self._played:
+            self._place = float(np.clip(self._place + steps, 0, len(self._tasks[self._played].goals) - 1))
+
+    def _publish(self, step: Step) -> None:
+        """Show what came of the last step: this one's reading, beside what the last one was to lead to."""
+        states = step.reading.get("states")
+        states = self._expected if states is None else states
+        aimed = self._before if self._before is not None and step.stage in (Stage.RUN, Stage.HOLD) else None
+        error, clearance = judged(aimed or Goal.of(self.arm.module_count), states[-1, POSITION])
+        self._before = step.goal if step.stage is Stage.RUN else None
+        self._expected = step.told.get("expected", self._expected if step.told else states)
+        self._show(
+            Snapshot(
+                step=step,
+                period=self.arm.control_period,
+                stage=step.stage,
+                states=np.array(states),
+                expected=np.array(self._expected),
+                error=error,
+                clearance=clearance,
+                task_step=int(self._place),
+                task_steps=len(self._tasks[self._played].goals) if self._played else 0,
+                strategy=self._name,
+                compiled=compilations(),
+                fault=step.fault,
+            )
+        )
+
+
+def _straight(robot: Robot) -> States:
+    """States of the straight arm, shape (modules, 6)."""
+    states = np.zeros((robot.arm.module_count, 6))
+    states[:, 2], states[:, 5] = np.cumsum([module.length for module in robot.arm.modules]), 1.0
+    return states

@@ -1,0 +1,140 @@
+"""A window on an arm: viser behind the gate, the scene, and what is drawn in it. The live page and `view` share it."""
+
+import io
+import threading
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from typing import Any
+
+import numpy as np
+import viser
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.live.frames import frames
+from s2c2a.live.gate import HOST, Gate, new_secret, only_with
+from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Point
+from s2c2a.live.scene import ArmScene
+from s2c2a.viz.mounting import Mounting
+
+FRAME = 1 / 30  # s between frames
+BRAND = (31, 95, 196)
+CAMERA, LOOK_AT = (1.75, -1.85, 1.2), (0.12, 0.1, 0.55)  # in parts of the arm's length
+UPRIGHT_CAMERA, UPRIGHT_LOOK_AT = (2.7, -2.9, 1.5), (0.0, 0.0, 0.1)  # of a telephone, its lower half under the panel
+
+warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # of browsers that have just gone
+
+
+class Window:
+    """What browsers see of one arm; nobody comes in before `open`.
+
+    Attributes:
+        arm: that is seen.
+        server: viser's.
+        scene: the arm, and what is round it.
+        gate: where browsers come in, once it is open.
+        closing: whether it is over.
+    """
+
+    gate: Gate
+    _drawing: threading.Thread | None = None
+
+    def __init__(self, arm: ArmSpec):
+        """A viser server on 127.0.0.1 that takes websockets from its gate alone, and the arm straight."""
+        self.arm, self._secret = arm, new_secret()
+        with only_with(self._secret), redirect_stdout(io.StringIO()):
+            self.server = viser.ViserServer(host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False)
+        theme: dict[str, Any] = {"show_logo": False, "show_share_button": False, "brand_color": BRAND}
+        self.server.gui.configure_theme(control_width="medium", **theme)
+        self.server.initial_camera.position, self.server.initial_camera.look_at = camera_of(arm)
+        self.server.initial_camera.fov = np.deg2rad(40)
+        self.server.on_client_connect(self._look_upright)
+        self.scene, self.closing = ArmScene(self.server.scene, arm), threading.Event()
+
+    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> None:
+        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it.
+
+        Raises:
+            S2C2AError: no port is free.
+        """
+        self.gate = Gate(port, self.server.get_port(), self._secret, on_stop)
+
+    def every(self, act: Callable[[float], None]) -> None:
+        """Draw frame after frame until it closes, in a thread of its own; told how long the last one was ago [s]."""
+
+        def again() -> None:
+            for passed in frames(FRAME, self.closing):
+                act(passed)
+
+        self._drawing = threading.Thread(target=again, name="scene", daemon=True)
+        self._drawing.start()
+
+    def close(self) -> None:
+        """Close the gate and the page."""
+        self.closing.set()
+        if self._drawing is not None:
+            self._drawing.join(2.0)
+        self.gate.close()
+        with redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    async def _look_upright(self, client: viser.ClientHandle) -> None:
+        """Show a telephone, whose panel hides the lower half, the arm in the upper one."""
+        if client.camera.image_height > 1.2 * client.camera.image_width:
+            upright = camera_of(self.arm, UPRIGHT_CAMERA, UPRIGHT_LOOK_AT)
+            client.camera.position, client.camera.look_at = upright
+
+    def draw_asked(
+        self,
+        tip: Float[np.ndarray, "3"],
+        position: Sequence[float] | np.ndarray,
+        axis: Sequence[float] | np.ndarray,
+        spheres: Float[np.ndarray, "obstacles 4"],
+        own: Sequence[Obstacle] = (),
+        gap: float = 0.0,
+    ) -> None:
+        """What is asked of the tip, NaN where nothing is, and what it has to keep out of.
+
+        Args:
+            tip: where it is.
+            position: wanted.
+            axis: wanted.
+            spheres: centres and thresholds [m] that nobody can drag.
+            own: obstacles that can be dragged.
+            gap: how far out of reach the position is [m].
+        """
+        asked = [Obstacle(_point(row[:3]), float(row[3])) for row in spheres]
+        wanted, pointed = (_point(one) if np.isfinite(one).all() else None for one in (position, axis))
+        self.scene.draw_target(wanted, pointed, gap)
+        self.scene.draw_obstacles(own, asked[:MOST_OBSTACLES], tip)
+
+
+def camera_of(arm: ArmSpec, place: Point = CAMERA, aim: Point = LOOK_AT) -> Float[np.ndarray, "2 3"]:
+    """Where the camera is first, and where it looks to, for this arm's mounting; base frame [m]."""
+    mounting = Mounting.of(arm)
+    return arm.length * np.array([mounting.placed(place), mounting.placed(aim)])
+
+
+def across_the_screen(arm: ArmSpec) -> Float[np.ndarray, "3"]:
+    """The direction to the right on the screen, seen from where the camera is first, base frame."""
+    place, aim = camera_of(arm)
+    across = np.cross(aim - place, Mounting.of(arm).turn[2])
+    return across / np.linalg.norm(across)
+
+
+def sound_value(part: Any) -> Any:
+    """The value of a slider or dropdown, whatever a browser said: brought within what it offers, and shown so."""
+    value = part.value
+    if isinstance(part, viser.GuiSliderHandle):
+        value = min(max(value, part.min), part.max)
+    elif isinstance(part, viser.GuiDropdownHandle) and value not in part.options:
+        value = part.options[0]
+    if value != part.value:
+        part.value = value
+    return value
+
+
+def _point(values: Sequence[float] | np.ndarray) -> Point:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

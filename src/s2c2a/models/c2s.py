@@ -1,0 +1,82 @@
+"""C2S, the forward model of the paper: a biLSTM from configurations to states."""
+
+from dataclasses import dataclass, field, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import forward_samples
+from s2c2a.kinematics.forward_model import Memory, MemorylessModel
+from s2c2a.models.bilstm import BiLSTM, check_size
+from s2c2a.models.options import ForwardOptions
+from s2c2a.models.scaling import Scaling
+from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
+from s2c2a.training.fit import Batch
+
+
+class C2S(MemorylessModel):
+    """NN_C2S of the paper (Chen et al. 2025, fig. 5A), with its scaling.
+
+    Example:
+        >>> model = C2SOptions(layers=4, hidden=64).untrained(load_arm("twin_arm"), jax.random.key(0))
+        >>> model.predict(jnp.zeros((3, 3)), memory=()).shape
+        (3, 6)
+    """
+
+    network: BiLSTM
+    configuration_scaling: Scaling
+    state_scaling: Scaling
+
+    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        return self.state_scaling.back(self.network(self.configuration_scaling.forward(configurations)))
+
+
+@dataclass(frozen=True)
+class C2SOptions(ForwardOptions):
+    """The biLSTM of the paper's C2S: layers, and hidden states of each direction (Chen et al. 2025, table II)."""
+
+    layers: int
+    hidden: int
+    model: str = field(default="bilstm", kw_only=True)
+
+    def __post_init__(self):
+        """Refuse what cannot be built."""
+        check_size(self)
+
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2S:
+        """Random weights and no scaling."""
+        return C2S(BiLSTM(3, 6, self.layers, self.hidden, key), Scaling.identity(3), Scaling.identity(6))
+
+    def train(self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet) -> Trained[C2S]:
+        """See `ForwardOptions`; each sample by itself."""
+        network_key, fit_key = jax.random.split(key)
+        split = forward_samples(data.sensed, data.states)
+        model = replace(
+            self.untrained(data.arm, network_key),
+            configuration_scaling=Scaling.of(split.training.inputs["configurations"]),
+            state_scaling=state_scaling(split.training.targets),
+        )
+        return train(model, _loss, _answer, split, fit, fit_key, progress)
+
+
+def _answer(model: C2S, batch: Batch) -> Array:
+    return model.predict(batch["configurations"], ())
+
+
+def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
+    return jnp.mean(((_answer(model, batch) - batch["targets"]) / model.state_scaling.half_range) ** 2)
+
+
+def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
+    """Positions about their centre by half their widest extent, axes as they are.
+
+    x, y and z have one scale [m], so that spheres stay spheres.
+    """
+    positions = states[..., :3].reshape(-1, 3)
+    centre = (positions.min(axis=0) + positions.max(axis=0)) / 2
+    half = [float(np.ptp(positions, axis=0).max() / 2)] * 3 + [1.0] * 3
+    return Scaling(jnp.array([*centre, 0.0, 0.0, 0.0], dtype=jnp.float32), jnp.array(half, dtype=jnp.float32))

@@ -1,0 +1,258 @@
+"""The forward model of the `best` recipe: cables with memory, modules at rest, arcs in a row, and what they leave out.
+
+From the wanted configuration to what the cables carry over (`Hysteresis`), from there to the bends at which modules
+come to rest (`bend_at_rest`), from bends to states along the chain of arcs. A small network adds what this leaves out:
+moments of gravity, bends and end points that arcs do not have.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.data import Samples, Split
+from s2c2a.data.windows import stretches
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.kinematics.chain import states_from_arcs
+from s2c2a.kinematics.statics import bend_at_rest
+from s2c2a.models.hysteresis import Hysteresis, HysteresisMemory, Operators
+from s2c2a.models.options import ForwardOptions
+from s2c2a.training import FitOptions, FromArm, Progress, Trained, TrainingData, quiet, train
+from s2c2a.training.fit import Batch
+from s2c2a.training.limits import check_limits
+
+BEND_UNIT = 0.5  # rad; inputs of the network are about one
+MOMENT_UNIT, BEND_CORRECTION_UNIT = 1.0, 0.2  # rad; an output of one
+END_CORRECTION_UNIT = 0.1  # of a module's length
+FIRST_STIFFNESS = 4.0  # kappa before training
+OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
+NO_WEIGHT = -7.0  # before a softplus
+LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
+AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
+MOST_CREEP = 0.5  # of a filter's weight before training
+
+
+class Body(FromArm):
+    """Lengths and cables.
+
+    Attributes:
+        lengths: of modules [m], shape (modules,).
+        matrices: B, shape (modules, cables, 2).
+        inverses: of B, shape (modules, 2, cables).
+    """
+
+    lengths: Float[Array, " modules"]
+    matrices: Float[Array, "modules cables 2"]
+    inverses: Float[Array, "modules 2 cables"]
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> "Body":
+        """The numbers of an arm."""
+        geometry = ArmGeometry.of(arm)
+        arrays = geometry.lengths, geometry.cable_matrices, geometry.bend_matrices
+        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
+
+    def displacements(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch modules cables"]:
+        """What sensed configurations say of the cables, over the cable radius [rad]."""
+        return jnp.einsum("mnk,...mk->...mn", self.matrices, bends_from_configurations(configurations))
+
+    def bends(self, displacements: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
+        """The other way."""
+        return jnp.einsum("mkn,...mn->...mk", self.inverses, displacements)
+
+
+class ChainC2S(ForwardModel):
+    """Hysteresis, statics, arcs and a network.
+
+    Attributes:
+        body: what follows from the arm.
+        hysteresis: of the cables.
+        log_stiffness: logarithm of kappa (`bend_at_rest`), shape (modules,).
+        tautness: tau, shape (modules,).
+        mixing: where there are no statics, what bends all modules' sensed bends stand for, shape
+            (2 modules, 2 modules).
+        network: what the rest leaves out.
+        statics: whether cables only pull.
+        engaged: whether slopes are those of taut cables that follow their motors.
+    """
+
+    body: Body
+    hysteresis: Hysteresis
+    log_stiffness: Float[Array, " modules"]
+    tautness: Float[Array, " modules"]
+    mixing: Float[Array, "bends bends"]
+    network: eqx.nn.MLP
+    statics: bool = eqx.field(static=True)
+    engaged: bool = eqx.field(static=True, default=False)
+
+    def for_planning(self) -> "ChainC2S":
+        """The same predictions with the slopes of taut cables that follow their motors."""
+        return replace(self, hysteresis=replace(self.hysteresis, engaged=True), engaged=True)
+
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
+        """See `ForwardModel`."""
+        return self.hysteresis.start(self.body.displacements(sensed))
+
+    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> HysteresisMemory:
+        """See `ForwardModel`."""
+        return self.hysteresis.advance(self.body.displacements(sensed), memory)
+
+    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        return self.states(self.hysteresis.inputs(self.body.displacements(configurations), memory))
+
+    def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
+        """States for what the hysteresis weighs (`Hysteresis.inputs`); training goes in here."""
+        carried = self.hysteresis.transmitted(inputs)
+        if self.statics:
+            still = jnp.zeros((*carried.shape[:-1], 2))
+            alone = self._at_rest(carried, still)
+            said = self._network(jnp.concatenate([alone, carried], axis=-1))
+            bends = self._at_rest(carried, MOMENT_UNIT * said[..., :2])
+        else:
+            own = self.body.bends(carried)
+            mixed = own.reshape(*own.shape[:-2], -1) @ self.mixing
+            bends = mixed.reshape(own.shape)
+            said = self._network(bends)
+        bends = bends + BEND_CORRECTION_UNIT * said[..., 2:4]
+        ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
+        return states_from_arcs(bends, self.body.lengths, ends)
+
+    def _at_rest(self, carried: Array, moments: Array) -> Array:
+        stiffness = jnp.exp(self.log_stiffness)
+        return bend_at_rest(carried, moments, self.body.matrices, stiffness, self.tautness, self.engaged)
+
+    def _network(self, features: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
+        flat = features.reshape(-1, features.shape[-2] * features.shape[-1]) / BEND_UNIT
+        return jax.vmap(self.network)(flat).reshape(*features.shape[:-1], OUTPUTS)
+
+
+@dataclass(frozen=True)
+class ChainOptions(ForwardOptions):
+    """What the forward model of the `best` recipe is made of.
+
+    Attributes:
+        hidden: units of each hidden layer of its network.
+        depth: number of hidden layers.
+        play_widths: half-widths of plays, in parts of the cable radius [rad]; none, and the model knows no play.
+        creep_times: time constants of filters [s].
+        statics: whether cables only pull and stretch, where the sensors are motors' encoders; else the network has to
+            find out.
+    """
+
+    hidden: int = 64
+    depth: int = 2
+    play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.019, 0.026, 0.033, 0.041, 0.052, 0.067)
+    creep_times: tuple[float, ...] = (1.0, 3.0, 10.0)
+    statics: bool = True
+    model: str = field(default="chain", kw_only=True)
+
+    def __post_init__(self):
+        """Refuse what cannot be built."""
+        check_limits(self, hidden=(1, 4096), depth=(1, 32), play_widths=(1e-6, 10), creep_times=(1e-6, 1e6))
+
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
+        """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
+        modules = arm.module_count
+        shares = [1.0 - np.exp(-arm.control_period / time) for time in self.creep_times]
+        operators = Operators(
+            *(jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, shares))
+        )
+        play_weights = jnp.full((modules, len(self.play_widths) + 2), NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
+        statics = self.statics and _is_felt_through_cables(arm)
+        return ChainC2S(
+            Body.of(arm),
+            Hysteresis(operators, play_weights, jnp.zeros((modules, len(shares)))),
+            jnp.full(modules, np.log(FIRST_STIFFNESS)),
+            jnp.zeros(modules),
+            jnp.eye(2 * modules),
+            self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key),
+            bool(statics),
+        )
+
+    def train(
+        self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[ChainC2S]:
+        """See `ForwardOptions`; on whole episodes, each from rest, since the model remembers.
+
+        Hysteresis is first fitted by linear least squares with weights that are not negative, then everything together.
+        """
+        network_key, fit_key = jax.random.split(key)
+        model = self.untrained(data.arm, network_key)
+        split = samples_along(model, data)
+        unit = LENGTH_UNIT * data.arm.length
+
+        def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
+            error = _answer(model, batch) - batch["targets"]
+            return jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+
+        return train(_with_fitted_hysteresis(model, split.training), loss, _answer, split, fit, fit_key, progress)
+
+    def _quiet_network(self, features: int, outputs: int, key: PRNGKeyArray) -> eqx.nn.MLP:
+        network = eqx.nn.MLP(features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key)
+        head = network.layers[-1]
+        quiet = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
+        return eqx.tree_at(lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, quiet)
+
+
+def _is_felt_through_cables(arm: ArmSpec) -> bool:
+    """Whether sensed configurations are displacements of pulling cables, module by module."""
+    return arm.actuation == "displacement" and arm.sensing == "encoders" and arm.sensing_coupling is None
+
+
+def _answer(model: ChainC2S, batch: Batch) -> Array:
+    return model.states(batch["inputs"])
+
+
+def samples_along(model: ChainC2S, data: TrainingData) -> Split:
+    """What the hysteresis weighs at every moment of every episode, its memory carried along."""
+
+    @jax.jit
+    def along(configurations: Float[Array, "samples episodes modules 3"]) -> Array:
+        def step(memory, now):
+            return model.observe(now, memory), model.hysteresis.inputs(model.body.displacements(now), memory)
+
+        return jax.lax.scan(step, model.start(configurations[0]), configurations)[1]
+
+    inputs = np.moveaxis(np.asarray(along(jnp.asarray(np.moveaxis(data.sensed, 1, 0), dtype=jnp.float32))), 0, 1)
+    parts = stretches(data.sensed.shape[1])
+    return Split(*(Samples({"inputs": _merge(inputs[:, part])}, _merge(data.states[:, part])) for part in parts))
+
+
+def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
+    """Weights with which each module's inputs, and the other modules' bends, best tell its true bend.
+
+    Only what moves with the motor or stays may weigh in plays; filters may weigh either way. With statics the weights
+    sum up to one, since there the stiffness says how much of a displacement becomes a bend.
+    """
+    true = np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(samples.targets))))
+    inputs = np.einsum("mkn,smjn->msjk", np.asarray(model.body.inverses), samples.inputs["inputs"])
+    plays = model.hysteresis.play_weights.shape[1]
+    fitted = np.array([_fitted(inputs, true, module, plays) for module in range(len(inputs))])
+    if model.statics:
+        fitted /= np.maximum(fitted.sum(axis=1, keepdims=True), 1e-3)
+    positive = np.maximum(fitted[:, :plays], np.log1p(np.exp(NO_WEIGHT)))
+    raw = jnp.asarray(np.log(np.expm1(positive)), dtype=jnp.float32)
+    creep = jnp.asarray(fitted[:, plays:], dtype=jnp.float32)
+    return eqx.tree_at(lambda m: (m.hysteresis.play_weights, m.hysteresis.creep_weights), model, (raw, creep))
+
+
+def _fitted(inputs: np.ndarray, true: np.ndarray, module: int, plays: int) -> np.ndarray:
+    """Weights of one module's inputs."""
+    from scipy.optimize import lsq_linear  # noqa: PLC0415 (a third of a second that few starts need)
+
+    own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
+    others = [inputs[other, :, 0] for other in range(len(inputs)) if other != module]
+    columns = np.concatenate([own, *(bend[..., None] for bend in others)], axis=-1).reshape(2 * len(own), -1)
+    count = own.shape[-1]
+    low = np.full(columns.shape[1], -np.inf)
+    low[:plays], low[plays:count] = 0.0, -MOST_CREEP
+    return lsq_linear(columns.astype(float), true[:, module].reshape(-1).astype(float), (low, np.inf)).x[:count]
+
+
+def _merge(values: np.ndarray) -> np.ndarray:
+    return values.reshape(-1, *values.shape[2:]).astype(np.float32)

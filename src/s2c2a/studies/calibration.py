@@ -1,0 +1,145 @@
+"""Calibrating the twin: what the paper says of its arm, and arms that behave like that (docs/protocol.md)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.optimize import minimize
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions, Recording
+from s2c2a.errors import ArmError, SimulationError
+from s2c2a.evaluation import position_errors, rollout
+from s2c2a.evaluation.metrics import angles_deg
+from s2c2a.jobs import Cache, RecordingArtifact, made
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.sensing import estimator_for
+from s2c2a.strategies import pcc_strategy, recipe_named, train_s2c2a
+from s2c2a.tasks import task_named
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that the paper says of its arm, and how near a twin must come."""
+
+    quantity: str
+    paper: float
+    tolerance: float
+    unit: str
+
+    def holds(self, value: float) -> bool:
+        """Whether a value is near enough."""
+        return abs(value / self.paper - 1.0) <= self.tolerance
+
+
+ESTIMATION = tuple(
+    Claim(f"estimation error {name}, mean", angle, 0.25, "deg")
+    for name, angle in zip(("I", "II", "III"), (2.6, 5.1, 8.9), strict=True)
+)
+WORKSPACE = tuple(
+    Claim(f"workspace {axis}", extent, 0.15, "m") for axis, extent in zip("xyz", (0.92, 0.92, 0.39), strict=True)
+)
+PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
+C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
+LARGEST = {"I": 8.8, "II": 19.6, "III": 36.3}
+"""Largest estimation errors of the paper [deg]: reported, not tuned."""
+
+
+def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict[str, float]:
+    """Quantities of the claims above, and the largest estimation errors, from a fresh staged recording."""
+    with TemporaryDirectory() as folder:
+        recording = made(RecordingArtifact(arm, CollectOptions(seed=seed)), Cache(Path(folder)))
+    values = _of_recording(recording)
+    if with_pcc:
+        values[PCC_CIRCLE.quantity] = _pcc_on_circle(arm, seed)
+    if with_network:
+        networks = train_s2c2a(recording, recipe_named("paper"), seed)
+        values[C2S_ERROR.quantity] = networks.percent["C2S"][0]
+    return values
+
+
+def mean_measured(arm: ArmSpec, seeds: Sequence[int], with_network: bool) -> dict[str, float]:
+    """Means over seeds of what `measure` says, as far as claims ask for it."""
+    twin = PCC_CIRCLE in claims_for(arm)
+    measured = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
+    return {name: sum(values[name] for values in measured) / len(measured) for name in measured[0]}
+
+
+def _of_recording(recording: Recording) -> dict[str, float]:
+    angles = estimation_errors_deg(recording)
+    extents = np.ptp(recording.sensor("states")[..., -1, :3].reshape(-1, 3), axis=0)
+    values = {claim.quantity: float(mean) for claim, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
+    values |= {claim.quantity: float(extent) for claim, extent in zip(WORKSPACE, extents, strict=True)}
+    return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
+
+
+def estimation_errors_deg(recording: Recording) -> np.ndarray:
+    """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
+    sensed = estimator_for(recording.arm).sensed(recording.readings())
+    return angles_deg(recording.sensor("configurations"), sensed)
+
+
+def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:
+    strategy = pcc_strategy(arm, recipe_named("paper").planner)
+    task = task_named("circle", arm)
+    run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
+    return float(position_errors(run.after("states"), task.wanted_positions()).mean())
+
+
+def check_comparable(arm: ArmSpec) -> None:
+    """Raise ArmError where the paper's arm has nothing to be compared with."""
+    if arm.module_count != len(ESTIMATION) or arm.sensing != "encoders":
+        raise ArmError(
+            f"{arm.name} has {arm.module_count} modules and senses by '{arm.sensing}'; the paper's arm has "
+            f"{len(ESTIMATION)} and encoders, so only such an arm can be calibrated to it"
+        )
+
+
+def claims_for(arm: ArmSpec) -> tuple[Claim, ...]:
+    """Which claims hold an arm to the paper: the siblings of the twin are not held to those of NN_C2S and pcc."""
+    shared = ESTIMATION + WORKSPACE
+    return (*shared, PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else shared
+
+
+def search(arm: ArmSpec, seed: int, evaluations: int, told: Callable[[int, float], None] = lambda *_: None) -> ArmSpec:
+    """Move stiffnesses and hysteresis until the cheap claims hold as well as they can (Nelder-Mead on logarithms).
+
+    Only what is not zero is moved, so the kind of hysteresis stays.
+    """
+    claims = [claim for claim in claims_for(arm) if claim is not C2S_ERROR]
+    count = 0
+
+    def misfit(logarithms: np.ndarray) -> float:
+        nonlocal count
+        count += 1
+        try:
+            values = measure(_with_factors(arm, np.exp(logarithms)), seed, PCC_CIRCLE in claims, with_network=False)
+        except (ValidationError, ArmError, SimulationError):  # no such arm, or none that stands
+            return np.inf
+        total = sum(((values[claim.quantity] / claim.paper - 1) / claim.tolerance) ** 2 for claim in claims)
+        told(count, total)
+        return total
+
+    start = np.zeros(1 + 2 * arm.module_count)
+    simplex = np.vstack([start, start + 0.15 * np.eye(len(start))])
+    found = minimize(misfit, start, method="Nelder-Mead", options={"maxfev": evaluations, "initial_simplex": simplex})
+    return _with_factors(arm, np.exp(found.x))
+
+
+def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
+    """Bending stiffness of all modules, cable stiffness of each, hysteresis of each, times a factor; three digits."""
+    bending, cables, hysteresis = factors[0], *np.split(factors[1:], 2)
+    description = arm.model_dump()
+    for module, softer, more in zip(description["modules"], cables, hysteresis, strict=True):
+        module["bending_stiffness"] = _digits(module["bending_stiffness"] * bending)
+        cable = module["cable"]
+        cable["stiffness"] = _digits(cable["stiffness"] * softer)
+        cable |= {kind: _digits(cable[kind] * more) for kind in ("play", "friction", "creep")}
+    return ArmSpec.model_validate(description)
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.3g}")

@@ -1,0 +1,127 @@
+"""The container of what an arm did: what it refuses, and what its columns mean."""
+
+import numpy as np
+import pytest
+
+from s2c2a.episodes import Episode
+from s2c2a.episodes.episode import stacked
+from s2c2a.errors import RecordingError
+from s2c2a.spaces import Stage
+
+STEPS = 6
+TIME = 0.1 * np.arange(STEPS)
+
+
+@pytest.fixture
+def made(twin):
+    """Makes an episode of a few steps; `changes` are columns, None leaves one out."""
+
+    def make(options=None, **changes):
+        columns = {"time": TIME, "actions": np.zeros((STEPS, 3, 3)), "sensor.cables": np.ones((STEPS, 3, 3))}
+        columns |= {name.replace("__", "."): values for name, values in changes.items()}
+        return Episode(twin, {name: values for name, values in columns.items() if values is not None}, options or {})
+
+    return make
+
+
+def test_an_episode_tells_its_length_its_sensors_and_its_columns(made):
+    episode = made(sensor__states=np.zeros((STEPS, 3, 6)))
+    assert len(episode) == STEPS
+    assert episode.sensors == ["cables", "states"]
+    np.testing.assert_array_equal(episode.sensor("cables"), 1.0)
+    assert episode.get("planned") is None
+
+
+def test_what_is_not_there_is_told_with_what_is(made):
+    with pytest.raises(RecordingError, match=r"no 'sensor.flex'; it has time, actions, sensor.cables"):
+        made().sensor("flex")
+
+
+REFUSED = {
+    "no time": ({"time": None}, "needs time; it has actions"),
+    "no actions": ({"actions": None}, "needs actions"),
+    "columns of different lengths": ({"planned": np.zeros((STEPS - 1, 3, 3))}, "as many steps"),
+    "actions of another arm": (
+        {"actions": np.zeros((STEPS, 3, 4))},
+        r"'actions' is of shape \(3, 4\) a step.*\(3, 3\)",
+    ),
+    "states without axes": ({"sensor__states": np.zeros((STEPS, 3, 3))}, r"'sensor.states' is of shape \(3, 3\)"),
+    "flat configurations": ({"sensor__configurations": np.zeros((STEPS, 9))}, "'sensor.configurations'"),
+    "a sensed column of another shape": ({"sensed": np.zeros((STEPS, 3))}, "'sensed'"),
+    "a plan of another shape": ({"planned": np.zeros((STEPS, 2, 3))}, "'planned'"),
+    "an expectation of another shape": ({"expected": np.zeros((STEPS, 3, 3))}, "'expected'"),
+    "targets of another shape": ({"wanted_positions": np.zeros((STEPS, 3))}, "'wanted_positions'"),
+    "stages that are no numbers": ({"stage": np.zeros((STEPS, 2))}, "'stage'"),
+    "actions that are not finite": (
+        {"actions": np.full((STEPS, 3, 3), np.nan)},
+        "'actions' holds numbers that are not",
+    ),
+    "a time that is not finite": (
+        {"time": np.array([0, 1, 2, np.inf, 4, 5])},
+        "'time' holds numbers that are not finite",
+    ),
+    "a time that stands": ({"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4])}, "must rise"),
+    "words": ({"note": np.array(["a"] * STEPS)}, "not numbers for every step"),
+    "objects": ({"note": np.array([None] * STEPS)}, "not numbers for every step"),
+    "complex numbers": ({"note": np.zeros(STEPS, complex)}, "not numbers for every step"),
+    "more digits than a file keeps": ({"note": np.zeros(STEPS, np.longdouble)}, "not numbers for every step"),
+    "one number for all": ({"note": np.float64(3)}, "not numbers for every step"),
+    "ragged rows": ({"note": [[1.0], [1.0, 2.0]] * 3}, "not numbers for every step"),
+}
+
+
+@pytest.mark.parametrize(("changes", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_is_no_episode_is_refused_in_words(made, changes, said):
+    with pytest.raises(RecordingError, match=said):
+        made(**changes)
+
+
+def test_hundreds_of_columns_are_refused(made):
+    with pytest.raises(RecordingError, match="at most 256"):
+        made(**{f"column{number}": TIME for number in range(300)})
+
+
+def test_sensors_of_a_bodys_own_may_have_any_shape_and_hold_nan(made):
+    episode = made(sensor__flex=np.full((STEPS, 2, 5, 7), np.nan), sensor__warmth=TIME)
+    assert episode.sensor("flex").shape == (STEPS, 2, 5, 7)
+
+
+def test_columns_cannot_be_changed_and_the_callers_own_can(made):
+    mine = np.zeros((STEPS, 3, 3))
+    episode = made(planned=mine)
+    with pytest.raises(ValueError, match="read-only"):
+        episode["planned"][0] = 1.0
+    mine[0] = 1.0
+
+
+STAGES = np.array([Stage.START, Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RELEASE, Stage.IDLE], np.int8)
+
+
+def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_one_step_later(made):
+    states = np.zeros((STEPS, 3, 6))
+    states[:, 0, 0] = np.arange(STEPS)
+    episode = made(stage=STAGES, sensor__states=states)
+    np.testing.assert_array_equal(episode.running, [1, 2, 3])
+    np.testing.assert_array_equal(episode.after("states")[:, 0, 0], [2, 3, 4])
+    np.testing.assert_allclose(episode.times(), [0.2, 0.3, 0.4])
+    np.testing.assert_allclose(episode.ran("time"), [0.1, 0.2, 0.3])
+
+
+def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_after_it(made):
+    episode = made()
+    assert len(episode.running) == STEPS
+    with pytest.raises(RecordingError, match="nothing was read after the last action"):
+        episode.after("cables")
+
+
+def test_more_can_be_said_of_how_it_came_about_and_the_first_one_stays_as_it_was(made):
+    first = made({"seed": 1})
+    second = first.with_options(task="circle", seed=2)
+    assert (first.options, second.options) == ({"seed": 1}, {"seed": 2, "task": "circle"})
+
+
+def test_episodes_of_one_length_are_stacked_and_others_refused(made, twin):
+    short = Episode(twin, {"time": TIME[:3], "actions": np.zeros((3, 3, 3))})
+    assert stacked([made(), made()], "actions").shape == (2, STEPS, 3, 3)
+    with pytest.raises(RecordingError, match="'time' has shapes"):
+        stacked([made(), short], "time")

@@ -1,0 +1,343 @@
+"""Files of episodes: back bit for bit, whole whatever is cut off, and refused where one byte is not as it was."""
+
+import errno
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from s2c2a.episodes import Episode, EpisodeWriter, blocks, load_episodes, save_episodes
+from s2c2a.episodes import file as episode_file
+from s2c2a.errors import DamagedRecordingError, RecordingError
+
+STEPS = 4
+OPTIONS = {"task": "circle", "seed": 3, "speeds": [0.03, 0.22], "body": None, "nested": {"a": [1, "zwei"]}}
+
+
+def random_episode(arm, seed=0, steps=STEPS):
+    """Numbers of the right shapes."""
+    random, cables = np.random.default_rng(seed), (steps, arm.module_count, arm.cable_count)
+    columns = {
+        "time": np.cumsum(random.uniform(0.1, 0.2, steps)),
+        "actions": random.normal(size=cables),
+        "sensor.cables": random.normal(size=cables),
+        "sensor.flex": random.normal(size=(steps, 2)).astype(np.float32),
+        "stage": random.integers(0, 6, steps).astype(np.int8),
+    }
+    return Episode(arm, columns, {"number": seed})
+
+
+def assert_same(one, other):
+    """Two episodes agree in every bit, and in what is said of them."""
+    assert (one.arm, one.options) == (other.arm, other.options)
+    assert set(one.columns) == set(other.columns)
+    for name, values in one.columns.items():
+        assert values.dtype == other[name].dtype
+        assert values.shape == other[name].shape
+        assert values.tobytes() == other[name].tobytes()
+
+
+@pytest.fixture
+def three(twin):
+    """Three episodes."""
+    return [random_episode(twin, seed) for seed in range(3)]
+
+
+@pytest.fixture
+def grown(twin, tmp_path, three):
+    """Where a file lies that grew to three episodes."""
+    path = tmp_path / "grown.episodes"
+    writer = EpisodeWriter.create(path, twin, OPTIONS)
+    for episode in three:
+        writer.append(episode)
+    writer.close()
+    return path
+
+
+def test_what_was_written_is_read_back_bit_for_bit(tmp_path, three):
+    save_episodes(three, tmp_path / "three.episodes", OPTIONS)
+    found, options = load_episodes(tmp_path / "three.episodes")
+    assert options == OPTIONS
+    for one, other in zip(found, three, strict=True):
+        assert_same(one, other)
+
+
+def test_a_file_that_grew_holds_the_same(grown, three):
+    found, options = load_episodes(grown)
+    assert options == OPTIONS
+    for one, other in zip(found, three, strict=True):
+        assert_same(one, other)
+
+
+KINDS = ["f8", "f4", "f2", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?", ">f8", ">i4"]
+NUMBERS = st.sampled_from(KINDS).flatmap(lambda kind: hnp.arrays(np.dtype(kind), (STEPS, 3)))
+
+
+@settings(deadline=None, max_examples=40, suppress_health_check=list(HealthCheck))
+@given(NUMBERS)
+def test_numbers_of_every_kind_come_back_as_they_were(twin, tmp_path, values):
+    """NaN, infinities, tiny ones, the largest integers; from machines of either byte order."""
+    columns = {"time": np.arange(STEPS) * 0.1, "actions": np.zeros((STEPS, 3, 3)), "sensor.own": values}
+    save_episodes([Episode(twin, columns)], tmp_path / "one.episodes")
+    found = load_episodes(tmp_path / "one.episodes")[0][0].sensor("own")
+    assert found.dtype == values.dtype.newbyteorder("=")
+    assert found.tobytes() == values.astype(found.dtype).tobytes()
+
+
+def test_columns_that_are_views_of_others_are_written_as_they_look(twin, tmp_path):
+    grid = np.arange(2.0 * STEPS * 9).reshape(9, STEPS * 2)
+    columns = {
+        "time": np.arange(STEPS) * 0.1,
+        "actions": grid[:, ::2].T.reshape(STEPS, 3, 3),
+        "sensor.own": grid.T[::-2],
+    }
+    episode = Episode(twin, columns)
+    save_episodes([episode], tmp_path / "one.episodes")
+    np.testing.assert_array_equal(load_episodes(tmp_path / "one.episodes")[0][0].sensor("own"), grid.T[::-2])
+
+
+def test_an_episode_of_any_length_even_none_comes_back(twin, tmp_path):
+    for steps in (0, 1, 500):
+        save_episodes([random_episode(twin, steps=steps)], tmp_path / "one.episodes")
+        assert len(load_episodes(tmp_path / "one.episodes")[0][0]) == steps
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), {"deep": [float("-inf")]}])
+def test_options_that_are_no_finite_numbers_are_refused_before_anything_is_written(twin, tmp_path, value):
+    episode = random_episode(twin).with_options(value=value)
+    with pytest.raises(RecordingError, match=r"options .* cannot be kept"):
+        save_episodes([episode], tmp_path / "one.episodes")
+    with pytest.raises(RecordingError, match=r"options .* cannot be kept"):
+        EpisodeWriter.create(tmp_path / "one.episodes", twin, {"value": value})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_episode_and_episodes_of_different_arms_are_refused(twin, simulated, tmp_path):
+    for episodes in ([], [random_episode(twin), random_episode(simulated)]):
+        with pytest.raises(RecordingError, match="at least one, all of the same arm"):
+            save_episodes(episodes, tmp_path / "one.episodes")
+
+
+def test_an_episode_of_another_arm_is_not_added(grown, simulated):
+    before = grown.read_bytes()
+    writer = EpisodeWriter(grown)
+    with pytest.raises(RecordingError, match=r"'simulated_arm' does not belong"):
+        writer.append(random_episode(simulated))
+    writer.close()
+    assert grown.read_bytes() == before
+
+
+def last_block(path):
+    """Where the last block begins."""
+    return path.read_bytes().rindex(blocks.WORD)
+
+
+def test_cut_off_at_any_byte_of_the_last_episode_a_file_is_gone_on_with(grown, three):
+    whole = grown.read_bytes()
+    for end in range(last_block(grown), len(whole)):
+        grown.write_bytes(whole[:end])
+        assert len(load_episodes(grown)[0]) == 2
+        writer = EpisodeWriter(grown)
+        assert writer.count == 2
+        writer.append(three[2])
+        writer.close()
+        assert grown.read_bytes() == whole
+
+
+def test_cut_off_in_its_beginning_a_file_is_refused(grown):
+    whole = grown.read_bytes()
+    beginning = whole.index(blocks.WORD, 1)
+    for end in range(beginning):
+        grown.write_bytes(whole[:end])
+        for read in (load_episodes, EpisodeWriter):
+            with pytest.raises(DamagedRecordingError):
+                read(grown)
+    grown.write_bytes(whole[:beginning])
+    with pytest.raises(RecordingError, match="holds no whole episode yet"):
+        load_episodes(grown)
+
+
+def test_a_file_that_is_whole_from_the_beginning_is_refused_when_it_is_cut_off(tmp_path, three):
+    path = save_episodes(three, tmp_path / "three.episodes")
+    whole = path.read_bytes()
+    for end in (last_block(path), last_block(path) + 5, len(whole) - 1):
+        path.write_bytes(whole[:end])
+        with pytest.raises(DamagedRecordingError, match="2 of 3 episodes are there"):
+            load_episodes(path)
+
+
+def flips(path):
+    """A few hundred places of a file: all of its beginning and of the beginnings of its blocks, and some between."""
+    whole = path.read_bytes()
+    starts = [at for at in range(len(whole)) if whole.startswith(blocks.WORD, at)]
+    places = set(range(starts[1])) | {at + byte for at in starts for byte in range(blocks.START + 16)}
+    places |= set(np.random.default_rng(0).integers(0, len(whole), 200).tolist()) | set(
+        range(len(whole) - 20, len(whole))
+    )
+    return sorted(place for place in places if place < len(whole))
+
+
+@pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
+def test_one_byte_that_is_not_as_it_was_is_told_wherever_it_is(grown, mask):
+    whole = grown.read_bytes()
+    for place in flips(grown):
+        grown.write_bytes(whole[:place] + bytes([whole[place] ^ mask]) + whole[place + 1 :])
+        with pytest.raises(DamagedRecordingError):
+            load_episodes(grown)
+
+
+def test_episodes_that_were_moved_doubled_or_taken_out_are_told(grown):
+    whole, word = grown.read_bytes(), blocks.WORD
+    starts = [at for at in range(len(whole)) if whole.startswith(word, at)] + [len(whole)]
+    head, *episodes = [whole[begin:end] for begin, end in pairwise(starts)]
+    for order in ([1, 0, 2], [0, 0, 1, 2], [1, 2], [0, 2]):
+        grown.write_bytes(head + b"".join(episodes[place] for place in order))
+        with pytest.raises(DamagedRecordingError):
+            load_episodes(grown)
+
+
+def test_a_writer_refuses_what_is_damaged_before_the_last_episode_and_leaves_it_alone(grown):
+    whole, last = grown.read_bytes(), last_block(grown)
+    for place in [place for place in flips(grown) if place < last]:
+        damaged = whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]
+        grown.write_bytes(damaged)
+        with pytest.raises(DamagedRecordingError):
+            EpisodeWriter(grown)
+        assert grown.read_bytes() == damaged
+
+
+def test_after_a_power_failure_a_last_episode_of_zeros_is_passed_over(grown, three):
+    """The length had been written, the content had not."""
+    whole, last = grown.read_bytes(), last_block(grown)
+    content = last + blocks.START
+    grown.write_bytes(whole[:content] + bytes(len(whole) - content))
+    with pytest.raises(DamagedRecordingError):
+        load_episodes(grown)
+    writer = EpisodeWriter(grown)
+    writer.append(three[2])
+    writer.close()
+    assert grown.read_bytes() == whole
+
+
+@pytest.mark.parametrize("more", [b"\0", b"S", b"S2C2", b"more and more", bytes(1000)])
+def test_what_was_put_behind_the_last_episode_is_no_episode(tmp_path, three, more):
+    path = save_episodes(three, tmp_path / "three.episodes")
+    path.write_bytes(path.read_bytes() + more)
+    try:
+        assert len(load_episodes(path)[0]) == 3
+    except DamagedRecordingError:
+        return
+    assert blocks.WORD.startswith(more)
+
+
+def test_two_writers_are_one_too_many(grown, twin):
+    writer = EpisodeWriter(grown)
+    with pytest.raises(RecordingError, match="in use by another process"):
+        EpisodeWriter(grown)
+    with pytest.raises(RecordingError, match="in use by another process"):
+        EpisodeWriter.create(grown, twin, {})
+    writer.close()
+    writer.close()
+    EpisodeWriter(grown).close()
+
+
+def test_each_episode_is_in_the_file_as_soon_as_it_is_added(twin, tmp_path, three):
+    writer = EpisodeWriter.create(tmp_path / "growing.episodes", twin, {})
+    for count, episode in enumerate(three, 1):
+        writer.append(episode)
+        assert len(load_episodes(tmp_path / "growing.episodes")[0]) == writer.count == count
+    writer.close()
+
+
+def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(grown, three, monkeypatch):
+    whole, write = grown.read_bytes(), episode_file.write_block
+
+    def full(file, content, before):
+        file.write(b"S2C2A\n half of it")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    writer = EpisodeWriter(grown)
+    monkeypatch.setattr(episode_file, "write_block", full)
+    with pytest.raises(RecordingError, match="3 whole ones are kept: make room"):
+        writer.append(three[0])
+    assert grown.read_bytes() == whole
+    monkeypatch.setattr(episode_file, "write_block", write)
+    writer.append(three[0])
+    writer.close()
+    assert len(load_episodes(grown)[0]) == 4
+
+
+def test_a_file_of_version_0_1_is_told_in_one_sentence(tmp_path):
+    (tmp_path / "old.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
+    with pytest.raises(DamagedRecordingError, match=r"written by version 0\.1; collect it again with `s2c2a collect`"):
+        load_episodes(tmp_path / "old.h5")
+
+
+@pytest.mark.parametrize("content", [b"", b"S2C2A", b"name = 'arm'", bytes(5000), b"PK\x03\x04"])
+def test_a_file_of_another_kind_is_refused(tmp_path, content):
+    (tmp_path / "other").write_bytes(content)
+    with pytest.raises(DamagedRecordingError, match="no file of episodes"):
+        load_episodes(tmp_path / "other")
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    for path in (tmp_path / "nothing.episodes", tmp_path):
+        with pytest.raises(RecordingError, match="no recording at"):
+            load_episodes(path)
+
+
+def written(path, *contents):
+    """A file of blocks of some contents, each sound in itself."""
+    with open(path, "wb") as file:
+        before = b""
+        for content in contents:
+            before = blocks.write_block(file, content, before)
+
+
+HEADS = {
+    "no JSON": b"\xff\xfe",
+    "another schema": json.dumps({"schema": 99, "arm": "", "options": {}, "count": None}).encode(),
+    "no arm": json.dumps({"schema": 2, "options": {}, "count": None}).encode(),
+    "an arm that is none": json.dumps({"schema": 2, "arm": "name = ", "options": {}, "count": None}).encode(),
+    "a list": b"[]",
+    "deep": b"[" * 100_000,
+}
+
+
+@pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
+def test_a_beginning_that_says_nonsense_is_refused_though_its_checksum_is_right(tmp_path, head):
+    written(tmp_path / "odd.episodes", head)
+    with pytest.raises(DamagedRecordingError):
+        load_episodes(tmp_path / "odd.episodes")
+
+
+def packed(header, data=b""):
+    """Content in the safetensors format, by hand."""
+    words = json.dumps(header).encode()
+    return len(words).to_bytes(8, "little") + words + data
+
+
+def tensor(shape, end, kind="F64"):
+    return {"dtype": kind, "shape": shape, "data_offsets": [0, end]}
+
+
+EPISODES = {
+    "nothing": b"",
+    "no safetensors": b"\xff" * 40,
+    "no options": packed({"time": tensor([0], 0)}),
+    "options that are no JSON": packed({"__metadata__": {"options": "{"}}),
+    "no columns": packed({"__metadata__": {"options": "{}"}}),
+    "more numbers than there are": packed({"__metadata__": {"options": "{}"}, "time": tensor([10**12], 8 * 10**12)}),
+    "numbers of an unknown kind": packed({"__metadata__": {"options": "{}"}, "time": tensor([1], 2, "BF16")}, bytes(2)),
+}
+
+
+@pytest.mark.parametrize("content", EPISODES.values(), ids=EPISODES)
+def test_an_episode_that_is_none_is_refused_though_its_checksum_is_right(twin, tmp_path, content):
+    written(tmp_path / "odd.episodes", episode_file._head(twin, {}, None), content)
+    with pytest.raises(DamagedRecordingError):
+        load_episodes(tmp_path / "odd.episodes")

@@ -1,0 +1,140 @@
+"""A body and a sensor of the user's own, from files that the package knows nothing of, through the command line."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmSpec, save_arm
+from s2c2a.cli.bodies import body_for
+from s2c2a.cli.main import main
+from s2c2a.data import load_recording
+from s2c2a.live.building import arm_control
+from s2c2a.robots import check_robot
+from s2c2a.robots.making import robot_class
+from s2c2a.sensing import estimator_for
+from s2c2a.spaces import Stage
+from s2c2a.strategies import load_strategy, save_recipe
+
+FOLDER = Path(__file__).parents[2] / "examples" / "extending"
+ROBOT, SENSOR = FOLDER / "own_robot.py", FOLDER / "own_sensor.py"
+
+
+@pytest.fixture(scope="module")
+def recipe(tiny_recipe, tmp_path_factory):
+    """A recipe of tiny networks, in a file."""
+    return str(save_recipe(tiny_recipe, tmp_path_factory.mktemp("recipe") / "tiny.toml"))
+
+
+def arm_file(arm, folder, **changes):
+    """The arm in a file, changed."""
+    path = folder / "arm.toml"
+    save_arm(arm.model_copy(update={"name": "own_arm", **changes}), path)
+    return path
+
+
+@pytest.mark.parametrize("file", [ROBOT, SENSOR])
+def test_it_is_one_file_of_sixty_lines(file):
+    assert len(file.read_text().splitlines()) <= 60
+
+
+@pytest.fixture(scope="module")
+def trained(twin, recipe, tmp_path_factory):
+    """A robot of one's own checked, collected from and trained, in wall time at 50 Hz: its arm file and networks."""
+    folder = tmp_path_factory.mktemp("own_robot")
+    arm = arm_file(twin, folder, control_rate=50.0)
+    robot = ["--robot", f"{ROBOT}:LaggingArm", "--arm", str(arm)]
+    recording, weights = folder / "own.episodes", folder / "own.safetensors"
+    main(["collect", *robot, "--out", str(recording), "--episodes", "3", "--samples", "80", "--recipe", recipe])
+    main(["train", str(recording), "--out", str(weights), "--recipe", recipe])
+    return arm, recording, weights
+
+
+def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
+    arm = arm_file(twin, tmp_path, control_rate=20.0)
+    main(["robot", "check", "--robot", f"{ROBOT}:LaggingArm", "--arm", str(arm), "--robot-option", "lag=0.02"])
+    said = capsys.readouterr().out
+    assert "ok: it says cables, states, as declared" in said
+    assert "own_robot.py:LaggingArm lag=0.02 keeps its promises" in said
+
+
+def test_a_robot_of_ones_own_is_collected_from_in_its_own_time(trained):
+    _, recording, _ = trained
+    found = load_recording(recording)
+    assert set(found.sensors) == {"cables", "states"}
+    assert found.actions.shape == (3, 80, 3, 3)
+    assert "LaggingArm" in found.options["body"]
+    assert np.median(np.diff(found.time, axis=1)) == pytest.approx(0.02, rel=0.2)
+
+
+def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
+    """A second on the spot and a little to the side."""
+    arm, _, _ = trained
+    (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
+    way = [str(tmp_path / "aside.csv"), "--arm", str(arm), "--robot", f"{ROBOT}:LaggingArm", "--strategy", "pcc"]
+    main(["run", *way, "--out", str(tmp_path / "run")])
+    (row,) = [one for one in json.loads((tmp_path / "run" / "results.json").read_text()) if one["metric"] == "position"]
+    assert (row["arm"], row["strategy"]) == ("own_arm", "pcc")
+    assert 0 < row["mean"] < 3
+
+
+def test_a_robot_of_ones_own_is_driven_live(trained):
+    _, _, weights = trained
+    spec = load_strategy(weights).arm
+    control = arm_control(spec, (str(weights),), body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), "tip", 0, 10.0)
+    assert control.strategies[0] == "s2c2a · own"
+    control.start()
+    control.ask(driven=True, target=(0.05, 0.0, 0.59))
+    end = time.monotonic() + 20.0
+    while (control.latest.stage is not Stage.RUN or control.latest.step.number < 60) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert control.latest.stage is Stage.RUN
+    control.stop()
+    assert control.latest.stage is Stage.IDLE
+    np.testing.assert_allclose(control.latest.step.action, 0.0, atol=1e-9)
+
+
+def test_a_mistaken_option_of_ones_own_robot_is_told_in_one_line(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["robot", "check", "--robot", f"{ROBOT}:LaggingArm", "--robot-option", "lag=long"])
+    assert caught.value.code == 2
+    assert "option lag=long of LaggingArm" in capsys.readouterr().err
+
+
+def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(twin, recipe, tmp_path, capsys):
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    robot, recording = ["--robot", f"{SENSOR}:FlexArm", "--arm", arm], str(tmp_path / "flex.episodes")
+    main(["robot", "check", *robot])
+    assert "ok: it says cables, states, configurations, flex, as declared" in capsys.readouterr().out
+    few = ["--episodes", "3", "--samples", "60", "--recipe", recipe]
+    main(["collect", *robot, "--out", recording, *few])
+    assert load_recording(recording).sensor("flex").shape == (3, 60, 3, 2)
+    weights = tmp_path / "flex.safetensors"
+    main(["train", recording, "--out", str(weights), "--recipe", recipe])
+    (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
+    way = [str(tmp_path / "aside.csv"), *robot, "--strategy", "s2c2a", "--weights", str(weights)]
+    main(["run", *way, "--out", str(tmp_path / "run")])
+    rows = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert np.isfinite(rows[0]["mean"])
+
+
+def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(twin, tmp_path, capsys):
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    with pytest.raises(SystemExit):
+        main(["run", "hold-end", "--arm", arm, "--strategy", "pcc", "--out", str(tmp_path / "run")])
+    assert "s2c2a:" in capsys.readouterr().err
+
+
+def test_flex_strips_say_how_modules_bend(twin):
+
+    robot = robot_class(f"{SENSOR}:FlexArm")(twin)
+    arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexEstimator"})
+    check_robot(robot)
+    with robot:
+        for _ in range(15):
+            robot.step(np.tile([[-0.008, 0.004, 0.004]], (3, 1)))
+        reading = robot.read()
+    sensed = np.asarray(estimator_for(arm)(reading.sensors))
+    np.testing.assert_allclose(sensed, reading["configurations"], atol=0.03)

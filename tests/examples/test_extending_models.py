@@ -1,0 +1,96 @@
+"""A forward model in a file of one's own goes from data to a run through the command line, and nothing else changes."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from s2c2a.cli.main import main
+from s2c2a.errors import StrategyError
+from s2c2a.models.registry import model_named
+from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_recipe
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
+MODEL = f"{EXAMPLE}:ArcsOptions"
+FIT = {"learning_rate": 1e-2, "most_epochs": 4, "epochs_per_call": 4}
+PLANNER = {"learning_rate": 0.02, "iterations": 3}
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory) -> Path:
+    """A recipe with the model of the example, small and quick."""
+    c2s, c2a = {"model": MODEL, "hidden": 4}, {"layers": 1, "hidden": 4}
+    table = {"c2s": c2s, "c2a": c2a, "c2s_fit": FIT, "c2a_fit": FIT, "planner": PLANNER}
+    path = tmp_path_factory.mktemp("own") / "own.toml"
+    path.write_text(tomli_w.dumps(table))
+    return path
+
+
+@pytest.fixture(scope="module")
+def strategy(recipe) -> Path:
+    """Collected and trained as a user would."""
+    data, file = recipe.with_name("data.episodes"), recipe.with_name("own.safetensors")
+    main(["collect", "--episodes", "2", "--samples", "60", "--recipe", str(recipe), "--out", str(data)])
+    main(["train", str(data), "--recipe", str(recipe), "--out", str(file)])
+    return file
+
+
+def waypoints(folder: Path) -> Path:
+    (folder / "way.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
+    return folder / "way.csv"
+
+
+def test_it_drives_an_arm(strategy, tmp_path, capsys):
+    out = tmp_path / "run"
+    main(["run", str(waypoints(tmp_path)), "--weights", str(strategy), "--model", MODEL, "--out", str(out)])
+    assert "of the arm's length" in capsys.readouterr().out
+    assert (out / "results.json").exists()
+
+
+def test_its_numbers_come_back_from_recipe_and_strategy_file(recipe, strategy, tmp_path):
+    mine = model_named(MODEL)
+    networks = load_strategy(strategy)
+    assert type(networks.recipe.c2s) is type(load_recipe(recipe).c2s) is mine
+    assert networks.recipe.c2s.hidden == 4
+    assert networks.c2s.network.layers[0].weight.shape == (4, 6)
+    again = load_recipe(save_recipe(load_recipe(recipe), tmp_path / "again.toml"))
+    assert again.training == load_recipe(recipe).training
+
+
+def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
+    """In a process of its own, since this one has asked for the model before."""
+    code = "import sys; from s2c2a.cli.main import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", code, "run", str(waypoints(tmp_path)), "--weights", str(strategy)]
+    done = subprocess.run(command, cwd=EXAMPLE.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "'own_model:ArcsOptions'" in done.stderr
+    assert "--model" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"hidden": "many"}, "hidden"), ({"layers": 2}, "layers"), ({"model": f"{EXAMPLE}:Nothing"}, "Nothing")],
+)
+def test_numbers_that_it_does_not_have_are_refused(recipe, tmp_path, change, said):
+    table = {"c2s": {"model": MODEL} | change, "c2a": {"layers": 1, "hidden": 4}}
+    (tmp_path / "wrong.toml").write_text(tomli_w.dumps(table))
+    with pytest.raises(StrategyError, match=said):
+        load_recipe(tmp_path / "wrong.toml")
+
+
+def test_networks_trained_with_other_code_are_not_taken_for_those_of_this_one(tmp_path, monkeypatch):
+    """What is kept goes by all that it depends on; a user changes his file more often than its numbers."""
+    monkeypatch.syspath_prepend(tmp_path)
+    recipes = []
+    for name in ("first_model", "second_model"):
+        file = tmp_path / f"{name}.py"
+        file.write_text(EXAMPLE.read_text() + f"# {name}\n")
+        recipes.append(replace(recipe_named("paper"), c2s=model_named(f"{file}:ArcsOptions")(model="mine")))
+    assert recipes[0].training != recipes[1].training
+
+
+def test_the_example_has_sixty_lines_at_most():
+    assert len(EXAMPLE.read_text().splitlines()) <= 60

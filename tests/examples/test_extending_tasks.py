@@ -1,0 +1,40 @@
+"""A task of the user's own, from a file that the package knows nothing of, through the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.main import main
+from s2c2a.errors import TargetError
+from s2c2a.tasks import task_named
+
+OWN = Path(__file__).parents[2] / "examples" / "extending" / "own_task.py"
+
+
+def test_a_task_in_a_file_of_the_users_is_run_and_scored_as_it_asks(tmp_path):
+    assert len(OWN.read_text().splitlines()) <= 60
+    main(["run", f"{OWN}:figure_of_eight", "--strategy", "pcc", "--out", str(tmp_path / "run")])
+    rows = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert [(row["task"], row["strategy"], row["metric"]) for row in rows] == [
+        ("eight", "pcc", "position"),
+        ("eight", "pcc", "path length"),
+    ]
+    assert 0 < rows[0]["mean"] < 10
+    assert (tmp_path / "run" / "twin_arm.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        ("nothing", "has no attribute 'nothing'"),
+        ("fails", "cannot be made for twin_arm: ValueError: half done"),
+        ("makes_a_number", "made 3; its function takes an arm and returns a Task"),
+    ],
+)
+def test_a_file_without_a_task_is_told_as_our_error(function, said, tmp_path):
+    file = tmp_path / f"odd_{function}.py"  # a module is imported once by its name
+    file.write_text("def fails(arm):\n    raise ValueError('half done')\n\n\ndef makes_a_number(arm):\n    return 3\n")
+    with pytest.raises(TargetError, match=said):
+        task_named(f"{file}:{function}", load_arm("twin_arm"))

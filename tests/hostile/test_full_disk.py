@@ -1,0 +1,170 @@
+"""A full disk loses nothing silently, and what was whole goes on as if nothing had been."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from s2c2a.data import CollectOptions, collect, load_recording
+from s2c2a.episodes import load_episodes, save_episodes
+from s2c2a.errors import RecordingError, S2C2AError
+from s2c2a.files import save_whole
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.viz.saving import save_figure
+
+SMALL = CollectOptions(episodes=5, samples=12, seed=3)
+KILLED = """
+import sys
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions, collect
+from s2c2a.robots.simulation import SimulatedRobot
+
+arm = load_arm("twin_arm")
+collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions(episodes=60, samples=40),
+        threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
+"""
+
+
+@pytest.fixture
+def gather(twin):
+    """Collects from the twin into a file."""
+    return lambda path, options=SMALL, **changes: collect(
+        path, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, **changes
+    )
+
+
+@pytest.fixture
+def only():
+    """Files can have so many bytes, as if the disk had no more; the system says so in the middle of writing."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def limit(size: int) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+
+    yield limit
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def assert_same(one, two) -> None:
+    """Two files of episodes agree in every number but how long a step took to reckon."""
+    first, second = (load_episodes(path) for path in (one, two))
+    assert first[1] == second[1]
+    for mine, others in zip(first[0], second[0], strict=True):
+        assert mine.columns.keys() == others.columns.keys()
+        for name in mine.columns.keys() - {"tick_time"}:
+            np.testing.assert_array_equal(mine[name], others[name], err_msg=name)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.999])
+def test_collecting_onto_a_full_disk_keeps_what_is_whole_and_goes_on_to_the_same_file(gather, only, tmp_path, part):
+    gather(tmp_path / "whole.episodes")
+    room = int(part * (tmp_path / "whole.episodes").stat().st_size)
+    only(room)
+    with pytest.raises(RecordingError, match=r"could not be written.*whole ones are kept.*--resume"):
+        gather(tmp_path / "full.episodes")
+    kept = load_recording(tmp_path / "full.episodes")
+    assert 1 <= len(kept.episodes) < 5
+    with pytest.raises(RecordingError, match=rf"{len(kept.episodes)} of 5 episodes"):
+        kept.check_complete()
+    with pytest.raises(RecordingError, match="could not be written"):
+        gather(tmp_path / "full.episodes", resume=True)
+    only(10_000_000)
+    gather(tmp_path / "full.episodes", resume=True)
+    assert_same(tmp_path / "full.episodes", tmp_path / "whole.episodes")
+
+
+@pytest.fixture
+def little_disk(tmp_path):
+    """A disk of 64 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", place], capture_output=True).returncode:
+        pytest.skip("only root may mount a disk")
+    yield place
+    subprocess.run(["umount", place], check=True)
+
+
+def test_the_same_on_a_disk_that_is_really_full(gather, little_disk, tmp_path):
+    gather(tmp_path / "whole.episodes")
+    filler = little_disk / "filler"
+    filler.write_bytes(bytes(48 * 1024))
+    with pytest.raises(RecordingError, match=r"No space left on device.*whole ones are kept"):
+        gather(little_disk / "full.episodes")
+    filler.unlink()
+    gather(little_disk / "full.episodes", resume=True)
+    assert_same(little_disk / "full.episodes", tmp_path / "whole.episodes")
+
+
+def test_nothing_is_left_of_a_file_that_had_no_room(gather, only, tmp_path):
+    (tmp_path / "there.json").write_text("before")
+    episodes = load_episodes(gather_path(gather, tmp_path))[0]
+    figure = plt.figure()
+    only(1000)
+    with pytest.raises(S2C2AError, match="cannot write"):
+        save_whole("x" * 5000, tmp_path / "there.json")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        save_episodes(episodes, tmp_path / "some.episodes")
+    with pytest.raises(S2C2AError, match="cannot write"):
+        save_figure(figure, tmp_path / "some.png")
+    plt.close(figure)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        gather(tmp_path / "new.episodes")
+    assert (tmp_path / "there.json").read_text() == "before"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.episodes", "there.json"]
+
+
+def gather_path(gather, folder):
+    """A small file of episodes."""
+    gather(folder / "one.episodes", CollectOptions(episodes=1, samples=5))
+    return folder / "one.episodes"
+
+
+def test_killed_in_the_middle_of_collecting_it_goes_on_to_the_same_file(gather, tmp_path):
+    path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
+    running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
+    for _ in range(random.integers(3, 9)):
+        running.stdout.readline()
+    time.sleep(random.uniform(0.0, 0.03))
+    os.kill(running.pid, signal.SIGKILL)
+    running.communicate()
+    assert running.returncode == -signal.SIGKILL
+    with open(path, "ab") as file:
+        file.write(path.read_bytes()[-3000:-2000])  # as a kill within a write leaves it
+        file.truncate(path.stat().st_size)
+    whole = CollectOptions(episodes=60, samples=40)
+    gather(path, whole, resume=True)
+    gather(tmp_path / "whole.episodes", whole)
+    assert_same(path, tmp_path / "whole.episodes")
+
+
+def test_a_part_of_an_episode_at_the_end_is_not_read_and_goes(gather, tmp_path):
+    path = tmp_path / "x.episodes"
+    gather(path)
+    whole = path.read_bytes()
+    for cut in (1, 15, 17, 1000):
+        path.write_bytes(whole[:-cut])
+        assert len(load_recording(path).episodes) == 4
+    gather(path, resume=True)
+    (tmp_path / "whole.episodes").write_bytes(whole)
+    assert_same(path, tmp_path / "whole.episodes")
+
+
+def test_a_length_that_is_damaged_is_no_part_at_the_end(gather, tmp_path):
+    """Else everything behind it would be passed over, and cut off at the next resume."""
+    path = tmp_path / "x.episodes"
+    gather(path)
+    content = bytearray(path.read_bytes())
+    place = content.find(b"S2C2A\n", 10) + 6 + 5
+    content[place] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="do not follow each other"):
+        load_recording(path)
+    with pytest.raises(RecordingError, match="do not follow each other"):
+        gather(path, resume=True)
+    assert path.read_bytes() == bytes(content)

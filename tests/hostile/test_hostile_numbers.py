@@ -1,0 +1,81 @@
+"""Numbers at every door: a number that is none, or absurd, ends in an error of the package, or is one that works."""
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions
+from s2c2a.errors import RecordingError, S2C2AError, TargetError
+from s2c2a.goals import Goal
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime.stages import Patience
+from s2c2a.tasks import Waypoints, waypoints_task
+
+TWIN = load_arm("twin_arm")
+NUMBERS = st.floats() | st.integers() | st.sampled_from([10**400, -(10**400), 1e308, 2**63, True])
+VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size=3)
+
+
+@given(NUMBERS, NUMBERS, NUMBERS)
+@example(float("nan"), 1, 0)
+@example(1, float("inf"), 0)
+@example(1, 1, float("nan"))
+def test_options_of_collecting_are_whole_and_bounded_or_refused(episodes, samples, seed):
+    with contextlib.suppress(RecordingError):
+        options = CollectOptions(episodes=episodes, samples=samples, seed=seed)
+        assert 1 <= options.episodes <= 100_000
+        assert 1 <= options.samples <= 100_000
+        assert options.seed % 1 == 0
+
+
+@given(NUMBERS, NUMBERS)
+def test_speeds_rise_within_the_full_bend_or_are_refused(slowest, fastest):
+    with contextlib.suppress(RecordingError):
+        assert 0 < CollectOptions(speeds=(slowest, fastest)).speeds[0] <= 1
+
+
+@given(VECTORS, VECTORS, st.integers() | st.floats())
+@example([1e308, 0, 0], 1.0, -1)
+@example([10**400, 0, 0], 1.0, -1)
+@example([0, 0, 1], 10**5000, -1)
+def test_goals_are_finite_and_bounded_or_refused(vector, weight, module):
+    for change in (Goal.with_position, Goal.with_axis):
+        with contextlib.suppress(TargetError):
+            goal = change(Goal.of(3), vector, weight, module)
+            assert all((np.abs(part) <= 1e6).all() for part in goal)
+
+
+@given(st.lists(VECTORS, max_size=3), VECTORS, VECTORS)
+def test_obstacles_are_finite_and_bounded_or_refused(centres, thresholds, weight):
+    with contextlib.suppress(TargetError):
+        goal = Goal.of(3).with_obstacles(centres, thresholds, weight)
+        assert all((np.abs(part) <= 1e6).all() for part in goal)
+
+
+@given(st.lists(st.floats(), min_size=1, max_size=4), st.floats(), st.floats(), st.integers())
+@example([1.0], 1e308, 1.0, -1)
+@example([1.0], 1e30, 0.0, -1)
+@example([float("nan")], 0.0, 1.0, -1)
+def test_waypoints_make_finite_goals_or_are_refused(times, position, axis, module):
+    count = len(times)
+    track = Waypoints(module, np.array(times), np.full((count, 3), position), np.full((count, 3), axis))
+    with contextlib.suppress(TargetError):
+        task = waypoints_task("mine", [track], TWIN.model_copy(update={"control_rate": 0.5}))
+        assert all((np.abs(part) <= 1e6).all() for goal in (task.goals[0], task.goals[-1]) for part in goal)
+
+
+@given(NUMBERS, NUMBERS)
+def test_patience_is_a_number_of_steps_or_refused(unsound, alone):
+    with contextlib.suppress(S2C2AError):
+        assert Patience.of(10.0, unsound, alone).alone >= 1
+
+
+@pytest.mark.parametrize("bad", [{"payload": float("nan")}, {"payload": -1.0}, {"payload": 1e308}, {"seed": -1},
+                                 {"jitter": float("nan")}, {"jitter": -0.5}, {"fidelity": "perfect"}])  # fmt: skip
+def test_a_simulated_arm_that_cannot_be_is_refused(bad):
+    with pytest.raises(S2C2AError):
+        SimulatedRobot(TWIN, **bad)

@@ -1,0 +1,183 @@
+"""Files from strangers: none reads or writes another, none swells, none takes long."""
+
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions, collect, load_recording
+from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
+from s2c2a.episodes.blocks import write_block
+from s2c2a.errors import ArmError, DamagedRecordingError, RecordingError, S2C2AError, StrategyError, TargetError
+from s2c2a.evaluation.report import load_rows
+from s2c2a.files import holds, save_whole
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import load_recipe, load_strategy
+from s2c2a.tasks import load_waypoints, waypoints_task
+
+TWIN = load_arm("twin_arm")
+READERS = {
+    "x.episodes": load_recording,
+    "x.safetensors": load_strategy,
+    "arm.toml": load_arm,
+    "recipe.toml": load_recipe,
+    "x.csv": load_waypoints,
+    "results.json": load_rows,
+}
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Collects two short episodes into a file of this name."""
+
+    def run(name, **changes):
+        options = CollectOptions(episodes=2, samples=5)
+        return collect(tmp_path / name, TWIN, lambda seed: SimulatedRobot(TWIN, seed=seed), options, **changes)
+
+    return run
+
+
+@pytest.fixture
+def episode():
+    """A few steps of the twin."""
+    return Episode(TWIN, {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))})
+
+
+def test_overwriting_a_link_replaces_the_link_and_leaves_what_it_names(recorded, tmp_path):
+    (tmp_path / "mine").write_text("of value")
+    (tmp_path / "x.episodes").symlink_to("mine")
+    with pytest.raises(RecordingError, match="exists"):
+        recorded("x.episodes")
+    recorded("x.episodes", overwrite=True)
+    save_whole("new", tmp_path / "x.episodes")
+    assert (tmp_path / "mine").read_text() == "of value"
+
+
+@pytest.mark.parametrize("mine", ["mine.txt", "mine.episodes"])
+def test_nothing_is_resumed_through_a_link(recorded, tmp_path, mine):
+    recorded("mine.episodes")
+    (tmp_path / "mine.txt").write_text("of value")
+    before = (tmp_path / mine).read_bytes()
+    (tmp_path / "x.episodes").symlink_to(mine)
+    with pytest.raises(RecordingError, match="is a link, and nothing is written through links"):
+        recorded("x.episodes", resume=True)
+    assert (tmp_path / mine).read_bytes() == before
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("target", ["/etc/passwd", "/dev/zero", "/proc/self/mem", "/etc", "nowhere"])
+def test_a_link_to_something_else_is_refused_by_every_reader(tmp_path, name, target):
+    (tmp_path / name).symlink_to(target)
+    with pytest.raises(S2C2AError):
+        READERS[name](tmp_path / name)
+
+
+def test_an_endless_file_is_not_waited_for(tmp_path):
+    assert not holds("/dev/zero", "text")
+    with pytest.raises(S2C2AError):
+        load_arm("/dev/zero")
+
+
+BOMBS = """
+import resource, sys, time
+sys.path.insert(0, sys.argv[1])
+from test_strange_files import READERS
+from s2c2a.errors import S2C2AError
+
+before = time.process_time()
+for path in sys.argv[2:]:
+    try:
+        READERS[path.rpartition("/")[2]](path)
+    except S2C2AError:
+        print("refused")
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024, time.process_time() - before)
+"""
+
+
+def test_files_of_gigabytes_are_refused_before_they_are_read(tmp_path):
+    paths = [tmp_path / name for name in READERS]
+    for path in paths:
+        path.write_bytes(b"S2C2A\n" if path.suffix == ".episodes" else b"")
+        os.truncate(path, 5_000_000_000)
+    command = [sys.executable, "-c", BOMBS, os.path.dirname(__file__), *map(str, paths)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert said[:-2] == ["refused"] * len(READERS)
+    assert int(said[-2]) < 1500  # MB
+    assert float(said[-1]) < 20  # s
+
+
+def test_a_block_that_says_it_has_gigabytes_is_refused(tmp_path):
+    path = tmp_path / "x.episodes"
+    with open(path, "wb") as file:
+        write_block(file, b"{}", b"")
+    content = bytearray(path.read_bytes())
+    content[6:14] = (5 * 10**9).to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(DamagedRecordingError, match="do not follow each other"):
+        load_recording(path)
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path, episode, monkeypatch):
+    writer = EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {})
+    writer.append(episode)
+    monkeypatch.setattr("s2c2a.episodes.blocks.MOST_BYTES", (tmp_path / "x.episodes").stat().st_size)
+    with pytest.raises(RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"):
+        writer.append(episode)
+    writer.close()
+    assert len(load_recording(tmp_path / "x.episodes").episodes) == 1
+    with pytest.raises(RecordingError, match="cannot be written"):
+        save_episodes([episode] * 9, tmp_path / "y.episodes")
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?", ">f8"])
+def test_numbers_of_every_kind_come_back(tmp_path, episode, kind):
+    columns = {**episode.columns, "sensor.mine": np.array([0, 1, 1, 0], kind)}
+    save_episodes([Episode(TWIN, columns)], tmp_path / "x.episodes")
+    np.testing.assert_array_equal(load_recording(tmp_path / "x.episodes").sensor("mine")[0], [0, 1, 1, 0])
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "\udc80", {(1, 2): 3}])
+def test_options_that_no_file_can_hold_are_refused_before_it_is_begun(tmp_path, value):
+    with pytest.raises(RecordingError, match="cannot be kept"):
+        EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {"mine": value})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 100_000, "a." * 100_000 + "a = 1", "x = " + "9" * 5000, "control_rate = 0x" + "f" * 9000, "a = {b = " * 9000,
+     "gravity_direction = [1e308, 1e308, 0.0]", "\n".join(f"k{n} = 1" for n in range(60_000))],
+    ids=["deep", "dotted", "digits", "hexadecimal", "tables", "huge", "keys"],
+)  # fmt: skip
+def test_toml_made_to_harm_is_refused_soon(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    before = time.process_time()
+    with pytest.raises(ArmError):
+        load_arm(path)
+    with pytest.raises(StrategyError):
+        load_recipe(path)
+    assert time.process_time() - before < 5
+
+
+def test_many_waypoints_take_seconds(tmp_path, monkeypatch):
+    path = tmp_path / "long.csv"
+    path.write_text("time,x,y,z\n" + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 200_001)))
+    before = time.process_time()
+    tracks = load_waypoints(path)
+    assert len(waypoints_task("long", tracks, TWIN).goals) == 100_000
+    assert time.process_time() - before < 5
+    monkeypatch.setattr("s2c2a.tasks.waypoints.MOST_LINES", 199_999)
+    with pytest.raises(TargetError, match="more than 199999 lines"):
+        load_waypoints(path)
+
+
+def test_a_table_of_a_module_a_line_is_refused_soon(tmp_path):
+    path = tmp_path / "many.csv"
+    path.write_text("time,x,y,z,module\n" + "".join(f"1,0,0,0.6,{module}\n" for module in range(50_000)))
+    with pytest.raises(TargetError, match="names 50000 modules; an arm has at most 20"):
+        load_waypoints(path)

@@ -1,0 +1,116 @@
+"""What is made once and kept: found again by all that it depends on, made anew where it is damaged."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions
+from s2c2a.errors import S2C2AError
+from s2c2a.jobs import Cache, Conditions, NetworksArtifact, RecordingArtifact, jobs_for, made, run_all
+from s2c2a.robots import Body
+from s2c2a.strategies import recipe_named
+
+ARMS = Path(__file__).parents[2] / "examples" / "arms"
+TWIN = load_arm("twin_arm")
+SMALL = RecordingArtifact(TWIN, CollectOptions(episodes=2, samples=20))
+PAPER = recipe_named("paper")
+
+
+@pytest.fixture
+def cache(tmp_path):
+    return Cache(tmp_path / "data", tmp_path / "runs")
+
+
+@pytest.mark.parametrize(("name", "percent"), [("five_cable_arm", 3.0), ("two_module_arm", 5.0)])
+def test_an_arm_that_nobody_tuned_for_follows_its_circle(name, percent, cache):
+    arm, best = load_arm(ARMS / f"{name}.toml"), recipe_named("best")
+    recipe = replace(best, c2s_fit=replace(best.c2s_fit, most_epochs=10), c2a_fit=replace(best.c2a_fit, most_epochs=10))
+    (run,) = run_all(jobs_for(["circle"], arm, ("s2c2a",), [0], recipe), cache)
+    (position,) = run.scores
+    assert (position.score.metric, position.unit) == ("position", "cm")
+    assert position.value <= percent * arm.length
+
+
+def test_a_recording_is_collected_once(cache):
+    first, told = made(SMALL, cache), []
+    written = SMALL.path(cache).stat().st_mtime_ns
+    second = made(SMALL, cache, lambda *what: told.append(what))
+    assert (told, SMALL.path(cache).stat().st_mtime_ns) == ([], written)
+    np.testing.assert_array_equal(first.actions, second.actions)
+
+
+def test_a_damaged_recording_is_replaced(cache):
+    first, path = made(SMALL, cache), SMALL.path(cache)
+    path.write_bytes(path.read_bytes()[:700])
+    np.testing.assert_array_equal(first.actions, made(SMALL, cache).actions)
+
+
+def test_networks_are_kept_by_what_training_depends_on(cache):
+    networks = NetworksArtifact(TWIN, PAPER, 0)
+    same = replace(PAPER, correction=0.3)
+    others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
+    assert replace(networks, recipe=same).path(cache) == networks.path(cache)
+    different = [replace(networks, recipe=one) for one in others] + [replace(networks, seed=1)]
+    different += [replace(networks, babbling="motor"), replace(networks, arm=load_arm("twin_creep"))]
+    assert len({one.path(cache) for one in [networks, *different]}) == 6
+
+
+@pytest.fixture
+def waypoints(tmp_path):
+    """A task of a second."""
+    path = tmp_path / "short.csv"
+    path.write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.595\n", encoding="utf-8")
+    return path
+
+
+def pcc_job(waypoints, **changes):
+    (job,) = jobs_for([str(waypoints)], TWIN, ["pcc"], [3], PAPER)
+    return replace(job, **changes)
+
+
+def test_a_finished_run_is_found_again_with_the_same_scores(waypoints, cache):
+    told = []
+    (first,) = run_all([pcc_job(waypoints)], cache)
+    (again,) = run_all([pcc_job(waypoints)], cache, progress=lambda *what: told.append(what))
+    assert told == []
+    assert (again.strategy, again.seed, again.task) == ("pcc", 3, "short")
+    assert [one.value for one in again.scores] == [one.value for one in first.scores]
+    np.testing.assert_array_equal(again.episode.after("states"), first.episode.after("states"))
+
+
+def test_a_run_that_is_damaged_is_made_anew(waypoints, cache):
+    job = pcc_job(waypoints)
+    (first,) = run_all([job], cache)
+    job.path(cache).write_bytes(job.path(cache).read_bytes()[:100])
+    (again,) = run_all([job], cache)
+    np.testing.assert_array_equal(again.episode.after("states"), first.episode.after("states"))
+
+
+def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
+    job = pcc_job(waypoints)
+    waypoints.write_text("time,x,y,z\n0,0,0,0.6\n1,0.06,0,0.595\n", encoding="utf-8")
+    others = [
+        pcc_job(waypoints),
+        replace(job, seed=1),
+        replace(job, strategy="lstm"),
+        replace(job, recipe=replace(PAPER, correction=0.3)),
+        replace(job, conditions=Conditions(Body.simulation(payload=0.05))),
+        replace(job, conditions=Conditions(guard="arm")),
+    ]
+    assert len({one.path(cache) for one in [job, *others]}) == 7
+    assert replace(job).path(cache) == job.path(cache)
+
+
+def test_what_cannot_be_run_is_refused_by_name_before_anything_is_made(waypoints, cache):
+    with pytest.raises(S2C2AError, match=r"no strategy 'magic'; choose one of .*pcc-fitted"):
+        jobs_for(["circle"], TWIN, ["magic"], [0], PAPER)
+    for conditions, said in (
+        (Conditions(Body("walker")), "no robot 'walker'"),
+        (Conditions(Body.simulation(payload=-1)), "payload"),
+    ):
+        with pytest.raises(S2C2AError, match=said):
+            run_all([pcc_job(waypoints, strategy="s2c2a", conditions=conditions)], cache)
+    assert not cache.folder.exists()

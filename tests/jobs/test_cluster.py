@@ -1,0 +1,354 @@
+"""A real cluster of two workers on this machine: one is killed in the middle, and nothing else differs from here."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import CancelledError
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from shutil import copy
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from distributed import Client, KilledWorker, LocalCluster
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.work import executor_for, require
+from s2c2a.data import CollectOptions, collect, load_recording
+from s2c2a.episodes import load_episodes
+from s2c2a.errors import ClusterError, S2C2AError, SimulationError
+from s2c2a.executors import Processes, Serial, in_order
+from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
+from s2c2a.jobs import cluster as cluster_module
+from s2c2a.jobs.cluster import Cluster
+from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
+from s2c2a.jobs.varying import varied_from
+from s2c2a.progress import quiet
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.tasks import load_waypoints, waypoints_task
+from s2c2a.training import FitOptions
+
+TWIN = load_arm("twin_arm")
+SMALL = CollectOptions(episodes=8, samples=30, seed=3)
+
+
+class Mortal(SimulatedRobot):
+    """Takes its process with it in the middle of an episode, once."""
+
+    def __init__(self, grave: Path, *given):
+        super().__init__(*given)
+        self._grave, self._left = grave, 15
+
+    def send(self, action):
+        self._left -= 1
+        if self._left == 0 and not self._grave.exists():
+            self._grave.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().send(action)
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Of two workers, a process each, that come back when they are killed."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as workers:
+        yield workers
+
+
+@pytest.fixture
+def cluster(scheduler):
+    """The executor, as one that joins a running cluster."""
+    scheduler.wait_for_workers(2, timeout=60)
+    with Cluster(scheduler.scheduler_address) as executor:
+        yield executor
+
+
+@pytest.fixture(scope="module")
+def processes():
+    """Two processes, as the command line takes them."""
+    with Processes(2) as executor:
+        yield executor
+
+
+@pytest.fixture(scope="module")
+def short_task(tmp_path_factory):
+    """A second of waypoints."""
+    path = tmp_path_factory.mktemp("task") / "short.csv"
+    path.write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.595\n", encoding="utf-8")
+    return waypoints_task("short", load_waypoints(path), TWIN)
+
+
+@pytest.fixture(scope="module")
+def quick_recipe(tiny_best_recipe):
+    """Trained for two epochs: how well does not matter here."""
+    fit = FitOptions(most_epochs=2, epochs_per_call=2)
+    return replace(tiny_best_recipe, c2s_fit=fit, c2a_fit=fit)
+
+
+@pytest.fixture(scope="module")
+def jobs(short_task, quick_recipe):
+    """Two strategies on a short task."""
+    return jobs_for([short_task], TWIN, ("pcc", "s2c2a"), [0], quick_recipe)
+
+
+@pytest.fixture(scope="module")
+def made_here(jobs, processes, tmp_path_factory):
+    """The jobs by processes of this machine: where they are kept, and their rows."""
+    folder = tmp_path_factory.mktemp("here")
+    cache = Cache(folder / "data", folder / "runs")
+    return SimpleNamespace(cache=cache, rows=score_rows("mine", run_all(jobs, cache, processes)))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every array of every run but how long it took."""
+    runs = {path.name: load_episodes(path)[0][0].columns for path in sorted(folder.iterdir())}
+    return {
+        f"{name}: {column}": values.tobytes()
+        for name, run in runs.items()
+        for column, values in run.items()
+        if column != "tick_time"
+    }
+
+
+def test_a_recording_is_the_same_to_the_last_byte_though_a_worker_was_killed(cluster, tmp_path):
+    def gather(name, robot, executor):
+        collect(tmp_path / name, TWIN, robot, SMALL, executor=executor)
+        return (tmp_path / name).read_bytes()
+
+    there = gather("there.episodes", partial(Mortal, tmp_path / "grave", TWIN, "fast"), cluster)
+    assert (tmp_path / "grave").exists()
+    assert there == gather("here.episodes", partial(SimulatedRobot, TWIN, "fast"), Serial())
+
+
+def test_runs_are_the_same_though_a_worker_was_killed(made_here, jobs, cluster, scheduler, tmp_path):
+    with Client(scheduler.scheduler_address, set_as_default=False) as client:
+        workers = list(client.run(os.getpid).values())
+    told = []
+
+    def kill_one(doing, done, total):
+        told.append((doing, done, total))
+        if "runs" in doing and done == 1:
+            os.kill(workers[0], signal.SIGKILL)
+
+    cache = Cache(tmp_path / "data", tmp_path / "runs")
+    (recording,) = made_here.cache.folder.glob("*.episodes")
+    cache.folder.mkdir()
+    copy(recording, cache.folder)
+    assert score_rows("mine", run_all(jobs, cache, cluster, kill_one)) == made_here.rows
+    assert told[-1] == ("making runs", 2, 2)
+    assert contents(cache.runs) == contents(made_here.cache.runs)
+    for path in networks_of(recording):
+        assert (cache.folder / path.name).read_bytes() == path.read_bytes()
+
+
+def networks_of(recording: Path) -> list[Path]:
+    """What was trained beside it."""
+    return list(recording.parent.glob("*.safetensors"))
+
+
+def test_dasks_own_executor_and_this_process_give_the_same(made_here, jobs, scheduler, tmp_path):
+    recording = [need for job in jobs for network in job.needs for need in network.needs]
+    for name in ("dask", "serial"):
+        cache = Cache(tmp_path / name)
+        make_all(recording, made_here.cache)
+        cache.folder.mkdir()
+        copy(recording[0].path(made_here.cache), cache.folder)
+        with Client(scheduler.scheduler_address, set_as_default=False) as client:
+            executor = client.get_executor() if name == "dask" else Serial()
+            assert score_rows("mine", run_all(jobs, cache, executor)) == made_here.rows
+
+
+def test_what_is_made_is_not_made_again(made_here, jobs):
+    assert score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
+
+
+class Nobody(Serial):
+    """Must not be asked."""
+
+    def submit(self, *what, **more):
+        raise AssertionError("this was made before")
+
+
+def test_a_job_that_fails_costs_itself_alone(made_here, quick_recipe, short_task, processes, tmp_path):
+    broken = replace(quick_recipe, c2s_fit=FitOptions(batch_size=10**6))
+    jobs = [job for recipe in (broken, quick_recipe) for job in jobs_for([short_task], TWIN, ["s2c2a"], [0], recipe)]
+    cache = replace(made_here.cache, runs_in=tmp_path)
+    error, run = try_all(jobs, cache, processes)
+    assert isinstance(error, S2C2AError)
+    assert "fewer than one batch" in str(error)
+    assert isinstance(run, Run)
+    assert len(list(tmp_path.glob("*.episodes"))) == 1
+    with pytest.raises(S2C2AError, match=r"1 of 2 runs failed, such as s2c2a on short .*, seed 0: .*fewer than one"):
+        run_all(jobs, cache, processes)
+
+
+@pytest.fixture
+def small_sweep(quick_recipe, short_task):
+    """Of one number that trains nothing."""
+    return Sweep(TWIN, (short_task,), quick_recipe, varied_from(["correction=0.1:0.4"], quick_recipe), batch=2)
+
+
+def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(small_sweep, made_here, processes, cluster, tmp_path):
+    def cut(doing, done, total):
+        if doing.startswith("trials 2 to 3: making runs") and done == 1:
+            raise KeyboardInterrupt
+
+    def go_on(folder, executor, progress=quiet):
+        cache = replace(made_here.cache, runs_in=tmp_path / folder / "runs")
+        return search(small_sweep, 5, tmp_path / folder, cache, executor, progress)
+
+    with pytest.raises(KeyboardInterrupt):
+        go_on("cut", processes, cut)
+    resumed, whole = go_on("cut", processes), go_on("whole", cluster)
+    assert resumed == whole
+    assert sorted(trial.number for trial in whole) == [0, 1, 2, 3, 4]
+    assert {trial.number: trial.values for trial in whole}[0] == {"correction": small_sweep.recipe.correction}
+    assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
+    assert best_recipe(small_sweep, whole) == replace(small_sweep.recipe, **whole[0].values)
+    table, figure = save_trials(whole, small_sweep, tmp_path)
+    assert table.read_text().splitlines()[0] == "trial,position,correction,failed because"
+    assert len(table.read_text().splitlines()) == 6
+    assert figure.stat().st_size > 10_000
+
+
+def test_trials_that_fail_are_told_and_the_search_goes_on(small_sweep, made_here, processes, tmp_path):
+    broken = replace(small_sweep.recipe, c2s_fit=FitOptions(batch_size=10**6))
+    sweep = replace(small_sweep, recipe=broken)
+    trials = search(sweep, 2, tmp_path, replace(made_here.cache, runs_in=tmp_path / "runs"), processes)
+    assert [trial.score for trial in trials] == [None, None]
+    with pytest.raises(S2C2AError, match=r"all 2 trials failed, the first because: .*fewer than one batch"):
+        best_recipe(sweep, trials)
+
+
+def test_a_sweep_is_judged_by_what_its_tasks_share(small_sweep):
+    with pytest.raises(S2C2AError, match="no metric 'tilt' in all these tasks; they share position"):
+        replace(small_sweep, metric="tilt")
+    assert small_sweep.direction == "minimize"
+
+
+@pytest.fixture
+def odd_worker(scheduler, tmp_path):
+    """A worker of another version of this package."""
+    (tmp_path / "s2c2a-9.9.9.dist-info").mkdir()
+    (tmp_path / "s2c2a-9.9.9.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: s2c2a\nVersion: 9.9.9\n")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler.scheduler_address, "--no-nanny"]
+    quiet_one = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}, **quiet_one) as worker:
+        yield worker
+        worker.kill()
+
+
+def test_workers_of_another_version_are_refused_at_the_door(scheduler, odd_worker):
+    scheduler.wait_for_workers(3, timeout=60)
+    with pytest.raises(ClusterError, match=r"the worker tcp://\S+ of \S+ has s2c2a 9\.9\.9 \(here .*install the same"):
+        Cluster(scheduler.scheduler_address)
+    odd_worker.kill()
+    odd_worker.wait()
+    while len(scheduler.scheduler_info["workers"]) > 2:
+        time.sleep(0.1)
+
+
+def test_a_worker_of_another_version_that_joins_later_does_nothing(cluster, monkeypatch):
+    monkeypatch.setattr(cluster, "_versions", {"s2c2a": "9.9.9"})
+    with pytest.raises(ClusterError, match=r"joined that has s2c2a .* \(here 9\.9\.9\)"):
+        next(in_order(cluster, abs, [1]))
+
+
+def test_what_the_work_raises_comes_back_from_a_worker(cluster):
+    with pytest.raises(SimulationError, match="blew up") as told:
+        next(in_order(cluster, blow_up, [1]))
+    assert told.value.step == 5
+
+
+def blow_up(number):
+    raise SimulationError("blew up", 5)
+
+
+def test_an_address_that_is_none_is_refused(monkeypatch):
+    with pytest.raises(ClusterError, match="no cluster 'nowhere'; take the address of a scheduler"):
+        Cluster("nowhere")
+    monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
+    with pytest.raises(ClusterError, match=r"nobody answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`"):
+        Cluster("tcp://127.0.0.1:9")
+    with pytest.raises(ClusterError, match=r"nobody answers at gone\.json"):
+        Cluster("gone.json")
+
+
+def test_jobs_are_for_this_machine_alone():
+    with pytest.raises(S2C2AError, match="3 side by side asked for; how many workers"):
+        executor_for(3, "tcp://127.0.0.1:9")
+
+
+def test_a_missing_extra_says_what_to_install():
+    with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
+        require("sweep", "no_such_package")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (KilledWorker("job", None, allowed_failures=3), "were killed by one job"),
+        (CancelledError(), "is gone; what was whole is kept"),
+    ],
+)
+def test_what_the_cluster_did_is_told_in_words(error, said, scheduler):
+    with pytest.raises(ClusterError, match=said), Cluster(scheduler.scheduler_address):
+        raise error
+
+
+def test_what_the_work_did_is_told_as_it_is(scheduler):
+    with pytest.raises(ValueError, match="the work's own"), Cluster(scheduler.scheduler_address):
+        raise ValueError("the work's own")
+
+
+def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(tmp_path):
+    """The command of dask, killed once two episodes are whole; then the rest is done here."""
+    where = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    with subprocess.Popen([*dask, "--no-dashboard", "--scheduler-file", str(where)], stderr=subprocess.DEVNULL) as lost:
+        worker = [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_worker",
+            "--scheduler-file",
+            str(where),
+            "--nthreads",
+            "1",
+        ]
+        worker += ["--no-dashboard", "--death-timeout", "5"]
+        with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
+            try:
+                with pytest.raises(ClusterError, match=r"is gone; what was whole is kept"):
+                    _collect_until(lost.kill, where, tmp_path / "there.episodes")
+            finally:
+                lost.kill()
+                helper.terminate()
+    options = replace(SMALL, samples=300)
+    robot = partial(SimulatedRobot, TWIN, "fast")
+    collect(tmp_path / "there.episodes", TWIN, robot, options, executor=Serial(), resume=True)
+    collect(tmp_path / "here.episodes", TWIN, robot, options, executor=Serial())
+    there, here = (load_recording(tmp_path / name) for name in ("there.episodes", "here.episodes"))
+    np.testing.assert_array_equal(there.sensor("states"), here.sensor("states"))
+    np.testing.assert_array_equal(there.actions, here.actions)
+
+
+def _collect_until(end, where: Path, path: Path) -> None:
+    """Collect on a cluster that ends when two episodes are whole."""
+    deadline = time.monotonic() + 60
+    while not where.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    whole = []
+
+    def told(done: int, _most: int) -> None:
+        whole.append(done)
+        if done == 2:
+            end()
+
+    with Cluster(str(where)) as executor:
+        robot = partial(SimulatedRobot, TWIN, "fast")
+        collect(path, TWIN, robot, replace(SMALL, samples=300), progress=told, executor=executor)

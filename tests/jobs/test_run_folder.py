@@ -1,0 +1,36 @@
+"""What is drawn of a run counts as its table does."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.episodes import Episode
+from s2c2a.jobs.run_folder import trace_of
+from s2c2a.planning import Goal
+from s2c2a.tasks import Score, Task
+
+TWIN = load_arm("twin_arm")
+STEPS, MODULES = 6, 3
+EARLY, LATE = np.arange(STEPS) < 2, np.arange(STEPS) >= 2
+
+
+def trace(*scores: Score):
+    goal = Goal.of(MODULES).with_position([0.1, 0.0, 0.2], module=0).with_position([0.1, 0.0, 0.5])
+    task = Task("two ends", (goal,) * STEPS, scores)
+    columns = {"time": 0.1 * np.arange(STEPS), "actions": np.zeros((STEPS, MODULES, 3))}
+    columns |= {"sensor.states": np.zeros((STEPS, MODULES, 6)), "wanted_positions": task.wanted_positions()}
+    run = SimpleNamespace(strategy="s2c2a", job=SimpleNamespace(task=task), episode=Episode(TWIN, columns))
+    return trace_of(run)
+
+
+@pytest.mark.parametrize("tip", [-1, 2])
+def test_the_steps_that_count_are_those_of_the_module_that_is_drawn(tip):
+    both = trace(Score("position", 0, EARLY), Score("position", tip, LATE), Score("recovery", tip, EARLY))
+    np.testing.assert_array_equal(both.counted, LATE)
+
+
+def test_all_steps_count_where_no_score_says_otherwise():
+    assert trace(Score("position")).counted.all()
+    assert trace(Score("position", 0, EARLY)).counted.all()

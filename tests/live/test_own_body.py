@@ -1,0 +1,27 @@
+"""`live --robot FILE:Class`: an arm without a simulation behind it."""
+
+from pathlib import Path
+
+import pytest
+
+from s2c2a.cli.bodies import body_for
+from s2c2a.cli.live import running_page
+from s2c2a.live.recorder import Recorder
+from s2c2a.spaces import Stage
+
+from live_tabs import until  # type: ignore[import-not-found]
+
+
+def test_a_body_that_nobody_watches_is_driven_drawn_as_expected_and_recorded(tmp_path):
+    body = body_for(f"{Path(__file__).with_name('blind_arm.py')}:BlindArm", ("port=/dev/ttyUSB0", "baud=115200"))
+    with running_page("twin_arm", body=body, port=0, out=tmp_path) as (control, page):
+        until(lambda: "drawn as its model expects" in page._status.content, what="saying so")
+        assert control.limits.payload == control.limits.push == 0.0
+        recorder = Recorder(control, tmp_path)
+        recorder.start()
+        control.ask(driven=True, target=(0.15, 0.0, 0.55), payload=9.0, push=(9.0, 0.0, 0.0))
+        until(lambda: control.latest.stage is Stage.RUN and control.latest.error < 0.02, what="the model's arrival")
+        assert control.latest.states[-1, 0] == pytest.approx(0.15, abs=0.03)
+        folder = recorder.stop()
+        assert (folder / "twin_arm.episodes").is_file()
+        assert not (folder / "twin_arm.html").exists()

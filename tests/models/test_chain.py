@@ -1,0 +1,210 @@
+"""The chain with memory: what it says before it is trained, what it remembers, and of which arms."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.errors import TrainingError
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    configurations_from_bends,
+    configurations_from_states,
+    states_from_bends,
+)
+from s2c2a.models import ChainOptions
+from s2c2a.models.chain import ChainC2S
+from s2c2a.training.learned import held
+
+SMALL = ChainOptions(hidden=8, depth=1, play_widths=(0.02, 0.1), creep_times=(2.0,))
+start = eqx.filter_jit(lambda model, sensed: model.start(sensed))
+observe = eqx.filter_jit(lambda model, sensed, memory: model.observe(sensed, memory))
+predict = eqx.filter_jit(lambda model, configurations, memory: model.predict(configurations, memory))
+
+
+def untrained(arm: ArmSpec, size=SMALL, seed=0) -> ChainC2S:
+    return size.untrained(arm, jax.random.key(seed))
+
+
+def shaken(model: ChainC2S, seed=0) -> ChainC2S:
+    """Every weight moved a little, what follows from the arm apart, so that all of the model has a say."""
+    random = np.random.default_rng(seed)
+
+    def move(leaf):
+        return leaf + jnp.asarray(random.normal(0, 0.2, leaf.shape), dtype=leaf.dtype)
+
+    parts = lambda m: [  # noqa: E731
+        m.hysteresis.play_weights,
+        m.hysteresis.creep_weights,
+        m.log_stiffness,
+        m.tautness,
+        m.mixing,
+        m.network.layers[-1].weight,
+        m.network.layers[-1].bias,
+    ]
+    return eqx.tree_at(parts, model, [move(leaf) for leaf in parts(model)])
+
+
+def way(seed, steps, modules, reach=0.25):
+    """Configurations of bends that wander, shape (steps, modules, 3)."""
+    bends = np.cumsum(np.random.default_rng(seed).normal(0, reach / 4, (steps, modules, 2)), axis=0)
+    return np.asarray(configurations_from_bends(jnp.asarray(bends, dtype=jnp.float32)))
+
+
+def of_kind(make_arm, kind, modules=3, cables=3) -> ArmSpec:
+    """An arm whose readings are encoders', true, coupled, or that is driven by tension."""
+    tension = {"pretension": 20.0, "tension_range": 20.0}
+    coupling = tuple(tuple(1.0 / (row + 1) * (column <= row) for column in range(modules)) for row in range(modules))
+    kinds = {
+        "encoders": {},
+        "true": {"sensing": "true"},
+        "coupled": {"sensing_coupling": coupling},
+        "tension": {"actuation": "tension", "module": tension},
+    }
+    return make_arm(modules, cables, **kinds[kind])
+
+
+@pytest.mark.parametrize("kind", ["true", "coupled", "tension"])
+def test_untrained_without_statics_it_says_arcs_of_the_sensed_bends(make_arm, kind):
+    model, configurations = untrained(of_kind(make_arm, kind)), way(1, 1, 3)[0]
+    states = predict(model, configurations, start(model, configurations))
+    arcs = states_from_bends(bends_from_configurations(jnp.asarray(configurations)), jnp.full(3, 0.2))
+    assert not model.statics
+    np.testing.assert_allclose(states, arcs, atol=0.02)
+
+
+def test_untrained_a_straight_arm_of_pulling_cables_is_straight(make_arm):
+    model, straight = untrained(make_arm()), jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
+    states = predict(model, straight, start(model, straight))
+    assert model.statics
+    np.testing.assert_allclose(states[:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=5e-3)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.7, 2.5, -1.8])
+def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(make_arm, azimuth):
+    bend = 0.5 * np.array([np.cos(azimuth), np.sin(azimuth)])
+    configurations = np.asarray(configurations_from_bends(jnp.tile(jnp.asarray(bend, dtype=jnp.float32), (3, 1))))
+    model = untrained(make_arm())
+    found = bends_from_configurations(
+        configurations_from_states(predict(model, configurations, start(model, configurations)))
+    )
+    shares = np.asarray(found) @ bend / 0.25
+    assert ((shares > 0.5) & (shares < 1.0)).all()
+
+
+def test_the_same_key_makes_the_same_model_and_another_key_another(make_arm):
+    one, same, other = (untrained(make_arm(), seed=seed).network.layers[0].weight for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 0.01
+
+
+@pytest.mark.parametrize("kind", ["encoders", "true"])
+def test_for_planning_it_predicts_the_same(make_arm, kind):
+    model = shaken(untrained(of_kind(make_arm, kind)))
+    planning, configurations = model.for_planning(), way(2, 8, 3)
+    memory = start(model, configurations[0])
+    for one in configurations[1:]:
+        expected, found = predict(model, one, memory), predict(planning, one, memory)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+        memory = observe(model, one, memory)
+
+
+def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_nearly_zero(make_arm):
+    """All weight on one wide play, the arm at rest in its middle."""
+    size = ChainOptions(hidden=8, depth=1, play_widths=(0.3,), creep_times=())
+    model = untrained(make_arm(1), size)
+    raw = jnp.array([[-20.0, 0.5413, -20.0]])
+    model = eqx.tree_at(lambda m: m.hysteresis.play_weights, model, raw)
+    straight = jnp.array([[0.0, 0.0, 1.0]])
+
+    def aside(bend, model):
+        return model.predict(configurations_from_bends(bend[None]), model.start(straight))[0, 0]
+
+    true, planning = (eqx.filter_jit(jax.grad(aside))(jnp.array([0.05, 0.0]), m) for m in (model, model.for_planning()))
+    assert abs(float(true[0])) < 1e-4
+    assert float(planning[0]) > 0.05
+
+
+@pytest.mark.parametrize("kind", ["encoders", "true"])
+def test_what_was_sensed_before_is_remembered(make_arm, kind):
+    """The same configuration reached from two sides."""
+    model = shaken(untrained(of_kind(make_arm, kind)))
+    here = way(3, 1, 3)[0]
+    sides = [configurations_from_bends(bends_from_configurations(jnp.asarray(here)) + shift) for shift in (-0.3, 0.3)]
+    one, other = (predict(model, here, observe(model, here, start(model, side))) for side in sides)
+    assert np.abs(one - other).max() > 1e-3
+
+
+def test_without_plays_filters_and_weight_on_the_last_it_remembers_nothing(make_arm):
+    model = untrained(make_arm(), ChainOptions(hidden=8, depth=1, play_widths=(), creep_times=()))
+    here, elsewhere = way(4, 2, 3)
+    one, other = (predict(model, here, start(model, before)) for before in (here, elsewhere))
+    np.testing.assert_allclose(one, other, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "modules", "cables"), [("encoders", 5, 5), ("encoders", 1, 4), ("true", 2, 4), ("tension", 5, 3)]
+)
+def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, cables):
+    model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))
+    configurations = way(5, 3, modules)
+    memory = observe(model, configurations[0], start(model, configurations[0]))
+    assert memory.plays.shape == (modules, 2, cables)
+    states = predict(model, configurations[1], memory)
+    assert states.shape == (modules, 6)
+    assert np.isfinite(states).all()
+    np.testing.assert_allclose(np.linalg.norm(states[:, 3:], axis=-1), 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["encoders", "true"])
+def test_a_batch_is_its_members_one_by_one(make_arm, kind):
+    model = shaken(untrained(of_kind(make_arm, kind)))
+    first, then = way(6, 8, 3).reshape(2, 4, 3, 3), way(7, 8, 3).reshape(2, 4, 3, 3)
+    together = predict(model, then, start(model, first))
+    assert together.shape == (2, 4, 3, 6)
+    np.testing.assert_allclose(together[1, 2], predict(model, then[1, 2], start(model, first[1, 2])), atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["encoders", "true"])
+def test_slopes_exist_at_rest_straight_and_bent(make_arm, kind):
+    model = shaken(untrained(of_kind(make_arm, kind))).for_planning()
+    straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
+    slopes = eqx.filter_jit(jax.jacrev(lambda c: model.predict(c, model.start(straight))))
+    for configurations in (straight, jnp.asarray(way(8, 1, 3)[0])):
+        assert np.isfinite(slopes(configurations)).all()
+
+
+def test_training_cannot_move_what_follows_from_the_arm(make_arm):
+    model, configurations = shaken(untrained(make_arm())), jnp.asarray(way(9, 1, 3)[0])
+    inputs = model.hysteresis.inputs(model.body.displacements(configurations), model.start(configurations))
+    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).states(inputs) ** 2)))(model)
+    fixed = jax.tree.leaves((gradient.body, gradient.hysteresis.operators))
+    assert all(not np.any(leaf) for leaf in fixed)
+    learned = (gradient.hysteresis.play_weights, gradient.log_stiffness, gradient.tautness, gradient.network)
+    assert all(np.any(leaf) for leaf in jax.tree.leaves(learned))
+
+
+def test_the_twin_and_the_simulated_arm_are_told_apart():
+    assert untrained(load_arm("twin_arm")).statics
+    assert not untrained(load_arm("simulated_arm")).statics
+    assert not untrained(load_arm("twin_arm"), ChainOptions(hidden=8, depth=1, statics=False)).statics
+
+
+@pytest.mark.parametrize(
+    "size",
+    [
+        {"hidden": 0},
+        {"hidden": 10**6},
+        {"depth": 0},
+        {"depth": 33},
+        {"play_widths": (0.01, 0.0)},
+        {"play_widths": (np.nan,)},
+        {"creep_times": (-1.0,)},
+        {"creep_times": (1.0, np.nan)},
+    ],
+)
+def test_a_size_that_cannot_be_built_is_refused(size):
+    with pytest.raises(TrainingError, match="asked for"):
+        ChainOptions(**size)

@@ -1,0 +1,140 @@
+"""Plays, filters and their weights: worked by hand for one cable, laws for many."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.models.hysteresis import Hysteresis, Operators
+
+WIDTHS, SHARES = (0.5, 1.0), (0.1, 0.4)
+
+
+def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
+    random = np.random.default_rng(seed)
+    return Hysteresis(
+        Operators(*(jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (widths, shares))),
+        jnp.asarray(random.normal(size=(modules, len(widths) + 2)), dtype=jnp.float32),
+        jnp.asarray(random.normal(size=(modules, len(shares))), dtype=jnp.float32),
+    )
+
+
+def along(hysteresis, path):
+    """The memory after every displacement of one cable, the first one at rest."""
+    shaped = jnp.asarray(path, dtype=jnp.float32)[:, None, None]
+    memories = [hysteresis.start(shaped[0])]
+    for displacement in shaped[1:]:
+        memories.append(hysteresis.advance(displacement, memories[-1]))
+    return memories
+
+
+def plays_along(hysteresis, path):
+    """Outputs of the plays of one cable, shape (steps, widths)."""
+    return np.array([memory.plays[0, :, 0] for memory in along(hysteresis, path)])
+
+
+def walk(seed, *shape):
+    return jnp.asarray(np.cumsum(np.random.default_rng(seed).normal(0, 0.4, shape), axis=0), dtype=jnp.float32)
+
+
+def test_a_play_follows_the_sequence_worked_by_hand():
+    """Of half-width 0.5 and 1: stay within the band, then follow its edge."""
+    path = [0.0, 0.4, 2.0, 1.6, 0.5, 0.9, -1.0]
+    narrow = [0.0, 0.0, 1.5, 1.5, 1.0, 1.0, -0.5]
+    wide = [0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]
+    np.testing.assert_allclose(plays_along(a_hysteresis(), path), np.transpose([narrow, wide]), atol=1e-6)
+
+
+def test_a_play_does_not_mind_how_fast_it_is_driven():
+    turns = [0.0, 2.0, -1.0, 0.7]
+    slow = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(turns)])
+    hysteresis = a_hysteresis()
+    np.testing.assert_allclose(plays_along(hysteresis, slow)[-1], plays_along(hysteresis, turns)[-1], atol=1e-6)
+
+
+def test_at_rest_every_play_is_in_its_middle_and_stays_there():
+    memories = along(a_hysteresis(), [0.3] * 5)
+    for memory in memories:
+        np.testing.assert_allclose(memory.plays, np.full((1, 2, 1), 0.3), atol=1e-7)
+        np.testing.assert_allclose(memory.crept, np.full((1, 2, 1), 0.3), atol=1e-7)
+
+
+def test_a_play_is_never_further_from_its_input_than_its_width():
+    path = np.asarray(walk(1, 60))
+    lag = np.abs(plays_along(a_hysteresis(), path) - path[:, None])
+    assert (lag <= np.array(WIDTHS) + 1e-5).all()
+    np.testing.assert_allclose(lag.max(axis=0), WIDTHS, atol=1e-5)
+
+
+def test_a_filter_approaches_a_held_step_as_the_exponential():
+    """Share 1 - exp(-period / tau) in a step: after t the answer is 1 - exp(-t / tau), exactly."""
+    period, times = 0.1, np.array([0.5, 3.0])
+    hysteresis = a_hysteresis(shares=1 - np.exp(-period / times))
+    crept = np.array([memory.crept[0, :, 0] for memory in along(hysteresis, [0.0] + [1.0] * 30)])
+    expected = 1 - np.exp(-period * np.arange(31)[:, None] / times)
+    np.testing.assert_allclose(crept, expected, atol=1e-5)
+
+
+def test_inputs_are_displacement_plays_last_displacement_and_filters_in_this_order():
+    hysteresis = a_hysteresis()
+    memory = hysteresis.start(jnp.array([[1.0]]))
+    inputs = hysteresis.inputs(jnp.array([[3.0]]), memory)
+    np.testing.assert_allclose(inputs[0, :, 0], [3.0, 2.5, 2.0, 1.0, 1.2, 1.8], atol=1e-6)
+
+
+def test_what_is_transmitted_is_the_weighted_sum():
+    hysteresis = a_hysteresis(modules=2)
+    inputs = walk(2, 2, 6, 3)
+    raw, creep = np.asarray(hysteresis.play_weights), np.asarray(hysteresis.creep_weights)
+    weights = np.concatenate([np.log1p(np.exp(raw)), creep], axis=1)
+    expected = np.stack([weights[module] @ np.asarray(inputs)[module] for module in range(2)])
+    np.testing.assert_allclose(hysteresis.transmitted(inputs), expected, atol=1e-5)
+
+
+def test_plays_never_weigh_against_the_motor_whatever_was_learned():
+    """Of inputs that are one where the play is and zero elsewhere, the weight comes out."""
+    hysteresis = a_hysteresis()
+    low = replace(hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]]))
+    weights = [float(low.transmitted(jnp.eye(6)[None, place, :, None])[0, 0]) for place in range(4)]
+    assert min(weights) >= 0.0
+    np.testing.assert_allclose(weights, [0.0, 0.006715, np.log(2), 5.006715], atol=1e-5)
+
+
+@pytest.mark.parametrize(("engaged", "slope"), [(False, 0.0), (True, 1.0)])
+def test_within_a_play_slopes_are_one_where_engaged_and_zero_else(engaged, slope):
+    hysteresis = replace(a_hysteresis(), engaged=engaged)
+    memory = hysteresis.start(jnp.zeros((1, 1)))
+
+    def play(displacement):
+        return hysteresis.advance(displacement.reshape(1, 1), memory).plays[0, 0, 0]
+
+    assert float(jax.grad(play)(jnp.array(0.2))) == pytest.approx(slope)
+    assert float(jax.grad(play)(jnp.array(0.9))) == pytest.approx(1.0)
+
+
+def test_engaged_or_not_values_are_the_same():
+    hysteresis = a_hysteresis()
+    path = np.asarray(walk(3, 40))
+    engaged = plays_along(replace(hysteresis, engaged=True), path)
+    np.testing.assert_allclose(engaged, plays_along(hysteresis, path), atol=1e-6)
+
+
+def test_a_batch_is_its_members_one_by_one():
+    hysteresis = a_hysteresis(modules=3)
+    first, then = walk(4, 2, 5, 3, 4)
+    together = hysteresis.transmitted(hysteresis.inputs(then, hysteresis.start(first)))
+    assert together.shape == (5, 3, 4)
+    alone = [
+        hysteresis.transmitted(hysteresis.inputs(b, hysteresis.start(a))) for a, b in zip(first, then, strict=True)
+    ]
+    np.testing.assert_allclose(together, alone, atol=1e-6)
+
+
+def test_without_plays_and_filters_only_the_last_two_displacements_are_left():
+    hysteresis = a_hysteresis(widths=(), shares=())
+    inputs = hysteresis.inputs(jnp.array([[2.0, 3.0]]), hysteresis.start(jnp.array([[0.0, 1.0]])))
+    np.testing.assert_allclose(inputs, [[[2.0, 3.0], [0.0, 1.0]]])
+    assert hysteresis.transmitted(inputs).shape == (1, 2)

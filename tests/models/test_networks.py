@@ -1,0 +1,237 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.models import C2AOptions, C2SOptions, History
+from s2c2a.models.bilstm import BiLSTM
+from s2c2a.models.c2a import module_labels
+from s2c2a.models.scaling import Scaling
+from s2c2a.training.learned import held
+
+TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
+run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
+predict = eqx.filter_jit(lambda model, configurations: model.predict(configurations, ()))
+
+
+def numbers(seed, *shape):
+    return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
+
+
+def affine(seed, features):
+    """A scaling of random centre and range."""
+    return Scaling(jnp.asarray(numbers(seed, features)), jnp.asarray(np.abs(numbers(seed + 1, features)) + 0.5))
+
+
+def sigmoid(x):
+    return 1 / (1 + np.exp(-x))
+
+
+def slow_direction(layer, inputs, order):
+    """One LSTM along the modules in the given order, in float64, gate by gate."""
+    to_gates, back, bias = (np.asarray(w, np.float64) for w in (layer.weight_input, layer.weight_hidden, layer.bias))
+    width = back.shape[0]
+    hidden, cell, outputs = np.zeros(width), np.zeros(width), {}
+    for module in order:
+        gates = inputs[module] @ to_gates + hidden @ back + bias
+        take, keep, candidate, show = (gates[gate * width : (gate + 1) * width] for gate in range(4))
+        cell = sigmoid(keep) * cell + sigmoid(take) * np.tanh(candidate)
+        hidden = sigmoid(show) * np.tanh(cell)
+        outputs[module] = hidden
+    return [outputs[module] for module in range(len(inputs))]
+
+
+def slow_bilstm(network, inputs):
+    """A second biLSTM, module by module, in float64."""
+    values, count = np.asarray(inputs, np.float64), len(inputs)
+    for up, down in network.layers:
+        rising = slow_direction(up, values, range(count))
+        falling = slow_direction(down, values, range(count - 1, -1, -1))
+        values = [np.concatenate(pair) for pair in zip(rising, falling, strict=True)]
+    head, bias = np.asarray(network.weight_head, np.float64), np.asarray(network.bias_head, np.float64)
+    return np.array([value @ head + bias for value in values])
+
+
+def a_bilstm(seed=0, features=3, outputs=5, layers=2, hidden=8):
+    network = BiLSTM(features, outputs, layers, hidden, jax.random.key(seed))
+    return eqx.tree_at(lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs)))
+
+
+def a_c2s():
+    model = C2SOptions(layers=1, hidden=8).untrained(TWIN, jax.random.key(1))
+    return eqx.tree_at(lambda m: (m.configuration_scaling, m.state_scaling), model, (affine(2, 3), affine(4, 6)))
+
+
+def a_c2a(arm):
+    model = C2AOptions(layers=1, hidden=8).untrained(arm, jax.random.key(3))
+    return eqx.tree_at(lambda m: m.configuration_scaling, model, affine(5, 3))
+
+
+def a_history(cables, *batch, modules=3):
+    return History(numbers(6, *batch, modules, 4, 3), numbers(7, *batch, modules, 5, cables))
+
+
+@pytest.mark.parametrize("modules", range(1, 7))
+def test_a_bilstm_agrees_with_a_second_one_for_any_module_count(modules):
+    network, inputs = a_bilstm(layers=1), numbers(0, modules, 3)
+    np.testing.assert_allclose(run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("layers", [2, 4])
+def test_a_bilstm_agrees_with_a_second_one_for_any_depth(layers):
+    network, inputs = a_bilstm(layers=layers), numbers(1, 3, 3)
+    assert len(network.layers) == layers
+    np.testing.assert_allclose(run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("batch", [(4,), (2, 3)])
+def test_a_batch_through_a_bilstm_is_its_members_one_by_one(batch):
+    network, inputs = a_bilstm(), numbers(2, *batch, 3, 3)
+    together = run(network, inputs)
+    assert together.shape == (*batch, 3, 5)
+    alone = [run(network, one) for one in inputs.reshape(-1, 3, 3)]
+    np.testing.assert_allclose(together.reshape(-1, 3, 5), alone, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("changed", [0, 2])
+def test_every_module_sees_the_whole_row(changed):
+    network, inputs = a_bilstm(), numbers(3, 3, 3)
+    other = inputs.copy()
+    other[changed] += 1.0
+    difference = np.abs(run(network, other) - run(network, inputs)).max(axis=-1)
+    assert (difference > 1e-5).all()
+
+
+def test_the_paper_sizes_have_as_many_weights_as_its_formula_says():
+    """Each direction: 4 gates of h cells with inputs, h recurrent values and a bias."""
+    network = eqx.filter_eval_shape(lambda: BiLSTM(3, 6, layers=4, hidden=64, key=jax.random.key(0)))
+    directions = [4 * 64 * (inputs + 64 + 1) for inputs in (3, 128, 128, 128)]
+    count = sum(leaf.size for leaf in jax.tree.leaves(network))
+    assert count == 2 * sum(directions) + 128 * 6 + 6
+
+
+def test_the_same_key_makes_the_same_network_and_another_key_another():
+    one, same, other = (np.asarray(a_bilstm(seed).layers[0][0].weight_input) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 0.01
+
+
+def test_the_directions_of_a_layer_start_apart():
+    up, down = a_bilstm().layers[0]
+    assert np.abs(np.asarray(up.weight_input) - np.asarray(down.weight_input)).max() > 0.01
+
+
+def test_c2s_agrees_with_a_second_forward_pass():
+    model, configurations = a_c2s(), numbers(8, 3, 3)
+    into, out = model.configuration_scaling, model.state_scaling
+    scaled = (configurations - np.asarray(into.centre)) / np.asarray(into.half_range)
+    states = slow_bilstm(model.network, scaled) * np.asarray(out.half_range) + np.asarray(out.centre)
+    np.testing.assert_allclose(predict(model, configurations), states, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("modules", [1, 6])
+def test_c2s_takes_any_module_count_and_batch(modules):
+    model, configurations = a_c2s(), numbers(9, 2, 3, modules, 3)
+    together = predict(model, configurations)
+    assert together.shape == (2, 3, modules, 6)
+    alone = [predict(model, one) for one in configurations.reshape(-1, modules, 3)]
+    np.testing.assert_allclose(together.reshape(-1, modules, 6), alone, rtol=1e-5, atol=1e-6)
+
+
+def test_c2s_remembers_nothing():
+    model = a_c2s()
+    assert model.observe(jnp.zeros((3, 3)), model.start(jnp.zeros((3, 3)))) == ()
+
+
+@pytest.mark.parametrize(("modules", "labels"), [(1, [0]), (2, [-1, 1]), (3, [-1, 0, 1]), (5, [-1, -0.5, 0, 0.5, 1])])
+def test_module_labels_are_equation_9_and_zero_for_a_single_module(modules, labels):
+    np.testing.assert_allclose(module_labels(modules), labels, atol=1e-7)
+
+
+@pytest.mark.parametrize("modules", [2, 7, 20])
+def test_module_labels_follow_the_formula_as_printed(modules):
+    by_hand = [2 * (m - 1) / (modules - 1) - 1 for m in range(1, modules + 1)]
+    np.testing.assert_allclose(module_labels(modules), by_hand, atol=1e-6)
+
+
+def slow_c2a(model, wanted, history, last_layer):
+    """Eq. (8) with the layout spelt out: wanted; C_t to C_t-3; A_t-1 to A_t-5; label."""
+    scaling = model.configuration_scaling
+    centre, half = np.asarray(scaling.centre), np.asarray(scaling.half_range)
+    rows = []
+    for module in range(len(wanted)):
+        configurations = [(history.configurations[module, age] - centre) / half for age in range(4)]
+        actions = [history.actions[module, age] for age in range(5)]
+        label = [2 * module / (len(wanted) - 1) - 1]
+        rows.append(np.concatenate([(wanted[module] - centre) / half, *configurations, *actions, label]))
+    return last_layer(slow_bilstm(model.network, np.array(rows)))
+
+
+def equation_10(raw):
+    squashed = np.tanh(raw)
+    return (3 * squashed - squashed.sum(axis=-1, keepdims=True)) / 4
+
+
+def bend_plane(raw):
+    """Four cables at 0, 90, 180, 270 deg: opposite cables share half their difference, squashed onto the disc."""
+    across = np.stack([raw[:, 2] - raw[:, 0], raw[:, 3] - raw[:, 1]], axis=-1) / 2
+    length = np.linalg.norm(across, axis=-1, keepdims=True)
+    x, y = (across * np.tanh(length) / length).T
+    return np.stack([-x, -y, x, y], axis=-1)
+
+
+@pytest.mark.parametrize(("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)])
+def test_c2a_agrees_with_a_second_forward_pass(arm, last_layer):
+    model, wanted, history = a_c2a(arm), numbers(10, 3, 3), a_history(arm.cable_count)
+    expected = slow_c2a(model, wanted, history, last_layer)
+    np.testing.assert_allclose(run(model, wanted, history), expected, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("batch", [(4,), (2, 3)])
+def test_a_batch_through_c2a_is_its_members_one_by_one(batch):
+    model, wanted, history = a_c2a(TWIN), numbers(11, *batch, 3, 3), a_history(3, *batch)
+    together = run(model, wanted, history)
+    assert together.shape == (*batch, 3, 3)
+    members = zip(
+        wanted.reshape(-1, 3, 3),
+        history.configurations.reshape(-1, 3, 4, 3),
+        history.actions.reshape(-1, 3, 5, 3),
+        strict=True,
+    )
+    alone = [run(model, one, History(configurations, actions)) for one, configurations, actions in members]
+    np.testing.assert_allclose(together.reshape(-1, 3, 3), alone, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("modules", [1, 6])
+def test_c2a_takes_any_module_count(modules):
+    arm = TWIN.model_copy(update={"modules": TWIN.modules[:1] * modules})
+    actions = run(a_c2a(arm), numbers(12, modules, 3), a_history(3, modules=modules))
+    assert actions.shape == (modules, 3)
+    assert np.isfinite(actions).all()
+
+
+def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
+    model, wanted = a_c2a(TWIN), numbers(15, 2, 3)
+    short = TWIN.model_copy(update={"modules": TWIN.modules[1:]})
+    moved = model.for_arm(short)
+    assert moved.network is model.network
+    assert moved.configuration_scaling is model.configuration_scaling
+    actions = run(moved, wanted, a_history(3, modules=2))
+    assert moved.sum_and_range.actions(actions).shape == (2, 3)
+
+
+def test_training_cannot_move_the_scalings():
+    model, wanted, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
+    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2)))(model)
+    fixed = jax.tree.leaves((gradient.configuration_scaling, gradient.sum_and_range))
+    assert all(not np.any(leaf) for leaf in fixed)
+    assert all(np.any(leaf) for leaf in jax.tree.leaves(gradient.network))
+
+
+def test_training_cannot_move_the_scalings_of_c2s():
+    model, configurations = a_c2s(), numbers(14, 3, 3)
+    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).predict(configurations, ()) ** 2)))(model)
+    fixed = jax.tree.leaves((gradient.configuration_scaling, gradient.state_scaling))
+    assert all(not np.any(leaf) for leaf in fixed)

@@ -1,0 +1,73 @@
+"""Benchmarks stand outside the package; that they can still be run is tested here."""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "benchmarks"
+LEFT, RIGHT, SQUARE = np.ones((3, 4), np.float32), np.ones((4, 5), np.float32), np.eye(6, dtype=np.float32)
+
+
+@pytest.fixture
+def count_operations(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    return importlib.import_module("operations").count_operations
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "pytest", str(FOLDER), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
+    pytest.importorskip("pytest_benchmark", reason="pytest-benchmark comes with the extras bench and dev")
+    written = tmp_path / "figures.json"
+    done = run("-k", "test_inverse_pcc", "--benchmark-max-time=0.01", f"--benchmark-json={written}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 passed" in done.stdout
+    figures = json.loads(written.read_text())
+    assert [one["name"] for one in figures["benchmarks"]] == ["test_inverse_pcc"]
+    assert figures["benchmarks"][0]["stats"]["median"] > 0
+    assert figures["machine_info"]["arm"] == "twin_arm"
+    assert "jax" in figures["machine_info"]["versions"]
+
+
+def test_a_gpu_that_is_not_there_is_refused():
+    pytest.importorskip("pytest_benchmark", reason="pytest-benchmark comes with the extras bench and dev")
+    if any(device.platform == "gpu" for device in jax.devices()):
+        pytest.skip("there is a GPU here")
+    done = run("--device", "gpu", "--collect-only")
+    assert done.returncode == 4
+    assert "JAX finds no GPU here" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("function", "inputs", "counted"),
+    [
+        (jnp.matmul, (LEFT, RIGHT), {"arithmetic": 2 * 3 * 4 * 5, "bytes": 4 * (12 + 20 + 15)}),
+        (jax.vmap(lambda each: each @ RIGHT), (np.ones((7, 3, 4), np.float32),), {"arithmetic": 7 * 2 * 3 * 4 * 5}),
+        (lambda x: jnp.tanh(x * 2.0 + 1.0).sum(), (LEFT,), {"arithmetic": 12 + 12 + 12, "transcendental": 12}),
+        (lambda x: jax.lax.fori_loop(0, 10, lambda _, y: jnp.sin(y), x), (LEFT,), {"transcendental": 10 * 12}),
+        (
+            lambda x: jax.lax.cond(x[0, 0] > 0.0, lambda: x * x * x * x, lambda: x + x),
+            (LEFT,),
+            {"arithmetic": 12 + 1, "transcendental": 0},
+        ),
+    ],
+    ids=["product", "many products", "elements", "loop", "cheapest branch"],
+)
+def test_operations_are_counted_as_by_hand(count_operations, function, inputs, counted):
+    found = count_operations(function, *inputs)
+    assert {kind: found[kind] for kind in counted} == counted
+
+
+def test_programs_within_programs_count_and_equations_are_solved_once(count_operations):
+    found = count_operations(jax.jit(lambda a: jnp.linalg.solve(a, a[0])), SQUARE)["arithmetic"]
+    assert 2 / 3 * 6**3 <= found <= 2 / 3 * 6**3 + 3 * 36

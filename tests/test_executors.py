@@ -1,0 +1,117 @@
+"""Side by side: the same results whoever works; a failure is told, and costs no more than it must."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import pytest
+
+from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.executors import Processes, Serial, Threads, all_cores, in_order, most_begun
+
+EXECUTORS = {
+    "serial": Serial,
+    "threads": partial(Threads, 3),
+    "processes": partial(Processes, 2),
+    "of the standard library": partial(ThreadPoolExecutor, 2),
+}
+
+
+def square(number: int) -> int:
+    time.sleep(0.01 * (number % 3))
+    return number * number
+
+
+def failing_at(bad: int, number: int) -> int:
+    if number == bad:
+        raise SimulationError("blew up", step=3)
+    return number
+
+
+def killed_at(bad: int, number: int) -> int:
+    if number == bad:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+@pytest.fixture(params=EXECUTORS, scope="module")
+def executor(request):
+    with EXECUTORS[request.param]() as made:
+        yield made
+
+
+def test_results_come_in_the_order_of_what_they_are_made_from(executor):
+    assert list(in_order(executor, square, range(7))) == [0, 1, 4, 9, 16, 25, 36]
+
+
+def test_nothing_gives_no_result(executor):
+    assert list(in_order(executor, square, [])) == []
+
+
+def test_what_the_work_raises_comes_out_whole(executor):
+    with pytest.raises(SimulationError, match="blew up") as told:
+        list(in_order(executor, partial(failing_at, 2), range(20)))
+    assert told.value.step == 3
+
+
+def test_no_more_is_begun_than_can_be_done_soon():
+    taken = []
+    with Threads(2) as executor:
+        results = in_order(executor, square, (taken.append(number) or number for number in range(100)))
+        next(results)
+        assert len(taken) <= most_begun(executor) == 4
+        results.close()
+
+
+def test_in_this_process_nothing_is_begun_before_the_last_is_handed_over():
+    begun = []
+    next(in_order(Serial(), begun.append, range(3)))
+    assert begun == [0]
+
+
+def test_a_process_that_is_killed_is_told():
+    with (
+        pytest.raises(S2C2AError, match=r"one of 1 processes was killed.*fewer --jobs"),
+        Processes(1) as executor,
+    ):
+        list(in_order(executor, partial(killed_at, 2), range(5)))
+
+
+@pytest.mark.parametrize("kind", [Threads, Processes])
+def test_fewer_than_one_side_by_side_is_refused(kind):
+    with pytest.raises(S2C2AError, match="0 side by side"):
+        kind(0)
+
+
+def test_all_cores_are_taken_unless_stated():
+    assert 1 <= all_cores() <= (os.cpu_count() or 1)
+    assert Threads().workers == all_cores()
+    assert 1 <= Processes().workers <= all_cores()
+
+
+def test_an_error_of_a_simulation_travels_with_what_it_knows():
+    error = pickle.loads(pickle.dumps(SimulationError("blew up", 7, [1.0])))
+    assert (str(error), error.step, error.last_states) == ("blew up", 7, [1.0])
+
+
+THREADS = """
+import os
+from s2c2a.executors import compute_on_one_thread
+compute_on_one_thread()
+import jax.numpy as jnp
+jnp.ones(3).sum().block_until_ready()
+names = [open(f"/proc/self/task/{task}/comm").read() for task in os.listdir("/proc/self/task")]
+print(len([name for name in names if "XLAEigen" in name]))
+"""
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are counted under /proc")
+def test_a_process_of_ours_computes_on_one_thread():
+    """What XLA adds up in parts depends on how many threads it has, and a seed's networks must not."""
+    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == 1

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from s2c2a.errors import TargetError
+from s2c2a.goals import MOST_OBSTACLES
+from s2c2a.planning import Goal
+
+
+def test_a_new_goal_asks_for_nothing_but_little_change():
+    goal = Goal.of(3, change_weight=0.7)
+    assert not goal.position_weights.any()
+    assert not goal.axis_weights.any()
+    assert not goal.thresholds.any()
+    assert goal.change_weight == np.float32(0.7)
+
+
+def test_a_position_is_asked_of_the_tip_unless_a_module_is_named():
+    goal = Goal.of(3).with_position([0.1, 0.2, 0.5]).with_position([0.0, 0.0, 0.2], weight=4.0, module=0)
+    np.testing.assert_allclose(goal.positions, [[0, 0, 0.2], [0, 0, 0], [0.1, 0.2, 0.5]], rtol=1e-6)
+    np.testing.assert_array_equal(goal.position_weights, [4, 0, 1])
+
+
+def test_an_axis_of_any_length_becomes_a_direction():
+    goal = Goal.of(2).with_axis([0.0, 3.0, 4.0], weight=1.5)
+    np.testing.assert_allclose(goal.axes, [[0, 0, 1], [0, 0.6, 0.8]], rtol=1e-6)
+    np.testing.assert_array_equal(goal.axis_weights, [0, 1.5])
+
+
+def test_obstacles_fill_the_first_places_and_replace_the_last_ones():
+    goal = Goal.of(3).with_obstacles(np.ones((3, 3)), [0.1, 0.2, 0.3]).with_obstacles([[0.1, 0.2, 0.3]], [0.05], 2.0)
+    np.testing.assert_allclose(goal.obstacles[0], [0.1, 0.2, 0.3], rtol=1e-6)
+    np.testing.assert_allclose(goal.thresholds, [0.05] + [0] * (MOST_OBSTACLES - 1), rtol=1e-6)
+    assert goal.obstacle_weight == 2.0
+
+
+def test_changing_a_goal_leaves_the_old_one_as_it_was():
+    goal = Goal.of(3)
+    goal.with_position([1, 2, 3]).with_axis([1, 0, 0]).with_obstacles([[1, 1, 1]], [0.1])
+    assert not goal.positions.any()
+    assert not goal.thresholds.any()
+    np.testing.assert_array_equal(goal.axes, np.tile([0, 0, 1], (3, 1)))
+
+
+def test_goals_of_one_arm_never_change_their_shapes_or_types():
+    plain = Goal.of(3)
+    full = plain.with_position([1, 2, 3], 2).with_axis((0, 1, 0), 1)
+    full = full.with_obstacles([[1, 1, 1]] * MOST_OBSTACLES, [1] * MOST_OBSTACLES, 3)
+    assert [(part.shape, part.dtype) for part in map(np.asarray, plain)] == [
+        (part.shape, part.dtype) for part in map(np.asarray, full)
+    ]
+
+
+@pytest.mark.parametrize("empty", [[], np.zeros((0, 3))])
+def test_obstacles_can_be_taken_away(empty):
+    goal = Goal.of(3).with_obstacles([[0, 0, 0.5]], [0.1]).with_obstacles(empty, [])
+    assert not goal.thresholds.any()
+
+
+@pytest.mark.parametrize("module", [3, -4, 100])
+def test_a_module_that_the_arm_lacks_is_refused(module):
+    with pytest.raises(TargetError, match=f"no module {module}; this goal is for 3"):
+        Goal.of(3).with_position([0, 0, 0.5], module=module)
+    with pytest.raises(TargetError, match=f"no module {module}; this goal is for 3"):
+        Goal.of(3).with_axis([0, 0, 1], module=module)
+
+
+@pytest.mark.parametrize("weight", [-1.0, np.nan, np.inf, [1.0, 2.0], "heavy"])
+def test_a_weight_that_is_no_finite_number_from_zero_up_is_refused(weight):
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3, change_weight=weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_position([0, 0, 0.5], weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_axis([0, 0, 1], weight)
+    with pytest.raises(TargetError, match="weight must be"):
+        Goal.of(3).with_obstacles([[0, 0, 0.5]], [0.1], weight)
+
+
+def test_an_obstacle_of_negative_size_is_refused():
+    with pytest.raises(TargetError, match="must not be negative"):
+        Goal.of(3).with_obstacles([[0, 0, 0.5]], [-0.1])
+
+
+@pytest.mark.parametrize(
+    "bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [0, 0, 0, 0], 0.5, [[0, 0, 0]], "abc", None, [[1], [1, 2]]]
+)
+def test_a_target_that_is_not_three_finite_numbers_is_refused(bad):
+    with pytest.raises(TargetError, match="target position must be three finite numbers"):
+        Goal.of(3).with_position(bad)
+    with pytest.raises(TargetError, match="target axis must be three finite numbers"):
+        Goal.of(3).with_axis(bad)
+
+
+def test_an_axis_of_no_length_is_refused():
+    with pytest.raises(TargetError, match="target axis is zero"):
+        Goal.of(3).with_axis([0.0, 0.0, 0.0])
+
+
+def test_more_obstacles_than_there_is_room_for_are_refused():
+    with pytest.raises(TargetError, match="n at most 64"):
+        Goal.of(3).with_obstacles(np.zeros((65, 3)), np.ones(65))
+
+
+@pytest.mark.parametrize(
+    ("centres", "thresholds"), [([[0, 0, 1]], [0.1, 0.2]), ([[0, 0]], [0.1]), ([0, 0, 1], [0.1]), ([[0, 0, 1]], 0.1)]
+)
+def test_obstacles_whose_shapes_do_not_fit_are_refused(centres, thresholds):
+    with pytest.raises(TargetError, match=r"give \(n, 3\) centres"):
+        Goal.of(3).with_obstacles(centres, thresholds)
+
+
+@pytest.mark.parametrize(("centre", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)])
+def test_obstacles_that_are_not_finite_are_refused(centre, threshold):
+    with pytest.raises(TargetError, match="must be finite"):
+        Goal.of(3).with_obstacles([centre], [threshold])

@@ -1,0 +1,83 @@
+"""Which way up arms are drawn."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2c2a.arm import ArmSpec, Module
+from s2c2a.viz.mounting import Mounting
+from s2c2a.viz.paths import ABOVE, SIDE
+from s2c2a.viz.surroundings import Surroundings
+
+MODULE = Module(
+    length=0.2, cable_radius=0.027, cable_angles_deg=(0.0, 120.0, 240.0), mass=0.075, bending_stiffness=0.16
+)
+
+
+def mounted(*gravity) -> ArmSpec:
+    return ArmSpec(name="test_arm", actuation="displacement", modules=(MODULE,) * 3, gravity_direction=gravity)
+
+
+def directions():
+    angles = st.tuples(st.floats(0, np.pi), st.floats(-np.pi, np.pi))
+    return angles.map(lambda at: (np.sin(at[0]) * np.cos(at[1]), np.sin(at[0]) * np.sin(at[1]), np.cos(at[0])))
+
+
+@pytest.mark.parametrize(
+    ("gravity", "word", "tip"),
+    [
+        ((0, 0, -1), "stands", (0, 0, 1)),
+        ((0, 0, 0), "floats", (0, 0, 1)),
+        ((0, 0, 1), "hangs", (0, 0, -1)),
+        ((1, 0, 0), "lies", (1, 0, 0)),
+        ((0, -1, 0), "lies", (1, 0, 0)),
+        ((0.6, 0, -0.8), "stands", (0.6, 0, 0.8)),
+    ],
+)
+def test_an_arm_points_in_the_world_where_its_gravity_says(gravity, word, tip):
+    mounting = Mounting.of(mounted(*gravity))
+    assert mounting.word == word
+    along = mounting.turn @ (0, 0, 1)
+    np.testing.assert_allclose([np.hypot(*along[:2]), along[2]], [np.hypot(*tip[:2]), tip[2]], atol=1e-12)
+
+
+@given(directions())
+def test_the_turn_is_a_rotation_in_which_things_fall_straight_down(gravity):
+    mounting = Mounting.of(mounted(*gravity))
+    np.testing.assert_allclose(mounting.turn @ mounting.turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(mounting.turn) == pytest.approx(1.0)
+    np.testing.assert_allclose(mounting.turn @ gravity, (0, 0, -1), atol=1e-12)
+
+
+@given(directions())
+def test_flat_drawings_have_different_axes_the_arm_in_the_plane_of_the_page_and_gravity_downward(gravity):
+    mounting = Mounting.of(mounted(*gravity))
+    (right, up), (_, backward) = mounting.flat(SIDE)
+    assert 2 in {right, up}
+    assert (up == 2) == (mounting.word != "lies")
+    assert gravity[up] * (-1 if backward else 1) <= 0
+    assert mounting.flat(ABOVE)[0][0] == right
+    assert {right, up, mounting.flat(ABOVE)[0][1]} == {0, 1, 2}
+
+
+def test_a_standing_arm_is_drawn_in_its_base_frame_as_it_is():
+    mounting = Mounting.of(mounted(0, 0, -1))
+    np.testing.assert_array_equal(mounting.turn, np.eye(3))
+    assert mounting.flat(SIDE) == ((0, 2), (False, False))
+    np.testing.assert_array_equal(mounting.placed((1.0, 2.0, 3.0)), (1, 2, 3))
+
+
+def test_gravity_is_named_where_an_arm_does_not_stand():
+    assert Surroundings.of(mounted(0, 0, -1)).arrow is Surroundings.of(mounted(0, 0, 0)).arrow is None
+    for gravity in ((0, 0, 1), (1, 0, 0)):
+        tail, tip = Surroundings.of(mounted(*gravity)).arrow
+        np.testing.assert_allclose((tip - tail) / np.linalg.norm(tip - tail), gravity, atol=1e-12)
+
+
+def test_the_plane_is_below_the_base_and_its_lines_end_on_a_circle():
+    around = Surroundings.of(mounted(0, 0, -1))
+    assert around.spacing == 0.05
+    np.testing.assert_allclose(np.linalg.norm(around.grid[..., :2], axis=-1), around.radius, atol=1e-4)
+    np.testing.assert_allclose(around.grid[..., 2], around.level)
+    assert around.level < 0
