@@ -59,7 +59,7 @@ def test_help_imports_nothing_heavy():
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'h5py', 'distributed', 'optuna', 'viser', 'websockets'}\n"
+        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna', 'viser', 'websockets'}\n"
         "heavy &= set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)\n"
     )

@@ -51,7 +51,7 @@ def test_an_interrupt_at_any_moment_ends_the_command_without_a_traceback(interru
     code, errors = interrupted(("arm", "check", "twin_arm"), after)
     assert "Traceback" not in errors
     assert "Exception" not in errors
-    assert code in (0, 130), errors
+    assert code in (0, 130, -signal.SIGINT), errors  # the last while Python itself ends; a shell calls it 130 too
 
 
 def test_an_interrupted_verb_says_what_is_kept(interrupted, tmp_path):

@@ -5,19 +5,3 @@ from s2c2a.arm.geometry import ArmGeometry
 from s2c2a.arm.keys import Key, file_keys, keys_as_markdown
 from s2c2a.arm.presets import preset_names
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
-
-__all__ = [
-    "ArmGeometry",
-    "ArmSpec",
-    "Cable",
-    "Key",
-    "Module",
-    "Motor",
-    "arm_from_toml",
-    "arm_to_toml",
-    "file_keys",
-    "keys_as_markdown",
-    "load_arm",
-    "preset_names",
-    "save_arm",
-]

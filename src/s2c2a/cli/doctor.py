@@ -13,7 +13,6 @@ NEEDED = {
     "jax": "networks, planning",
     "equinox": "networks",
     "optax": "training, planning",
-    "h5py": "recordings",
     "safetensors": "strategies",
     "scipy": "tasks, reference",
     "matplotlib": "figures",

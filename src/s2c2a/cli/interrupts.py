@@ -6,11 +6,10 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import FrameType
 
 INTERRUPTED = 130  # exit code
 SOON = 0.1  # s
-LOST_IN = (ImportError, SystemError, AttributeError)  # what becomes of an interrupt while a module in C is imported
 
 
 def end_at_interrupts() -> None:
@@ -23,33 +22,36 @@ def end_at_interrupts() -> None:
 def interrupts_heeded() -> Iterator[None]:
     """Interrupts become KeyboardInterrupt, also where that would be lost.
 
-    One that comes while Python clears up after an object, where nothing can be raised, comes once more; one that a
-    module made an error of its own while it was imported is taken for what it was. Where interrupts are ignored, as in
-    what a shell starts in the background, they stay so.
+    One that comes while a module is imported, which may make an error of its own of it, or while Python clears up after
+    an object, where nothing can be raised, comes once more. Where interrupts are ignored, as in what a shell starts in
+    the background, they stay so.
     """
-    before, handler, heard = sys.unraisablehook, signal.getsignal(signal.SIGINT), threading.Event()
+    before, handler = sys.unraisablehook, signal.getsignal(signal.SIGINT)
     swapped = threading.current_thread() is threading.main_thread() and callable(handler)
-
-    def hear(lost: Any) -> None:
-        if lost.exc_type is KeyboardInterrupt:
-            threading.Timer(SOON, os.kill, (os.getpid(), signal.SIGINT)).start()
-        else:
-            before(lost)
-
-    def interrupt(*_: Any) -> None:
-        heard.set()
-        raise KeyboardInterrupt
-
-    sys.unraisablehook = hear
+    sys.unraisablehook = lambda lost: _come_again() if lost.exc_type is KeyboardInterrupt else before(lost)
     try:
         if swapped:
-            signal.signal(signal.SIGINT, interrupt)
+            signal.signal(signal.SIGINT, _interrupt)
         yield
-    except Exception as error:
-        if not (heard.is_set() and isinstance(error.__cause__ or error, LOST_IN)):
-            raise
-        raise KeyboardInterrupt from error
     finally:
         if swapped:
             signal.signal(signal.SIGINT, handler)
         sys.unraisablehook = before
+
+
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    if _in_an_import(frame):
+        return _come_again()
+    raise KeyboardInterrupt
+
+
+def _in_an_import(frame: FrameType | None) -> bool:
+    while frame:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _come_again() -> None:
+    threading.Timer(SOON, os.kill, (os.getpid(), signal.SIGINT)).start()

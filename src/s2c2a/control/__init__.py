@@ -1,5 +1,3 @@
 """C2A: from the wanted configuration to the next action. Knows nothing of states."""
 
 from s2c2a.control.controllers import Controller, CorrectedController, InversePCC, NetworkController
-
-__all__ = ["Controller", "CorrectedController", "InversePCC", "NetworkController"]

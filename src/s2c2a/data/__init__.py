@@ -4,16 +4,3 @@ from s2c2a.data.babbling import BABBLING, episode_actions
 from s2c2a.data.collecting import CollectOptions, collect
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.data.windows import Samples, Split, controller_samples, forward_samples
-
-__all__ = [
-    "BABBLING",
-    "CollectOptions",
-    "Recording",
-    "Samples",
-    "Split",
-    "collect",
-    "controller_samples",
-    "episode_actions",
-    "forward_samples",
-    "load_recording",
-]

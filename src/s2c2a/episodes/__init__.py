@@ -2,5 +2,3 @@
 
 from s2c2a.episodes.episode import Episode
 from s2c2a.episodes.file import EpisodeWriter, load_episodes, save_episodes
-
-__all__ = ["Episode", "EpisodeWriter", "load_episodes", "save_episodes"]

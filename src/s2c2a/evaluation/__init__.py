@@ -3,5 +3,3 @@
 from s2c2a.evaluation.metrics import position_errors
 from s2c2a.evaluation.rollout import rollout
 from s2c2a.evaluation.scoring import METRICS, Outcome, Scored, score_run
-
-__all__ = ["METRICS", "Outcome", "Scored", "position_errors", "rollout", "score_run"]

@@ -18,33 +18,3 @@ from s2c2a.jobs.job import STRATEGIES, Job, Run, checked_seeds, jobs_for
 from s2c2a.jobs.making import Make, check_robots, in_groups, made, make_all, run_all, try_all
 from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows
 from s2c2a.jobs.trained import GivenNetworks, LSTMArtifact, NetworksArtifact, RecordingArtifact
-
-__all__ = [
-    "SIMULATED_FAST",
-    "STRATEGIES",
-    "Artifact",
-    "Cache",
-    "Conditions",
-    "GivenNetworks",
-    "Heading",
-    "Job",
-    "LSTMArtifact",
-    "Make",
-    "NetworksArtifact",
-    "Processes",
-    "RecordingArtifact",
-    "Run",
-    "Serial",
-    "Threads",
-    "check_robots",
-    "checked_seeds",
-    "in_groups",
-    "jobs_for",
-    "made",
-    "make_all",
-    "run_all",
-    "score_rows",
-    "tick_rows",
-    "training_rows",
-    "try_all",
-]

@@ -5,17 +5,3 @@ from s2c2a.kinematics.bends import bends_from_configurations, configurations_fro
 from s2c2a.kinematics.cables import PCC
 from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
 from s2c2a.kinematics.forward_model import ForwardModel, MemorylessModel, PCCForwardModel
-
-__all__ = [
-    "PCC",
-    "ForwardModel",
-    "MemorylessModel",
-    "PCCForwardModel",
-    "bends_from_configurations",
-    "centre_line",
-    "configurations_from_bends",
-    "configurations_from_states",
-    "limit_lengths",
-    "states_from_bends",
-    "states_from_configurations",
-]

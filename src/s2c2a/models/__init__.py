@@ -5,5 +5,3 @@ from s2c2a.models.c2s import C2S, C2SOptions
 from s2c2a.models.chain import ChainOptions
 from s2c2a.models.lstm import LSTMOptions
 from s2c2a.models.options import ForwardOptions
-
-__all__ = ["C2A", "C2S", "C2AOptions", "C2SOptions", "ChainOptions", "ForwardOptions", "History", "LSTMOptions"]

@@ -10,25 +10,3 @@ from s2c2a.planning.planner import Plan, Planner
 from s2c2a.planning.situation import Candidate, Situation
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import Residual, Term
-
-__all__ = [
-    "BEST",
-    "PAPER",
-    "Adam",
-    "BatchPlanner",
-    "Candidate",
-    "Detour",
-    "Goal",
-    "Guide",
-    "LeastSquares",
-    "Own",
-    "Plan",
-    "Planner",
-    "PlannerOptions",
-    "Problem",
-    "Pull",
-    "Residual",
-    "Situation",
-    "Solver",
-    "Term",
-]

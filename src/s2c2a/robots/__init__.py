@@ -3,5 +3,3 @@
 from s2c2a.robots.conformance import check_robot
 from s2c2a.robots.making import Body, options_from
 from s2c2a.robots.robot import Robot, checked_action
-
-__all__ = ["Body", "Robot", "check_robot", "checked_action", "options_from"]

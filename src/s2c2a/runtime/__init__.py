@@ -5,16 +5,3 @@ from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.loop import Ask, Driver, Loop, Step
 from s2c2a.runtime.record import episode_of
 from s2c2a.runtime.stages import Patience
-
-__all__ = [
-    "Ask",
-    "Clock",
-    "CommandLimits",
-    "Driver",
-    "Loop",
-    "Patience",
-    "Step",
-    "StepClock",
-    "WallClock",
-    "episode_of",
-]

@@ -10,14 +10,3 @@ from s2c2a.sensing.estimators import (
     TrueEstimator,
     estimator_for,
 )
-
-__all__ = [
-    "ESTIMATORS",
-    "PAPER_COUPLING",
-    "CoupledEstimator",
-    "DirectionEstimator",
-    "EncoderEstimator",
-    "Estimator",
-    "TrueEstimator",
-    "estimator_for",
-]

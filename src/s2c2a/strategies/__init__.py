@@ -10,31 +10,3 @@ from s2c2a.strategies.s2c2a import planning_as, s2c2a_batch_planner, s2c2a_strat
 from s2c2a.strategies.shipped import shipped_networks
 from s2c2a.strategies.strategy import AnyStrategy, Strategy
 from s2c2a.strategies.trained import TrainedNetworks
-
-__all__ = [
-    "RECIPES",
-    "AnyStrategy",
-    "LSTMOptions",
-    "LSTMStrategy",
-    "Recipe",
-    "Strategy",
-    "TrainedLSTM",
-    "TrainedNetworks",
-    "fitted_gains",
-    "load_lstm",
-    "load_recipe",
-    "load_strategy",
-    "pcc_fitted_strategy",
-    "pcc_strategy",
-    "planning_as",
-    "recipe_from",
-    "recipe_named",
-    "s2c2a_batch_planner",
-    "s2c2a_strategy",
-    "save_lstm",
-    "save_recipe",
-    "save_strategy",
-    "shipped_networks",
-    "train_lstm_strategy",
-    "train_s2c2a",
-]

@@ -4,5 +4,3 @@ from s2c2a.training.data import TrainingData
 from s2c2a.training.fit import FitOptions, Progress, fit, quiet
 from s2c2a.training.learned import Fixed, FromArm
 from s2c2a.training.trained import Trained, train
-
-__all__ = ["FitOptions", "Fixed", "FromArm", "Progress", "Trained", "TrainingData", "fit", "quiet", "train"]

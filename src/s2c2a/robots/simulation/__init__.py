@@ -2,5 +2,3 @@
 
 from s2c2a.robots.simulation.fidelity import FIDELITIES, Fidelity
 from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
-
-__all__ = ["FIDELITIES", "Fidelity", "SimulatedRobot"]
