@@ -121,10 +121,11 @@ def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(twin, recipe, 
 
 
 def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(twin, tmp_path, capsys):
-    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    arm, recording = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator")), str(tmp_path / "no_flex.episodes")
+    main(["collect", "--arm", arm, "--episodes", "1", "--samples", "30", "--out", recording])
     with pytest.raises(SystemExit):
-        main(["run", "hold-end", "--arm", arm, "--strategy", "pcc", "--out", str(tmp_path / "run")])
-    assert "s2c2a:" in capsys.readouterr().err
+        main(["train", recording, "--out", str(tmp_path / "none.safetensors")])
+    assert "no 'flex'" in capsys.readouterr().err
 
 
 def test_flex_strips_say_how_modules_bend(twin):

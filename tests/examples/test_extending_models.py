@@ -16,14 +16,14 @@ from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_reci
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
 MODEL = f"{EXAMPLE}:ArcsOptions"
 FIT = {"learning_rate": 1e-2, "most_epochs": 4, "epochs_per_call": 4}
-PLANNER = {"learning_rate": 0.02, "iterations": 3}
+SOLVER = {"learning_rate": 0.02, "iterations": 3}
 
 
 @pytest.fixture(scope="module")
 def recipe(tmp_path_factory) -> Path:
     """A recipe with the model of the example, small and quick."""
     c2s, c2a = {"model": MODEL, "hidden": 4}, {"layers": 1, "hidden": 4}
-    table = {"c2s": c2s, "c2a": c2a, "c2s_fit": FIT, "c2a_fit": FIT, "planner": PLANNER}
+    table = {"c2s": c2s, "c2a": c2a, "c2s_fit": FIT, "c2a_fit": FIT, "based_on": "paper", "planner": {"solver": SOLVER}}
     path = tmp_path_factory.mktemp("own") / "own.toml"
     path.write_text(tomli_w.dumps(table))
     return path
