@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -23,7 +24,8 @@ def count_operations(monkeypatch):
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "pytest", str(FOLDER), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}  # no worker's child
+    return subprocess.run(command, env=alone, capture_output=True, text=True, check=False)
 
 
 def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
