@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from s2c2a.live.control import ArmControl
     from s2c2a.live.page import LivePage, Survey
     from s2c2a.live.process import ControlProcess
-    from s2c2a.planning.options import Guard
     from s2c2a.robots import Body
 
 Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]
@@ -59,7 +58,8 @@ def live(
     """
     require("live", "viser", "websockets", "msgspec")
     body, said = body_for(robot, robot_option, fidelity), partial(print, flush=True)
-    with running_page(arm, weights, body, guard, seed, port, out, release_after, said, model):
+    options = {"weights": weights, "guard": guard, "seed": seed, "release_after": release_after, "model": model}
+    with running_page(arm, body, port, out, said, **options):
         wait_for_interrupt()
     print(f"{arm} has ended, at rest.")
 
@@ -73,29 +73,23 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    weights: tuple[str, ...] = (),
     body: "Body | None" = None,
-    guard: "Guard" = "tip",
-    seed: int = 0,
     port: int = 8080,
     out: Path = Path("runs"),
-    release_after: float = 10.0,
     said: "Callable[[str], None]" = lambda _: None,
-    model: str | None = None,
+    **options: Any,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
-    """The control process and its page, closed in the end; options as in `live`. `said` is told how far it is.
+    """The control process and its page, closed in the end; options of `arm_control`. `said` is told how far it is.
 
     Raises:
         S2C2AError: no networks for this arm, no free port, or the arm did not open.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.live.child import Child
     from s2c2a.live.process import ControlProcess
     from s2c2a.robots import Body
 
-    spec, body = load_arm(arm), body or Body()
-    options = (spec, weights, body, guard, seed, release_after)
-    control = ControlProcess(spec, Child(partial(_control, model, *options)))
+    spec = load_arm(arm)
+    control = ControlProcess(spec, partial(_control, spec, body or Body(), **options))
     try:
         from s2c2a.live.page import LivePage  # imported while the other process imports its part
 
@@ -111,14 +105,11 @@ def running_page(
         control.stop()
 
 
-def _control(model: str | None, *options: Any) -> "ArmControl":
-    """What the other process makes, where a file of weights may name the model that was asked for here."""
-    from s2c2a.live.building import arm_control
-    from s2c2a.models.registry import model_named
+def _control(arm: "ArmSpec", body: "Body", **options: Any) -> "ArmControl":
+    """What the other process makes."""
+    from s2c2a.live.control import arm_control
 
-    if model:
-        model_named(model)
-    return arm_control(*options)
+    return arm_control(arm, body, **options)
 
 
 def _survey(arm: "ArmSpec") -> "Survey":

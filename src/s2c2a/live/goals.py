@@ -13,7 +13,11 @@ POSITION, AXIS, OBSTACLE, CHANGE = 1.0, 2.0, 1.0, 0.5
 
 def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     """The goal of one control step: the task's, or the target's, with the driver's obstacles and weights."""
-    goal = task_goal if task_goal is not None else _target_goal(request, modules)
+    goal = Goal.of(modules, CHANGE) if task_goal is None else task_goal
+    if task_goal is None and request.target is not None:
+        goal = goal.with_position(request.target, POSITION)
+    if task_goal is None and request.axis is not None:
+        goal = goal.with_axis(request.axis, AXIS)
     factors = request.weights
     goal = goal._replace(
         position_weights=np.float32(factors.position) * goal.position_weights,
@@ -24,15 +28,6 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     centres = [*np.asarray(goal.obstacles)[own], *(one.centre for one in request.obstacles)]
     thresholds = [*np.asarray(goal.thresholds)[own], *(one.threshold for one in request.obstacles)]
     return goal.with_obstacles(np.reshape(centres, (-1, 3)), thresholds, float(factors.obstacle * goal.obstacle_weight))
-
-
-def _target_goal(request: Request, modules: int) -> Goal:
-    goal = Goal.of(modules, CHANGE)
-    if request.target is not None:
-        goal = goal.with_position(request.target, POSITION)
-    if request.axis is not None:
-        goal = goal.with_axis(request.axis, AXIS)
-    return goal
 
 
 def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:

@@ -1,10 +1,11 @@
 """What the driver asks for: frozen values, brought within their limits whatever a client sends."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 
@@ -94,44 +95,44 @@ class RequestLimits:
 
     def changed(self, request: Request, **changes: Any) -> Request:
         """The request with changes brought within the limits; a change that makes no sense is passed over."""
-        known = {name: value for name, value in changes.items() if name in self._rules()}
-        return replace(
-            request, **{name: self._limited(name, value, getattr(request, name)) for name, value in known.items()}
-        )
-
-    def _limited(self, name: str, value: Any, before: Any) -> Any:
-        try:
-            return self._rules()[name](value)
-        except (TypeError, ValueError, AttributeError, KeyError, OverflowError):
-            return before
+        rules, sound = self._rules(), {}
+        for name in rules.keys() & changes.keys():
+            try:
+                sound[name] = rules[name](changes[name])
+            except (TypeError, ValueError, AttributeError, KeyError, OverflowError):
+                continue
+        return replace(request, **sound)
 
     def _rules(self) -> dict[str, Callable[[Any], Any]]:
         return {
             "driven": bool,
             "stopped": bool,
             "playing": bool,
-            "target": lambda value: None if value is None else _inside(value, self.reach),
+            "target": lambda value: None if value is None else self._inside(value),
             "axis": lambda value: None if value is None else _unit(value),
-            "task": self._task,
+            "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],  # where there is one
             "speed": lambda value: _number(value, *SPEEDS),
             "obstacles": lambda value: tuple(self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]),
-            "weights": lambda value: Weights(*(_number(getattr(value, name), *FACTORS) for name in _FACTORS)),
+            "weights": lambda value: Weights(*(_number(getattr(value, name), *FACTORS) for name in vars(Weights()))),
             "payload": lambda value: _number(value, 0.0, self.payload),
-            "push": lambda value: _box(value, self.push),
+            "push": lambda value: point(_vector(value, self.push)),
             "coupling": lambda value: _number(value, 0.0, 1.0),
             "noise": lambda value: _number(value, 0.0, self.noise),
         }
 
-    def _task(self, value: Any) -> str | None:
-        if value is not None and value not in self.tasks:
-            raise ValueError(f"no task {value!r}")
-        return value
-
     def _obstacle(self, value: Any) -> Obstacle:
-        return Obstacle(_inside(value.centre, self.reach), _number(value.threshold, 0.01, self.reach / 4))
+        return Obstacle(self._inside(value.centre), _number(value.threshold, 0.01, self.reach / 4))
+
+    def _inside(self, value: Any) -> Point:
+        """The point, drawn to the sphere around the base if it is outside of it."""
+        vector = _vector(value)
+        return point(vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9)))
 
 
-_FACTORS = ("position", "axis", "obstacle", "change")
+def point(values: Iterable[Any]) -> Point:
+    """Three numbers as Python's own."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def _number(value: Any, low: float, high: float) -> float:
@@ -143,31 +144,16 @@ def _number(value: Any, low: float, high: float) -> float:
     return float(np.clip(number, low, high))
 
 
-def _vector(value: Any) -> np.ndarray:
+def _vector(value: Any, most: float = 1e6) -> Float[np.ndarray, "3"]:
     vector = np.asarray(value, dtype=float)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError("three finite numbers are needed")
-    return vector
-
-
-def _point(vector: np.ndarray) -> Point:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
-
-
-def _inside(value: Any, reach: float) -> Point:
-    """The point, drawn to the sphere around the base if it is outside of it."""
-    vector = np.clip(_vector(value), -1e6, 1e6)
-    return _point(vector * min(1.0, reach / max(float(np.linalg.norm(vector)), 1e-9)))
-
-
-def _box(value: Any, half: float) -> Point:
-    return _point(np.clip(_vector(value), -half, half))
+    return np.clip(vector, -most, most)
 
 
 def _unit(value: Any) -> Point:
-    vector = np.clip(_vector(value), -1e6, 1e6)
+    vector = _vector(value)
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
         raise ValueError("a direction is needed")
-    return _point(vector / length)
+    return point(vector / length)

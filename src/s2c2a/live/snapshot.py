@@ -3,11 +3,14 @@
 Light to import, for the page's process has neither planner nor body.
 """
 
+import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Request, RequestLimits
@@ -23,7 +26,6 @@ class Snapshot:
 
     Attributes:
         step: of the control loop.
-        period: of the control steps [s].
         stage: what the arm does.
         states: of the arm, shape (modules, 6), base frame; what its model expects where nothing watches it.
         expected: states that the plan leads to, the same shape.
@@ -37,7 +39,6 @@ class Snapshot:
     """
 
     step: Step
-    period: float
     stage: Stage
     states: States
     expected: States
@@ -105,10 +106,23 @@ class Control(ABC):
             self.ask(stopped=True)
         return self.answers
 
-    @property
-    @abstractmethod
-    def answers(self) -> bool:
-        """Whether what moves the arm is there, and goes on."""
+    def reset(self) -> None:
+        """Open the robot anew, at rest; requests that would move it at once are forgotten.
+
+        Raises:
+            S2C2AError: there is nobody any more who could.
+        """
+        with self._lock:
+            self.ask(target=None, axis=None, task=None, playing=False)
+            self.order("begin")
+
+    def step_task(self) -> None:
+        """One step of a task that waits."""
+        self.order("move_on", 1.0)
+
+    def restart_task(self) -> None:
+        """Back to the task's first step."""
+        self.order("move_on", -math.inf)
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
@@ -121,9 +135,14 @@ class Control(ABC):
 
         return end
 
+    @property
     @abstractmethod
-    def reset(self) -> None:
-        """Open the robot anew, at rest; requests that would move it at once are forgotten."""
+    def answers(self) -> bool:
+        """Whether what moves the arm is there, and goes on."""
+
+    @abstractmethod
+    def order(self, name: str, *arguments: Any) -> None:
+        """Have the arm `begin` anew, or its task `move_on` by so many steps, before the next control step."""
 
     @abstractmethod
     def use(self, name: str) -> None:
@@ -134,14 +153,6 @@ class Control(ABC):
         """
 
     @abstractmethod
-    def step_task(self) -> None:
-        """One step of a task that waits."""
-
-    @abstractmethod
-    def restart_task(self) -> None:
-        """Back to the task's first step."""
-
-    @abstractmethod
     def stop(self) -> None:
         """Lead the arm to rest, close it, and end."""
 
@@ -149,3 +160,10 @@ class Control(ABC):
         self._latest = snapshot
         for watcher in self._watchers:
             watcher(snapshot)
+
+
+def straight(arm: ArmSpec) -> States:
+    """States of the straight arm [m], base frame, shape (modules, 6)."""
+    states = np.zeros((arm.module_count, 6))
+    states[:, 2], states[:, 5] = np.cumsum([module.length for module in arm.modules]), 1.0
+    return states

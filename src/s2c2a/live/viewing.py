@@ -131,7 +131,8 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, moment: floa
     scene.draw_arm(states)
     scene.draw_ghost(None if other is None else np.nan_to_num(other.states[_step_at(other, moment)]), states)
     axis = trace.wanted_axes[step, trace.pointing_module]
-    window.draw_asked(states[-1, POSITION], trace.wanted_path[step], axis, trace.spheres(step))
+    scene.draw_target(trace.wanted_path[step], axis)
+    scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])
     scene.draw_trail("real", trace.followed_path[: step + 1])
     scene.draw_trail("wanted", trace.wanted_path)
     error = trace.position_errors[step]
