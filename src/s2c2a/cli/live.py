@@ -1,10 +1,11 @@
 """`s2c2a live`: the arm in the browser."""
 
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
@@ -14,11 +15,7 @@ from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
 from s2c2a.cli.work import require
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from s2c2a.arm import ArmSpec
-    from s2c2a.live.control import ArmControl
-    from s2c2a.live.page import LivePage, Survey
+    from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
     from s2c2a.robots import Body
 
@@ -89,31 +86,20 @@ def running_page(
     from s2c2a.robots import Body
 
     spec = load_arm(arm)
-    control = ControlProcess(spec, partial(_control, spec, body or Body(), **options))
-    try:
+    with ExitStack() as ends:
+        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or Body(), **options)
+        control = ControlProcess(spec, build)
+        ends.callback(control.stop)
         from s2c2a.live.page import LivePage  # imported while the other process imports its part
 
-        page = LivePage(control, port, out, partial(_survey, spec))
-        try:
-            said(f"open {page.gate.address}")
-            control.wait_until_ready()
-            said(f"{arm} is alive; Control-C ends it.")
-            yield control, page
-        finally:
-            page.close()
-    finally:
-        control.stop()
+        page = LivePage(control, port, out, partial(_called, "s2c2a.live.workspace:survey", spec))
+        ends.callback(page.close)
+        said(f"open {page.gate.address}")
+        control.wait_until_ready()
+        said(f"{arm} is alive; Control-C ends it.")
+        yield control, page
 
 
-def _control(arm: "ArmSpec", body: "Body", **options: Any) -> "ArmControl":
-    """What the other process makes."""
-    from s2c2a.live.control import arm_control
-
-    return arm_control(arm, body, **options)
-
-
-def _survey(arm: "ArmSpec") -> "Survey":
-    """What the page knows of the arm's reach, a little after the arm has moved first."""
-    from s2c2a.live.workspace import survey
-
-    return survey(arm)
+def _called(place: str, *arguments: Any, **options: Any) -> Any:
+    """What a function makes whose module is imported only where and when it is called."""
+    return resolve_name(place)(*arguments, **options)

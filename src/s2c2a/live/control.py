@@ -18,8 +18,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.goals import Goal
-from s2c2a.live.disturbing import Disturbable, Disturbances
-from s2c2a.live.goals import goal_of, judged
+from s2c2a.live.goals import Disturbable, Disturbances, goal_of, judged
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
@@ -31,19 +30,16 @@ from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import AnyStrategy, load_strategy, pcc_strategy, recipe_named, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, Task, task_named
 
+Strategies = Mapping[str, Callable[[], AnyStrategy]]
+Tasks = Mapping[str, Callable[[], Task]]
+"""By name, and made when first asked for, as strategies are."""
 LATER = ("circle", "follow")  # tasks that take a second to make: they solve for what is within reach
 
 
 class ArmControl(Control):
     """Moves an arm in this process, in a thread of its own."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        strategies: Mapping[str, Callable[[], AnyStrategy]],
-        tasks: Mapping[str, Callable[[], Task]],
-        release_after: float,
-    ):
+    def __init__(self, robot: Robot, strategies: Strategies, tasks: Tasks, release_after: float):
         """Nothing is opened yet.
 
         Args:
@@ -125,7 +121,7 @@ class ArmControl(Control):
             with suppress(queue.Empty):
                 while True:
                     self._orders.get_nowait()()
-            request = self._request
+            request = self.request
             self._disturbances.apply(request)
             ask = Ask(self._goal(request), request.driven and not request.stopped, request.driven)
             self._publish(self._loop.tick(ask))
@@ -211,7 +207,7 @@ def arm_control(
     return ArmControl(body.make(arm, seed=seed), strategies_of(arm, weights, guard), tasks_of(arm), release_after)
 
 
-def tasks_of(arm: ArmSpec) -> dict[str, Callable[[], Task]]:
+def tasks_of(arm: ArmSpec) -> Tasks:
     """All tasks that an arm can have, by name; those that are quick are made now, the others when first asked for."""
     tasks: dict[str, Callable[[], Task]] = {}
     for name in TASKS:
@@ -223,7 +219,7 @@ def tasks_of(arm: ArmSpec) -> dict[str, Callable[[], Task]]:
     return tasks
 
 
-def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> dict[str, Callable[[], AnyStrategy]]:
+def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> Strategies:
     """What can drive an arm, by name, built when first asked for; files come first, else what comes with the package.
 
     For an arm of the user's own no networks come with the package, and `pcc` needs none.
@@ -234,10 +230,6 @@ def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> dict[st
     networks = {f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files}
     with suppress(StrategyError):
         networks = networks or {"s2c2a · best": shipped_networks(arm)}
-    built: dict[str, Callable[[], AnyStrategy]] = {
-        name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()
-    }
-    for recipe in ("best", "paper"):
-        options = replace(recipe_named(recipe).planner, guard=guard)
-        built[f"pcc · {recipe}"] = cache(partial(pcc_strategy, arm, options))
-    return built
+    planners = {name: replace(recipe_named(name).planner, guard=guard) for name in ("best", "paper")}
+    s2c2a = {name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()}
+    return s2c2a | {f"pcc · {name}": cache(partial(pcc_strategy, arm, planners[name])) for name in planners}

@@ -40,10 +40,7 @@ ONCE = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP, STOP_HEADER = "/stop", "S2C2A-Stop"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
 MOST_CONNECTIONS = 16
-BURST, WITHIN = (
-    200,
-    2.0,
-)  # so many messages of one browser in so many s; dragging sends about 20 in one, as turning does
+BURST, WITHIN = 200, 2.0  # so many messages of one browser in so many s; dragging sends 20 in one, as turning does
 MOST_REFUSED = 20  # messages of unknown form, then the connection is closed
 CLOSE_PATIENCE = 0.3  # s
 TRIED_PORTS = 50
@@ -77,6 +74,7 @@ class Gate:
 
     Attributes:
         port: where browsers come in.
+        address: what to open in a browser.
         refused: connections and messages that did not pass, by reason.
     """
 
@@ -102,11 +100,7 @@ class Gate:
         self._ready.wait(10.0)
         if self._fault or not self._ready.is_set():
             raise S2C2AError(f"no way in: {self._fault or 'the gate did not open within 10 s'}")
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return f"http://{HOST}:{self.port}"
+        self.address = f"http://{HOST}:{self.port}"
 
     def close(self) -> None:
         """Close the door and every connection."""
@@ -168,10 +162,8 @@ class Gate:
 
     def _page_response(self, packed: bool) -> Response:
         body = self._page if packed else gzip.decompress(self._page)
-        headers = Headers(
-            _HEADERS | {"Content-Length": str(len(body))} | ({"Content-Encoding": "gzip"} if packed else {})
-        )
-        return Response(200, "OK", headers, body)
+        more = {"Content-Length": str(len(body))} | ({"Content-Encoding": "gzip"} if packed else {})
+        return Response(200, "OK", Headers(_HEADERS | more), body)
 
     async def _pass_on(self, browser: ServerConnection) -> None:
         """Both ways until either side ends."""

@@ -8,17 +8,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
-import numpy as np
 import viser
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.knobs import SPEED, WEIGHTS, Knob, faults
 from s2c2a.live.recorder import Recorder
-from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Request, point
+from s2c2a.live.request import MOST_OBSTACLES, SPEED, WEIGHTS, Knob, Obstacle, Request, faults, point
 from s2c2a.live.session import Session
-from s2c2a.live.snapshot import Control
+from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, sound_value
 from s2c2a.spaces import AXIS, POSITION
 
@@ -100,13 +98,8 @@ class Panel:
     def _build_driver(self) -> None:
         go_on = self._button("Go on", lambda: self._control.ask(stopped=False), color="green", order=-1)
         self._followers.append(lambda request: setattr(go_on, "visible", request.stopped))
-        tabs = {
-            "Task": self._build_task,
-            "Avoid": self._build_obstacles,
-            "Plan": self._build_planner,
-            "Faults": self._build_faults,
-            "More": self._build_more,
-        }
+        tabs = {"Task": self._build_task, "Avoid": self._build_obstacles, "Plan": self._build_planner}
+        tabs |= {"Faults": self._build_faults, "More": self._build_more}
         group = self._gui.add_tab_group(order=11)
         for label, build in tabs.items():
             with group.add_tab(label):
@@ -124,13 +117,13 @@ class Panel:
 
         def follow(request: Request) -> None:
             hint.content = hint_for(request.task)
-            play.label = "Pause" if request.playing and not self._over else "Play"
+            play.label = "Pause" if request.playing and not self._latest.finished else "Play"
             for part in (*of_task, *of_drag):
                 part.visible = (request.task is not None) == (part in of_task)
 
         self._followers.append(follow)
         self._changed(task, self._choose)
-        self._changed(pointed, lambda on: control.ask(axis=tuple(self._tip[AXIS]) if on else None))
+        self._changed(pointed, lambda on: control.ask(axis=tuple(self._latest.states[-1, AXIS]) if on else None))
 
     def _choose(self, name: str) -> None:
         self._control.ask(task=None if name == DRAG else name, playing=False)
@@ -138,9 +131,10 @@ class Panel:
             self._target_to_tip()
 
     def _play(self) -> None:
-        if self._over:
+        over = self._latest.finished
+        if over:
             self._control.restart_task()
-        self._control.ask(playing=self._over or not self._control.request.playing)
+        self._control.ask(playing=over or not self._control.request.playing)
 
     def _build_obstacles(self) -> None:
         control, size = self._control, self._control.arm.length
@@ -153,7 +147,7 @@ class Panel:
             if len(own) >= MOST_OBSTACLES:
                 return self._desk.tell(f"{MOST_OBSTACLES} obstacles are the most")
             away = BESIDE * size * (1 + len(own) // 2) * (-1) ** len(own)
-            place = point(self._tip[POSITION] + away * across_the_screen(control.arm))
+            place = point(self._latest.states[-1, POSITION] + away * across_the_screen(control.arm))
             control.ask(obstacles=(*own, Obstacle(place, sound_value(threshold) / 100)))
 
         def resize(value: float) -> None:
@@ -166,9 +160,8 @@ class Panel:
         self._changed(threshold, resize)
 
     def _build_planner(self) -> None:
-        names, latest = self._control.strategies, self._control.latest
-        now = latest.strategy if latest and latest.strategy in names else names[0]
-        chosen = self._gui.add_dropdown("Driven by", names, initial_value=now)
+        names, now = self._control.strategies, self._latest.strategy
+        chosen = self._gui.add_dropdown("Driven by", names, initial_value=now if now in names else names[0])
         self._gui.add_markdown("How much each request weighs, times what it does:")
         for knob in WEIGHTS:
             self._slider(knob)
@@ -207,19 +200,12 @@ class Panel:
         self._desk.tell(f"written; look at it with: s2c2a view {folder}" if folder else "too short to keep")
 
     @property
-    def _over(self) -> bool:
-        """Whether the task that is played has come to its end."""
-        latest = self._control.latest
-        return latest is not None and latest.finished
-
-    @property
-    def _tip(self) -> np.ndarray:
-        """Its state, shape (6,); nobody has a panel before the arm has moved."""
-        latest = self._control.latest
-        return np.zeros(6) if latest is None else latest.states[-1]
+    def _latest(self) -> Snapshot:
+        """Nobody has a panel before the arm has moved."""
+        return cast(Snapshot, self._control.latest)
 
     def _target_to_tip(self) -> None:
-        self._control.ask(target=tuple(self._tip[POSITION]), axis=None)
+        self._control.ask(target=tuple(self._latest.states[-1, POSITION]), axis=None)
 
     def _button(self, label: str, act: Callable[[], Any], slow: bool = False, **looks: Any) -> viser.GuiButtonHandle:
         button = self._gui.add_button(label, **({"color": "gray"} | looks))

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
-from viser import GuiApi, uplot
+from viser import GuiApi, GuiUplotHandle, uplot
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
@@ -46,9 +46,7 @@ class Plots:
         self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
         values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
         values = [snapshot.step.number * self._period, *values, 1e3 * snapshot.step.tick_time]
-        self._rows.append(
-            [np.nan_to_num(np.ravel(one), posinf=0.0) for one in values]
-        )  # with a NaN a chart stays empty
+        self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 
     def draw(self) -> None:
         """Send the charts what is new."""
@@ -65,14 +63,8 @@ def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
 
 
 def add_chart(
-    gui: GuiApi,
-    title: str,
-    lines: Mapping[str, str],
-    values: tuple[np.ndarray, ...] | None = None,
-    label: str = "s",
-    legend: bool = True,
-    across: uplot.Scale | None = None,
-):
+    gui: GuiApi, title: str, lines: Mapping[str, str], values: tuple = (), label="s", legend=True, across=None
+) -> GuiUplotHandle:
     """A chart in a panel.
 
     Args:

@@ -22,7 +22,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
@@ -47,7 +47,11 @@ SILENT = "the page was silent"
 
 
 class ControlProcess(Control):
-    """The arm's control in another process; it ends with this one."""
+    """The arm's control in another process; it ends with this one.
+
+    Attributes:
+        process: the number of the process.
+    """
 
     def __init__(self, arm: ArmSpec, build: "Callable[[], ArmControl]"):
         """Start the process; it may take seconds until `wait_until_ready` returns.
@@ -61,20 +65,16 @@ class ControlProcess(Control):
         self.strategies: tuple[str, ...] = ()
         self._fault, self._heard = "", time.perf_counter()
         self._ready, self._stopping = threading.Event(), threading.Event()
-        self._using, self._used = threading.Lock(), cast("queue.SimpleQueue[str]", queue.SimpleQueue())
+        self._using, self._used = threading.Lock(), queue.SimpleQueue[str]()
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
         self._process.start()
+        self.process = self._process.pid
         theirs.close()
         self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
         self._listener.start()
         threading.Thread(target=self._live, name="heartbeat", daemon=True).start()
-
-    @property
-    def process(self) -> int | None:
-        """The number of the process."""
-        return self._process.pid
 
     @property
     def latest(self) -> Snapshot | None:
@@ -103,9 +103,9 @@ class ControlProcess(Control):
     def ask(self, **changes: Any) -> Request:
         """See `Control`."""
         with self._lock:
-            super().ask(**changes)
-            self.order("ask", vars(self._request))
-            return self._request
+            asked = super().ask(**changes)
+            self.order("ask", vars(asked))
+        return asked
 
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`; nothing is said to one that does not answer, but to stop: the pipe would fill up."""
@@ -199,9 +199,8 @@ class ControlProcess(Control):
 
 def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
     """What the process does: build, run, hear orders until the other end says stop or is gone."""
-    for name in OTHERS_SIGNALS:
-        if hasattr(signal, name):  # not every system has all
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for name in vars(signal).keys() & OTHERS_SIGNALS:  # not every system has all
+        signal.signal(vars(signal)[name], signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     sys.setswitchinterval(TURN)
     compute_on_one_thread()

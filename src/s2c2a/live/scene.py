@@ -35,6 +35,7 @@ NO_SHADOW: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 
 Wanted = Sequence[float] | np.ndarray | None
 """A place or direction; None or NaN where nothing is wanted."""
+Spheres = Float[np.ndarray, "obstacles 4"]
 Dragged = Callable[[int, Point], None]
 """Told who dragged (a client's number) and where to."""
 
@@ -50,7 +51,8 @@ class ArmScene:
         vertices = self._mesh.vertices(straight(arm))
         self._pieces: list[MeshHandle] = []
         for number, (piece, corners) in enumerate(zip(self._mesh.pieces, vertices, strict=True)):
-            look = {"flat_shading": piece.name in ("discs", "base"), "cast_shadow": piece.name != "cables"}
+            look: dict[str, Any] = {"flat_shading": piece.name in ("discs", "base")}
+            look["cast_shadow"] = piece.name != "cables"
             self._pieces.append(_mesh(scene, f"/arm/{number}", corners, piece.faces, piece.colour, **look))
         outline, faces = self._mesh.outline(vertices), self._mesh.outline_faces
         look = {"visible": False, **NO_SHADOW}
@@ -58,17 +60,14 @@ class ArmScene:
         self._ghost = _mesh(scene, "/ghost", outline, faces, GHOST, opacity=0.22, **look)
         colours = {"real": REAL, "wanted": TARGET, "axis": TARGET, "push": FAR_TARGET}
         corners, faces = np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)), tube_faces(1, TRAIL_POINTS, THREAD_SIDES)
-        self._threads = {
-            name: _mesh(scene, f"/trails/{name}", corners, faces, colours[name], **look) for name in colours
-        }
+        line = partial(_mesh, scene, vertices=corners, faces=faces, **look)
+        self._threads = {name: line(name=f"/trails/{name}", colour=colour) for name, colour in colours.items()}
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
         self._payload = _ball(scene, "/payload", 1.0, INK)
         self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
-        self._spheres, self._asked = (
-            [_Sphere(scene, f"/{name}/{number}", self._level) for number in range(MOST_OBSTACLES)]
-            for name in ("obstacles", "task_obstacles")
-        )
+        numbers, names = range(MOST_OBSTACLES), ("/obstacles", "/task_obstacles")
+        self._spheres, self._asked = ([_Sphere(scene, f"{name}/{k}", self._level) for k in numbers] for name in names)
 
     def draw_arm(self, states: States) -> None:
         """Put the arm where it is."""
@@ -89,9 +88,7 @@ class ArmScene:
 
     def draw_target(self, position: Wanted, axis: Wanted, gap: float = 0.0) -> None:
         """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
-        place, direction = (
-            None if one is None or not np.isfinite(one).all() else np.array(one) for one in (position, axis)
-        )
+        place, direction = _known(position), _known(axis)
         self._target.visible = place is not None
         self._far.visible = far = place is not None and gap > 0.005
         self._pointer.visible = self._threads["axis"].visible = place is not None and direction is not None
@@ -116,9 +113,7 @@ class ArmScene:
         if push.any():
             self._lay("push", np.array([tip - 0.4 * self._size * push / limits.push, tip]))
 
-    def draw_obstacles(
-        self, own: Sequence[Obstacle], asked: Float[np.ndarray, "obstacles 4"], tip: Float[np.ndarray, "3"]
-    ) -> None:
+    def draw_obstacles(self, own: Sequence[Obstacle], asked: Spheres, tip: Float[np.ndarray, "3"]) -> None:
         """Show the driver's obstacles and the task's (centres, thresholds [m]), coloured by how near the tip is."""
         others = [Obstacle(point(row[:3]), float(row[3])) for row in asked[:MOST_OBSTACLES]]
         for spheres, obstacles in ((self._spheres, own), (self._asked, others)):
@@ -156,6 +151,10 @@ class ArmScene:
         places, own = np.linspace(0, len(points) - 1, TRAIL_POINTS), np.arange(len(points))
         line = np.stack([np.interp(places, own, along) for along in points.T], axis=-1)
         self._threads[name].vertices = threads(line[None], TRAIL_THICK * self._size)
+
+
+def _known(wanted: Wanted) -> np.ndarray | None:
+    return None if wanted is None or not np.isfinite(wanted).all() else np.array(wanted)
 
 
 class _Sphere:

@@ -8,6 +8,7 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,7 @@ class Control(ABC):
         arm: the arm.
         limits: how far requests may go.
         strategies: names of what can drive the arm.
+        request: the latest one.
         halted_by: who or what stopped the arm last, in words.
     """
 
@@ -79,14 +81,9 @@ class Control(ABC):
     def __init__(self) -> None:
         """Nothing asked, nothing known, nobody watching."""
         self._lock = threading.RLock()
-        self._request = Request()
-        self._watchers: tuple[Watcher, ...] = ()
+        self.request = Request()
+        self._watchers: list[Watcher] = []
         self._latest: Snapshot | None = None
-
-    @property
-    def request(self) -> Request:
-        """The latest request."""
-        return self._request
 
     @property
     def latest(self) -> Snapshot | None:
@@ -96,8 +93,8 @@ class Control(ABC):
     def ask(self, **changes: Any) -> Request:
         """Change the request, within the limits; returns what it has become. From any thread."""
         with self._lock:
-            self._request = self.limits.changed(self._request, **changes)
-            return self._request
+            self.request = self.limits.changed(self.request, **changes)
+            return self.request
 
     def halt(self, by: str) -> bool:
         """Stop the arm until somebody asks with `stopped=False`; returns whether what moves it can hear that now."""
@@ -126,14 +123,8 @@ class Control(ABC):
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
-        with self._lock:
-            self._watchers = (*self._watchers, watcher)
-
-        def end() -> None:
-            with self._lock:
-                self._watchers = tuple(one for one in self._watchers if one is not watcher)
-
-        return end
+        self._watchers.append(watcher)
+        return partial(self._watchers.remove, watcher)
 
     @property
     @abstractmethod
@@ -158,7 +149,7 @@ class Control(ABC):
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot
-        for watcher in self._watchers:
+        for watcher in tuple(self._watchers):
             watcher(snapshot)
 
 

@@ -8,7 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import viser
@@ -54,13 +54,14 @@ class Window:
         self.server.on_client_connect(self._look_upright)
         self.scene, self.closing = ArmScene(self.server.scene, arm), threading.Event()
 
-    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> None:
-        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it.
+    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> Self:
+        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it. Returns itself.
 
         Raises:
             S2C2AError: no port is free.
         """
         self.gate = Gate(port, self.server.get_port(), self._secret, on_stop)
+        return self
 
     def every(self, act: Callable[[float], None]) -> None:
         """Draw frame after frame until it closes, in a thread of its own; told how long the last one was ago [s]."""
