@@ -11,7 +11,7 @@ from s2c2a.arm import ArmSpec, save_arm
 from s2c2a.cli.bodies import body_for
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
-from s2c2a.live.building import arm_control
+from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
 from s2c2a.robots.making import robot_class
 from s2c2a.sensing import estimator_for
@@ -83,7 +83,7 @@ def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
 def test_a_robot_of_ones_own_is_driven_live(trained):
     _, _, weights = trained
     spec = load_strategy(weights).arm
-    control = arm_control(spec, (str(weights),), body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), "tip", 0, 10.0)
+    control = arm_control(spec, body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),))
     assert control.strategies[0] == "s2c2a · own"
     control.start()
     control.ask(driven=True, target=(0.05, 0.0, 0.59))

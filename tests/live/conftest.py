@@ -1,5 +1,7 @@
 """A live page of the twin with the networks that come with the package, and browsers that look at it."""
 
+from functools import partial
+
 import pytest
 
 from s2c2a.arm import load_arm
@@ -22,7 +24,7 @@ def strategy():
 @pytest.fixture
 def control(twin, strategy):
     """An arm under control that runs."""
-    tasks = {name: task_named(name, twin) for name in TASKS}
+    tasks = {name: partial(task_named, name, twin) for name in TASKS}
     running = ArmControl(SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0)
     running.start()
     yield running

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from s2c2a.live import frames as frames_module
-from s2c2a.live.frames import frames
+from s2c2a.live import window
+from s2c2a.live.window import frames
 
 
 class Time:
@@ -24,7 +24,7 @@ class Time:
 def time(monkeypatch):
     """Takes the place of the clock."""
     passing = Time()
-    monkeypatch.setattr(frames_module.time, "perf_counter", lambda: passing.now)
+    monkeypatch.setattr(window.time, "perf_counter", lambda: passing.now)
     return passing
 
 

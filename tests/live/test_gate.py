@@ -93,7 +93,7 @@ def test_a_page_of_another_origin_is_refused(page):
 
 
 def test_nobody_comes_in_behind_the_gate(page):
-    behind = page._window.server.get_port()
+    behind = page.server.get_port()
     for origin in (page.gate.address, f"http://127.0.0.1:{behind}", "http://evil.example"):
         with pytest.raises(InvalidStatus, match="403"):
             browser(page, origin, port=behind)

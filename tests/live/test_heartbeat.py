@@ -11,11 +11,10 @@ from functools import partial
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.building import arm_control
-from s2c2a.live.child import SILENT, Child
+from s2c2a.live.control import arm_control
 from s2c2a.live.gate import STOP, STOP_HEADER
 from s2c2a.live.page import LivePage
-from s2c2a.live.process import ENDED, MISSED, ControlProcess
+from s2c2a.live.process import ENDED, MISSED, SILENT, ControlProcess
 from s2c2a.robots import Body
 from s2c2a.spaces import Stage
 
@@ -26,14 +25,13 @@ PAGE_THAT_HANGS = """
 import sys, time
 from functools import partial
 from s2c2a.arm import load_arm
-from s2c2a.live.building import arm_control
-from s2c2a.live.child import Child
+from s2c2a.live.control import arm_control
 from s2c2a.live.process import ControlProcess
 from s2c2a.robots import Body
 
 if __name__ == "__main__":
     arm = load_arm("twin_arm")
-    control = ControlProcess(arm, Child(partial(arm_control, arm, (), Body(), "tip", 0, 60.0)))
+    control = ControlProcess(arm, partial(arm_control, arm, Body(), release_after=60.0))
     control.wait_until_ready()
     say = lambda one: print(one.step.moment, one.stage.name, control.halted_by, sep="|", flush=True)
     control.watch(say)
@@ -50,7 +48,7 @@ if __name__ == "__main__":
 @pytest.fixture
 def live(twin, tmp_path):
     """A control process that drives, and its page."""
-    running = ControlProcess(twin, Child(partial(arm_control, twin, (), Body(), "tip", 0, 60.0)))
+    running = ControlProcess(twin, partial(arm_control, twin, Body(), release_after=60.0))
     page = LivePage(running, 0, tmp_path)
     running.wait_until_ready()
     running.ask(driven=True, target=(0.15, 0.0, 0.55))

@@ -51,7 +51,7 @@ def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(control, page, op
     until(lambda: control.latest.error < 0.02, what="the tip's arrival")
     assert np.linalg.norm(tip(control) - before) > 0.05
     until(
-        lambda: np.abs(drawn_tip(page._scene) - tip(control)).max() < 0.01,
+        lambda: np.abs(drawn_tip(page.scene) - tip(control)).max() < 0.01,
         what="the picture's arrival, which is a control step late while the arm moves",
     )
     tab.keep("wide-dragged")

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from test_gate import CAMERA, browser  # type: ignore[import-not-found]
 from websockets.exceptions import ConnectionClosed
 
-from s2c2a.live.knobs import SPEED, WEIGHTS, faults
-from s2c2a.live.request import Request, RequestLimits
+from s2c2a.live.request import SPEED, WEIGHTS, Request, RequestLimits, faults
 from s2c2a.spaces import Stage
 
 from live_tabs import until  # type: ignore[import-not-found]

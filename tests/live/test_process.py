@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.building import Tasks, arm_control
-from s2c2a.live.child import Child
+from s2c2a.live.control import arm_control, tasks_of
 from s2c2a.live.process import ControlProcess
 from s2c2a.robots import Body
 from s2c2a.spaces import POSITION, Stage
@@ -20,7 +19,7 @@ from live_tabs import until  # type: ignore[import-not-found]
 
 
 def process_of(arm, files=()):
-    return ControlProcess(arm, Child(partial(arm_control, arm, files, Body(), "tip", 0, release_after=1.0)))
+    return ControlProcess(arm, partial(arm_control, arm, Body(), files, release_after=1.0))
 
 
 @pytest.fixture
@@ -81,8 +80,8 @@ def test_a_process_that_is_asked_to_end_leads_its_arm_to_rest(control):
 
 
 def test_only_tasks_that_the_arm_can_have_are_offered(twin, make_arm):
-    assert tuple(Tasks(twin)) == tuple(TASKS)
-    few = Tasks(make_arm(1))
+    assert tuple(tasks_of(twin)) == tuple(TASKS)
+    few = tasks_of(make_arm(1))
     assert "hold-middle" not in few
     assert len(few) == len(list(few)) < len(TASKS)
     with pytest.raises(KeyError):

@@ -1,10 +1,11 @@
 """`s2c2a live`: the arm in the browser."""
 
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
@@ -14,13 +15,8 @@ from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
 from s2c2a.cli.work import require
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from s2c2a.arm import ArmSpec
-    from s2c2a.live.control import ArmControl
-    from s2c2a.live.page import LivePage, Survey
+    from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
-    from s2c2a.planning.options import Guard
     from s2c2a.robots import Body
 
 Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]
@@ -59,7 +55,8 @@ def live(
     """
     require("live", "viser", "websockets", "msgspec")
     body, said = body_for(robot, robot_option, fidelity), partial(print, flush=True)
-    with running_page(arm, weights, body, guard, seed, port, out, release_after, said, model):
+    options = {"weights": weights, "guard": guard, "seed": seed, "release_after": release_after, "model": model}
+    with running_page(arm, body, port, out, said, **options):
         wait_for_interrupt()
     print(f"{arm} has ended, at rest.")
 
@@ -73,56 +70,36 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    weights: tuple[str, ...] = (),
     body: "Body | None" = None,
-    guard: "Guard" = "tip",
-    seed: int = 0,
     port: int = 8080,
     out: Path = Path("runs"),
-    release_after: float = 10.0,
     said: "Callable[[str], None]" = lambda _: None,
-    model: str | None = None,
+    **options: Any,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
-    """The control process and its page, closed in the end; options as in `live`. `said` is told how far it is.
+    """The control process and its page, closed in the end; options of `arm_control`. `said` is told how far it is.
 
     Raises:
         S2C2AError: no networks for this arm, no free port, or the arm did not open.
     """
     from s2c2a.arm import load_arm
-    from s2c2a.live.child import Child
     from s2c2a.live.process import ControlProcess
     from s2c2a.robots import Body
 
-    spec, body = load_arm(arm), body or Body()
-    options = (spec, weights, body, guard, seed, release_after)
-    control = ControlProcess(spec, Child(partial(_control, model, *options)))
-    try:
+    spec = load_arm(arm)
+    with ExitStack() as ends:
+        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or Body(), **options)
+        control = ControlProcess(spec, build)
+        ends.callback(control.stop)
         from s2c2a.live.page import LivePage  # imported while the other process imports its part
 
-        page = LivePage(control, port, out, partial(_survey, spec))
-        try:
-            said(f"open {page.gate.address}")
-            control.wait_until_ready()
-            said(f"{arm} is alive; Control-C ends it.")
-            yield control, page
-        finally:
-            page.close()
-    finally:
-        control.stop()
+        page = LivePage(control, port, out, partial(_called, "s2c2a.live.workspace:survey", spec))
+        ends.callback(page.close)
+        said(f"open {page.gate.address}")
+        control.wait_until_ready()
+        said(f"{arm} is alive; Control-C ends it.")
+        yield control, page
 
 
-def _control(model: str | None, *options: Any) -> "ArmControl":
-    """What the other process makes, where a file of weights may name the model that was asked for here."""
-    from s2c2a.live.building import arm_control
-    from s2c2a.models.registry import model_named
-
-    if model:
-        model_named(model)
-    return arm_control(*options)
-
-
-def _survey(arm: "ArmSpec") -> "Survey":
-    """What the page knows of the arm's reach, a little after the arm has moved first."""
-    from s2c2a.live.workspace import survey
-
-    return survey(arm)
+def _called(place: str, *arguments: Any, **options: Any) -> Any:
+    """What a function makes whose module is imported only where and when it is called."""
+    return resolve_name(place)(*arguments, **options)

@@ -9,44 +9,43 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from s2c2a.errors import S2C2AError
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.goals import Goal
-from s2c2a.live.disturbing import Disturbable, Disturbances
-from s2c2a.live.goals import goal_of, judged
+from s2c2a.live.goals import Disturbable, Disturbances, goal_of, judged
 from s2c2a.live.request import Request, RequestLimits
-from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.live.snapshot import Control, Snapshot, straight
+from s2c2a.models.registry import model_named
+from s2c2a.planning.options import Guard
 from s2c2a.programs import compilations
-from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, Clock, Loop, Patience, Step, WallClock
-from s2c2a.spaces import POSITION, Stage, States
-from s2c2a.strategies import AnyStrategy
-from s2c2a.tasks import Task
+from s2c2a.robots import Body, Robot
+from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
+from s2c2a.spaces import POSITION, Stage
+from s2c2a.strategies import AnyStrategy, load_strategy, pcc_strategy, recipe_named, s2c2a_strategy, shipped_networks
+from s2c2a.tasks import TASKS, Task, task_named
 
-RELEASE_AFTER = 10.0  # s without a driver until the cables are led back to rest
+Strategies = Mapping[str, Callable[[], AnyStrategy]]
+Tasks = Mapping[str, Callable[[], Task]]
+"""By name, and made when first asked for, as strategies are."""
+LATER = ("circle", "follow")  # tasks that take a second to make: they solve for what is within reach
 
 
 class ArmControl(Control):
     """Moves an arm in this process, in a thread of its own."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        strategies: Mapping[str, Callable[[], AnyStrategy]],
-        tasks: Mapping[str, Task],
-        clock: Clock | None = None,
-        release_after: float = RELEASE_AFTER,
-    ):
+    def __init__(self, robot: Robot, strategies: Strategies, tasks: Tasks, release_after: float):
         """Nothing is opened yet.
 
         Args:
             robot: the body; it is opened and closed by the thread.
             strategies: what can drive its arm, by name; the first one is built now, another when it is used.
-            tasks: what can be played, by name.
-            clock: the wall's unless stated.
+            tasks: what can be played, by name; made when first played.
             release_after: seconds without a driver until the cables are led back to rest.
 
         Raises:
@@ -58,25 +57,23 @@ class ArmControl(Control):
         self._builders, self._name, self._tasks = strategies, self.strategies[0], tasks
         self._disturbances = Disturbances(robot)
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
-        self._loop = Loop(
-            robot, strategies[self._name](), clock or WallClock(), patience=patience, faults=self._disturbances.spoilt
-        )
+        driver, faults = strategies[self._name](), self._disturbances.spoilt
+        self._loop = Loop(robot, driver, WallClock(), patience=patience, faults=faults)
         self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping, self._opened = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._played, self._place = "", 0.0
         self._before: Goal | None = None
-        self._expected = _straight(robot)
+        self._expected = straight(robot.arm)
 
     @property
     def answers(self) -> bool:
         """See `Control`."""
         return self._thread.is_alive()
 
-    def reset(self) -> None:
+    def order(self, name: str, *arguments: Any) -> None:
         """See `Control`."""
-        self.ask(target=None, axis=None, task=None, playing=False)
-        self._orders.put(self._begin)
+        self._orders.put(partial(getattr(self, f"_{name}"), *arguments))
 
     def use(self, name: str) -> None:
         """See `Control`; it is built at once, in the thread of whoever asks."""
@@ -85,17 +82,9 @@ class ArmControl(Control):
         self._orders.put(partial(self._change_strategy, self._builders[name](), name))
 
     def prepare(self) -> None:
-        """Look every task up, for those that are made when first looked up; in the thread of whoever asks."""
-        for name in self._tasks:
-            self._tasks[name]
-
-    def step_task(self) -> None:
-        """See `Control`."""
-        self._orders.put(partial(self._move_on, 1.0))
-
-    def restart_task(self) -> None:
-        """See `Control`."""
-        self._orders.put(partial(self._move_on, -np.inf))
+        """Make every task; in the thread of whoever asks."""
+        for make in self._tasks.values():
+            make()
 
     def start(self, timeout: float = 60.0) -> None:
         """Open the robot and begin.
@@ -132,7 +121,7 @@ class ArmControl(Control):
             with suppress(queue.Empty):
                 while True:
                     self._orders.get_nowait()()
-            request = self._request
+            request = self.request
             self._disturbances.apply(request)
             ask = Ask(self._goal(request), request.driven and not request.stopped, request.driven)
             self._publish(self._loop.tick(ask))
@@ -155,25 +144,23 @@ class ArmControl(Control):
         self._loop.release()
         self._name = name
 
+    @property
+    def _task(self) -> Task | None:
+        return self._tasks[self._played]() if self._played else None
+
     def _goal(self, request: Request) -> Goal:
         """What is asked in this step."""
-        task = self._task_of(request)
-        if task is None:
-            return goal_of(request, self.arm.module_count, None)
-        goal = goal_of(request, self.arm.module_count, task.goals[int(self._place)])
+        if (request.task or "") != self._played:
+            self._played, self._place = request.task or "", 0.0
+        task = self._task
+        goal = goal_of(request, self.arm.module_count, task.goals[int(self._place)] if task else None)
         if request.playing and self._loop.phase.stage is Stage.RUN and not request.stopped:
             self._move_on(request.speed)
         return goal
 
-    def _task_of(self, request: Request) -> Task | None:
-        asked = request.task or ""
-        if asked != self._played:
-            self._played, self._place = asked, 0.0
-        return self._tasks[asked] if asked else None
-
     def _move_on(self, steps: float) -> None:
-        if self._played:
-            self._place = float(np.clip(self._place + steps, 0, len(self._tasks[self._played].goals) - 1))
+        if task := self._task:
+            self._place = float(np.clip(self._place + steps, 0, len(task.goals) - 1))
 
     def _publish(self, step: Step) -> None:
         """Show what came of the last step: this one's reading, beside what the last one was to lead to."""
@@ -183,17 +170,17 @@ class ArmControl(Control):
         error, clearance = judged(aimed or Goal.of(self.arm.module_count), states[-1, POSITION])
         self._before = step.goal if step.stage is Stage.RUN else None
         self._expected = step.told.get("expected", self._expected if step.told else states)
+        task = self._task
         self._show(
             Snapshot(
                 step=step,
-                period=self.arm.control_period,
                 stage=step.stage,
                 states=np.array(states),
                 expected=np.array(self._expected),
                 error=error,
                 clearance=clearance,
                 task_step=int(self._place),
-                task_steps=len(self._tasks[self._played].goals) if self._played else 0,
+                task_steps=len(task.goals) if task else 0,
                 strategy=self._name,
                 compiled=compilations(),
                 fault=step.fault,
@@ -201,8 +188,48 @@ class ArmControl(Control):
         )
 
 
-def _straight(robot: Robot) -> States:
-    """States of the straight arm, shape (modules, 6)."""
-    states = np.zeros((robot.arm.module_count, 6))
-    states[:, 2], states[:, 5] = np.cumsum([module.length for module in robot.arm.modules]), 1.0
-    return states
+def arm_control(
+    arm: ArmSpec,
+    body: Body,
+    weights: tuple[str, ...] = (),
+    guard: Guard = "tip",
+    seed: int = 0,
+    release_after: float = 10.0,
+    model: str | None = None,
+) -> ArmControl:
+    """A control that is not started yet; options as of `s2c2a live`, where a file of weights may name the model.
+
+    Raises:
+        S2C2AError: no networks for this arm, or an option that it cannot have.
+    """
+    if model:
+        model_named(model)
+    return ArmControl(body.make(arm, seed=seed), strategies_of(arm, weights, guard), tasks_of(arm), release_after)
+
+
+def tasks_of(arm: ArmSpec) -> Tasks:
+    """All tasks that an arm can have, by name; those that are quick are made now, the others when first asked for."""
+    tasks: dict[str, Callable[[], Task]] = {}
+    for name in TASKS:
+        make = cache(partial(task_named, name, arm=arm))
+        with suppress(S2C2AError):  # an arm of one module has no middle to hold
+            if name not in LATER:
+                make()
+            tasks[name] = make
+    return tasks
+
+
+def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> Strategies:
+    """What can drive an arm, by name, built when first asked for; files come first, else what comes with the package.
+
+    For an arm of the user's own no networks come with the package, and `pcc` needs none.
+
+    Raises:
+        StrategyError: a file cannot be read.
+    """
+    networks = {f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files}
+    with suppress(StrategyError):
+        networks = networks or {"s2c2a · best": shipped_networks(arm)}
+    planners = {name: replace(recipe_named(name).planner, guard=guard) for name in ("best", "paper")}
+    s2c2a = {name: cache(partial(s2c2a_strategy, one, guard)) for name, one in networks.items()}
+    return s2c2a | {f"pcc · {name}": cache(partial(pcc_strategy, arm, planners[name])) for name in planners}

@@ -12,20 +12,21 @@ import gzip
 import http
 import logging
 import re
-import secrets
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
-import websockets.asyncio.client
-import websockets.asyncio.server
 from websockets import Headers
-from websockets.asyncio.client import ClientConnection
-from websockets.asyncio.server import ServerConnection
+from websockets.asyncio import server
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
@@ -39,55 +40,33 @@ ONCE = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP, STOP_HEADER = "/stop", "S2C2A-Stop"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
 MOST_CONNECTIONS = 16
-RATE, BURST = 100.0, 200.0  # messages a second of one browser; dragging sends about 20, turning the view as many
+BURST, WITHIN = 200, 2.0  # so many messages of one browser in so many s; dragging sends 20 in one, as turning does
 MOST_REFUSED = 20  # messages of unknown form, then the connection is closed
-PING_EVERY, PING_PATIENCE = 3.0, 5.0  # s; a browser that is gone without a word is noticed
 CLOSE_PATIENCE = 0.3  # s
 TRIED_PORTS = 50
+REFUSALS = {"twice": 400, "host": 403, "origin": 403, "full": 503, "path": 404}
+SHOWN_OUT = {"flood": "too many messages", "form": "messages of unknown form"}
 
 _QUIET = logging.getLogger("s2c2a.gate")
 _QUIET.setLevel(logging.CRITICAL)  # to websockets, answers to plain requests are failed handshakes
-_SAFE_HEADERS = {
+_BOTH_WAYS: dict[str, Any] = {"compression": None, "close_timeout": CLOSE_PATIENCE}
+_TO_BROWSERS: dict[str, Any] = {"max_size": MOST_BYTES, "max_queue": 8, "logger": _QUIET} | _BOTH_WAYS
+_TO_BROWSERS |= {"ping_interval": 3.0, "ping_timeout": 5.0}  # s; a browser that is gone without a word is noticed
+_TO_VISER: dict[str, Any] = {"max_size": None, "max_queue": 4, "ping_interval": None} | _BOTH_WAYS
+_HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
     "Content-Security-Policy": "frame-ancestors 'none'",
     "X-Frame-Options": "DENY",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
+    "Connection": "close",
 }
 
 
-@contextmanager
-def only_with(secret: str) -> Iterator[None]:
+def only_with(secret: str) -> AbstractContextManager:
     """Websocket servers that are started meanwhile take only connections whose origin is the secret."""
-    serve = websockets.asyncio.server.serve
-    websockets.asyncio.server.serve = partial(serve, origins=[Origin(secret)])  # type: ignore[misc, assignment]
-    try:
-        yield
-    finally:
-        websockets.asyncio.server.serve = serve  # type: ignore[misc]
-
-
-def new_secret() -> str:
-    """An origin that no page can have."""
-    return f"gate://{secrets.token_hex(16)}"
-
-
-class Allowance:
-    """How much one browser may still say: it grows with time, up to a burst."""
-
-    def __init__(self, now: Callable[[], float] = time.monotonic):
-        """Full at first."""
-        self._now, self._left, self._last = now, BURST, now()
-
-    def take(self) -> bool:
-        """Whether one more message is allowed."""
-        now = self._now()
-        self._left = min(BURST, self._left + RATE * (now - self._last))
-        self._last = now
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
+    return patch.object(server, "serve", partial(server.serve, origins=[Origin(secret)]))
 
 
 class Gate:
@@ -95,6 +74,7 @@ class Gate:
 
     Attributes:
         port: where browsers come in.
+        address: what to open in a browser.
         refused: connections and messages that did not pass, by reason.
     """
 
@@ -110,21 +90,17 @@ class Gate:
         Raises:
             S2C2AError: no port is free, or viser does not answer.
         """
-        self.port, self.refused = port, dict.fromkeys(("twice", "origin", "host", "path", "full", "form", "flood"), 0)
+        self.port, self.refused = port, Counter[str]()
         self._behind, self._secret, self._open, self._on_stop = behind, secret, 0, on_stop
         self._page = _page_of(behind, b"" if on_stop is None else STOP_BUTTON.read_bytes())
         self._ready, self._fault = threading.Event(), ""
-        self._loop, self._closing = asyncio.new_event_loop(), asyncio.Event()
+        self._closing = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="gate", daemon=True)
         self._thread.start()
         self._ready.wait(10.0)
         if self._fault or not self._ready.is_set():
             raise S2C2AError(f"no way in: {self._fault or 'the gate did not open within 10 s'}")
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return f"http://{HOST}:{self.port}"
+        self.address = f"http://{HOST}:{self.port}"
 
     def close(self) -> None:
         """Close the door and every connection."""
@@ -133,107 +109,73 @@ class Gate:
         self._thread.join(3.0)
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
         try:
-            self._loop.run_until_complete(self._serve())
+            asyncio.run(self._serve())
         except OSError as error:
             self._fault = str(error)
         finally:
             self._ready.set()
-            self._loop.close()
 
     async def _serve(self) -> None:
-        async with await self._bound():
+        async with await self._bound() as bound:
+            self.port, self._loop = bound.sockets[0].getsockname()[1], asyncio.get_running_loop()
             self._ready.set()
             await self._closing.wait()
 
-    async def _bound(self):
+    async def _bound(self) -> Server:
         """The server, on the first free port."""
+        asked: dict[str, Any] = {"process_request": self._admit, "select_subprotocol": _viser_protocol}
         for port in range(self.port, self.port + TRIED_PORTS):
             with suppress(OSError):
-                server = await websockets.asyncio.server.serve(
-                    self._pass_on,
-                    HOST,
-                    port,
-                    process_request=self._admit,
-                    select_subprotocol=_viser_protocol,
-                    max_size=MOST_BYTES,
-                    max_queue=8,
-                    compression=None,
-                    ping_interval=PING_EVERY,
-                    ping_timeout=PING_PATIENCE,
-                    close_timeout=CLOSE_PATIENCE,
-                    logger=_QUIET,
-                )
-                self.port = server.sockets[0].getsockname()[1]
-                return server
+                return await server.serve(self._pass_on, HOST, port, **asked, **_TO_BROWSERS)
         raise OSError(f"no free port from {self.port} to {self.port + TRIED_PORTS - 1}; choose another --port")
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for the page; let a websocket through only where it comes from that page."""
-        if any(len(request.headers.get_all(name)) > 1 for name in ONCE):
-            return self._refuse("twice", connection, http.HTTPStatus.BAD_REQUEST)
-        host, path = request.headers.get("Host", ""), request.path.partition("?")[0]
-        if not LOCAL.fullmatch(host):  # a page elsewhere that points its name here
-            return self._refuse("host", connection, http.HTTPStatus.FORBIDDEN)
-        if request.headers.get("Upgrade", "").lower() == "websocket":
-            return self._admit_websocket(connection, request, f"http://{host}")
+        headers, path = request.headers, request.path.partition("?")[0]
+        if reason := self._objection(headers, path):
+            self.refused[reason] += 1
+            status = http.HTTPStatus(REFUSALS[reason])
+            return connection.respond(status, f"{status.phrase}: {reason}\n")
+        if _asks_for_websocket(headers):
+            return None
         if path == STOP and self._on_stop is not None:
-            return self._stop(connection, request)
-        if path not in ("/", "/index.html"):
-            return self._refuse("path", connection, http.HTTPStatus.NOT_FOUND)
-        return self._page_response(request)
+            return connection.respond(*((200, "stopped\n") if self._on_stop() else (503, "nobody hears\n")))
+        return self._page_response("gzip" in headers.get("Accept-Encoding", ""))
 
-    def _admit_websocket(self, connection: ServerConnection, request: Request, own: str) -> Response | None:
-        if request.headers.get("Origin") != own:
-            return self._refuse("origin", connection, http.HTTPStatus.FORBIDDEN)
-        if self._open >= MOST_CONNECTIONS:
-            return self._refuse("full", connection, http.HTTPStatus.SERVICE_UNAVAILABLE)
-        return None
+    def _objection(self, headers: Headers, path: str) -> str:
+        """Why a request is refused, or nothing.
 
-    def _stop(self, connection: ServerConnection, request: Request) -> Response:
-        """Stop the arm for our own page: others would have to be allowed to say the header, and nobody allows them."""
-        if STOP_HEADER not in request.headers or self._on_stop is None:
-            return self._refuse("origin", connection, http.HTTPStatus.FORBIDDEN)
-        heard = self._on_stop()
-        return connection.respond(*((200, "stopped\n") if heard else (503, "nobody hears\n")))
+        A stop is for our own page: others would have to be allowed to say the header, and nobody allows them.
+        """
+        if any(len(headers.get_all(name)) > 1 for name in ONCE):
+            return "twice"
+        host, stops = headers.get("Host", ""), path == STOP and self._on_stop is not None
+        websocket = _asks_for_websocket(headers)
+        true = {
+            "host": not LOCAL.fullmatch(host),  # a page elsewhere that points its name here
+            "origin": headers.get("Origin") != f"http://{host}" if websocket else stops and STOP_HEADER not in headers,
+            "full": websocket and self._open >= MOST_CONNECTIONS,
+            "path": not (websocket or stops or path in ("/", "/index.html")),
+        }
+        return next((reason for reason in true if true[reason]), "")
 
-    def _refuse(self, reason: str, connection: ServerConnection, status: http.HTTPStatus) -> Response:
-        self.refused[reason] += 1
-        return connection.respond(status, f"{status.phrase}: {reason}\n")
-
-    def _page_response(self, request: Request) -> Response:
-        headers = Headers(_SAFE_HEADERS | {"Content-Type": "text/html; charset=utf-8", "Connection": "close"})
-        body = self._page
-        if "gzip" in request.headers.get("Accept-Encoding", ""):
-            headers["Content-Encoding"] = "gzip"
-        else:
-            body = gzip.decompress(body)
-        headers["Content-Length"] = str(len(body))
-        return Response(200, "OK", headers, body)
+    def _page_response(self, packed: bool) -> Response:
+        body = self._page if packed else gzip.decompress(self._page)
+        more = {"Content-Length": str(len(body))} | ({"Content-Encoding": "gzip"} if packed else {})
+        return Response(200, "OK", Headers(_HEADERS | more), body)
 
     async def _pass_on(self, browser: ServerConnection) -> None:
         """Both ways until either side ends."""
         self._open += 1
-        protocols = [Subprotocol(browser.subprotocol)] if browser.subprotocol else None
+        form: dict[str, Any] = {"origin": Origin(self._secret)} | _TO_VISER
+        if browser.subprotocol:
+            form["subprotocols"] = [browser.subprotocol]
         try:
-            async with websockets.asyncio.client.connect(
-                f"ws://{HOST}:{self._behind}",
-                origin=Origin(self._secret),
-                subprotocols=protocols,
-                compression=None,
-                max_size=None,
-                max_queue=4,
-                ping_interval=None,
-                close_timeout=CLOSE_PATIENCE,
-            ) as viser:
-                ways = [
-                    asyncio.ensure_future(way) for way in (self._inwards(browser, viser), _outwards(viser, browser))
-                ]
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+            async with connect(f"ws://{HOST}:{self._behind}", **form) as viser:
+                outwards = asyncio.create_task(_outwards(viser, browser))
+                await self._inwards(browser, viser)
+                outwards.cancel()
         except (OSError, InvalidHandshake):
             await browser.close(1011, "the arm's page is not there")
         finally:
@@ -241,19 +183,19 @@ class Gate:
 
     async def _inwards(self, browser: ServerConnection, viser: ClientConnection) -> None:
         """Sound messages pass; a browser that floods or talks nonsense is shown out."""
-        allowance, nonsense = Allowance(), 0
+        came, nonsense = deque[float](maxlen=BURST), 0
         with suppress(ConnectionClosed):
             async for message in browser:
-                if not allowance.take():
-                    self.refused["flood"] += 1
-                    return await _show_out(browser, "too many messages")
-                if is_sound(message):
+                came.append(time.monotonic())
+                flood = len(came) == BURST and came[-1] - came[0] < WITHIN
+                if not flood and is_sound(message):
                     await viser.send(message)
                     continue
-                self.refused["form"] += 1
+                fault = "flood" if flood else "form"
+                self.refused[fault] += 1
                 nonsense += 1
-                if nonsense > MOST_REFUSED:
-                    return await _show_out(browser, "messages of unknown form")
+                if flood or nonsense > MOST_REFUSED:
+                    return await _show_out(browser, SHOWN_OUT[fault])
 
 
 async def _show_out(browser: ServerConnection, reason: str) -> None:
@@ -264,9 +206,11 @@ async def _show_out(browser: ServerConnection, reason: str) -> None:
 
 
 async def _outwards(viser: ClientConnection, browser: ServerConnection) -> None:
+    """What viser says; when it ends, so does the browser's connection."""
     with suppress(ConnectionClosed):
         async for message in viser:
             await browser.send(message)
+    await browser.close()
 
 
 def _page_of(port: int, more: bytes) -> bytes:
@@ -277,6 +221,10 @@ def _page_of(port: int, more: bytes) -> bytes:
     except OSError as error:
         raise S2C2AError(f"viser does not answer on port {port}: {error}") from error
     return gzip.compress(before + more + end + after, 6)
+
+
+def _asks_for_websocket(headers: Headers) -> bool:
+    return headers.get("Upgrade", "").lower() == "websocket"
 
 
 def _viser_protocol(connection: ServerConnection, offered) -> Subprotocol | None:

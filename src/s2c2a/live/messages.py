@@ -3,6 +3,7 @@
 viser itself would also take files, open a tunnel to the world when asked to, and set any attribute of a panel's parts.
 """
 
+from contextlib import suppress
 from typing import Annotated, Literal, TypeAlias, TypeGuard
 
 import msgspec
@@ -66,10 +67,8 @@ _DECODER: msgspec.msgpack.Decoder = msgspec.msgpack.Decoder(
 
 def is_sound(message: str | bytes) -> TypeGuard[bytes]:
     """Whether a browser's message may pass."""
-    if not isinstance(message, bytes) or len(message) > MOST_BYTES:
-        return False
-    try:
-        _DECODER.decode(message)
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
-        return False
-    return True
+    with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
+        if isinstance(message, bytes) and len(message) <= MOST_BYTES:
+            _DECODER.decode(message)
+            return True
+    return False

@@ -3,7 +3,9 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +16,7 @@ from jaxtyping import Float
 from s2c2a.live.panel import CLOUD, GHOST, TRAILS, Desk, Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
-from s2c2a.live.request import Obstacle, Point
+from s2c2a.live.request import Point, point
 from s2c2a.live.session import Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
@@ -39,11 +41,10 @@ class Survey(NamedTuple):
     gap: Callable[[Point], float]
 
 
-class LivePage:
-    """The live page of one arm.
+class LivePage(Window):
+    """The live page of one arm; closing it leaves the arm to itself.
 
     Attributes:
-        gate: where browsers come in.
         session: who drives.
         frames: drawn so far.
     """
@@ -60,30 +61,24 @@ class LivePage:
         Raises:
             S2C2AError: no port is free.
         """
-        self._control, self._survey, self._window = control, survey, Window(control.arm)
-        self._scene, gui = self._window.scene, self._window.server.gui
+        super().__init__(control.arm)
+        self._control, self._survey, gui = control, survey, self.server.gui
         self.session, self._panels = Session(self._session_changed), dict[int, Panel]()
         self._view = dict.fromkeys((GHOST, TRAILS, CLOUD), True)
         self._desk = Desk(control, self.session, Recorder(control, runs), self._view, self._tell)
-        self._status = gui.add_markdown(f"**{control.arm.name}** · {PREPARING}", order=0)
-        self._scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
+        self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)
+        self.scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
         with gui.add_folder("Plots", order=20, expand_by_default=False):
-            self._plots = Plots(gui, control.arm)
-        self._trail: deque[np.ndarray] = deque(maxlen=round(TRAIL * control.arm.control_rate))
+            self._plots = Plots(gui, self.arm)
+        self._trail: deque[np.ndarray] = deque(maxlen=round(TRAIL * self.arm.control_rate))
         self._before: Snapshot | None = None
         self._shown: Snapshot | None = None
-        self._gap, self._gap_of = 0.0, (np.nan,) * 3
-        self._gap_at: Callable[[Point], float] = _unknown
+        self._gap, self._gap_at = 0.0, lambda where: 0.0  # while nobody knows
         self.frames, self._changing = 0, threading.Lock()
-        self._window.server.on_client_connect(self._joined)
-        self._window.server.on_client_disconnect(self._left)
-        self._window.every(self._draw)
-        self._window.open(port, lambda: control.halt(VIEWER))
-        self.gate = self._window.gate
-
-    def close(self) -> None:
-        """Close the gate and the page; the arm goes on."""
-        self._window.close()
+        self.server.on_client_connect(self._joined)
+        self.server.on_client_disconnect(self._left)
+        self.every(self._draw)
+        self.open(port, lambda: control.halt(VIEWER))
 
     async def _joined(self, client: viser.ClientHandle) -> None:
         self._panels[client.client_id] = Panel(client, self._desk)
@@ -109,7 +104,7 @@ class LivePage:
                 panel.refresh()
 
     def _tell(self, text: str) -> None:
-        for client in self._window.server.get_clients().values():
+        for client in self.server.get_clients().values():
             client.add_notification(title="s2c2a", body=text, auto_close_seconds=6.0)
 
     def _drag_target(self, who: int, where: Point) -> None:
@@ -119,89 +114,71 @@ class LivePage:
     def _drag_pointer(self, who: int, where: Point) -> None:
         request = self._control.request
         if self.session.drives(who) and request.task is None and request.target is not None:
-            self._control.ask(axis=self._scene.axis_towards(request.target, where))
+            self._control.ask(axis=point(np.subtract(where, request.target)))
 
-    def _drag_obstacle(self, who: int, number: int, where: Point) -> None:
+    def _drag_obstacle(self, number: int, who: int, where: Point) -> None:
         own = self._control.request.obstacles
         if self.session.drives(who) and number < len(own):
-            moved = Obstacle(where, own[number].threshold)
-            self._control.ask(obstacles=(*own[:number], moved, *own[number + 1 :]))
+            self._control.ask(obstacles=(*own[:number], replace(own[number], centre=where), *own[number + 1 :]))
 
     def _look_round(self) -> None:
         found = self._survey() if self._survey is not None else None
-        if found is not None and not self._window.closing.is_set():
-            self._scene.draw_cloud(found.cloud)
-            self._gap_at, self._gap_of = found.gap, (np.nan,) * 3
+        if found is not None and not self.closing.is_set():
+            self.scene.draw_cloud(found.cloud)
+            self._gap_at = lru_cache(maxsize=1)(found.gap)
 
     def _draw(self, _passed: float) -> None:
         """One frame."""
-        latest, first = self._control.latest, self._shown is None
+        latest, shown = self._control.latest, self._shown
         if latest is None:
             return
-        new = self._shown is None or latest.step is not self._shown.step
-        if new:
-            self._take(latest)
-        if first:
+        if shown is None or latest.step is not shown.step:
+            self._before, self._shown = shown or latest, latest
+            self._plots.add(latest)
+            self._draw_trails(latest)
+            self.scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
+        if shown is None:
             threading.Thread(target=self._look_round, daemon=True).start()
             if self.session.present:
                 self._session_changed()
         self._draw_arm(latest)
         self._draw_asked(latest)
-        if new:
-            self._draw_trails()
-            self._scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
-        if first or self.frames % PLOT_EVERY == 0:
+        if shown is None or self.frames % PLOT_EVERY == 0:
             self._say(latest)
         self.frames += 1
 
-    def _take(self, latest: Snapshot) -> None:
-        """Keep what is new."""
-        self._before, self._shown = self._shown or latest, latest
-        self._plots.add(latest)
+    def _draw_trails(self, latest: Snapshot) -> None:
         self._trail.append(np.array([latest.states[-1, POSITION], _wanted(latest)[0]]))
+        points = np.array(self._trail) if self._view[TRAILS] else np.zeros((0, 2, 3))
+        self.scene.draw_trail("real", points[:, 0])
+        self.scene.draw_trail("wanted", points[:, 1])
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Between the last two states, as far as time has come; it stands where nothing comes any more."""
-        share = (time.perf_counter() - latest.step.moment) / latest.period
+        share = (time.perf_counter() - latest.step.moment) / self.arm.control_period
         if share > 1.5 or self._before is None:
             return
-        states, expected = (
-            between(getattr(self._before, name), getattr(latest, name), float(np.clip(share, 0.0, 1.0)))
-            for name in ("states", "expected")
-        )
-        self._scene.draw_arm(states)
-        self._scene.draw_ghost(expected if self._view[GHOST] else None, latest.states)
+        share = float(np.clip(share, 0.0, 1.0))
+        self.scene.draw_arm(between(self._before.states, latest.states, share))
+        expected = between(self._before.expected, latest.expected, share)
+        self.scene.draw_ghost(expected if self._view[GHOST] else None, latest.states)
 
     def _draw_asked(self, latest: Snapshot) -> None:
-        request, tip, goal = self._control.request, latest.states[-1, POSITION], latest.step.goal
-        own, nothing = request.obstacles, (np.nan,) * 3
-        if request.task is None or goal is None:
-            position, axis, spheres = request.target or nothing, request.axis or nothing, np.zeros((0, 4))
-        else:
+        request, goal = self._control.request, latest.step.goal
+        position, axis, spheres = request.target, request.axis, np.zeros((0, 4))
+        if request.task is not None and goal is not None:
             position, axis = _wanted(latest)
             spheres = np.column_stack([goal.obstacles, goal.thresholds])
             spheres = spheres[spheres[:, 3] > 0]
-            spheres = spheres[: max(len(spheres) - len(own), 0)]  # the driver's come after the task's
-        self._window.draw_asked(tip, position, axis, spheres, own, self._reach_gap(position))
-
-    def _reach_gap(self, position: Sequence[float] | np.ndarray) -> float:
-        """How far out of reach the target is [m]; asked of one point at a time, so that it compiles once."""
-        x, y, z = (float(value) for value in position)
-        if (x, y, z) != self._gap_of:
-            self._gap_of = (x, y, z)
-            self._gap = self._gap_at(self._gap_of) if np.isfinite(self._gap_of).all() else 0.0
-        return self._gap
-
-    def _draw_trails(self) -> None:
-        shown = self._view[TRAILS] and len(self._trail) > 1
-        followed, wanted = np.swapaxes(np.array(self._trail), 0, 1) if shown else np.zeros((2, 0, 3))
-        self._scene.draw_trail("real", followed)
-        self._scene.draw_trail("wanted", wanted)
+            spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]  # the driver's come after the task's
+        self._gap = self._gap_at(point(position)) if position is not None and np.isfinite(position).all() else 0.0
+        self.scene.draw_target(position, axis, self._gap)
+        self.scene.draw_obstacles(request.obstacles, spheres, latest.states[-1, POSITION])
 
     def _say(self, latest: Snapshot) -> None:
         """What is shown now and then only: plots, words, buttons."""
         self._plots.draw()
-        self._scene.show_cloud(self._view[CLOUD])
+        self.scene.show_cloud(self._view[CLOUD])
         self._status.content = self._status_of(latest)
         for panel in list(self._panels.values()):
             panel.follow()
@@ -209,7 +186,7 @@ class LivePage:
     def _status_of(self, latest: Snapshot) -> str:
         driver, others = self.session.driver, len(self.session.present) - (self.session.driver is not None)
         who = "nobody drives" if driver is None else "one drives"
-        head = f"**{self._control.arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")
+        head = f"**{self.arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")
         if latest.stage is Stage.FAULT:
             return f"{head}\n\n**stopped:** {latest.fault}"
         stopped = f"**stopped:** {self._control.halted_by}" if self._control.request.stopped else ""
@@ -225,11 +202,6 @@ class LivePage:
             f"**{latest.fault}**": latest.fault,
         }
         return f"{head}\n\n{' · '.join(text for text, shown in said.items() if shown)}"
-
-
-def _unknown(_position: Point) -> float:
-    """No gap, while nobody knows."""
-    return 0.0
 
 
 def between(before: States, after: States, share: float) -> States:

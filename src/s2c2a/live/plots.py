@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
-from viser import GuiApi, uplot
+from viser import GuiApi, GuiUplotHandle, uplot
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
@@ -23,6 +23,7 @@ class Plots:
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
         self._rows: deque[list[np.ndarray]] = deque(maxlen=round(SHOWN * arm.control_rate))
+        self._period = arm.control_period
         modules = {f"module {k + 1}": colour for k, colour in enumerate(module_colours(arm.module_count))}
         cables = {f"{name}, {k + 1}": colour for name, colour in modules.items() for k in range(arm.cable_count)}
         unit, self._scale = unit_of_cables(arm)
@@ -44,10 +45,8 @@ class Plots:
         bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
         self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
         values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
-        values = [snapshot.step.number * snapshot.period, *values, 1e3 * snapshot.step.tick_time]
-        self._rows.append(
-            [np.nan_to_num(np.ravel(one), posinf=0.0) for one in values]
-        )  # with a NaN a chart stays empty
+        values = [snapshot.step.number * self._period, *values, 1e3 * snapshot.step.tick_time]
+        self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 
     def draw(self) -> None:
         """Send the charts what is new."""
@@ -64,14 +63,8 @@ def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
 
 
 def add_chart(
-    gui: GuiApi,
-    title: str,
-    lines: Mapping[str, str],
-    values: tuple[np.ndarray, ...] | None = None,
-    label: str = "s",
-    legend: bool = True,
-    across: uplot.Scale | None = None,
-):
+    gui: GuiApi, title: str, lines: Mapping[str, str], values: tuple = (), label="s", legend=True, across=None
+) -> GuiUplotHandle:
     """A chart in a panel.
 
     Args:

@@ -1,53 +1,80 @@
 """What moves the arm, in a process of its own: neither drawing nor browsers take its turn.
 
 Two threads of one Python process wait for each other; two processes do not. Requests and orders go there through a
-pipe, snapshots come back; each side tells the other that it lives (`child`).
+pipe, snapshots come back.
+
+Both sides say that they live: that one by its snapshots, this one by its request, again and again. When that stays
+away, as when the page's process hangs, nobody can press Stop any more: the arm is stopped, and goes on only when
+somebody says so who knows of that: what was asked before counts as stopped.
+
+Nothing heavy is imported here, so that the process can begin before whoever starts it has imported its own part.
 """
 
+import multiprocessing
+import os
 import queue
+import signal
+import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, cast
+from functools import partial
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.live.child import HEARTBEAT, KNOWN, PATIENCE, SILENT, Child
+from s2c2a.executors import compute_on_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.spaces import Stage
 
+if TYPE_CHECKING:
+    from s2c2a.live.control import ArmControl
+
 ENDED = "the control process has ended; start again"
 MISSED = "the control process does not answer"
 MOST_MISSED = 1.5  # s, and two control periods, without a snapshot
+TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
+MOST_WAITING = 1000  # snapshots that nobody has fetched yet
+PATIENCE = 5.0  # s for what is left to say in the end
+HEARTBEAT, SILENCE = 0.25, 1.5  # s between the page's signs of life, and without any until the arm is stopped
+OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
+SILENT = "the page was silent"
+"""What is told when the arm was stopped for that; the page says that it is `known`."""
 
 
 class ControlProcess(Control):
-    """The arm's control in another process; it ends with this one."""
+    """The arm's control in another process; it ends with this one.
 
-    def __init__(self, arm: ArmSpec, child: Child):
-        """Speak to a process; it may take seconds until `wait_until_ready` returns.
+    Attributes:
+        process: the number of the process.
+    """
+
+    def __init__(self, arm: ArmSpec, build: "Callable[[], ArmControl]"):
+        """Start the process; it may take seconds until `wait_until_ready` returns.
 
         Args:
             arm: what its control will drive.
-            child: already started.
+            build: makes the control over there, and can be pickled.
         """
         super().__init__()
         self.arm, self.limits = arm, RequestLimits.of(arm, ())
         self.strategies: tuple[str, ...] = ()
         self._fault, self._heard = "", time.perf_counter()
         self._ready, self._stopping = threading.Event(), threading.Event()
-        self._using, self._used = threading.Lock(), cast("queue.SimpleQueue[str]", queue.SimpleQueue())
-        self._pipe, self._process = child.pipe, child.process
+        self._using, self._used = threading.Lock(), queue.SimpleQueue[str]()
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
+        self._process.start()
+        self.process = self._process.pid
+        theirs.close()
         self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
         self._listener.start()
         threading.Thread(target=self._live, name="heartbeat", daemon=True).start()
-
-    @property
-    def process(self) -> int | None:
-        """The number of the process."""
-        return self._process.pid
 
     @property
     def latest(self) -> Snapshot | None:
@@ -76,44 +103,37 @@ class ControlProcess(Control):
     def ask(self, **changes: Any) -> Request:
         """See `Control`."""
         with self._lock:
-            super().ask(**changes)
-            self._send("ask", **vars(self._request))
-            return self._request
+            asked = super().ask(**changes)
+            self.order("ask", vars(asked))
+        return asked
+
+    def order(self, name: str, *arguments: Any) -> None:
+        """See `Control`; nothing is said to one that does not answer, but to stop: the pipe would fill up."""
+        if self._silent() and name != "stop":
+            return
+        with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
+            self._pipe.send((name, arguments))
 
     def reset(self) -> None:
-        """See `Control`.
-
-        Raises:
-            S2C2AError: there is nobody any more who could.
-        """
-        with self._lock:
-            self._check_alive()
-            self.ask(target=None, axis=None, task=None, playing=False)
-            self._send("reset")
+        """See `Control`."""
+        self._check_alive()
+        super().reset()
 
     def use(self, name: str) -> None:
         """See `Control`; it is built over there, which can take seconds, and this returns when it is done."""
         with self._using:
             self._check_alive()
-            self._send("use", name=name)
+            self.order("use", name)
             said = self._used.get()
             if said == ENDED:
                 self._used.put(ENDED)  # for whoever asks next
             if said:
                 raise S2C2AError(said)
 
-    def step_task(self) -> None:
-        """See `Control`."""
-        self._send("step_task")
-
-    def restart_task(self) -> None:
-        """See `Control`."""
-        self._send("restart_task")
-
     def stop(self) -> None:
         """See `Control`; a process that does not hear is ended."""
         self._stopping.set()
-        self._send("stop")
+        self.order("stop")
         ends = (self._process.terminate, self._process.kill)
         if self._latest is None:  # nothing to lead to rest, and it may still be compiling
             ends[0]()
@@ -126,10 +146,8 @@ class ControlProcess(Control):
         self._pipe.close()
 
     def _check_alive(self) -> None:
-        if not self._process.is_alive():
-            raise S2C2AError(ENDED)
-        if self._silent():
-            raise S2C2AError(MISSED)
+        if not self.answers:
+            raise S2C2AError(MISSED if self._process.is_alive() else ENDED)
 
     def _live(self) -> None:
         """Say again what is asked, until this side stops: a sign of life, and news for one that did not answer."""
@@ -140,12 +158,6 @@ class ControlProcess(Control):
     def _silent(self) -> bool:
         quiet = time.perf_counter() - self._heard
         return self._latest is not None and quiet > MOST_MISSED + 2 * self.arm.control_period
-
-    def _send(self, order: str, **arguments: Any) -> None:
-        if self._silent() and order != "stop":
-            return  # nobody takes it out of the pipe, which would fill up
-        with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
-            self._pipe.send((order, arguments))
 
     def _listen(self) -> None:
         """Fetch what comes until the process ends."""
@@ -168,17 +180,108 @@ class ControlProcess(Control):
 
     def _take(self, said: Any) -> None:
         """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
-        if isinstance(said, Snapshot):
-            self._show(said)
-            self._ready.set()
-        elif isinstance(said, S2C2AError):
-            self._fault = str(said)
-            self._ready.set()
-        elif said == SILENT:  # it was stopped over there: here, too, until somebody says go on
-            with self._lock:
-                self.halt(SILENT)
-                self._send(KNOWN)
-        elif isinstance(said, str):
-            self._used.put(said)
-        else:
-            self.limits, self.strategies = said
+        match said:
+            case Snapshot():
+                self._show(said)
+                self._ready.set()
+            case S2C2AError():
+                self._fault = str(said)
+                self._ready.set()
+            case tuple():
+                self.limits, self.strategies = said
+            case _ if said == SILENT:  # it was stopped over there: here, too, until somebody says go on
+                with self._lock:
+                    self.halt(SILENT)
+                    self.order("known")
+            case _:
+                self._used.put(said)
+
+
+def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
+    """What the process does: build, run, hear orders until the other end says stop or is gone."""
+    for name in vars(signal).keys() & OTHERS_SIGNALS:  # not every system has all
+        signal.signal(vars(signal)[name], signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    sys.setswitchinterval(TURN)
+    compute_on_one_thread()
+    said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
+    passing = threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True)
+    passing.start()
+    try:
+        _run(build(), pipe, said)
+    except S2C2AError as error:
+        said.put(error)
+    said.put(None)
+    passing.join(PATIENCE)
+
+
+def _run(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
+    """Run while it is wanted; in the end, whatever that is, lead the arm to rest."""
+    said.put((control.limits, control.strategies))
+    control.watch(partial(_leave, said))
+    control.start()
+    try:
+        _go_first()
+        threading.Thread(target=control.prepare, daemon=True).start()
+        _obey(control, pipe, said)
+    finally:
+        control.stop()
+
+
+def _go_first() -> None:
+    """Let the threads that are there now run before all others, where the system lets anybody (Linux: root, mostly).
+
+    Python threads that are started later, to build a strategy, get no more than their share.
+    """
+    if not hasattr(os, "SCHED_RESET_ON_FORK"):
+        return
+    policy, least = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
+    for thread in os.listdir("/proc/self/task"):
+        with suppress(OSError):  # not allowed, or just ended
+            os.sched_setscheduler(int(thread), policy, least)
+
+
+def _obey(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
+    """Do what is ordered, in order; stop the arm where nothing is heard for too long, not even a sign of life."""
+    silent = False  # and the page does not know yet that the arm was stopped for that
+    with suppress(EOFError, OSError):
+        while True:
+            if not pipe.poll(SILENCE):
+                if control.request.driven and not control.request.stopped:
+                    control.halt(SILENT)
+                    silent = True
+                    said.put(SILENT)
+                continue
+            match pipe.recv():
+                case "ask", (asked,):
+                    control.ask(**asked | ({"stopped": True} if silent else {}))
+                case "known", ():
+                    silent = False
+                case "use", (name,):  # building a strategy takes long, so that goes beside the rest
+                    threading.Thread(target=_use, args=(control, name, said), daemon=True).start()
+                case "begin" | "move_on" as name, arguments:
+                    control.order(name, *arguments)
+                case _:
+                    return
+
+
+def _use(control: "ArmControl", name: str, said: queue.Queue) -> None:
+    """Change the strategy; say nothing where that went well."""
+    try:
+        control.use(name)
+        said.put("")
+    except Exception as error:  # whatever it is, somebody waits for the answer
+        said.put(str(error) or type(error).__name__)
+
+
+def _leave(said: queue.Queue, snapshot: Snapshot) -> None:
+    """Leave a snapshot to be fetched; never wait for whoever fetches."""
+    with suppress(queue.Full):
+        said.put_nowait(snapshot)
+
+
+def _pass_on(said: queue.Queue, pipe: Connection) -> None:
+    """Hand on what is said, until None; what cannot be handed on is dropped."""
+    for something in iter(said.get, None):
+        with suppress(OSError):
+            pipe.send(something)

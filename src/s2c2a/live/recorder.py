@@ -6,8 +6,8 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
-from s2c2a.arm import ArmSpec, save_arm
-from s2c2a.episodes import Episode, save_episodes
+from s2c2a.arm import save_arm
+from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.files import save_whole
 from s2c2a.live.snapshot import Control, Snapshot
@@ -54,23 +54,19 @@ class Recorder:
             self._end, kept = None, self._kept
         if len(kept) < 2:
             return None
-        arm = self._control.arm
-        options = {"verb": "live", "strategy": kept[-1].strategy, "versions": versions()}
-        episode = episode_of([one.step for one in kept], arm, **options)
+        arm, made_with = self._control.arm, versions()
         folder = self._folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
         folder.mkdir(parents=True, exist_ok=True)
-        _write(episode, arm, folder)
+        options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": made_with}
+        save_whole(json.dumps(options, indent=1, default=str) + "\n", folder / "options.json")
+        save_arm(arm, folder / "arm.toml", overwrite=True)
+        steps, strategy = [one.step for one in kept], kept[-1].strategy
+        episode = episode_of(steps, arm, verb="live", strategy=strategy, versions=made_with)
+        save_episodes([episode], folder / f"{arm.name}{ENDING}")
+        if "states" in episode.sensors:  # else there is nothing to draw
+            replay_page([trace_of(episode)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
         return folder
 
     def _keep(self, snapshot: Snapshot) -> None:
         if len(self._kept) < MOST_STEPS and (not self._kept or snapshot.step.number > self._kept[-1].step.number):
             self._kept.append(snapshot)
-
-
-def _write(episode: Episode, arm: ArmSpec, folder: Path) -> None:
-    options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": versions()}
-    save_whole(json.dumps(options, indent=1, default=str) + "\n", folder / "options.json")
-    save_arm(arm, folder / "arm.toml", overwrite=True)
-    save_episodes([episode], folder / f"{arm.name}{ENDING}")
-    if "states" in episode.sensors:  # else there is nothing to draw
-        replay_page([trace_of(episode)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")

@@ -1,10 +1,12 @@
-"""What the driver asks for: frozen values, brought within their limits whatever a client sends."""
+"""What the driver asks for: frozen values, brought within their limits whatever a client sends, and sliders on them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 
@@ -31,6 +33,9 @@ class Weights:
     axis: float = 1.0
     obstacle: float = 1.0
     change: float = 1.0
+
+
+FACTORED = tuple(vars(Weights()))
 
 
 @dataclass(frozen=True)
@@ -94,80 +99,120 @@ class RequestLimits:
 
     def changed(self, request: Request, **changes: Any) -> Request:
         """The request with changes brought within the limits; a change that makes no sense is passed over."""
-        known = {name: value for name, value in changes.items() if name in self._rules()}
-        return replace(
-            request, **{name: self._limited(name, value, getattr(request, name)) for name, value in known.items()}
-        )
-
-    def _limited(self, name: str, value: Any, before: Any) -> Any:
-        try:
-            return self._rules()[name](value)
-        except (TypeError, ValueError, AttributeError, KeyError, OverflowError):
-            return before
+        rules, sound = self._rules(), {}
+        for name in rules.keys() & changes.keys():
+            try:
+                sound[name] = rules[name](changes[name])
+            except (TypeError, ValueError, AttributeError, KeyError, OverflowError):
+                continue
+        return replace(request, **sound)
 
     def _rules(self) -> dict[str, Callable[[Any], Any]]:
+        numbers = {"speed": SPEEDS, "payload": (0.0, self.payload), "coupling": (0.0, 1.0), "noise": (0.0, self.noise)}
         return {
-            "driven": bool,
-            "stopped": bool,
-            "playing": bool,
-            "target": lambda value: None if value is None else _inside(value, self.reach),
+            **{name: partial(_number, low=low, high=high) for name, (low, high) in numbers.items()},
+            **dict.fromkeys(("driven", "stopped", "playing"), bool),
+            "target": lambda value: None if value is None else self._inside(value),
             "axis": lambda value: None if value is None else _unit(value),
-            "task": self._task,
-            "speed": lambda value: _number(value, *SPEEDS),
+            "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],  # where there is one
             "obstacles": lambda value: tuple(self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]),
-            "weights": lambda value: Weights(*(_number(getattr(value, name), *FACTORS) for name in _FACTORS)),
-            "payload": lambda value: _number(value, 0.0, self.payload),
-            "push": lambda value: _box(value, self.push),
-            "coupling": lambda value: _number(value, 0.0, 1.0),
-            "noise": lambda value: _number(value, 0.0, self.noise),
+            "weights": lambda value: Weights(*(_number(getattr(value, name), *FACTORS) for name in FACTORED)),
+            "push": lambda value: point(_vector(value, self.push)),
         }
 
-    def _task(self, value: Any) -> str | None:
-        if value is not None and value not in self.tasks:
-            raise ValueError(f"no task {value!r}")
-        return value
-
     def _obstacle(self, value: Any) -> Obstacle:
-        return Obstacle(_inside(value.centre, self.reach), _number(value.threshold, 0.01, self.reach / 4))
+        return Obstacle(self._inside(value.centre), _number(value.threshold, 0.01, self.reach / 4))
+
+    def _inside(self, value: Any) -> Point:
+        """The point, drawn to the sphere around the base if it is outside of it."""
+        vector = _vector(value)
+        return point(vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9)))
 
 
-_FACTORS = ("position", "axis", "obstacle", "change")
+@dataclass(frozen=True)
+class Knob:
+    """A slider on one number of the request.
+
+    Attributes:
+        label: beside it.
+        low: where it begins, in its own unit.
+        high: where it ends; one that ends where it begins is not shown.
+        step: of the slider.
+        name: of what it changes in the request.
+        part: of that: a field of weights, a place in a vector.
+        scale: how many of its units are one of the request's.
+    """
+
+    label: str
+    low: float
+    high: float
+    step: float
+    name: str
+    part: str | int | None = None
+    scale: float = 1.0
+
+    def shown(self, request: Request) -> float:
+        """The request's number in the slider's unit, within its ends whoever has asked for it."""
+        whole = getattr(request, self.name)
+        if isinstance(self.part, int):
+            whole = whole[self.part]
+        elif self.part is not None:
+            whole = getattr(whole, self.part)
+        return float(np.clip(self.scale * whole, self.low, self.high))
+
+    def change(self, request: Request, shown: float) -> dict[str, Any]:
+        """What to ask for when the slider shows a number."""
+        whole, number = getattr(request, self.name), shown / self.scale
+        if isinstance(self.part, int):
+            return {self.name: (*whole[: self.part], number, *whole[self.part + 1 :])}
+        return {self.name: number if self.part is None else replace(whole, **{self.part: number})}
 
 
-def _number(value: Any, low: float, high: float) -> float:
-    if isinstance(value, str | bytes | bool):
-        raise TypeError("a number is needed")
-    number = float(value)
-    if not np.isfinite(number):
-        raise ValueError("a finite number is needed")
-    return float(np.clip(number, low, high))
+SPEED = Knob("Speed", 0.25, 3.0, 0.25, "speed")
+WEIGHTS = tuple(
+    Knob(label, 0.0, 4.0, 0.1, "weights", name)
+    for name, label in zip(FACTORED, ("target μp", "direction μo", "obstacles μob", "change μd"), strict=True)
+)
 
 
-def _vector(value: Any) -> np.ndarray:
-    vector = np.asarray(value, dtype=float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError("three finite numbers are needed")
-    return vector
+def faults(limits: RequestLimits, couples: bool) -> tuple[Knob, ...]:
+    """What a driver can make go wrong; `couples`: whether the paper's leak between the sensors fits the arm."""
+    push = limits.push
+    return (
+        Knob("Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000),
+        *(Knob(f"Push {name} [N]", -push, push, push / 20, "push", place) for place, name in enumerate("xyz")),
+        Knob("Sensor noise [%]", 0.0, 100 * limits.noise, 0.1, "noise", scale=100),
+        Knob("Sensor coupling [%]", 0.0, 100.0 * couples, 5.0, "coupling", scale=100),
+    )
 
 
-def _point(vector: np.ndarray) -> Point:
-    x, y, z = (float(value) for value in vector)
+def point(values: Iterable[Any]) -> Point:
+    """Three numbers as Python's own."""
+    x, y, z = (float(value) for value in values)
     return x, y, z
 
 
-def _inside(value: Any, reach: float) -> Point:
-    """The point, drawn to the sphere around the base if it is outside of it."""
-    vector = np.clip(_vector(value), -1e6, 1e6)
-    return _point(vector * min(1.0, reach / max(float(np.linalg.norm(vector)), 1e-9)))
+def _sound(value: Any, low: float, high: float, shape: tuple[int, ...] = ()) -> np.ndarray:
+    """Finite numbers of this shape, brought within their limits."""
+    if isinstance(value, str | bytes | bool):
+        raise TypeError("numbers are needed")
+    numbers = np.asarray(value, dtype=float)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        raise ValueError(f"finite numbers of shape {shape} are needed")
+    return np.clip(numbers, low, high)
 
 
-def _box(value: Any, half: float) -> Point:
-    return _point(np.clip(_vector(value), -half, half))
+def _number(value: Any, low: float, high: float) -> float:
+    return float(_sound(value, low, high))
+
+
+def _vector(value: Any, most: float = 1e6) -> Float[np.ndarray, "3"]:
+    return _sound(value, -most, most, (3,))
 
 
 def _unit(value: Any) -> Point:
-    vector = np.clip(_vector(value), -1e6, 1e6)
+    vector = _vector(value)
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
         raise ValueError("a direction is needed")
-    return _point(vector / length)
+    return point(vector / length)

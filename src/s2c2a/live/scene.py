@@ -1,6 +1,11 @@
-"""The scene: floor, arm, ghost, target, obstacles, trails, workspace. Drawn from State values alone."""
+"""The scene: floor, arm, ghost, target, obstacles, trails, workspace. Drawn from State values alone.
+
+viser sends what is assigned only where it has changed, so everything is said anew in every frame.
+"""
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -8,11 +13,12 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.ground import NO_SHADOW, lay_ground
-from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Point, Request, RequestLimits
+from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Point, Request, RequestLimits, point
+from s2c2a.live.snapshot import straight
 from s2c2a.spaces import POSITION, States
-from s2c2a.viz.colours import INK, OBSTACLE, REAL, TARGET, module_colours, rgb
-from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, Vertices, threads, tube_faces
+from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, REAL, TARGET, module_colours, rgb
+from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
+from s2c2a.viz.surroundings import Surroundings
 
 SHADOW, GHOST = "#d9dee6", "#5b6675"
 SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown
@@ -22,12 +28,16 @@ NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer tha
 PALE = 0.6  # how much of the workspace's colours is white
 BALL = 0.042  # radius of the target in parts of the arm's length
 ARROW = 0.22  # length of the target's axis, the same
+LINE = 0.0012  # half the width of a grid's line, the same
 TRAIL_THICK, TRAIL_POINTS = 0.004, 90
+SUN = (1.0, -1.4, 2.0)
+NO_SHADOW: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 
+Wanted = Sequence[float] | np.ndarray | None
+"""A place or direction; None or NaN where nothing is wanted."""
+Spheres = Float[np.ndarray, "obstacles 4"]
 Dragged = Callable[[int, Point], None]
 """Told who dragged (a client's number) and where to."""
-DraggedOne = Callable[[int, int, Point], None]
-"""Told who dragged, which one, and where to."""
 
 
 class ArmScene:
@@ -36,134 +46,115 @@ class ArmScene:
     def __init__(self, scene: SceneApi, arm: ArmSpec):
         """Lay everything out, the arm straight."""
         self._scene, self._mesh, self._size = scene, ArmMesh(arm), arm.length
-        around = lay_ground(scene, arm)
+        around = _lay_ground(scene, arm)
         self._up, self._level = around.mounting.turn[2], around.level if around.mounting.upright else None
-        vertices = self._mesh.vertices(_straight(arm))
-        self._pieces = [self._add_piece(number, corners) for number, corners in enumerate(vertices)]
-        first, faces = self._mesh.outline(vertices), self._mesh.outline_faces
-        outline: dict[str, Any] = {"visible": False, **NO_SHADOW}
-        self._shadow = scene.add_mesh_simple("/shadow", first, faces, color=rgb(SHADOW), side="double", **outline)
-        self._ghost = scene.add_mesh_simple("/ghost", first, faces, color=rgb(GHOST), opacity=0.22, **outline)
-        self._trails = {name: self._add_thread(name, colour) for name, colour in (("real", REAL), ("wanted", TARGET))}
+        vertices = self._mesh.vertices(straight(arm))
+        self._pieces: list[MeshHandle] = []
+        for number, (piece, corners) in enumerate(zip(self._mesh.pieces, vertices, strict=True)):
+            look: dict[str, Any] = {"flat_shading": piece.name in ("discs", "base")}
+            look["cast_shadow"] = piece.name != "cables"
+            self._pieces.append(_mesh(scene, f"/arm/{number}", corners, piece.faces, piece.colour, **look))
+        outline, faces = self._mesh.outline(vertices), self._mesh.outline_faces
+        look = {"visible": False, **NO_SHADOW}
+        self._shadow = _mesh(scene, "/shadow", outline, faces, SHADOW, side="double", **look)
+        self._ghost = _mesh(scene, "/ghost", outline, faces, GHOST, opacity=0.22, **look)
+        colours = {"real": REAL, "wanted": TARGET, "axis": TARGET, "push": FAR_TARGET}
+        corners, faces = np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)), tube_faces(1, TRAIL_POINTS, THREAD_SIDES)
+        line = partial(_mesh, scene, vertices=corners, faces=faces, **look)
+        self._threads = {name: line(name=f"/trails/{name}", colour=colour) for name, colour in colours.items()}
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
-        self._shaft = self._add_thread("axis", TARGET)
-        self._push = self._add_thread("push", FAR_TARGET)
         self._payload = _ball(scene, "/payload", 1.0, INK)
         self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
-        self._spheres, self._asked = (
-            [_Sphere(scene, f"/{name}/{number}", self._level) for number in range(MOST_OBSTACLES)]
-            for name in ("obstacles", "task_obstacles")
-        )
+        numbers, names = range(MOST_OBSTACLES), ("/obstacles", "/task_obstacles")
+        self._spheres, self._asked = ([_Sphere(scene, f"{name}/{k}", self._level) for k in numbers] for name in names)
 
     def draw_arm(self, states: States) -> None:
         """Put the arm where it is."""
         vertices = self._mesh.vertices(states)
         for handle, corners in zip(self._pieces[:-1], vertices, strict=False):  # but the base, which never moves
-            handle.vertices = corners.astype(np.float32)
+            handle.vertices = corners
         if self._level is not None:  # far cheaper than a light's shadow
-            flat = self._mesh.outline(vertices) * (1.0, 1.0, 0.0) + (0.0, 0.0, self._level + 0.002 * self._size)
-            self._shadow.vertices = flat.astype(np.float32)
-            _show(self._shadow, True)
+            flat = self._mesh.outline(vertices)
+            flat[:, 2] = self._level + 0.002 * self._size
+            self._shadow.vertices, self._shadow.visible = flat, True
 
     def draw_ghost(self, states: States | None, arm: States) -> None:
         """Show where the plan leads to, unless that is where the arm is already."""
         apart = 0.0 if states is None else np.linalg.norm(states[:, POSITION] - arm[:, POSITION], axis=-1).max()
-        shown = states is not None and bool(apart >= SAME_PLACE * self._size)
-        _show(self._ghost, shown)
-        if states is not None and shown:
-            self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states)).astype(np.float32)
+        self._ghost.visible = bool(apart >= SAME_PLACE * self._size)
+        if states is not None and self._ghost.visible:
+            self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states))
 
-    def draw_target(self, position: Point | None, axis: Point | None, gap: float) -> None:
+    def draw_target(self, position: Wanted, axis: Wanted, gap: float = 0.0) -> None:
         """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
-        far = position is not None and gap > 0.005
-        colour = rgb(FAR_TARGET if far else TARGET)
-        _show(self._target, position is not None)
-        _show(self._pointer, position is not None and axis is not None)
-        _show(self._shaft, position is not None and axis is not None)
-        _show(self._far, far)
-        if position is None:
+        place, direction = _known(position), _known(axis)
+        self._target.visible = place is not None
+        self._far.visible = far = place is not None and gap > 0.005
+        self._pointer.visible = self._threads["axis"].visible = place is not None and direction is not None
+        if place is None:
             return
-        self._target.position = position
-        if self._target.color != colour:
-            self._target.color = colour
+        self._target.position, self._target.color = place, rgb(FAR_TARGET if far else TARGET)
         if far:
             self._far.text = f"{100 * gap:.1f} cm out of reach"
-            self._far.position = position + 0.05 * self._size * self._up
-        if axis is not None:
-            end = np.add(position, ARROW * self._size * np.array(axis))
-            self._pointer.position = end
-            self._lay(self._shaft, np.array([position, end]))
+            self._far.position = place + 0.05 * self._size * self._up
+        if direction is not None:
+            self._pointer.position = end = place + ARROW * self._size * direction
+            self._lay("axis", np.array([place, end]))
 
     def draw_load(self, tip: Float[np.ndarray, "3"], request: Request, limits: RequestLimits) -> None:
         """Show the payload under the tip, and the push as a line that ends at the tip; both as large as they are."""
-        _show(self._payload, request.payload > 0)
+        self._payload.visible = request.payload > 0
         if request.payload > 0:
             radius = BALL * self._size * (request.payload / limits.payload) ** (1 / 3)
             self._payload.scale, self._payload.position = radius, tip - 1.4 * radius * self._up
         push = np.array(request.push)
-        _show(self._push, bool(push.any()))
+        self._threads["push"].visible = bool(push.any())
         if push.any():
-            self._lay(self._push, np.array([tip - 0.4 * self._size * push / limits.push, tip]))
+            self._lay("push", np.array([tip - 0.4 * self._size * push / limits.push, tip]))
 
-    def draw_obstacles(self, own: Sequence[Obstacle], asked: Sequence[Obstacle], tip: Float[np.ndarray, "3"]) -> None:
-        """Show the driver's obstacles and the task's, coloured by how near the tip is."""
-        for spheres, obstacles in ((self._spheres, own), (self._asked, asked)):
-            for number, sphere in enumerate(spheres):
-                sphere.draw(obstacles[number] if number < len(obstacles) else None, tip)
+    def draw_obstacles(self, own: Sequence[Obstacle], asked: Spheres, tip: Float[np.ndarray, "3"]) -> None:
+        """Show the driver's obstacles and the task's (centres, thresholds [m]), coloured by how near the tip is."""
+        others = [Obstacle(point(row[:3]), float(row[3])) for row in asked[:MOST_OBSTACLES]]
+        for spheres, obstacles in ((self._spheres, own), (self._asked, others)):
+            for sphere, obstacle in zip_longest(spheres, obstacles):
+                sphere.draw(obstacle, tip)
 
     def draw_trail(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
         """Show the way of the `real` or the `wanted` tip since it was last NaN."""
         gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
         stretch = points[gaps[-1] + 1 if len(gaps) else 0 :]
-        _show(self._trails[name], len(stretch) > 1)
+        self._threads[name].visible = len(stretch) > 1
         if len(stretch) > 1:
-            self._lay(self._trails[name], stretch)
+            self._lay(name, stretch)
 
     def draw_cloud(self, points: Float[np.ndarray, "modules points 3"]) -> None:
         """Show where the modules' ends can be, in the modules' colours."""
+        size = 0.004 * self._size
         for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
             pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
-            self._scene.add_point_cloud(
-                f"/workspace/{number}", cloud, pale, point_size=0.004 * self._size, point_shape="circle"
-            )
+            self._scene.add_point_cloud(f"/workspace/{number}", cloud, pale, point_size=size, point_shape="circle")
 
     def show_cloud(self, shown: bool) -> None:
         """Show or hide the workspace."""
         self._scene.add_frame("/workspace", show_axes=False, visible=shown)
 
-    def on_drag(self, target: Dragged, pointer: Dragged, obstacle: DraggedOne) -> None:
-        """Tell who drags the target, the end of its axis, or one of the driver's obstacles."""
+    def on_drag(self, target: Dragged, pointer: Dragged, obstacle: Callable[[int, int, Point], None]) -> None:
+        """Tell who drags the target, the end of its axis, or one of the driver's obstacles, whose number is first."""
         _follow_drags(self._target, target)
         _follow_drags(self._pointer, pointer)
         for number, sphere in enumerate(self._spheres):
-            sphere.on_drag(lambda who, where, number=number: obstacle(who, number, where))  # type: ignore[misc]
+            _follow_drags(sphere.threshold, partial(obstacle, number))
 
-    def axis_towards(self, target: Point, pointer: Point) -> Point:
-        """The direction from a target to the end of its axis."""
-        x, y, z = np.subtract(pointer, target)
-        return float(x), float(y), float(z)
-
-    def _add_piece(self, number: int, corners: Vertices) -> MeshHandle:
-        piece = self._mesh.pieces[number]
-        look: dict[str, Any] = {"flat_shading": piece.name in ("discs", "base"), "cast_shadow": piece.name != "cables"}
-        return self._scene.add_mesh_simple(f"/arm/{number}", corners, piece.faces, color=rgb(piece.colour), **look)
-
-    def _add_thread(self, name: str, colour: str) -> MeshHandle:
-        return self._scene.add_mesh_simple(
-            f"/trails/{name}",
-            np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)),
-            tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
-            color=rgb(colour),
-            visible=False,
-            **NO_SHADOW,
-        )
-
-    def _lay(self, thread: MeshHandle, points: Float[np.ndarray, "points 3"]) -> None:
+    def _lay(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
         """Lay a thread along points, whatever their number."""
-        places = np.linspace(0, len(points) - 1, TRAIL_POINTS)
-        line = np.stack([np.interp(places, np.arange(len(points)), points[:, axis]) for axis in range(3)], axis=-1)
-        thread.vertices = threads(line[None], TRAIL_THICK * self._size).astype(np.float32)
+        places, own = np.linspace(0, len(points) - 1, TRAIL_POINTS), np.arange(len(points))
+        line = np.stack([np.interp(places, own, along) for along in points.T], axis=-1)
+        self._threads[name].vertices = threads(line[None], TRAIL_THICK * self._size)
+
+
+def _known(wanted: Wanted) -> np.ndarray | None:
+    return None if wanted is None or not np.isfinite(wanted).all() else np.array(wanted)
 
 
 class _Sphere:
@@ -172,29 +163,20 @@ class _Sphere:
     def __init__(self, scene: SceneApi, name: str, level: float | None):
         self._level = level
         self._core = _ball(scene, f"{name}/core", 1.0, INK)
-        self._threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
+        self.threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
         self._shadow = _ball(scene, f"{name}/shadow", 1.0, SHADOW)  # says how far away it is
-        self._drawn: tuple | None = None
 
     def draw(self, obstacle: Obstacle | None, tip: Float[np.ndarray, "3"]) -> None:
-        for part in (self._core, self._threshold):
-            _show(part, obstacle is not None)
-        _show(self._shadow, obstacle is not None and self._level is not None)
+        self._core.visible = self.threshold.visible = obstacle is not None
+        self._shadow.visible = obstacle is not None and self._level is not None
         if obstacle is None:
             return
-        room = float(np.linalg.norm(np.subtract(tip, obstacle.centre))) - obstacle.threshold
-        colour = INSIDE if room < 0 else NEAR if room < NEAR_BY else SAFE
-        if self._drawn == (obstacle, colour):
-            return
-        self._drawn = (obstacle, colour)
-        self._core.position = self._threshold.position = obstacle.centre
-        self._core.scale, self._threshold.scale = 0.3 * obstacle.threshold, obstacle.threshold
-        self._threshold.color = rgb(colour)
-        self._shadow.position = (*obstacle.centre[:2], self._level or 0.0)
-        self._shadow.scale = (obstacle.threshold, obstacle.threshold, 0.001)
-
-    def on_drag(self, told: Dragged) -> None:
-        _follow_drags(self._threshold, told)
+        size = obstacle.threshold
+        room = float(np.linalg.norm(np.subtract(tip, obstacle.centre))) - size
+        self.threshold.color = rgb(INSIDE if room < 0 else NEAR if room < NEAR_BY else SAFE)
+        self._core.position = self.threshold.position = obstacle.centre
+        self._core.scale, self.threshold.scale = 0.3 * size, size
+        self._shadow.position, self._shadow.scale = (*obstacle.centre[:2], self._level or 0.0), (size, size, 0.001)
 
 
 def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
@@ -206,23 +188,51 @@ def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
         if event.phase == "start":
             offsets[event.client_id] = np.subtract(handle.position, event.start_position)
         if event.client_id in offsets:
-            x, y, z = np.add(event.end_position, offsets[event.client_id])
-            told(event.client_id, (float(x), float(y), float(z)))
+            told(event.client_id, point(np.add(event.end_position, offsets[event.client_id])))
         if event.phase == "end":
             offsets.pop(event.client_id, None)
 
 
-def _ball(scene: SceneApi, name: str, radius: float, colour: str, opacity: float | None = None) -> IcosphereHandle:
-    return scene.add_icosphere(name, radius, color=rgb(colour), opacity=opacity, visible=False, **NO_SHADOW)
+def _ball(scene: SceneApi, name: str, radius: float, colour: str, **looks: Any) -> IcosphereHandle:
+    return scene.add_icosphere(name, radius, color=rgb(colour), **{"visible": False, **NO_SHADOW, **looks})
 
 
-def _straight(arm: ArmSpec) -> States:
-    """States of the straight arm, shape (modules, 6)."""
-    states = np.zeros((arm.module_count, 6))
-    states[:, 2], states[:, 5] = np.cumsum([module.length for module in arm.modules]), 1.0
-    return states
+def _mesh(scene: SceneApi, name: str, vertices, faces, colour: str, **looks: Any) -> MeshHandle:
+    return scene.add_mesh_simple(name, vertices, faces, color=rgb(colour), **looks)
 
 
-def _show(node, shown: bool) -> None:
-    if node.visible != shown:
-        node.visible = shown
+def _lay_ground(scene: SceneApi, arm: ArmSpec) -> Surroundings:
+    """Turn the scene upright, light it, and put in what never moves; everything stays in the base frame.
+
+    That is the plane that the arm is mounted on, the base frame, and where things fall if the arm does not stand.
+    """
+    around, size = Surroundings.of(arm), arm.length
+    scene.set_up_direction(around.mounting.turn[2])
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=False)
+    sky: dict[str, Any] = {"sky_color": (255, 255, 255), "ground_color": (190, 198, 210), "intensity": 1.6}
+    scene.add_light_hemisphere("/lights/sky", **sky)
+    sun: dict[str, Any] = {"color": (255, 250, 240), "intensity": 2.0, "position": tuple(SUN @ around.mounting.turn)}
+    scene.add_light_directional("/lights/sun", cast_shadow=False, **sun)
+    scene.world_axes.visible = False
+    _lay_floor(scene, around.grid, LINE * size)
+    scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
+    for name, place in around.names.items():
+        scene.add_label(f"/base_frame/{name}", name, position=place, font_screen_scale=0.8)
+    if around.arrow is not None:
+        line = np.linspace(around.arrow[0], around.arrow[1], 12)
+        _mesh(scene, "/gravity/line", threads(line[None], 0.006 * size), tube_faces(1, 12, 3), INK, **NO_SHADOW)
+        _ball(scene, "/gravity/end", 0.018 * size, INK, position=around.arrow[1], visible=True)
+        scene.add_label("/gravity/word", "gravity", position=around.arrow[0], font_screen_scale=0.8)
+    return around
+
+
+def _lay_floor(scene: SceneApi, grid: Float[np.ndarray, "lines 2 3"], half: float) -> None:
+    """Lines of two triangles: a shader's grid costs a browser without a graphics card a sixth of its time."""
+    in_middle = np.abs(grid.sum(axis=1)[:, :2]).max(axis=-1) < half
+    for name, lines, colour in (("fine", grid[~in_middle], GRID), ("strong", grid[in_middle], GRID_STRONG)):
+        aside = half * np.cross((0.0, 0.0, 1.0), np.sign(lines[:, 1] - lines[:, 0]))[:, None]
+        corners = np.stack([lines - aside, lines + aside], axis=2).reshape(-1, 3)
+        faces = np.array([(0, 2, 1), (1, 2, 3)]) + 4 * np.arange(len(lines))[:, None, None]
+        flat = {"flat_shading": True, "side": "double", **NO_SHADOW}
+        _mesh(scene, f"/floor/{name}", corners, faces.reshape(-1, 3), colour, **flat)

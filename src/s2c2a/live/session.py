@@ -4,57 +4,48 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Changed = Callable[[], None]
-
 
 class Session:
-    """The browsers that are there, and the one that drives. From any thread."""
+    """The browsers that are there, and the one that drives. From any thread.
 
-    def __init__(self, on_change: Changed = lambda: None):
+    Attributes:
+        driver: the number of the browser that drives, if one does.
+        present: the browsers that are there, the longest first.
+    """
+
+    def __init__(self, on_change: Callable[[], None] = lambda: None):
         """Nobody is there yet; `on_change` is told when somebody takes or leaves the handle."""
-        self._lock = threading.RLock()
-        self._present: list[int] = []
-        self._driver: int | None = None
-        self._on_change = on_change
-
-    @property
-    def driver(self) -> int | None:
-        """The number of the browser that drives."""
-        return self._driver
-
-    @property
-    def present(self) -> tuple[int, ...]:
-        """The browsers that are there, the longest first."""
-        with self._lock:
-            return tuple(self._present)
+        self._lock, self._on_change = threading.RLock(), on_change
+        self.present: tuple[int, ...] = ()
+        self.driver: int | None = None
 
     def drives(self, who: int) -> bool:
         """Whether this browser drives."""
-        return self._driver == who
+        return self.driver == who
 
     def join(self, who: int) -> None:
         """A browser comes; it drives where nobody else does."""
         with self._change():
-            self._present.append(who)
-            self._driver = who if self._driver is None else self._driver
+            self.present = (*self.present, who)
+            self.driver = who if self.driver is None else self.driver
 
     def leave(self, who: int) -> None:
         """A browser goes; the handle it had is free, and nobody has it until somebody takes it."""
         with self._change():
-            self._present = [one for one in self._present if one != who]
-            self._driver = None if self._driver == who else self._driver
+            self.present = tuple(one for one in self.present if one != who)
+            self.driver = None if self.driver == who else self.driver
 
     def take(self, who: int) -> bool:
         """Take the handle where it is free; returns whether this browser drives now."""
         with self._change():
-            if self._driver is None and who in self._present:
-                self._driver = who
+            if self.driver is None and who in self.present:
+                self.driver = who
         return self.drives(who)
 
     def give(self, who: int) -> None:
         """Leave the handle to whoever takes it."""
         with self._change():
-            self._driver = None if self._driver == who else self._driver
+            self.driver = None if self.driver == who else self.driver
 
     @contextmanager
     def _change(self) -> Iterator[None]:

@@ -3,11 +3,15 @@
 Light to import, for the page's process has neither planner nor body.
 """
 
+import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Request, RequestLimits
@@ -23,7 +27,6 @@ class Snapshot:
 
     Attributes:
         step: of the control loop.
-        period: of the control steps [s].
         stage: what the arm does.
         states: of the arm, shape (modules, 6), base frame; what its model expects where nothing watches it.
         expected: states that the plan leads to, the same shape.
@@ -37,7 +40,6 @@ class Snapshot:
     """
 
     step: Step
-    period: float
     stage: Stage
     states: States
     expected: States
@@ -67,6 +69,7 @@ class Control(ABC):
         arm: the arm.
         limits: how far requests may go.
         strategies: names of what can drive the arm.
+        request: the latest one.
         halted_by: who or what stopped the arm last, in words.
     """
 
@@ -78,14 +81,9 @@ class Control(ABC):
     def __init__(self) -> None:
         """Nothing asked, nothing known, nobody watching."""
         self._lock = threading.RLock()
-        self._request = Request()
-        self._watchers: tuple[Watcher, ...] = ()
+        self.request = Request()
+        self._watchers: list[Watcher] = []
         self._latest: Snapshot | None = None
-
-    @property
-    def request(self) -> Request:
-        """The latest request."""
-        return self._request
 
     @property
     def latest(self) -> Snapshot | None:
@@ -95,8 +93,8 @@ class Control(ABC):
     def ask(self, **changes: Any) -> Request:
         """Change the request, within the limits; returns what it has become. From any thread."""
         with self._lock:
-            self._request = self.limits.changed(self._request, **changes)
-            return self._request
+            self.request = self.limits.changed(self.request, **changes)
+            return self.request
 
     def halt(self, by: str) -> bool:
         """Stop the arm until somebody asks with `stopped=False`; returns whether what moves it can hear that now."""
@@ -105,25 +103,37 @@ class Control(ABC):
             self.ask(stopped=True)
         return self.answers
 
+    def reset(self) -> None:
+        """Open the robot anew, at rest; requests that would move it at once are forgotten.
+
+        Raises:
+            S2C2AError: there is nobody any more who could.
+        """
+        with self._lock:
+            self.ask(target=None, axis=None, task=None, playing=False)
+            self.order("begin")
+
+    def step_task(self) -> None:
+        """One step of a task that waits."""
+        self.order("move_on", 1.0)
+
+    def restart_task(self) -> None:
+        """Back to the task's first step."""
+        self.order("move_on", -math.inf)
+
+    def watch(self, watcher: Watcher) -> Callable[[], None]:
+        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
+        self._watchers.append(watcher)
+        return partial(self._watchers.remove, watcher)
+
     @property
     @abstractmethod
     def answers(self) -> bool:
         """Whether what moves the arm is there, and goes on."""
 
-    def watch(self, watcher: Watcher) -> Callable[[], None]:
-        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
-        with self._lock:
-            self._watchers = (*self._watchers, watcher)
-
-        def end() -> None:
-            with self._lock:
-                self._watchers = tuple(one for one in self._watchers if one is not watcher)
-
-        return end
-
     @abstractmethod
-    def reset(self) -> None:
-        """Open the robot anew, at rest; requests that would move it at once are forgotten."""
+    def order(self, name: str, *arguments: Any) -> None:
+        """Have the arm `begin` anew, or its task `move_on` by so many steps, before the next control step."""
 
     @abstractmethod
     def use(self, name: str) -> None:
@@ -134,18 +144,17 @@ class Control(ABC):
         """
 
     @abstractmethod
-    def step_task(self) -> None:
-        """One step of a task that waits."""
-
-    @abstractmethod
-    def restart_task(self) -> None:
-        """Back to the task's first step."""
-
-    @abstractmethod
     def stop(self) -> None:
         """Lead the arm to rest, close it, and end."""
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot
-        for watcher in self._watchers:
+        for watcher in tuple(self._watchers):
             watcher(snapshot)
+
+
+def straight(arm: ArmSpec) -> States:
+    """States of the straight arm [m], base frame, shape (modules, 6)."""
+    states = np.zeros((arm.module_count, 6))
+    states[:, 2], states[:, 5] = np.cumsum([module.length for module in arm.modules]), 1.0
+    return states

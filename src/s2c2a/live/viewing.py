@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 import numpy as np
 import viser
-from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
 from s2c2a.live.window import Window, sound_value
-from s2c2a.live.workspace import workspace
+from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
@@ -33,16 +32,16 @@ def view_arm(arm: ArmSpec, port: int) -> Window:
         turns.append(gui.add_slider(f"Towards {number + 1} [deg]", -180.0, 180.0, 5.0, 0.0))
 
     def draw() -> None:
-        angles, bends = (np.deg2rad([sound_value(slider) for slider in sliders]) for sliders in (turns, sizes))
-        bends = bends[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        states = _arcs(arm, bends)
+        bends = bends_of(*(np.deg2rad([sound_value(slider) for slider in sliders]) for sliders in (sizes, turns)))
+        states = arcs(arm, bends)
         window.scene.draw_arm(states)
-        said.content = _cables_said(arm, np.asarray(pcc.actions(bends.astype(np.float32))), states)
+        said.content = _cables_said(arm, np.asarray(pcc.actions(jnp.asarray(bends, jnp.float32))), states)
 
     for slider in (*sizes, *turns):
         slider.on_update(lambda _event: draw())
     draw()
-    return _opened(window, workspace(arm), port)
+    window.scene.draw_cloud(workspace(arm))
+    return window.open(port)
 
 
 def view_training(networks: TrainedNetworks, port: int) -> Window:
@@ -54,8 +53,10 @@ def view_training(networks: TrainedNetworks, port: int) -> Window:
     for name, rows in networks.curves.items():
         mean, spread = networks.percent[name]
         gui.add_markdown(f"{name}: {len(rows)} epochs, held out {mean:.2f} ± {spread:.2f} % of the full range")
-        add_chart(gui, f"{name}: loss, logarithm", CURVES, tuple(_logarithms(rows)), label="epoch")
-    return _opened(window, workspace(arm), port)
+        logarithms = np.log10(np.maximum(rows[:, 1:], 1e-12))
+        add_chart(gui, f"{name}: loss, logarithm", CURVES, (rows[:, 0], *logarithms.T), label="epoch")
+    window.scene.draw_cloud(workspace(arm))
+    return window.open(port)
 
 
 def view_recording(episodes: Sequence[Episode], port: int) -> Window:
@@ -71,21 +72,15 @@ def view_recording(episodes: Sequence[Episode], port: int) -> Window:
     kept = np.linspace(0, len(ends) - 1, min(len(ends), MOST_POINTS)).astype(int)
     window = Window(arm)
     _scrub(window, traces, "Show", ghosts=False)
-    return _opened(window, np.swapaxes(ends[kept], 0, 1), port)
+    window.scene.draw_cloud(np.swapaxes(ends[kept], 0, 1))
+    return window.open(port)
 
 
 def view_runs(traces: Sequence[Trace], arm: ArmSpec, port: int) -> Window:
     """Runs to scrub: the chosen one as the arm, another one as its ghost."""
     window = Window(arm)
     _scrub(window, traces, "Run", ghosts=True)
-    return _opened(window, None, port)
-
-
-def _opened(window: Window, cloud: Float[np.ndarray, "modules points 3"] | None, port: int) -> Window:
-    if cloud is not None:
-        window.scene.draw_cloud(cloud)
-    window.open(port)
-    return window
+    return window.open(port)
 
 
 def _scrub(window: Window, traces: Sequence[Trace], label: str, ghosts: bool) -> None:
@@ -130,8 +125,8 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, moment: floa
     states = np.nan_to_num(trace.states[step])
     scene.draw_arm(states)
     scene.draw_ghost(None if other is None else np.nan_to_num(other.states[_step_at(other, moment)]), states)
-    axis = trace.wanted_axes[step, trace.pointing_module]
-    window.draw_asked(states[-1, POSITION], trace.wanted_path[step], axis, trace.spheres(step))
+    scene.draw_target(trace.wanted_path[step], trace.wanted_axes[step, trace.pointing_module])
+    scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])
     scene.draw_trail("real", trace.followed_path[: step + 1])
     scene.draw_trail("wanted", trace.wanted_path)
     error = trace.position_errors[step]
@@ -140,16 +135,6 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, moment: floa
 
 def _step_at(trace: Trace, moment: float) -> int:
     return int(np.searchsorted(trace.times - trace.times[0], moment, side="right").clip(1, trace.times.size)) - 1
-
-
-def _logarithms(rows: Float[np.ndarray, "epochs 3"]) -> Float[np.ndarray, "3 epochs"]:
-    """Epochs, and the logarithms of training and validation loss."""
-    return np.stack([rows[:, 0], *np.log10(np.maximum(rows[:, 1:], 1e-12)).T])
-
-
-def _arcs(arm: ArmSpec, bends: np.ndarray) -> States:
-    lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
-    return np.asarray(states_from_bends(jnp.asarray(bends, jnp.float32), lengths), dtype=float)
 
 
 def _cables_said(arm: ArmSpec, actions: np.ndarray, states: States) -> str:

@@ -1,20 +1,22 @@
 """A window on an arm: viser behind the gate, the scene, and what is drawn in it. The live page and `view` share it."""
 
 import io
+import math
+import secrets
 import threading
+import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import viser
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.frames import frames
-from s2c2a.live.gate import HOST, Gate, new_secret, only_with
-from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Point
+from s2c2a.live.gate import HOST, Gate, only_with
+from s2c2a.live.request import Point
 from s2c2a.live.scene import ArmScene
 from s2c2a.viz.mounting import Mounting
 
@@ -42,7 +44,7 @@ class Window:
 
     def __init__(self, arm: ArmSpec):
         """A viser server on 127.0.0.1 that takes websockets from its gate alone, and the arm straight."""
-        self.arm, self._secret = arm, new_secret()
+        self.arm, self._secret = arm, f"gate://{secrets.token_hex(16)}"  # an origin that no page can have
         with only_with(self._secret), redirect_stdout(io.StringIO()):
             self.server = viser.ViserServer(host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False)
         theme: dict[str, Any] = {"show_logo": False, "show_share_button": False, "brand_color": BRAND}
@@ -52,13 +54,14 @@ class Window:
         self.server.on_client_connect(self._look_upright)
         self.scene, self.closing = ArmScene(self.server.scene, arm), threading.Event()
 
-    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> None:
-        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it.
+    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> Self:
+        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it. Returns itself.
 
         Raises:
             S2C2AError: no port is free.
         """
         self.gate = Gate(port, self.server.get_port(), self._secret, on_stop)
+        return self
 
     def every(self, act: Callable[[float], None]) -> None:
         """Draw frame after frame until it closes, in a thread of its own; told how long the last one was ago [s]."""
@@ -84,30 +87,6 @@ class Window:
         if client.camera.image_height > 1.2 * client.camera.image_width:
             upright = camera_of(self.arm, UPRIGHT_CAMERA, UPRIGHT_LOOK_AT)
             client.camera.position, client.camera.look_at = upright
-
-    def draw_asked(
-        self,
-        tip: Float[np.ndarray, "3"],
-        position: Sequence[float] | np.ndarray,
-        axis: Sequence[float] | np.ndarray,
-        spheres: Float[np.ndarray, "obstacles 4"],
-        own: Sequence[Obstacle] = (),
-        gap: float = 0.0,
-    ) -> None:
-        """What is asked of the tip, NaN where nothing is, and what it has to keep out of.
-
-        Args:
-            tip: where it is.
-            position: wanted.
-            axis: wanted.
-            spheres: centres and thresholds [m] that nobody can drag.
-            own: obstacles that can be dragged.
-            gap: how far out of reach the position is [m].
-        """
-        asked = [Obstacle(_point(row[:3]), float(row[3])) for row in spheres]
-        wanted, pointed = (_point(one) if np.isfinite(one).all() else None for one in (position, axis))
-        self.scene.draw_target(wanted, pointed, gap)
-        self.scene.draw_obstacles(own, asked[:MOST_OBSTACLES], tip)
 
 
 def camera_of(arm: ArmSpec, place: Point = CAMERA, aim: Point = LOOK_AT) -> Float[np.ndarray, "2 3"]:
@@ -135,6 +114,14 @@ def sound_value(part: Any) -> Any:
     return value
 
 
-def _point(values: Sequence[float] | np.ndarray) -> Point:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+def frames(period: float, over: threading.Event) -> Iterator[float]:
+    """Moments a period apart until it is over, and how long the one before was ago [s].
+
+    Moments that pass while something is drawn are left out: others get their turn before the next one.
+    """
+    begun, number, before = time.perf_counter(), 0, 0.0
+    while not over.wait(max(0.0, begun + number * period - time.perf_counter())):
+        now = time.perf_counter() - begun
+        yield now - before
+        before = now
+        number = max(number + 1, math.ceil((time.perf_counter() - begun) / period))

@@ -8,31 +8,34 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import states_from_bends
 from s2c2a.live.page import Survey
-from s2c2a.live.request import Point
 from s2c2a.planning.reach import reach_gaps
-from s2c2a.spaces import POSITION
-
-POINTS = 400
+from s2c2a.spaces import POSITION, Bends, States
 
 
-def workspace(arm: ArmSpec, points: int = POINTS, seed: int = 0) -> Float[np.ndarray, "modules points 3"]:
+def workspace(arm: ArmSpec, points: int = 400, seed: int = 0) -> Float[np.ndarray, "modules points 3"]:
     """Ends of the modules [m], base frame, all modules' bends even in their discs; shape (modules, points, 3)."""
-    geometry, random = ArmGeometry.of(arm), np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
     turns = random.uniform(0, 2 * np.pi, (points, arm.module_count))
-    sizes = geometry.bend_limits * np.sqrt(random.uniform(0, 1, turns.shape))
-    bends = sizes[..., None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    states = _states(jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32))
-    return np.swapaxes(np.asarray(states)[..., POSITION], 0, 1)
+    sizes = ArmGeometry.of(arm).bend_limits * np.sqrt(random.uniform(0, 1, turns.shape))
+    return np.swapaxes(arcs(arm, bends_of(sizes, turns))[..., POSITION], 0, 1)
+
+
+def bends_of(sizes: np.ndarray, turns: np.ndarray) -> Bends:
+    """Bends [rad] of these sizes towards these directions [rad]; two more at the end of their shape."""
+    return sizes[..., None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+
+
+def arcs(arm: ArmSpec, bends: Bends) -> States:
+    """States [m] of an arm whose modules are arcs, bends in [rad], shape (*batch, modules, 2)."""
+    lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
+    return np.asarray(_states(jnp.asarray(bends, jnp.float32), lengths), dtype=float)
 
 
 def survey(arm: ArmSpec) -> Survey:
     """Cloud and gaps; what tells gaps is compiled here."""
-
-    def gap(position: Point) -> float:
-        return float(reach_gaps(arm, np.array([position]))[0])
-
-    gap((0.0, 0.0, arm.length))
-    return Survey(workspace(arm), gap)
+    found = Survey(workspace(arm), lambda position: float(reach_gaps(arm, np.array([position]))[0]))
+    found.gap((0.0, 0.0, arm.length))
+    return found
 
 
 _states = jax.jit(states_from_bends)
