@@ -3,9 +3,8 @@
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
-
-from s2c2a.arm.geometry import largest_gap_deg
 
 MOST_MODULES = 20
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
@@ -28,6 +27,12 @@ Number = Annotated[float, BeforeValidator(_refuse_text_and_truth)]
 
 class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+
+
+def largest_gap_deg(angles_deg) -> float:
+    """Largest angle between neighbouring cables [deg]."""
+    around = np.sort(np.mod(angles_deg, 360.0))
+    return float(np.max(np.diff(np.append(around, around[0] + 360.0))))
 
 
 class Cable(_Frozen):

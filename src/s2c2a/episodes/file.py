@@ -42,15 +42,12 @@ def save_episodes(
     every = list(episodes)
     if not every or any(one.arm != every[0].arm for one in every):
         raise RecordingError("a file of episodes holds at least one, all of the same arm")
-    try:
-        with written_whole(path) as part, open(part, "wb") as file:
-            before = write_block(file, _head(every[0].arm, options or {}, len(every)), b"")
-            for episode in every:
-                before = write_block(file, _packed(episode), before)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
+    with written_whole(path, RecordingError) as part, open(part, "wb") as file:
+        before = write_block(file, _head(every[0].arm, options or {}, len(every)), b"")
+        for episode in every:
+            before = write_block(file, _packed(episode), before)
+        file.flush()
+        os.fsync(file.fileno())
     return Path(path)
 
 
@@ -128,14 +125,11 @@ class EpisodeWriter:
         Raises:
             RecordingError: it cannot be written, or somebody writes to the one that is there.
         """
-        try:
+        with written_whole(path, RecordingError) as part, open(part, "wb") as file:
             if Path(path).is_file():
                 with open(path, "rb") as there:
                     lock(there, path)
-            with written_whole(path) as part, open(part, "wb") as file:
-                write_block(file, _head(arm, options, None), b"")
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
+            write_block(file, _head(arm, options, None), b"")
         return cls(path)
 
     def append(self, episode: Episode) -> None:
