@@ -94,6 +94,12 @@ class ArmGeometry:
             action_high=neutral + reach,
         )
 
+    def actions_at(self, shares: Float[np.ndarray, "*batch modules 2"]) -> Float[np.ndarray, "*batch modules cables"]:
+        """Actions [m or N] for shares v of the full bend in each module's two bend directions."""
+        return self.action_neutral + self.action_scale[:, None] * np.einsum(
+            "mck,...mk->...mc", self.cable_matrices, shares
+        )
+
 
 def hermite_weights(shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "4 points"]:
     """What start, slope there, end and slope there weigh in the cubic (Hermite) at shares 0 to 1 of its way."""
