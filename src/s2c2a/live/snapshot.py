@@ -11,7 +11,7 @@ from typing import Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Request, RequestLimits
-from s2c2a.runtime.loop import Step
+from s2c2a.runtime import Step
 from s2c2a.spaces import Stage, States
 
 Watcher = Callable[["Snapshot"], None]

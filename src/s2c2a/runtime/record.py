@@ -1,7 +1,8 @@
-"""From the steps of a loop to an episode."""
+"""What is known after a control step, and from the steps of a loop to an episode."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,36 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.runtime.loop import Step
-from s2c2a.spaces import Stage
+from s2c2a.spaces import Actions, Reading, Stage
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is known after one control step.
+
+    Attributes:
+        number: of the step, from zero.
+        moment: when it began, on the loop's clock [s].
+        stage: what the arm did.
+        reading: before the action.
+        goal: that was asked for, if the arm ran or held.
+        action: as really sent [m or N].
+        told: by what drives it, by column.
+        tick_time: sense, plan and act together [s].
+        late: how much too late it began [s].
+        fault: what was wrong, in words.
+    """
+
+    number: int
+    moment: float
+    stage: Stage
+    reading: Reading
+    goal: Goal | None
+    action: Actions
+    told: Mapping[str, np.ndarray] = field(default_factory=dict)
+    tick_time: float = 0.0
+    late: float = 0.0
+    fault: str = ""
 
 
 def episode_of(steps: Sequence[Step], arm: ArmSpec, **options: Any) -> Episode:

@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 
+PAPER_LENGTH = 0.6  # m: lengths of the protocol are for an arm of this length
+Path = Float[np.ndarray, "steps 3"]
+
 
 @dataclass(frozen=True)
 class Score:
@@ -42,6 +45,11 @@ class Task:
         """Refuse a task that asks for nothing."""
         if not self.goals:
             raise TargetError(f"the task '{self.name}' has no goals; give one for every control step")
+
+    @classmethod
+    def along(cls, name: str, path: Path, goal: Goal, *scores: Score) -> "Task":
+        """The tip along a path [m], base frame, besides what a goal asks for. mu_p = 1."""
+        return cls(name, tuple(goal.with_position(position) for position in path), scores or (Score("position"),))
 
     def with_axes_weighed(self, factor: float) -> "Task":
         """The same task with every mu_o multiplied."""
