@@ -57,12 +57,10 @@ class Goal(NamedTuple):
         Raises:
             TargetError: not three finite numbers, a negative weight, or no such module.
         """
-        vector, mu = _vector(position, "target position"), _weight(weight)
+        vector, mu = _vector(position, "the target position"), _weight(weight)
         self._check_module(module)
-        return self._replace(
-            positions=_put(self.positions, module, vector),
-            position_weights=_put(self.position_weights, module, mu),
-        )
+        positions, weights = _put(self.positions, module, vector), _put(self.position_weights, module, mu)
+        return self._replace(positions=positions, position_weights=weights)
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
         """Also ask for a module's end axis, base frame, of any length.
@@ -70,16 +68,13 @@ class Goal(NamedTuple):
         Raises:
             TargetError: not three finite numbers, all zero, a negative weight, or no such module.
         """
-        vector = _vector(axis, "target axis")
+        vector, mu = _vector(axis, "the target axis"), _weight(weight)
         length = np.linalg.norm(vector)
         if length < 1e-9:
             raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
-        mu = _weight(weight)
         self._check_module(module)
-        return self._replace(
-            axes=_put(self.axes, module, vector / length),
-            axis_weights=_put(self.axis_weights, module, mu),
-        )
+        axes, weights = _put(self.axes, module, vector / length), _put(self.axis_weights, module, mu)
+        return self._replace(axes=axes, axis_weights=weights)
 
     @classmethod
     def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
@@ -120,28 +115,20 @@ class Goal(NamedTuple):
         )
 
 
-def _numbers(values, name: str) -> np.ndarray:
+def _numbers(values, name: str, kind: str = "finite numbers", shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """As single precision, of one shape if it is given."""
     try:
         with np.errstate(over="ignore"):
             numbers = np.asarray(values, np.float32)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise TargetError(f"{name} must be numbers, got {_shown(values)}; the arm was not moved") from error
-    if not (np.abs(numbers) <= LARGEST).all():
-        raise TargetError(f"{name} must be finite and at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
-    return numbers
+        if (np.abs(numbers) <= LARGEST).all() and shape in (None, numbers.shape):
+            return numbers
+    except (TypeError, ValueError, OverflowError):
+        pass  # told as all others
+    raise TargetError(f"{name} must be {kind} of at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
 
 
 def _vector(values, name: str) -> Float[np.ndarray, "3"]:
-    try:
-        vector = _numbers(values, name)
-    except TargetError:
-        vector = np.empty(0, np.float32)
-    if vector.shape != (3,):
-        raise TargetError(
-            f"the {name} must be three finite numbers of at most {LARGEST:g}, got {_shown(values)}; the arm was not "
-            "moved"
-        )
-    return vector
+    return _numbers(values, name, "three finite numbers", (3,))
 
 
 def _shown(values) -> str:
@@ -152,8 +139,8 @@ def _shown(values) -> str:
 
 
 def _weight(value) -> np.ndarray:
-    weight = _numbers(value, "weight")
-    if weight.shape != () or weight < 0:
+    weight = _numbers(value, "a weight", "one number", ())
+    if weight < 0:
         raise TargetError(f"a weight must be one number and not negative, got {_shown(value)}")
     return weight
 

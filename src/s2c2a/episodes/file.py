@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from pydantic_core import from_json
-from safetensors import SafetensorError, deserialize
-from safetensors.numpy import save
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
@@ -27,8 +27,6 @@ from s2c2a.files import written_whole
 ENDING = ".episodes"
 SCHEMA = 2
 MOST_HEADERS = 10_000_000  # bytes of what is said of all episodes: it grows when it is read
-KINDS = {"BOOL": "?", "F16": "<f2", "F32": "<f4", "F64": "<f8"}
-KINDS |= {f"{sign}{8 * size}": f"<{sign.lower()}{size}" for sign in "IU" for size in (1, 2, 4, 8)}
 
 
 def save_episodes(
@@ -196,11 +194,6 @@ def _unpacked(content: bytes, arm: ArmSpec, path: str | os.PathLike) -> Episode:
     try:
         header = content[LENGTH : LENGTH + int.from_bytes(content[:LENGTH], "little")]
         options = from_json(from_json(header)["__metadata__"]["options"])
-        columns = {name: _array(found) for name, found in deserialize(content)}
-        return Episode(arm, columns, dict(options))
+        return Episode(arm, load(content), dict(options))
     except (SafetensorError, ValueError, KeyError, TypeError, RecursionError, S2C2AError) as error:
         raise damaged(path, str(error)) from error
-
-
-def _array(found: Mapping[str, Any]) -> np.ndarray:
-    return np.frombuffer(found["data"], dtype=np.dtype(KINDS[found["dtype"]])).reshape(found["shape"])
