@@ -87,6 +87,19 @@ class Goal(NamedTuple):
             raise TargetError("goals of one arm are needed, at least one; got none, or goals for different arms")
         return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
 
+    def wanted_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Wanted module ends [m], base frame; NaN where nothing is asked."""
+        return np.where(self.position_weights[..., None] > 0, self.positions, np.nan)
+
+    def wanted_axes(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Wanted end axes, base frame; NaN where nothing is asked."""
+        return np.where(self.axis_weights[..., None] > 0, self.axes, np.nan)
+
+    def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
+        """Centres and thresholds [m], base frame, of those that any goal has."""
+        every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
+        return every[..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :]
+
     def _check_module(self, module: int) -> None:
         count = len(self.positions)
         if not -count <= module < count or module != int(module):

@@ -8,8 +8,6 @@ from s2c2a.arm import ArmGeometry
 SPEEDS = (0.03, 0.22)
 """Slowest and fastest approach of a bend target, as part of the full bend per step."""
 
-Shares = Float[np.ndarray, "samples modules 2"]
-
 
 def episode_actions(
     geometry: ArmGeometry,

@@ -100,14 +100,10 @@ def _filled(values: Sequence[np.ndarray | None]) -> np.ndarray:
 
 def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
     """Columns of what was asked: only those in which anything was."""
-    positions = _where_asked(goals, "positions", "position_weights")
-    axes = _where_asked(goals, "axes", "axis_weights")
-    spheres = np.stack([np.column_stack([goal.obstacles, goal.thresholds]) for goal in goals])
-    spheres = spheres[:, spheres[..., 3].max(axis=0) > 0]
-    columns = {"wanted_positions": positions, "wanted_axes": axes, "obstacles": spheres}
+    every = Goal.stacked(goals)
+    columns = {
+        "wanted_positions": every.wanted_positions(),
+        "wanted_axes": every.wanted_axes(),
+        "obstacles": every.obstacles_in_use(),
+    }
     return {name: values for name, values in columns.items() if values.size and np.isfinite(values).any()}
-
-
-def _where_asked(goals: Sequence[Goal], values: str, weights: str) -> np.ndarray:
-    asked = np.stack([np.asarray(getattr(goal, weights)) > 0 for goal in goals])[..., None]
-    return np.where(asked, np.stack([getattr(goal, values) for goal in goals]), np.nan)

@@ -58,13 +58,12 @@ class Task:
 
     def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted module ends [m], base frame; NaN where nothing is asked."""
-        return np.stack([np.where(goal.position_weights[:, None] > 0, goal.positions, np.nan) for goal in self.goals])
+        return Goal.stacked(self.goals).wanted_positions()
 
     def wanted_axes(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted end axes, base frame; NaN where nothing is asked."""
-        return np.stack([np.where(goal.axis_weights[:, None] > 0, goal.axes, np.nan) for goal in self.goals])
+        return Goal.stacked(self.goals).wanted_axes()
 
     def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
         """Centres and thresholds of the obstacles in use [m], base frame."""
-        every = np.stack([np.column_stack([goal.obstacles, goal.thresholds]) for goal in self.goals])
-        return every[:, every[..., 3].max(axis=0) > 0]
+        return Goal.stacked(self.goals).obstacles_in_use()
