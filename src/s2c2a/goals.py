@@ -58,9 +58,7 @@ class Goal(NamedTuple):
             TargetError: not three finite numbers, a negative weight, or no such module.
         """
         vector, mu = _vector(position, "the target position"), _weight(weight)
-        self._check_module(module)
-        positions, weights = _put(self.positions, module, vector), _put(self.position_weights, module, mu)
-        return self._replace(positions=positions, position_weights=weights)
+        return self._with_module(module, positions=vector, position_weights=mu)
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
         """Also ask for a module's end axis, base frame, of any length.
@@ -72,9 +70,7 @@ class Goal(NamedTuple):
         length = np.linalg.norm(vector)
         if length < 1e-9:
             raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
-        self._check_module(module)
-        axes, weights = _put(self.axes, module, vector / length), _put(self.axis_weights, module, mu)
-        return self._replace(axes=axes, axis_weights=weights)
+        return self._with_module(module, axes=vector / length, axis_weights=mu)
 
     @classmethod
     def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
@@ -100,10 +96,15 @@ class Goal(NamedTuple):
         every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
         return every[..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :]
 
-    def _check_module(self, module: int) -> None:
+    def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
+        """The same with other values of one module, by field."""
         count = len(self.positions)
         if not -count <= module < count or module != int(module):
             raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
+        changed = {name: np.array(getattr(self, name)) for name in values}
+        for name, value in values.items():
+            changed[name][module] = value
+        return self._replace(**changed)
 
     def with_obstacles(self, centres, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles: centres [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
@@ -156,9 +157,3 @@ def _weight(value) -> np.ndarray:
     if weight < 0:
         raise TargetError(f"a weight must be one number and not negative, got {_shown(value)}")
     return weight
-
-
-def _put(values: Numbers, place: int, value) -> np.ndarray:
-    changed = np.array(values)
-    changed[place] = value
-    return changed
