@@ -76,10 +76,10 @@ class ArmGeometry:
         radii, bend_limits = per_module(arm, "cable_radius"), np.deg2rad(per_module(arm, "bend_limit_deg"))
         pull = np.array([balanced_pull(matrix) for matrix in matrices])
         pretensions = per_module(arm, "pretension")[:, None] * pull
-        # a displacement shortens, a tension grows, towards the bend
         tension = arm.actuation == "tension"
-        neutral, scale = pretensions if tension else np.zeros_like(pretensions), radii * bend_limits
-        scale = -per_module(arm, "tension_range") if tension else scale
+        neutral = pretensions if tension else np.zeros_like(pretensions)
+        # a displacement shortens, a tension grows, towards the bend
+        scale = -per_module(arm, "tension_range") if tension else radii * bend_limits
         reach = np.abs(scale)[:, None]
         return cls(
             lengths=per_module(arm, "length"),
