@@ -9,7 +9,7 @@ from s2c2a.planning import Goal
 from s2c2a.planning.batch import CHUNK
 from s2c2a.strategies import s2c2a_batch_planner
 from s2c2a.tasks import circle
-from s2c2a.tasks.obstacles import reach
+from s2c2a.tasks.lines import reach
 
 from driving import straight
 

@@ -11,7 +11,7 @@ from s2c2a.control import Controller, CorrectedController, InversePCC, NetworkCo
 from s2c2a.kinematics import PCC
 from s2c2a.programs import compiled
 from s2c2a.tasks import circle
-from s2c2a.tasks.obstacles import reach
+from s2c2a.tasks.lines import reach
 
 from driving import straight, ticks_on
 

@@ -31,14 +31,16 @@ def found(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     if name in known:
         return known[name]
     where, colon, what = name.rpartition(":")
-    if not colon:
-        for point in entry_points(group=f"s2c2a.{kind}s", name=name):
-            return _loaded(kind, name, point.load)
+    point = None if colon else next(iter(entry_points(group=f"s2c2a.{kind}s", name=name)), None)
+    if not colon and point is None:
         raise S2C2AError(
             f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your own as module:Name or "
             "file.py:Name"
         )
-    return _loaded(kind, name, lambda: getattr(_module(where), what))
+    try:
+        return point.load() if point else getattr(_module(where), what)
+    except Exception as error:  # whatever code of others raises while it is imported
+        raise S2C2AError(f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}") from error
 
 
 def _module(where: str):
@@ -53,10 +55,3 @@ def _module(where: str):
     if path.suffix == ".py" and Path(str(module.__file__)).resolve() != path.resolve():
         raise ImportError(f"another module named {path.stem} was found first, at {module.__file__}; rename the file")
     return module
-
-
-def _loaded(kind: str, name: str, load) -> Any:
-    try:
-        return load()
-    except Exception as error:  # whatever code of others raises while it is imported
-        raise S2C2AError(f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}") from error

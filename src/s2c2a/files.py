@@ -60,37 +60,40 @@ def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike) -> Iterator[Path]:
+def written_whole(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError) -> Iterator[Path]:
     """Where to write a file, beside its place; it is moved there in the end, or goes if that fails.
 
     Missing folders are made; a file of that name is replaced. A process that is killed leaves at most its part, hidden.
 
+    Args:
+        path: the file.
+        fault: what to raise.
+
     Raises:
-        OSError: the file cannot be written.
+        S2C2AError: the file cannot be written.
     """
     path = Path(path)
-    if not path.name:
-        raise IsADirectoryError(f"{path} is a folder")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.parent / f".{path.name}.{os.getpid()}.part"
     try:
+        if not path.name:
+            raise IsADirectoryError(f"{path} is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part
         os.replace(part, path)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise fault(f"cannot write {path}: {error}; choose a place where you may write") from error
         raise
 
 
-def save_whole(content: bytes | str, path: str | os.PathLike) -> Path:
+def save_whole(content: bytes | str, path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError) -> Path:
     """Write a file as `written_whole` does; text in UTF-8.
 
     Raises:
         S2C2AError: the file cannot be written.
     """
-    try:
-        with written_whole(path) as part:
-            part.write_bytes(content.encode() if isinstance(content, str) else content)
-    except OSError as error:
-        raise S2C2AError(f"cannot write {path}: {error}; choose a place where you may write") from error
+    with written_whole(path, fault) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
     return Path(path)

@@ -57,12 +57,8 @@ class Goal(NamedTuple):
         Raises:
             TargetError: not three finite numbers, a negative weight, or no such module.
         """
-        vector, mu = _vector(position, "target position"), _weight(weight)
-        self._check_module(module)
-        return self._replace(
-            positions=_put(self.positions, module, vector),
-            position_weights=_put(self.position_weights, module, mu),
-        )
+        vector, mu = _vector(position, "the target position"), _weight(weight)
+        return self._with_module(module, positions=vector, position_weights=mu)
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
         """Also ask for a module's end axis, base frame, of any length.
@@ -70,16 +66,11 @@ class Goal(NamedTuple):
         Raises:
             TargetError: not three finite numbers, all zero, a negative weight, or no such module.
         """
-        vector = _vector(axis, "target axis")
+        vector, mu = _vector(axis, "the target axis"), _weight(weight)
         length = np.linalg.norm(vector)
         if length < 1e-9:
             raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
-        mu = _weight(weight)
-        self._check_module(module)
-        return self._replace(
-            axes=_put(self.axes, module, vector / length),
-            axis_weights=_put(self.axis_weights, module, mu),
-        )
+        return self._with_module(module, axes=vector / length, axis_weights=mu)
 
     @classmethod
     def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
@@ -92,10 +83,28 @@ class Goal(NamedTuple):
             raise TargetError("goals of one arm are needed, at least one; got none, or goals for different arms")
         return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
 
-    def _check_module(self, module: int) -> None:
+    def wanted_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Wanted module ends [m], base frame; NaN where nothing is asked."""
+        return np.where(self.position_weights[..., None] > 0, self.positions, np.nan)
+
+    def wanted_axes(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Wanted end axes, base frame; NaN where nothing is asked."""
+        return np.where(self.axis_weights[..., None] > 0, self.axes, np.nan)
+
+    def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
+        """Centres and thresholds [m], base frame, of those that any goal has."""
+        every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
+        return every[..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :]
+
+    def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
+        """The same with other values of one module, by field."""
         count = len(self.positions)
         if not -count <= module < count or module != int(module):
             raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
+        changed = {name: np.array(getattr(self, name)) for name in values}
+        for name, value in values.items():
+            changed[name][module] = value
+        return self._replace(**changed)
 
     def with_obstacles(self, centres, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles: centres [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
@@ -120,28 +129,20 @@ class Goal(NamedTuple):
         )
 
 
-def _numbers(values, name: str) -> np.ndarray:
+def _numbers(values, name: str, kind: str = "finite numbers", shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """As single precision, of one shape if it is given."""
     try:
         with np.errstate(over="ignore"):
             numbers = np.asarray(values, np.float32)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise TargetError(f"{name} must be numbers, got {_shown(values)}; the arm was not moved") from error
-    if not (np.abs(numbers) <= LARGEST).all():
-        raise TargetError(f"{name} must be finite and at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
-    return numbers
+        if (np.abs(numbers) <= LARGEST).all() and shape in (None, numbers.shape):
+            return numbers
+    except (TypeError, ValueError, OverflowError):
+        pass  # told as all others
+    raise TargetError(f"{name} must be {kind} of at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
 
 
 def _vector(values, name: str) -> Float[np.ndarray, "3"]:
-    try:
-        vector = _numbers(values, name)
-    except TargetError:
-        vector = np.empty(0, np.float32)
-    if vector.shape != (3,):
-        raise TargetError(
-            f"the {name} must be three finite numbers of at most {LARGEST:g}, got {_shown(values)}; the arm was not "
-            "moved"
-        )
-    return vector
+    return _numbers(values, name, "three finite numbers", (3,))
 
 
 def _shown(values) -> str:
@@ -152,13 +153,7 @@ def _shown(values) -> str:
 
 
 def _weight(value) -> np.ndarray:
-    weight = _numbers(value, "weight")
-    if weight.shape != () or weight < 0:
+    weight = _numbers(value, "a weight", "one number", ())
+    if weight < 0:
         raise TargetError(f"a weight must be one number and not negative, got {_shown(value)}")
     return weight
-
-
-def _put(values: Numbers, place: int, value) -> np.ndarray:
-    changed = np.array(values)
-    changed[place] = value
-    return changed

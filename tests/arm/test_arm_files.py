@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmSpec, Cable, Module, Motor, arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
-from s2c2a.arm.geometry import largest_gap_deg
+from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.errors import ArmError
 
 
@@ -102,7 +102,7 @@ def test_a_file_is_overwritten_when_asked(tmp_path):
 
 def test_a_place_that_cannot_be_written_to_is_named_and_a_folder_that_lacks_is_made(tmp_path):
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(ArmError, match=r"mine\.toml cannot be written"):
+    with pytest.raises(ArmError, match=r"cannot write .*mine\.toml"):
         save_arm(load_arm("twin_arm"), tmp_path / "file" / "mine.toml")
     save_arm(load_arm("twin_arm"), tmp_path / "new" / "mine.toml")
     assert load_arm(tmp_path / "new" / "mine.toml") == load_arm("twin_arm")

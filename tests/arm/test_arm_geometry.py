@@ -6,7 +6,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
-from s2c2a.arm.geometry import balanced_pull, cable_matrix, largest_gap_deg
+from s2c2a.arm.geometry import balanced_pull, cable_matrix
+from s2c2a.arm.spec import largest_gap_deg
 
 
 @st.composite

@@ -310,7 +310,7 @@ def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp
 
 def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="cannot write"):
         gather("file/one.episodes")
     assert (tmp_path / "file").read_text() == "no folder"
 

@@ -118,9 +118,9 @@ def _sealed(contents: list[bytes]) -> bytes:
 
 
 def _arms() -> list[bytes]:
-    from s2c2a.arm.presets import preset_names, preset_text
+    from s2c2a.arm.files import PRESETS
 
-    return [preset_text(name).encode() for name in preset_names()]
+    return [path.read_bytes() for path in sorted(PRESETS.glob("*.toml"))]
 
 
 def _read_arm(path: Path) -> list[str]:

@@ -108,12 +108,12 @@ def test_nothing_is_left_of_a_file_that_had_no_room(gather, only, tmp_path):
     only(1000)
     with pytest.raises(S2C2AError, match="cannot write"):
         save_whole("x" * 5000, tmp_path / "there.json")
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="cannot write"):
         save_episodes(episodes, tmp_path / "some.episodes")
     with pytest.raises(S2C2AError, match="cannot write"):
         save_figure(figure, tmp_path / "some.png")
     plt.close(figure)
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="cannot write"):
         gather(tmp_path / "new.episodes")
     assert (tmp_path / "there.json").read_text() == "before"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.episodes", "there.json"]

@@ -129,7 +129,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path, episode, monkeypa
         writer.append(episode)
     writer.close()
     assert len(load_recording(tmp_path / "x.episodes").episodes) == 1
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="cannot write"):
         save_episodes([episode] * 9, tmp_path / "y.episodes")
 
 

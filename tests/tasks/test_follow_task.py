@@ -105,7 +105,7 @@ def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(path
 
 
 def test_a_faster_control_keeps_the_times(path, monkeypatch):
-    monkeypatch.setattr("s2c2a.tasks.follow.reach_gaps", lambda arm, points: np.zeros(len(points)))
+    monkeypatch.setattr("s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points)))
     fast = task_named("follow", FAST).wanted_positions()[:, -1]
     np.testing.assert_allclose(fast[1 : 2 * 530 : 2], path[:530], atol=1e-6)
     assert len(fast) == 100 + 960 + 107 + 40 + 107 + 80

@@ -2,17 +2,25 @@
 
 import os
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 
 import tomli_w
 from pydantic import ValidationError
 
-from s2c2a.arm.presets import preset_names, preset_text
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.files import read_text, toml_in, written_whole
+from s2c2a.files import read_text, save_whole, toml_in
 
+PRESETS = Path(__file__).parent / "presets"
+"""Arms that come with the package; each is a plain arm file."""
 MOST_FAULTS, LONGEST_NAME, LONGEST_SAID = 20, 64, 400  # told, of a file that may be all faults
+
+
+@cache
+def preset_names() -> tuple[str, ...]:
+    """Names of the presets, sorted."""
+    return tuple(sorted(path.stem for path in PRESETS.glob("*.toml")))
 
 
 def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
@@ -21,15 +29,14 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
     Raises:
         ArmError: no such preset or file, broken TOML, unknown key, impossible value.
     """
-    if str(name_or_path) in preset_names():
-        return arm_from_toml(preset_text(str(name_or_path)), source=str(name_or_path))
-    path = Path(name_or_path)
+    is_preset = str(name_or_path) in preset_names()
+    path = PRESETS / f"{name_or_path}.toml" if is_preset else Path(name_or_path)
     if not path.is_file():
         raise ArmError(
             f"no arm '{name_or_path}': it is neither a preset ({', '.join(preset_names())}) nor a file; "
             "check the path, or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
-    return arm_from_toml(read_text(path, ArmError), source=str(path))
+    return arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
@@ -59,11 +66,7 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
     """
     if Path(path).exists() and not overwrite:
         raise ArmError(f"{path} exists; choose another name or overwrite it (--overwrite)")
-    try:
-        with written_whole(path) as part:
-            part.write_text(arm_to_toml(arm), encoding="utf-8")
-    except OSError as error:
-        raise ArmError(f"{path} cannot be written: {error}; choose another place") from error
+    save_whole(arm_to_toml(arm), path, ArmError)
 
 
 def _explain(error: ValidationError, source: str) -> str:
@@ -81,15 +84,12 @@ def _explain(error: ValidationError, source: str) -> str:
 
 def _said(fault) -> str:
     if fault["type"] == "extra_forbidden":
-        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], _known_keys(), n=1)
+        known = [name for kind in (ArmSpec, Module, Motor, Cable) for name in kind.model_fields]
+        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], known, n=1)
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     if fault["type"] == "missing":
         return "this key is missing"
     return fault["msg"].removeprefix("Value error, ")
-
-
-def _known_keys() -> list[str]:
-    return [name for kind in (ArmSpec, Module, Motor, Cable) for name in kind.model_fields]
 
 
 def _got(fault) -> str:

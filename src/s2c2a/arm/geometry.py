@@ -1,19 +1,19 @@
-"""Numbers that follow from an arm's description, as arrays over its modules."""
+"""What follows from an arm's description: numbers as arrays over its modules, and its centre line."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-if TYPE_CHECKING:
-    from s2c2a.arm.spec import ArmSpec
+from s2c2a.arm.spec import ArmSpec
+from s2c2a.spaces import AXIS, CENTRE_LINE_POINTS, POSITION
 
 
-def largest_gap_deg(angles_deg) -> float:
-    """Largest angle between neighbouring cables [deg]."""
-    around = np.sort(np.mod(angles_deg, 360.0))
-    return float(np.max(np.diff(np.append(around, around[0] + 360.0))))
+def per_module(arm: ArmSpec, key: str) -> np.ndarray:
+    """What an arm file says of every module under a key such as `cable.play`, shape (modules, ...)."""
+    return np.array([attrgetter(key)(module) for module in arm.modules])
 
 
 def cable_matrix(angles: Float[np.ndarray, "*modules cables"]) -> Float[np.ndarray, "*modules cables 2"]:
@@ -70,18 +70,19 @@ class ArmGeometry:
     action_high: np.ndarray
 
     @classmethod
-    def of(cls, arm: "ArmSpec") -> "ArmGeometry":
+    def of(cls, arm: ArmSpec) -> "ArmGeometry":
         """Derive the arrays from a description."""
-        matrices = cable_matrix(np.deg2rad([module.cable_angles_deg for module in arm.modules]))
-        radii = np.array([module.cable_radius for module in arm.modules])
-        bend_limits = np.deg2rad([module.bend_limit_deg for module in arm.modules])
+        matrices = cable_matrix(np.deg2rad(per_module(arm, "cable_angles_deg")))
+        radii, bend_limits = per_module(arm, "cable_radius"), np.deg2rad(per_module(arm, "bend_limit_deg"))
         pull = np.array([balanced_pull(matrix) for matrix in matrices])
-        pretensions = np.array([module.pretension for module in arm.modules])[:, None] * pull
-        neutral, scale = _action_map(arm, pretensions, radii * bend_limits)
+        pretensions = per_module(arm, "pretension")[:, None] * pull
+        tension = arm.actuation == "tension"
+        neutral = pretensions if tension else np.zeros_like(pretensions)
+        # a displacement shortens, a tension grows, towards the bend
+        scale = -per_module(arm, "tension_range") if tension else radii * bend_limits
         reach = np.abs(scale)[:, None]
-        low = np.maximum(neutral - reach, 0.0) if arm.actuation == "tension" else neutral - reach
         return cls(
-            lengths=np.array([module.length for module in arm.modules]),
+            lengths=per_module(arm, "length"),
             cable_radii=radii,
             cable_matrices=matrices,
             bend_matrices=np.linalg.pinv(matrices),
@@ -89,15 +90,46 @@ class ArmGeometry:
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,
-            action_low=low,
+            action_low=np.maximum(neutral - reach, 0.0) if tension else neutral - reach,
             action_high=neutral + reach,
         )
 
+    def actions_at(self, shares: Float[np.ndarray, "*batch modules 2"]) -> Float[np.ndarray, "*batch modules cables"]:
+        """Actions [m or N] for shares v of the full bend in each module's two bend directions."""
+        return self.action_neutral + self.action_scale[:, None] * np.einsum(
+            "mck,...mk->...mc", self.cable_matrices, shares
+        )
 
-def _action_map(
-    arm: "ArmSpec", pretensions: np.ndarray, full_displacement: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Neutral action and scale: a displacement shortens, a tension grows, towards the bend."""
-    if arm.actuation == "displacement":
-        return np.zeros_like(pretensions), full_displacement
-    return pretensions, -np.array([module.tension_range for module in arm.modules])
+
+def hermite_weights(shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "4 points"]:
+    """What start, slope there, end and slope there weigh in the cubic (Hermite) at shares 0 to 1 of its way."""
+    s = shares
+    return np.stack([2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2])
+
+
+def centre_line(
+    states: Float[Any, "*batch modules 6"], lengths: Float[Any, " modules"], points: int = CENTRE_LINE_POINTS
+) -> Float[Any, "*batch points 3"]:
+    """Points along the arm from base to tip, the last of each module at its end [m], base frame.
+
+    Between two ends runs the cubic that has their positions and axes (Hermite), its speed the module's length: within
+    a millimetre of an arc of 0.2 m and 50 deg, and exact for a straight module.
+
+    Args:
+        states: end position [m] and axis of every module, base frame; of NumPy, or of JAX and then differentiable.
+        lengths: of the modules [m], of the same kind.
+        points: of each module.
+    """
+    xp, unit = states.__array_namespace__(), np.array([0, 0, 0, 0, 0, 1], states.dtype)
+    base = xp.broadcast_to(xp.asarray(unit), (*states.shape[:-2], 1, 6))
+    before = xp.concat([base, states[..., :-1, :]], axis=-2)[..., None, :]
+    after, speed = states[..., None, :], lengths[:, None, None]
+    shares = np.arange(1, points + 1, dtype=states.dtype) / points
+    start, slope, end, end_slope = hermite_weights(shares)[..., None]
+    line = (
+        start * before[..., POSITION]
+        + slope * speed * before[..., AXIS]
+        + end * after[..., POSITION]
+        + end_slope * speed * after[..., AXIS]
+    )  # (*batch, modules, points of a module, 3)
+    return line.reshape(*states.shape[:-2], -1, 3)

@@ -1,18 +1,19 @@
 """The description of an arm: frozen values, checked when built."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from s2c2a.arm.geometry import largest_gap_deg
-
 MOST_MODULES = 20
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
+SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
 
 
-def _between(low: float, high: float, unit: str, meaning: str):
+def _between(low: float, high: float, unit: str, meaning: str, default: Any = ...) -> Any:
     """A number with the range of plausible arms; a value wrong by a factor of 1000 falls outside of it."""
-    return Field(ge=low, le=high, description=f"{meaning} [{unit}]")
+    return Field(default, ge=low, le=high, description=f"{meaning} [{unit}]")
 
 
 def _refuse_text_and_truth(value):
@@ -28,6 +29,12 @@ class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
 
 
+def largest_gap_deg(angles_deg) -> float:
+    """Largest angle between neighbouring cables [deg]."""
+    around = np.sort(np.mod(angles_deg, 360.0))
+    return float(np.max(np.diff(np.append(around, around[0] + 360.0))))
+
+
 class Cable(_Frozen):
     """How the cables of one module pass on what their motors do.
 
@@ -35,40 +42,31 @@ class Cable(_Frozen):
     capstan friction in its housing tube, creep of the material. All three are zero unless stated.
     """
 
-    stiffness: Annotated[Number, _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer")] = (
-        1e5
+    stiffness: Number = _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5)
+    play: Number = _between(0, 0.02, "m", "half-width of the play between motor and module; displacement arms", 0.0)
+    friction: Number = _between(0, 1, "1", "capstan friction coefficient of cable in tube", 0.0)
+    friction_angle_deg: Number = _between(0, 1440, "deg", "bend of the tube with the arm straight", 90.0)
+    creep: Number = _between(
+        0, 0.9, "1", "part of a held motion that creep takes back in the end; displacement arms", 0.0
     )
-    play: Annotated[
-        Number, _between(0, 0.02, "m", "half-width of the play between motor and module; displacement arms")
-    ] = 0.0
-    friction: Annotated[Number, _between(0, 1, "1", "capstan friction coefficient of cable in tube")] = 0.0
-    friction_angle_deg: Annotated[Number, _between(0, 1440, "deg", "bend of the tube with the arm straight")] = 90.0
-    creep: Annotated[
-        Number, _between(0, 0.9, "1", "part of a held motion that creep takes back in the end; displacement arms")
-    ] = 0.0
-    creep_time: Annotated[Number, _between(0.1, 3600, "s", "time constant of creep")] = 5.0
+    creep_time: Number = _between(0.1, 3600, "s", "time constant of creep", 5.0)
 
 
 class Module(_Frozen):
     """One soft module; several in a row, base first, make the arm."""
 
-    length: Annotated[Number, _between(0.005, 2, "m", "length of the centre line")]
-    cable_radius: Annotated[
-        Number, _between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
-    ]
-    cable_angles_deg: Annotated[
-        tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...],
-        Field(min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"),
-    ]
-    mass: Annotated[Number, _between(0.0005, 10, "kg", "mass")]
-    bending_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "EI")]
-    torsional_stiffness: Annotated[Number, _between(0.0005, 50, "N m2", "GJ; as EI if none")] | None = None
-    damping_time: Annotated[Number, _between(0.005, 2, "s", "damping over stiffness")] = 0.05
-    bend_limit_deg: Annotated[Number, _between(1, 150, "deg", "largest bend asked for")] = 50.0
-    pretension: Annotated[Number, _between(0, 500, "N", "tension of every cable at rest")] = 0.0
-    tension_range: (
-        Annotated[Number, _between(0.05, 500, "N", "tension added at full bend; tension arms need it")] | None
-    ) = None
+    length: Number = _between(0.005, 2, "m", "length of the centre line")
+    cable_radius: Number = _between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
+    cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
+        min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"
+    )
+    mass: Number = _between(0.0005, 10, "kg", "mass")
+    bending_stiffness: Number = _between(0.0005, 50, "N m2", "EI")
+    torsional_stiffness: Number | None = _between(0.0005, 50, "N m2", "GJ; as EI if none", None)
+    damping_time: Number = _between(0.005, 2, "s", "damping over stiffness", 0.05)
+    bend_limit_deg: Number = _between(1, 150, "deg", "largest bend asked for", 50.0)
+    pretension: Number = _between(0, 500, "N", "tension of every cable at rest", 0.0)
+    tension_range: Number | None = _between(0.05, 500, "N", "tension added at full bend; tension arms need it", None)
     cable: Cable = Cable()
 
     @property
@@ -92,15 +90,14 @@ class Module(_Frozen):
 class Motor(_Frozen):
     """The motors and their encoders, the same for every cable."""
 
-    time_constant: Annotated[Number, _between(0, 1, "s", "first-order lag")] = 0.0
-    speed_limit: (
-        Annotated[Number, _between(0.001, 5000, "m/s or N/s", "largest rate of change; displacement arms at most 5")]
-        | None
-    ) = None
-    pulley_radius: Annotated[Number, _between(0.001, 0.2, "m", "radius of the pulley")] = 0.01
-    ticks_per_turn: Annotated[int, _between(16, 2**24, "1", "encoder ticks in one turn")] = 4096
-    noise_ticks: Annotated[Number, _between(0, 1000, "ticks", "standard deviation of the encoder's noise")] = 1.0
-    noise_tension: Annotated[Number, _between(0, 50, "N", "standard deviation of the tension sensor's noise")] = 0.0
+    time_constant: Number = _between(0, 1, "s", "first-order lag", 0.0)
+    speed_limit: Number | None = _between(
+        0.001, 5000, "m/s or N/s", "largest rate of change; displacement arms at most 5", None
+    )
+    pulley_radius: Number = _between(0.001, 0.2, "m", "radius of the pulley", 0.01)
+    ticks_per_turn: int = _between(16, 2**24, "1", "encoder ticks in one turn", 4096)
+    noise_ticks: Number = _between(0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0)
+    noise_tension: Number = _between(0, 50, "N", "standard deviation of the tension sensor's noise", 0.0)
 
 
 class ArmSpec(_Frozen):
@@ -109,47 +106,36 @@ class ArmSpec(_Frozen):
     Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
     """
 
-    name: Annotated[
-        str,
-        Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="in tables, figures and names of files"),
-    ]
-    description: Annotated[str, Field(description="a line about it")] = ""
-    actuation: Annotated[Literal["displacement", "tension"], Field(description="what its motors are told")]
-    sensing: Annotated[
-        str,
-        Field(
-            pattern=r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$",
-            description="what tells how modules bend: the motors' encoders, something that sees it, or your own",
-            json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
-        ),
-    ] = "encoders"
-    sensing_coupling: Annotated[
-        tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None,
-        Field(description="how much a module's sensor, one row each, takes in of each module's configuration [1]"),
-    ] = None
-    coupled_cables: Annotated[
-        bool, Field(description="whether cables of outer modules pass through inner ones at their radius and bend them")
-    ] = False
-    gravity_direction: Annotated[
-        tuple[Number, Number, Number],
-        Field(description="down, z along the straight arm: [0, 0, -1] stands, [0, 0, 1] hangs, [0, 0, 0] none"),
-    ] = (0.0, 0.0, -1.0)
-    control_rate: Annotated[Number, _between(0.5, 1000, "Hz", "control steps a second")] = 10.0
-    step_limit_deg: Annotated[
-        Number, _between(0.01, 90, "deg", "largest change of a plan and of a command, per module and step")
-    ] = 4.0
-    acceleration_limit_deg: (
-        Annotated[
-            Number,
-            _between(0.001, 180, "deg", "largest change of that change; as large if none"),
-        ]
-        | None
-    ) = None
+    name: str = Field(pattern=NAME, description="in tables, figures and names of files")
+    description: str = Field("", description="a line about it")
+    actuation: Literal["displacement", "tension"] = Field(description="what its motors are told")
+    sensing: str = Field(
+        "encoders",
+        pattern=SENSING,
+        description="what tells how modules bend: the motors' encoders, something that sees it, or your own",
+        json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
+    )
+    sensing_coupling: tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None = Field(
+        None, description="how much a module's sensor, one row each, takes in of each module's configuration [1]"
+    )
+    coupled_cables: bool = Field(
+        False, description="whether cables of outer modules pass through inner ones at their radius and bend them"
+    )
+    gravity_direction: tuple[Number, Number, Number] = Field(
+        (0.0, 0.0, -1.0),
+        description="down, z along the straight arm: [0, 0, -1] stands, [0, 0, 1] hangs, [0, 0, 0] none",
+    )
+    control_rate: Number = _between(0.5, 1000, "Hz", "control steps a second", 10.0)
+    step_limit_deg: Number = _between(
+        0.01, 90, "deg", "largest change of a plan and of a command, per module and step", 4.0
+    )
+    acceleration_limit_deg: Number | None = _between(
+        0.001, 180, "deg", "largest change of that change; as large if none", None
+    )
     motor: Motor = Motor()
-    modules: Annotated[
-        tuple[Module, ...],
-        Field(min_length=1, max_length=MOST_MODULES, description="base first, all with as many cables"),
-    ]
+    modules: tuple[Module, ...] = Field(
+        min_length=1, max_length=MOST_MODULES, description="base first, all with as many cables"
+    )
 
     @model_validator(mode="after")
     def _fits_together(self):

@@ -8,8 +8,6 @@ from s2c2a.arm import ArmGeometry
 SPEEDS = (0.03, 0.22)
 """Slowest and fastest approach of a bend target, as part of the full bend per step."""
 
-Shares = Float[np.ndarray, "samples modules 2"]
-
 
 def episode_actions(
     geometry: ArmGeometry,
@@ -37,9 +35,7 @@ def episode_actions(
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
     groups = BABBLING[babbling](len(geometry.lengths), episode / episodes)
     paths = np.stack([bend_path(samples, random, speeds) for _ in range(max(groups) + 1)], axis=1)
-    shares = np.einsum("mck,smk->smc", geometry.cable_matrices, paths[:, groups])
-    actions = geometry.action_neutral + geometry.action_scale[:, None] * shares
-    return np.clip(actions, geometry.action_low, geometry.action_high)
+    return np.clip(geometry.actions_at(paths[:, groups]), geometry.action_low, geometry.action_high)
 
 
 def bend_path(

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -94,21 +94,15 @@ def collect(
     if threads is not None and threads < 1:
         raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
     drive = partial(_episode, arm, make_robot, options)
-    writer = _open_writer(Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite)
-    try:
-        left = range(writer.count, options.episodes)
+    # of a real arm nothing is begun before the last episode is safe
+    workers = nullcontext(executor) if executor else Serial() if threads == 1 else Threads(threads)
+    with closing(_open_writer(Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite)) as writer:
         progress(writer.count, options.episodes)
-        with nullcontext(executor) if executor else _threads(threads) as workers:
-            for episode in in_order(workers, drive, left):
+        with workers as driving:
+            for episode in in_order(driving, drive, range(writer.count, options.episodes)):
                 writer.append(episode)
                 progress(writer.count, options.episodes)
-    finally:
-        writer.close()
     return load_recording(path)
-
-
-def _threads(count: int | None) -> Executor:
-    return Serial() if count == 1 else Threads(count)  # a real arm: nothing is begun before the last episode is safe
 
 
 def _as_written(options: CollectOptions) -> dict:
@@ -125,9 +119,7 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
         raise RecordingError(f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name")
     writer = EpisodeWriter(path)
     begun = writer.options
-    differing = [
-        f"{key} {begun.get(key)!r}, now {value!r}" for key, value in options.items() if begun.get(key) != value
-    ]
+    differing = [f"{key} {begun.get(key)!r}, now {new!r}" for key, new in options.items() if begun.get(key) != new]
     differing += ["arm"] if writer.arm != arm else []
     if differing:
         writer.close()

@@ -68,7 +68,10 @@ def controller_samples(
     No window crosses the border of an episode or a stretch. Before an episode the arm was at rest: its first
     configuration and the neutral action stand in, as they do when a controller starts.
     """
-    return Split(*(_windows(*pair) for pair in _from_rest(configurations, actions, neutral)))
+    ages = range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1)
+    return Split(
+        *(_windows("configurations", *pair, *ages, axis=-2) for pair in _from_rest(configurations, actions, neutral))
+    )
 
 
 def lstm_samples(
@@ -85,7 +88,8 @@ def lstm_samples(
         actions: as really sent [m or N].
         neutral: the action at rest [m or N].
     """
-    return Split(*(_tip_windows(*pair) for pair in _from_rest(positions, actions, neutral)))
+    ages = range(ACTION_HISTORY - 1, -1, -1), range(ACTION_HISTORY, 0, -1)
+    return Split(*(_windows("positions", *pair, *ages, axis=2) for pair in _from_rest(positions, actions, neutral)))
 
 
 def _from_rest(sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -97,32 +101,17 @@ def _from_rest(sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray) -> 
     return [beginning, *((sensed[:, part], actions[:, part]) for part in later)]
 
 
-def _tip_windows(positions: np.ndarray, actions: np.ndarray) -> Samples:
-    """All windows with a whole history behind them and one position after them."""
-    steps = np.arange(ACTION_HISTORY, positions.shape[1] - 1)
-    ages = range(ACTION_HISTORY - 1, -1, -1)
+def _windows(
+    name: str, sensed: np.ndarray, actions: np.ndarray, sensed_ages: range, action_ages: range, axis: int
+) -> Samples:
+    """All windows with a whole history behind them and one sensed moment after them; ages [steps] get an axis."""
+    steps = np.arange(ACTION_HISTORY, sensed.shape[1] - 1)
     inputs = {
-        "wanted": positions[:, steps + 1],
-        "positions": np.stack([positions[:, steps - age] for age in ages], axis=2),
-        "actions": np.stack([actions[:, steps - age - 1] for age in ages], axis=2),
+        "wanted": sensed[:, steps + 1],
+        name: np.stack([sensed[:, steps - age] for age in sensed_ages], axis),
+        "actions": np.stack([actions[:, steps - age] for age in action_ages], axis),
     }
-    return Samples({name: _merge(values) for name, values in inputs.items()}, _merge(actions[:, steps]))
-
-
-def _windows(configurations: np.ndarray, actions: np.ndarray) -> Samples:
-    """All windows with a whole history behind them and one configuration after them."""
-    steps = np.arange(ACTION_HISTORY, configurations.shape[1] - 1)
-    inputs = {
-        "wanted": configurations[:, steps + 1],
-        "configurations": _history(configurations, steps, range(CONFIGURATION_HISTORY)),
-        "actions": _history(actions, steps, range(1, ACTION_HISTORY + 1)),
-    }
-    return Samples({name: _merge(values) for name, values in inputs.items()}, _merge(actions[:, steps]))
-
-
-def _history(values: np.ndarray, steps: np.ndarray, ages: range) -> np.ndarray:
-    """Values of so many steps ago, youngest first: (episodes, samples, modules, ages, features)."""
-    return np.stack([values[:, steps - age] for age in ages], axis=-2)
+    return Samples({key: _merge(values) for key, values in inputs.items()}, _merge(actions[:, steps]))
 
 
 def _merge(values: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from pydantic_core import from_json
-from safetensors import SafetensorError, deserialize
-from safetensors.numpy import save
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
@@ -27,8 +27,6 @@ from s2c2a.files import written_whole
 ENDING = ".episodes"
 SCHEMA = 2
 MOST_HEADERS = 10_000_000  # bytes of what is said of all episodes: it grows when it is read
-KINDS = {"BOOL": "?", "F16": "<f2", "F32": "<f4", "F64": "<f8"}
-KINDS |= {f"{sign}{8 * size}": f"<{sign.lower()}{size}" for sign in "IU" for size in (1, 2, 4, 8)}
 
 
 def save_episodes(
@@ -42,15 +40,12 @@ def save_episodes(
     every = list(episodes)
     if not every or any(one.arm != every[0].arm for one in every):
         raise RecordingError("a file of episodes holds at least one, all of the same arm")
-    try:
-        with written_whole(path) as part, open(part, "wb") as file:
-            before = write_block(file, _head(every[0].arm, options or {}, len(every)), b"")
-            for episode in every:
-                before = write_block(file, _packed(episode), before)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
+    with written_whole(path, RecordingError) as part, open(part, "wb") as file:
+        before = write_block(file, _head(every[0].arm, options or {}, len(every)), b"")
+        for episode in every:
+            before = write_block(file, _packed(episode), before)
+        file.flush()
+        os.fsync(file.fileno())
     return Path(path)
 
 
@@ -128,14 +123,11 @@ class EpisodeWriter:
         Raises:
             RecordingError: it cannot be written, or somebody writes to the one that is there.
         """
-        try:
+        with written_whole(path, RecordingError) as part, open(part, "wb") as file:
             if Path(path).is_file():
                 with open(path, "rb") as there:
                     lock(there, path)
-            with written_whole(path) as part, open(part, "wb") as file:
-                write_block(file, _head(arm, options, None), b"")
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written: {error}; choose another place") from error
+            write_block(file, _head(arm, options, None), b"")
         return cls(path)
 
     def append(self, episode: Episode) -> None:
@@ -202,11 +194,6 @@ def _unpacked(content: bytes, arm: ArmSpec, path: str | os.PathLike) -> Episode:
     try:
         header = content[LENGTH : LENGTH + int.from_bytes(content[:LENGTH], "little")]
         options = from_json(from_json(header)["__metadata__"]["options"])
-        columns = {name: _array(found) for name, found in deserialize(content)}
-        return Episode(arm, columns, dict(options))
+        return Episode(arm, load(content), dict(options))
     except (SafetensorError, ValueError, KeyError, TypeError, RecursionError, S2C2AError) as error:
         raise damaged(path, str(error)) from error
-
-
-def _array(found: Mapping[str, Any]) -> np.ndarray:
-    return np.frombuffer(found["data"], dtype=np.dtype(KINDS[found["dtype"]])).reshape(found["shape"])

@@ -1,6 +1,6 @@
 """Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
 
-from s2c2a.arm.centre_line import centre_line
+from s2c2a.arm.geometry import centre_line
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
 from s2c2a.kinematics.cables import PCC
 from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations

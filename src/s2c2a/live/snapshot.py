@@ -15,7 +15,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Request, RequestLimits
-from s2c2a.runtime.loop import Step
+from s2c2a.runtime import Step
 from s2c2a.spaces import Stage, States
 
 Watcher = Callable[["Snapshot"], None]

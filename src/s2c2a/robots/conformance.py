@@ -70,10 +70,8 @@ def _check_moves(robot: Robot, geometry: ArmGeometry) -> str:
     _lead(robot, geometry.action_neutral, geometry.action_neutral + towards_x)
     after = robot.read()
     if "cables" in robot.sensors:
-        moved = np.sum((after["cables"] - before["cables"]) * towards_x) / np.sum(towards_x**2)
-        _expect(
-            moved > 0.5, f"'cables' went {100 * moved:.0f} % of the way that was sent: wrong sign, or nothing moves"
-        )
+        moved = 100 * np.sum((after["cables"] - before["cables"]) * towards_x) / np.sum(towards_x**2)
+        _expect(moved > 50, f"'cables' went {moved:.0f} % of the way that was sent: wrong sign, or nothing moves")
     if "states" in robot.sensors:
         way = after["states"][-1, POSITION] - before["states"][-1, POSITION]
         _expect(way[0] > 0 and way[0] > 2 * abs(way[1]), f"sent towards +x, the tip went {way.round(4)} m")
@@ -95,8 +93,7 @@ def _check_prompt(robot: Robot, geometry: ArmGeometry) -> str:
         robot.send(geometry.action_neutral)
         _expect(robot.read().time == before, "time passes in send(); it must pass in advance() alone")
         return "time passes in advance() alone"
-    took = _took(lambda: robot.send(geometry.action_neutral))
-    took = max(took, _took(robot.read))
+    took = max(_took(lambda: robot.send(geometry.action_neutral)), _took(robot.read))
     _expect(took < 0.5 * robot.arm.control_period, f"send() or read() took {1e3 * took:.0f} ms: they must not wait")
     return "send() and read() return at once"
 
@@ -117,20 +114,18 @@ def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_refuses(robot: Robot, geometry: ArmGeometry) -> str:
     shape = geometry.action_neutral.shape
-    _check_refused(robot, np.full(shape, np.nan), "NaN")
-    _check_refused(robot, np.zeros(shape[0] + 1), "an action of the wrong shape")
+    for name, action in {"NaN": np.full(shape, np.nan), "an action of the wrong shape": np.zeros(shape[0] + 1)}.items():
+        try:
+            robot.send(action)
+        except ActionError:
+            continue
+        except Exception as error:
+            _expect(False, f"send() of {name} raised {error!r}; it must raise ActionError")
+        _expect(False, f"send() took {name}; it must raise ActionError before anything moves")
     return "refuses what is no action, before anything moves"
 
 
-CHECKS: tuple[Callable[[Robot, ArmGeometry], str], ...] = (
-    _check_reading,
-    _check_named,
-    _check_refuses,
-    _check_prompt,
-    _check_clock,
-    _check_moves,
-    _check_limits,
-)
+CHECKS = (_check_reading, _check_named, _check_refuses, _check_prompt, _check_clock, _check_moves, _check_limits)
 
 
 def _lead(robot: Robot, start: Actions, end: Actions) -> None:
@@ -157,18 +152,6 @@ def _took(call: Callable[[], object]) -> float:
     began = time.perf_counter()
     call()
     return time.perf_counter() - began
-
-
-def _check_refused(robot: Robot, action: np.ndarray, name: str) -> None:
-    try:
-        robot.send(action)
-    except ActionError:
-        return
-    except Exception as error:
-        raise S2C2AError(
-            f"{type(robot).__name__}: send() of {name} raised {error!r}; it must raise ActionError"
-        ) from error
-    raise S2C2AError(f"{type(robot).__name__}: send() took {name}; it must raise ActionError before anything moves")
 
 
 def _expect(kept: bool, fault: str) -> None:

@@ -23,9 +23,7 @@ def robot_class(name: str) -> type[Robot]:
     Raises:
         S2C2AError: no such class, or it is no robot.
     """
-    chosen = found("robot", name, KNOWN)
-    if isinstance(chosen, str):
-        chosen = found("robot", chosen, {})
+    chosen = found("robot", KNOWN.get(name, name), KNOWN)
     if not (isinstance(chosen, type) and issubclass(chosen, Robot)):
         raise S2C2AError(f"{name} is {chosen!r}, no robot; give a subclass of s2c2a.robots.Robot")
     if lacking := sorted(chosen.__abstractmethods__):

@@ -2,6 +2,6 @@
 
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimits
-from s2c2a.runtime.loop import Ask, Driver, Loop, Step
-from s2c2a.runtime.record import episode_of
-from s2c2a.runtime.stages import Patience
+from s2c2a.runtime.loop import Driver, Loop
+from s2c2a.runtime.record import Step, episode_of
+from s2c2a.runtime.stages import Ask, Patience

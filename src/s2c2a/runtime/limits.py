@@ -58,9 +58,7 @@ class CommandLimits:
             change: that it made.
             before: what was wanted in the last step, finite or not.
         """
-        within = np.clip(
-            np.where(np.isfinite(wanted), wanted, last), self.geometry.action_low, self.geometry.action_high
-        )
+        within = self._in_range(np.where(np.isfinite(wanted), wanted, last))
         way, moved = within - last, within - np.where(np.isfinite(before), before, within)
         behind = way - moved
         size, turn, left = self.sizes(np.stack([way, way - change, behind]))
@@ -106,8 +104,10 @@ class CommandLimits:
         """The command after a change as near to a wanted one as acceleration allows; else it brakes."""
         turned = change + self._shortened(move - change, self.turn)
         braked = change - self._shortened(change, self.turn)
-        moved = last + np.where(self._stops_within(turned, last), turned, braked)
-        return np.clip(moved, self.geometry.action_low, self.geometry.action_high)
+        return self._in_range(last + np.where(self._stops_within(turned, last), turned, braked))
+
+    def _in_range(self, command: Actions) -> Actions:
+        return np.clip(command, self.geometry.action_low, self.geometry.action_high)
 
     def _shortened(self, way: Actions, longest: PerModule) -> Actions:
         return way * np.minimum(1.0, longest / np.maximum(self.sizes(way), ROUNDING))

@@ -8,7 +8,6 @@ believed is held, then led to rest (`stages`).
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, Self
 
 import numpy as np
@@ -20,7 +19,8 @@ from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.readings import ReadingCheck
-from s2c2a.runtime.stages import Patience, Phase, Situation, failed, next_phase, released
+from s2c2a.runtime.record import Step
+from s2c2a.runtime.stages import Ask, Patience, Phase, failed, next_phase, released
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Stage
 
 LATE = 0.1  # of a period: a step that begins later than that is late
@@ -49,50 +49,6 @@ class Driver(Protocol):
 
     def told(self) -> Mapping[str, np.ndarray]:
         """What it made of the last step, by the names of an episode's columns, such as `planned`."""
-
-
-@dataclass(frozen=True)
-class Ask:
-    """What is asked of a control step.
-
-    Attributes:
-        goal: for the state after it; nothing but little change if None.
-        asked: whether the arm shall do it; if not, it holds, or stays at rest.
-        attended: whether somebody is there.
-    """
-
-    goal: Goal | None = None
-    asked: bool = True
-    attended: bool = True
-
-
-@dataclass(frozen=True)
-class Step:
-    """What is known after one control step.
-
-    Attributes:
-        number: of the step, from zero.
-        moment: when it began, on the loop's clock [s].
-        stage: what the arm did.
-        reading: before the action.
-        goal: that was asked for, if the arm ran or held.
-        action: as really sent [m or N].
-        told: by what drives it, by column.
-        tick_time: sense, plan and act together [s].
-        late: how much too late it began [s].
-        fault: what was wrong, in words.
-    """
-
-    number: int
-    moment: float
-    stage: Stage
-    reading: Reading
-    goal: Goal | None
-    action: Actions
-    told: Mapping[str, np.ndarray] = field(default_factory=dict)
-    tick_time: float = 0.0
-    late: float = 0.0
-    fault: str = ""
 
 
 class Loop:
@@ -134,10 +90,8 @@ class Loop:
         """
         self.arm, self.driver, self._robot = robot.arm, driver, robot
         self._clock = clock or (StepClock() if robot.own_time else WallClock())
-        self._limits, self._patience = (
-            limits or CommandLimits.of(self.arm),
-            patience or Patience.of(self.arm.control_rate),
-        )
+        self._limits = limits or CommandLimits.of(self.arm)
+        self._patience = patience or Patience.of(self.arm.control_rate)
         self._when_late, self._watch, self._faults = when_late, watch, faults
         self.phase, self.fault, self.late_steps, self._number = Phase(), "", 0, 0
         self._nothing = Goal.of(self.arm.module_count)
@@ -185,7 +139,8 @@ class Loop:
         try:
             reading = self._faults(self._robot.read())
             fault = self._fault_of(reading, moment)
-            before, self.phase = self.phase, next_phase(self.phase, self._situation(ask, fault), self._patience)
+            before = self.phase
+            self.phase = next_phase(before, ask, not fault, self._at_rest(), self._patience)
             if fault or self.phase.stage is not Stage.FAULT:
                 self.fault = fault or (self.fault if self.phase.spoiled else "")
             began = time.perf_counter()
@@ -255,9 +210,6 @@ class Loop:
         """What is wrong with a reading; one of a body with a time of its own cannot be late."""
         now = reading.time if self._robot.own_time else moment - self._begun
         return self._check.fault(reading, now, float(self._limits.sizes(self._change).max()))
-
-    def _situation(self, ask: Ask, fault: str) -> Situation:
-        return Situation(ask.asked, ask.attended, not fault, self._at_rest())
 
     def _at_rest(self) -> bool:
         return bool((self._limits.sizes(self._command - self._limits.rest) < AT_REST).all())

@@ -23,11 +23,7 @@ class ReadingCheck:
             period: of the control steps [s].
         """
         self._sensors, self._needed, self._period = sensors, tuple(needed), period
-        known = {name: sensor for name, sensor in sensors.items() if name in self._needed}
-        self._bounded = {
-            name for name, one in known.items() if np.isfinite(one.low).any() or np.isfinite(one.high).any()
-        }
-        self._rated = {name for name, one in known.items() if np.isfinite(one.fastest).any()}
+        self._rated = {name for name, one in sensors.items() if np.isfinite(one.fastest).any()}
         self.begin()
 
     def begin(self) -> None:
@@ -69,7 +65,7 @@ class ReadingCheck:
             return f"'{name}' is of shape {values.shape}, not {sensor.shape}"
         if not np.isfinite(values).all():
             return f"'{name}' is not finite"
-        if name in self._bounded and not ((values >= sensor.low) & (values <= sensor.high)).all():
+        if not ((values >= sensor.low) & (values <= sensor.high)).all():
             return f"'{name}' is out of its range"
         self._heard[name] = values
         return f"'{name}' has jumped" if name in self._rated and self._jumped(name, reading, heard) else ""

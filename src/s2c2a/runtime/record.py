@@ -1,7 +1,8 @@
-"""From the steps of a loop to an episode."""
+"""What is known after a control step, and from the steps of a loop to an episode."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,36 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.runtime.loop import Step
-from s2c2a.spaces import Stage
+from s2c2a.spaces import Actions, Reading, Stage
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is known after one control step.
+
+    Attributes:
+        number: of the step, from zero.
+        moment: when it began, on the loop's clock [s].
+        stage: what the arm did.
+        reading: before the action.
+        goal: that was asked for, if the arm ran or held.
+        action: as really sent [m or N].
+        told: by what drives it, by column.
+        tick_time: sense, plan and act together [s].
+        late: how much too late it began [s].
+        fault: what was wrong, in words.
+    """
+
+    number: int
+    moment: float
+    stage: Stage
+    reading: Reading
+    goal: Goal | None
+    action: Actions
+    told: Mapping[str, np.ndarray] = field(default_factory=dict)
+    tick_time: float = 0.0
+    late: float = 0.0
+    fault: str = ""
 
 
 def episode_of(steps: Sequence[Step], arm: ArmSpec, **options: Any) -> Episode:
@@ -71,14 +100,10 @@ def _filled(values: Sequence[np.ndarray | None]) -> np.ndarray:
 
 def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
     """Columns of what was asked: only those in which anything was."""
-    positions = _where_asked(goals, "positions", "position_weights")
-    axes = _where_asked(goals, "axes", "axis_weights")
-    spheres = np.stack([np.column_stack([goal.obstacles, goal.thresholds]) for goal in goals])
-    spheres = spheres[:, spheres[..., 3].max(axis=0) > 0]
-    columns = {"wanted_positions": positions, "wanted_axes": axes, "obstacles": spheres}
+    every = Goal.stacked(goals)
+    columns = {
+        "wanted_positions": every.wanted_positions(),
+        "wanted_axes": every.wanted_axes(),
+        "obstacles": every.obstacles_in_use(),
+    }
     return {name: values for name, values in columns.items() if values.size and np.isfinite(values).any()}
-
-
-def _where_asked(goals: Sequence[Goal], values: str, weights: str) -> np.ndarray:
-    asked = np.stack([np.asarray(getattr(goal, weights)) > 0 for goal in goals])[..., None]
-    return np.where(asked, np.stack([getattr(goal, values) for goal in goals]), np.nan)

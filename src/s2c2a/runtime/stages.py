@@ -15,6 +15,7 @@ A fault of the body or of what drives it leads to FAULT from anywhere.
 from dataclasses import dataclass, replace
 
 from s2c2a.errors import S2C2AError
+from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 
 
@@ -43,20 +44,18 @@ class Patience:
 
 
 @dataclass(frozen=True)
-class Situation:
-    """What decides on the next stage.
+class Ask:
+    """What is asked of a control step.
 
     Attributes:
-        asked: whether the arm shall do something, by somebody who is there or a task.
-        attended: whether somebody is there, so that an arm may be held as long as they like.
-        sound: whether the reading of this step is sound.
-        at_rest: whether the last command was the neutral one.
+        goal: for the state after it; nothing but little change if None.
+        asked: whether the arm shall do it; if not, it holds, or stays at rest.
+        attended: whether somebody is there.
     """
 
-    asked: bool
+    goal: Goal | None = None
+    asked: bool = True
     attended: bool = True
-    sound: bool = True
-    at_rest: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,29 +75,41 @@ class Phase:
     spoiled: bool = False
 
 
-def next_phase(phase: Phase, now: Situation, patience: Patience) -> Phase:
-    """The phase of this step, from that of the last one."""
-    unsound = 0 if now.sound else phase.unsound + 1
-    alone = phase.alone + 1 if phase.stage is Stage.HOLD and not now.attended else 0
-    phase = replace(phase, unsound=unsound, alone=alone)
-    stage = _next_stage(phase, now, patience)
-    spoiled = stage in (Stage.RELEASE, Stage.FAULT) and (phase.spoiled or unsound > patience.unsound)
-    return replace(phase, stage=stage, spoiled=spoiled)
+def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Patience) -> Phase:
+    """The phase of this step.
 
-
-def _next_stage(phase: Phase, now: Situation, patience: Patience) -> Stage:
-    impatient = phase.unsound > patience.unsound
-    if phase.stage is Stage.FAULT:
-        return Stage.FAULT
-    if phase.stage is Stage.RELEASE:
-        return Stage.RELEASE if not now.at_rest else Stage.FAULT if phase.spoiled else Stage.IDLE
+    Args:
+        phase: of the last one.
+        ask: what is asked.
+        sound: whether the reading of this step is sound.
+        at_rest: whether the last command was the neutral one.
+        patience: before the arm is led to rest.
+    """
+    unsound = 0 if sound else phase.unsound + 1
+    alone = phase.alone + 1 if phase.stage is Stage.HOLD and not ask.attended else 0
+    impatient = unsound > patience.unsound
+    give_up = impatient or alone > patience.alone
+    stage = _next_stage(phase, ask.asked and sound, give_up, at_rest)
     if phase.stage in (Stage.IDLE, Stage.START):
-        if not now.asked:
-            return Stage.IDLE
-        return Stage.RUN if now.sound else Stage.FAULT if impatient else Stage.START
-    if impatient or phase.alone > patience.alone:
-        return Stage.RELEASE
-    return Stage.RUN if now.asked and now.sound else Stage.HOLD
+        stage = _first_stage(ask.asked, sound, impatient)
+    spoiled = stage in (Stage.RELEASE, Stage.FAULT) and (phase.spoiled or impatient)
+    return Phase(stage, unsound, alone, spoiled)
+
+
+def _first_stage(asked: bool, sound: bool, impatient: bool) -> Stage:
+    """Of an arm that has not run yet."""
+    if not asked:
+        return Stage.IDLE
+    return Stage.RUN if sound else Stage.FAULT if impatient else Stage.START
+
+
+def _next_stage(phase: Phase, goes_on: bool, give_up: bool, at_rest: bool) -> Stage:
+    """Of one that has."""
+    if phase.stage is Stage.FAULT or (phase.stage is Stage.RELEASE and not at_rest):
+        return phase.stage
+    if phase.stage is Stage.RELEASE:
+        return Stage.FAULT if phase.spoiled else Stage.IDLE
+    return Stage.RELEASE if give_up else Stage.RUN if goes_on else Stage.HOLD
 
 
 def failed(phase: Phase) -> Phase:

@@ -20,8 +20,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
-from s2c2a.tasks.circle import circle_path
-from s2c2a.tasks.paths import APPROACH_TIME
+from s2c2a.tasks.circle import APPROACH_TIME, circle_path
 
 SPEEDS = (0.2, 1.0, 2.0)
 """Of the circle, as parts of its own speed."""

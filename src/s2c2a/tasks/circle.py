@@ -1,13 +1,22 @@
-"""The circle of the paper's position control, and with wanted orientations (Chen et al. 2025, secs. IV-B and IV-C)."""
+"""Tasks that go out and once around (Chen et al. 2025, secs. IV-B to IV-D): with the tip, or with the axis of one end.
+
+Lengths scale with the arm; times are in seconds.
+"""
 
 import numpy as np
+from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
-from s2c2a.tasks.paths import PAPER_LENGTH, Path, approach_shares, out_and_around, round_angles, tilted_axes
-from s2c2a.tasks.task import Score, Task
+from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
+APPROACH_TIME, ROUND_TIME = 4.0, 16.0
 RADIUS, HEIGHT = 0.22 / PAPER_LENGTH, 0.54 / PAPER_LENGTH
+TIP_RADIUS, TIP_HEIGHT = 0.15 / PAPER_LENGTH, 0.56 / PAPER_LENGTH  # while the base is held
+BASE_WEIGHT = 4.0  # with 1 even a perfect model leaves 1.9 cm (docs/protocol.md)
+HELD = {"hold-middle": (0.396 / 0.4, 20.0, 3), "hold-end": (0.565 / 0.6, 40.0, 2)}
+"""Height of the held end as part of its height at rest, tilt of its axis [deg], and modules that it takes."""
 
 
 def circle_path(length: float, control_rate: float) -> Path:
@@ -17,14 +26,12 @@ def circle_path(length: float, control_rate: float) -> Path:
         length: of the arm [m].
         control_rate: steps a second [Hz].
     """
-    return length * out_and_around(RADIUS, HEIGHT, control_rate)
+    return length * _out_and_around(RADIUS, HEIGHT, control_rate)
 
 
 def circle(arm: ArmSpec) -> Task:
     """Follow a circle with the tip; lengths scale with the arm. Weights mu_p = 1, mu_d = 0.5."""
-    rest = Goal.of(arm.module_count, change_weight=0.5)
-    path = circle_path(arm.length, arm.control_rate)
-    return Task("circle", tuple(rest.with_position(position, weight=1.0) for position in path))
+    return Task.along("circle", circle_path(arm.length, arm.control_rate), Goal.of(arm.module_count))
 
 
 def tilt(arm: ArmSpec, name: str, angle_deg: float, turned_deg: float = 0.0) -> Task:
@@ -36,13 +43,91 @@ def tilt(arm: ArmSpec, name: str, angle_deg: float, turned_deg: float = 0.0) -> 
         angle_deg: between the end axis and the vertical once the circle begins; it grows evenly in the approach.
         turned_deg: anticlockwise, from the radial direction.
     """
-    share, angle = approach_shares(arm.control_rate), round_angles(arm.control_rate)
-    tilts = np.deg2rad(angle_deg) * np.concatenate([share, np.ones_like(angle)])
-    azimuths = np.concatenate([np.zeros_like(share), angle]) + np.deg2rad(turned_deg)
-    axes = tilted_axes(tilts, azimuths)
-    goals = zip(circle(arm).goals, axes, strict=True)
-    after_approach = np.arange(len(axes)) >= len(share)
-    scores: tuple[Score, ...] = (Score("position"), Score("tilt"))
+    shares, angles = _approach_and_round(arm.control_rate)
+    axes = _tilted_axes(np.deg2rad(angle_deg) * shares, angles + np.deg2rad(turned_deg))
+    goals = (goal.with_axis(axis, weight=2.0) for goal, axis in zip(circle(arm).goals, axes, strict=True))
+    scores = [Score("position"), Score("tilt")]
     if turned_deg:
-        scores = (*scores, Score("azimuth", steps=after_approach))
-    return Task(name, tuple(goal.with_axis(axis, weight=2.0) for goal, axis in goals), scores)
+        scores.append(Score("azimuth", steps=angles > 0))
+    return Task(name, tuple(goals), tuple(scores))
+
+
+def hold_base(arm: ArmSpec) -> Task:
+    """The base module's end stays; the tip goes once around. mu_p tip 1, mu_p base 4, mu_d 0.5.
+
+    Raises:
+        TargetError: an arm of one module.
+    """
+    _check_modules("hold-base", arm, 2)
+    held = np.array([0.0, 0.0, ArmGeometry.of(arm).lengths[0]])
+    rest = Goal.of(arm.module_count).with_position(held, weight=BASE_WEIGHT, module=0)
+    path = arm.length * _out_and_around(TIP_RADIUS, TIP_HEIGHT, arm.control_rate)
+    return Task.along("hold-base", path, rest, Score("constraint", module=0), Score("position"))
+
+
+def hold_and_turn(arm: ArmSpec, name: str) -> Task:
+    """The end of the middle module or of the last stays on the axis while its own axis turns once around.
+
+    mu_p = mu_o = 1, mu_d 0.5.
+
+    Args:
+        arm: the arm.
+        name: one of `HELD`.
+
+    Raises:
+        TargetError: an arm of too few modules.
+    """
+    lowered, tilt_deg, least = HELD[name]
+    _check_modules(name, arm, least)
+    module = (arm.module_count - 1) // (2 if name == "hold-middle" else 1)
+    shares, angles = _approach_and_round(arm.control_rate)
+    heights = ArmGeometry.of(arm).lengths[: module + 1].sum() * (1 - (1 - lowered) * shares)
+    rest, axes = Goal.of(arm.module_count), _tilted_axes(np.deg2rad(tilt_deg) * shares, angles)
+    goals = (
+        rest.with_position([0.0, 0.0, z], module=module).with_axis(axis, weight=1.0, module=module)
+        for z, axis in zip(heights, axes, strict=True)
+    )
+    return Task(name, tuple(goals), (Score("constraint", module=module), Score("orientation", module=module)))
+
+
+def _approach_and_round(control_rate: float) -> tuple[Float[np.ndarray, " steps"], Float[np.ndarray, " steps"]]:
+    """After every step: how much of the way out is done, and the angle around, anticlockwise seen from above [rad]."""
+    out, around = round(APPROACH_TIME * control_rate), round(ROUND_TIME * control_rate)
+    shares = np.concatenate([np.arange(1, out + 1) / out, np.ones(around)])
+    return shares, np.concatenate([np.zeros(out), 2 * np.pi * np.arange(1, around + 1) / around])
+
+
+def _out_and_around(radius: float, height: float, control_rate: float) -> Path:
+    """Out along the arc of equal bends, then once around at one height; for an arm of length one.
+
+    The arc ends near that height; what is missing is spread over the way.
+    """
+    shares, angles = _approach_and_round(control_rate)
+    out = shares[angles == 0]
+    climb = np.array([_arc_height(radius * part) for part in out])
+    climb += (height - climb[-1]) * out
+    heights = np.concatenate([climb, np.full(len(shares) - len(out), height)])
+    return np.stack([radius * shares * np.cos(angles), radius * shares * np.sin(angles), heights], axis=-1)
+
+
+def _tilted_axes(
+    tilts: Float[np.ndarray, " steps"], azimuths: Float[np.ndarray, " steps"]
+) -> Float[np.ndarray, "steps 3"]:
+    """Unit vectors tilted from the vertical towards an azimuth [rad]."""
+    return np.stack([np.sin(tilts) * np.cos(azimuths), np.sin(tilts) * np.sin(azimuths), np.cos(tilts)], axis=-1)
+
+
+def _arc_height(reach: float) -> float:
+    """Height of the end of an arc of length one that reaches so far aside."""
+    from scipy.optimize import brentq  # noqa: PLC0415 (a third of a second that few starts need)
+
+    angle = brentq(lambda f: (1 - np.cos(f)) / f - reach, 1e-9, 2.0)
+    return float(np.sin(angle) / angle)
+
+
+def _check_modules(name: str, arm: ArmSpec, least: int) -> None:
+    if arm.module_count < least:
+        raise TargetError(
+            f"the task '{name}' needs an arm of at least {least} modules, '{arm.name}' has {arm.module_count}; "
+            "choose another task"
+        )

@@ -7,10 +7,8 @@ from pathlib import Path
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.extensions import found
-from s2c2a.tasks.circle import circle, tilt
-from s2c2a.tasks.follow import follow
-from s2c2a.tasks.hold import hold_base, hold_end, hold_middle
-from s2c2a.tasks.obstacles import REACH, flee, reach
+from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
+from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.task import Task
 from s2c2a.tasks.waypoints import load_waypoints, waypoints_task
 
@@ -28,8 +26,7 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
     "circle": circle,
     **{name: partial(tilt, name=name, angle_deg=angle, turned_deg=turned) for name, (angle, turned) in TILTS.items()},
     "hold-base": hold_base,
-    "hold-middle": hold_middle,
-    "hold-end": hold_end,
+    **{name: partial(hold_and_turn, name=name) for name in HELD},
     **{name: partial(reach, name=name) for name in REACH},
     "flee": flee,
     "follow": follow,
@@ -48,16 +45,11 @@ def task_named(name: str, arm: ArmSpec) -> Task:
         make = found("task", name, TASKS)
     except S2C2AError as error:
         raise TargetError(f"{error}, or a file of waypoints ending in .csv") from error
-    return _made(name, make, arm)
-
-
-def _made(name: str, make: Callable[[ArmSpec], Task], arm: ArmSpec) -> Task:
-    """What a function makes of an arm; others may have written it."""
     try:
         task = make(arm)
     except S2C2AError:
         raise
-    except Exception as error:
+    except Exception as error:  # others may have written it
         raise TargetError(
             f"the task '{name}' cannot be made for {arm.name}: {type(error).__name__}: {error}"
         ) from error

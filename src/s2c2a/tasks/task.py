@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 
+PAPER_LENGTH = 0.6  # m: lengths of the protocol are for an arm of this length
+Path = Float[np.ndarray, "steps 3"]
+
 
 @dataclass(frozen=True)
 class Score:
@@ -43,6 +46,11 @@ class Task:
         if not self.goals:
             raise TargetError(f"the task '{self.name}' has no goals; give one for every control step")
 
+    @classmethod
+    def along(cls, name: str, path: Path, goal: Goal, *scores: Score) -> "Task":
+        """The tip along a path [m], base frame, besides what a goal asks for. mu_p = 1."""
+        return cls(name, tuple(goal.with_position(position) for position in path), scores or (Score("position"),))
+
     def with_axes_weighed(self, factor: float) -> "Task":
         """The same task with every mu_o multiplied."""
         goals = (goal._replace(axis_weights=np.float32(factor) * goal.axis_weights) for goal in self.goals)
@@ -50,13 +58,12 @@ class Task:
 
     def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted module ends [m], base frame; NaN where nothing is asked."""
-        return np.stack([np.where(goal.position_weights[:, None] > 0, goal.positions, np.nan) for goal in self.goals])
+        return Goal.stacked(self.goals).wanted_positions()
 
     def wanted_axes(self) -> Float[np.ndarray, "steps modules 3"]:
         """Wanted end axes, base frame; NaN where nothing is asked."""
-        return np.stack([np.where(goal.axis_weights[:, None] > 0, goal.axes, np.nan) for goal in self.goals])
+        return Goal.stacked(self.goals).wanted_axes()
 
     def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
         """Centres and thresholds of the obstacles in use [m], base frame."""
-        every = np.stack([np.column_stack([goal.obstacles, goal.thresholds]) for goal in self.goals])
-        return every[:, every[..., 3].max(axis=0) > 0]
+        return Goal.stacked(self.goals).obstacles_in_use()

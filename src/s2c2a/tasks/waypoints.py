@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.spec import MOST_MODULES
-from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.errors import TargetError
 from s2c2a.files import read_text
 from s2c2a.goals import LARGEST
 from s2c2a.planning import Goal
@@ -97,12 +97,12 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     scores: list[Score] = []
     for track in tracks:
         wanted = _between(times, track.times, track.positions)
-        every = every.with_position(_furthest(wanted), 1.0, track.module)  # refused as any other goal would be
+        every = every.with_position(_extremes(wanted)[0], 1.0, track.module)  # refused as any other goal would be
         positions[:, track.module] = wanted
         scores.append(Score("position", track.module))
         if track.axes is not None:
             towards = _between(times, track.times, track.axes)
-            for axis in (_furthest(towards), _shortest(towards)):
+            for axis in _extremes(towards):
                 every = every.with_axis(axis, 2.0, track.module)
             axes[:, track.module] = _unit(towards)
             scores.append(Score("orientation", track.module))
@@ -112,12 +112,12 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
 
 def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
     """The waypoints that a constant-curvature arm within its bend limits cannot bring its module's end to."""
-    found = []
-    for track in tracks:
-        gaps = reach_gaps(arm, track.positions, track.module)
-        far = np.flatnonzero(gaps > FAR * arm.length)
-        found += [OutOfReach(track.module, float(track.times[i]), float(gaps[i])) for i in far]
-    return found
+    return [
+        OutOfReach(track.module, float(time), float(gap))
+        for track in tracks
+        for time, gap in zip(track.times, reach_gaps(arm, track.positions, track.module), strict=True)
+        if gap > FAR * arm.length
+    ]
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
@@ -125,14 +125,12 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise TargetError(f"no waypoints at {path}; give a table with the columns {', '.join(REQUIRED)}")
     try:
-        lines = csv.reader(io.StringIO(read_text(path, most=MOST_BYTES), newline=""), skipinitialspace=True)
+        lines = csv.reader(io.StringIO(read_text(path, TargetError, MOST_BYTES), newline=""), skipinitialspace=True)
         columns = [name.strip() for name in next(lines, ())]
         _check_columns(path, columns)
         rows = islice((_numbers(path, lines.line_num, row, columns) for row in lines if row), MOST_LINES + 1)
         numbers = np.array(list(rows)).reshape(-1, len(columns))
-    except (S2C2AError, csv.Error) as error:
-        if isinstance(error, TargetError):
-            raise
+    except csv.Error as error:
         raise TargetError(f"{path} cannot be read as a table of text: {error}") from error
     if len(numbers) > MOST_LINES:
         raise TargetError(f"{path} has more than {MOST_LINES} lines; give fewer waypoints, the way between is straight")
@@ -197,12 +195,10 @@ def _between(times: np.ndarray, moments: np.ndarray, values: np.ndarray) -> np.n
     return np.stack([np.interp(times, moments, column) for column in values.T], axis=-1)
 
 
-def _furthest(vectors: np.ndarray) -> np.ndarray:
-    return vectors[np.abs(vectors).max(axis=-1).argmax()]
-
-
-def _shortest(vectors: np.ndarray) -> np.ndarray:
-    return vectors[np.abs(vectors).max(axis=-1).argmin()]
+def _extremes(vectors: np.ndarray) -> np.ndarray:
+    """The longest and the shortest."""
+    sizes = np.abs(vectors).max(axis=-1)
+    return vectors[[sizes.argmax(), sizes.argmin()]]
 
 
 def _unit(axes: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.centre_line import hermite_weights
+from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.colours import BASE, DISC, darker, module_colours
 

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm.centre_line import centre_line as line_to_tip
+from s2c2a.arm.geometry import centre_line as line_to_tip
 from s2c2a.spaces import AXIS, POSITION, States
 
 BASE_STATE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import Cable
-from s2c2a.robots.simulation.cables import CableTransmission
+from s2c2a.robots.simulation.transmission import CableTransmission
 
 STRAIGHT, SLACK = np.zeros(1), np.zeros((1, 3))
 

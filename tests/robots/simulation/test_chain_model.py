@@ -7,8 +7,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.robots.simulation.chain import build_model, time_step
-from s2c2a.robots.simulation.fidelity import fidelity_named
+from s2c2a.robots.simulation.chain import build_model, fidelity_named, time_step
 
 LENGTHS, MASSES, STIFFNESSES = (0.1, 0.2, 0.3), (0.02, 0.05, 0.11), (0.3, 0.2, 0.1)
 RADIUS, TORSION, DAMPING_TIME = 0.02, 0.07, 0.04

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import Motor
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.motors import encoder_reading, motor_path
+from s2c2a.robots.simulation.transmission import encoder_reading, motor_path
 
 MOTORS = {
     "neither": Motor(),

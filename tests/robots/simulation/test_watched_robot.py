@@ -31,7 +31,7 @@ def both(request):
 
 
 def test_watching_changes_nothing(both):
-    """The watched robot steps in Python, the other in one call."""
+    """The watched robot has sensors, the other has none."""
     (_, watched), (_, unwatched) = both
     for one, other in zip(watched, unwatched, strict=True):
         np.testing.assert_array_equal(one["states"], other["states"])

@@ -8,10 +8,8 @@ from mujoco.rollout import Rollout
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
-from s2c2a.robots.simulation.cables import CableTransmission
-from s2c2a.robots.simulation.chain import build_model
-from s2c2a.robots.simulation.fidelity import fidelity_named
-from s2c2a.robots.simulation.motors import encoder_reading, motor_path, tick_length
+from s2c2a.robots.simulation.chain import build_model, fidelity_named
+from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path, tick_length
 from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
@@ -50,23 +48,24 @@ class SimulatedRobot(Robot):
     ):
         if seed < 0 or not 0 <= jitter <= 1:
             raise S2C2AError(f"seed {seed} and jitter {jitter} asked for; no seed is negative, jitter is from 0 to 1")
-        self.arm, self._fidelity = arm, fidelity_named(fidelity)
-        self.model = build_model(arm, self._fidelity, _checked_payload(payload))
-        self.data = mujoco.MjData(self.model)
-        self._rollout = Rollout(nthread=0)
-        self._geometry = ArmGeometry.of(arm)
-        self._seed, self._jitter = seed, jitter
-        self._base_sites = [self.model.site(f"base_{module}").id for module in range(arm.module_count)]
-        self._end_sites = [self.model.site(f"end_{module}").id for module in range(arm.module_count)]
-        self._centre_sites = self._sites_named("centre_")
-        self._watched = watched
-        self._seen: list[np.ndarray] = []
+        self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
+        self._seed, self._jitter, self._watched = seed, jitter, watched
+        self.model = self._model_with(payload)
+        self.data, self._rollout = mujoco.MjData(self.model), Rollout(nthread=0)
+        modules = range(arm.module_count)
+        self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
+        self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
-        self._motors: Actions
-        self._command: Actions
-        self._transmission: CableTransmission
-        self._last_states: States | None
         self._rest()
+
+    def _rest(self) -> None:
+        self._random = np.random.default_rng(self._seed)
+        self._motors = self._command = self._geometry.action_neutral.copy()
+        self._seen: np.ndarray | None = None
+        self._transmission = CableTransmission(self.arm, self._geometry.action_neutral)
+        self._step, self._push = 0, np.zeros(3)
+        self._last_states: States | None = None
+        mujoco.mj_forward(self.model, self.data)
 
     @property
     def sensors(self) -> dict[str, Sensor]:
@@ -100,8 +99,8 @@ class SimulatedRobot(Robot):
         """
         self._check_sane()
         said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
-        if self._seen:
-            said["centre_line"] = np.array(self._seen)
+        if self._seen is not None:
+            said["centre_line"] = self._seen
         return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
@@ -124,10 +123,10 @@ class SimulatedRobot(Robot):
         path = motor_path(self._motors, self._command, times, self.arm.motor)
         felt = self._transmission.pass_on(path, times, self.tensions(), self._bend_angles())
         self._motors = path[-1]
-        self._seen = []
-        self._advance(felt.reshape(len(felt), -1))
+        seen = self._advance(felt.reshape(len(felt), -1))
         mujoco.mj_forward(self.model, self.data)
-        self._watch()
+        if self._watched:  # in a physics step, sensors say what was at its start
+            self._seen = np.vstack([seen, self.data.sensordata]).reshape(len(seen) + 1, -1, 3)
         self._step += 1
         self._check_sane()
         self._last_states = self.states()
@@ -158,7 +157,7 @@ class SimulatedRobot(Robot):
         Raises:
             S2C2AError: impossible payload.
         """
-        model = build_model(self.arm, self._fidelity, _checked_payload(payload))
+        model = self._model_with(payload)
         data, kind = mujoco.MjData(model), mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(self.model, self.data, state, kind)
@@ -180,45 +179,24 @@ class SimulatedRobot(Robot):
         """Tensions at the modules [N], shape (modules, cables)."""
         return -self.data.actuator_force.reshape(self._geometry.action_neutral.shape)
 
+    def _model_with(self, payload: float) -> mujoco.MjModel:
+        if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
+            raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
+        return build_model(self.arm, self._fidelity, payload, self._watched)
+
     def _jittered(self) -> Actions:
         """An action a little off neutral, in a random direction of every module."""
         angles = np.random.default_rng([self._seed, 1]).uniform(0, 2 * np.pi, self.arm.module_count)
         shares = self._jitter * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        bends = np.einsum("mck,mk->mc", self._geometry.cable_matrices, shares)
-        return self._geometry.action_neutral + self._geometry.action_scale[:, None] * bends
-
-    def _sites_named(self, start: str) -> list[int]:
-        names = [self.model.site(number).name for number in range(self.model.nsite)]
-        return [number for number, name in enumerate(names) if name.startswith(start)]
-
-    def _watch(self) -> None:
-        """Remember the centre line; in `mj_step` positions are those of the step's start."""
-        if self._watched:
-            self._seen.append(self.data.site_xpos[self._centre_sites])
-
-    def _rest(self) -> None:
-        self._random = np.random.default_rng(self._seed)
-        self._motors = self._command = self._geometry.action_neutral.copy()
-        self._seen = []
-        self._transmission = CableTransmission(self.arm, self._geometry.action_neutral)
-        self._step, self._last_states = 0, None
-        self._push = np.zeros(3)
-        mujoco.mj_forward(self.model, self.data)
+        return self._geometry.actions_at(shares)
 
     def _physics_times(self, seconds: float) -> Float[np.ndarray, " times"]:
         """Ends of the physics steps of so much time [s], from its start."""
         step = self.model.opt.timestep
         return step * np.arange(1, max(1, round(seconds / step)) + 1)
 
-    def _advance(self, commands: Float[np.ndarray, "times cables"]) -> None:
+    def _advance(self, commands: Float[np.ndarray, "times cables"]) -> Float[np.ndarray, "times sensed"]:
         """One physics step for every command: in one call, since Python between them costs as much as they do."""
-        if self._watched:
-            self.data.xfrc_applied[self._tip_body] = self._wrench()
-            for command in commands:
-                self.data.ctrl[:] = command
-                mujoco.mj_step(self.model, self.data)
-                self._watch()
-            return
         inputs, values = mujoco.mjtState.mjSTATE_CTRL, commands
         if self._push.any():
             inputs = inputs | mujoco.mjtState.mjSTATE_XFRC_APPLIED
@@ -227,6 +205,7 @@ class SimulatedRobot(Robot):
             values = np.hstack([commands, np.tile(wrenches.ravel(), (len(commands), 1))])
         state = np.empty((1, mujoco.mj_stateSize(self.model, _PHYSICS)))
         mujoco.mj_getState(self.model, self.data, state[0], _PHYSICS)
+        seen = np.empty((1, len(values), self.model.nsensordata))
         self._rollout.rollout(
             [self.model],
             [self.data],
@@ -235,7 +214,9 @@ class SimulatedRobot(Robot):
             control_spec=int(inputs),
             nstep=len(values),
             skip_checks=True,
+            sensordata=seen if self._watched else None,
         )
+        return seen[0]
 
     def _wrench(self) -> Float[np.ndarray, "6"]:
         """The push, and its torque: MuJoCo applies forces at centres of mass, this one is at the tip."""
@@ -265,23 +246,16 @@ class SimulatedRobot(Robot):
             )
 
 
-def _checked_payload(payload: float) -> float:
-    if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
-        raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
-    return payload
-
-
 def _cable_sensor(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
     """Encoders, or tension sensors: a quarter of the range and their noise beyond the limits is still plausible."""
-    noise = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
-    noise = NOISE * (noise if arm.actuation == "displacement" else arm.motor.noise_tension)
+    by_length = arm.actuation == "displacement"
+    ticks = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
+    noise = NOISE * (ticks if by_length else arm.motor.noise_tension)
     scale = np.abs(geometry.action_scale)[:, None]
     fastest = (TURNS_A_STEP * scale / geometry.bend_limits[:, None]) * _step_limit(arm) + noise * arm.control_rate
     beyond = 0.25 * scale + noise
-    unit = "m" if arm.actuation == "displacement" else "N"
-    return Sensor(
-        geometry.action_neutral.shape, unit, geometry.action_low - beyond, geometry.action_high + beyond, fastest
-    )
+    low, high = geometry.action_low - beyond, geometry.action_high + beyond
+    return Sensor(geometry.action_neutral.shape, "m" if by_length else "N", low, high, fastest)
 
 
 def _step_limit(arm: ArmSpec) -> float:

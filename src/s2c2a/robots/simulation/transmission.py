@@ -1,4 +1,4 @@
-"""What cables make of their motors' motion on its way to the module: play, capstan friction, creep.
+"""From a command to what a module feels: motors with a lag, a speed limit and ticks; play, capstan friction, creep.
 
 The motors chase a held command, so their path within a control step is monotone, and for monotone paths play is a clip.
 Creep can make the path turn; then play is followed from physics step to physics step.
@@ -7,9 +7,47 @@ Creep can make the path turn; then play is followed from physics step to physics
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmSpec, Motor
+from s2c2a.arm.geometry import per_module
 
 CablePath = Float[np.ndarray, "times modules cables"]
+
+
+def motor_path(
+    position: Float[np.ndarray, "*cables"], command: Float[np.ndarray, "*cables"], times: np.ndarray, motor: Motor
+) -> Float[np.ndarray, "times *cables"]:
+    """Positions of motors that chase a held command: exact, so it does not depend on the physics step.
+
+    Args:
+        position: where the motors are [m or N].
+        command: where they shall go [m or N].
+        times: when to say where they are [s], from now.
+        motor: lag and speed limit.
+    """
+    gap = position - command
+    size = np.abs(gap)
+    later = times.reshape(-1, *[1] * gap.ndim)
+    limit = np.inf if motor.speed_limit is None else motor.speed_limit
+    lag = motor.time_constant
+    slow = np.minimum(size, limit * lag) if lag else np.zeros_like(size)  # gap from which the lag, not the limit, rules
+    fast_time = (size - slow) / limit
+    left = np.where(later < fast_time, size - np.minimum(limit * later, size) if np.isfinite(limit) else 0.0, 0.0)
+    lagging = slow * np.exp(-np.maximum(later - fast_time, 0.0) / lag) if lag else 0.0
+    return command + np.sign(gap) * np.where(later < fast_time, left, lagging)
+
+
+def tick_length(motor: Motor) -> float:
+    """Displacement of one encoder tick [m]."""
+    return 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
+
+
+def encoder_reading(
+    position: Float[np.ndarray, "*cables"], motor: Motor, random: np.random.Generator
+) -> Float[np.ndarray, "*cables"]:
+    """Displacement [m] as the encoders tell it: noise, then whole ticks."""
+    tick = tick_length(motor)
+    noise = random.normal(scale=motor.noise_ticks, size=position.shape)
+    return tick * np.round(position / tick + noise)
 
 
 class CableTransmission:
@@ -21,15 +59,10 @@ class CableTransmission:
     """
 
     def __init__(self, arm: ArmSpec, start: np.ndarray):
-        cables = [module.cable for module in arm.modules]
-        column = np.newaxis
-        self._tension_driven = arm.actuation == "tension"
-        self._play = np.array([cable.play for cable in cables])[:, column]
-        self._friction = np.array([cable.friction for cable in cables])[:, column]
-        self._tube_angle = np.deg2rad([cable.friction_angle_deg for cable in cables])[:, column]
-        self._stiffness = np.array([cable.stiffness for cable in cables])[:, column]
-        self._creep = np.array([cable.creep for cable in cables])[:, column]
-        self._creep_time = np.array([cable.creep_time for cable in cables])[:, column]
+        names = ("play", "friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
+        columns = (per_module(arm, f"cable.{name}")[:, None] for name in names)
+        self._play, self._friction, tube_angle_deg, self._stiffness, self._creep, self._creep_time = columns
+        self._tension_driven, self._tube_angle = arm.actuation == "tension", np.deg2rad(tube_angle_deg)
         self.transmitted, self.crept = start.copy(), np.zeros_like(start)
 
     def pass_on(self, path: CablePath, times: np.ndarray, tensions: np.ndarray, bend_angles: np.ndarray) -> CablePath:
