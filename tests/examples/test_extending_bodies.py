@@ -121,7 +121,8 @@ def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(twin, recipe, 
 
 
 def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(twin, tmp_path, capsys):
-    arm, recording = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator")), str(tmp_path / "no_flex.episodes")
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    recording = str(tmp_path / "no_flex.episodes")
     main(["collect", "--arm", arm, "--episodes", "1", "--samples", "30", "--out", recording])
     with pytest.raises(SystemExit):
         main(["train", recording, "--out", str(tmp_path / "none.safetensors")])
