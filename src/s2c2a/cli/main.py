@@ -14,10 +14,8 @@ from s2c2a.errors import S2C2AError
 FAULT = 2  # exit code
 
 app = SubcommandApp()
-for verb in (
-    *(reproduce.demo, live.live, view.view, collect.collect, train.train),
-    *(run.run, sweep.sweep, bench.bench, doctor.doctor),
-):
+app.command(reproduce.demo)
+for verb in (live.live, view.view, collect.collect, train.train, run.run, sweep.sweep, bench.bench, doctor.doctor):
     app.command(verb)
 app.command(arm.app, name="arm", help="Explain, check, describe, draw or copy an arm file.")
 app.command(arm.robot_app, name="robot", help="Check a body.")

@@ -24,7 +24,6 @@ RobotName = Annotated[
 RobotOptions = Annotated[
     tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...", help="what the class of --robot takes beside the arm")
 ]
-SIMULATED = "sim"
 
 Address = Annotated[
     str | None,
@@ -137,13 +136,11 @@ def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", paylo
     Raises:
         S2C2AError: no such class, no option, or one of the simulation's for another body.
     """
-    from s2c2a.robots import Body, options_from
-    from s2c2a.robots.making import robot_class
+    from s2c2a.robots.making import Body, options_from, robot_class
 
     given = options_from(options)
-    if robot == SIMULATED:
-        body = Body.simulation(fidelity, payload)
-        return Body(SIMULATED, (*body.options, *given))
+    if Body(robot).simulated:
+        return Body(robot, (*Body.simulation(fidelity, payload).options, *given))
     if fidelity != "fast" or payload:
         raise S2C2AError(f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out")
     robot_class(robot)  # what is not there is told before anything else
