@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, save_arm
-from s2c2a.cli.bodies import body_for
 from s2c2a.cli.main import main
+from s2c2a.cli.work import body_for
 from s2c2a.data import load_recording
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot

@@ -319,7 +319,11 @@ def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_ke
             "--nthreads",
             "1",
         ]
-        worker += ["--no-dashboard", "--death-timeout", "5"]
+        worker += [
+            "--no-dashboard",
+            "--death-timeout",
+            "60",
+        ]  # a machine with much to do lets it wait for the scheduler
         with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
             try:
                 with pytest.raises(ClusterError, match=r"is gone; what was whole is kept"):

@@ -104,6 +104,12 @@ def test_saving_what_was_loaded_writes_the_same_file(saved, tmp_path):
     assert one[0].keys() == two[0].keys()
 
 
+def test_equal_networks_are_equal_files_to_the_last_byte(saved, tmp_path):
+    for number in range(8):
+        save_strategy(saved[0], tmp_path / str(number))
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == {saved[1].read_bytes()}
+
+
 def test_the_file_appears_whole_and_nothing_is_left_beside_it(tiny_networks, tmp_path):
     save_strategy(tiny_networks, tmp_path / "deep" / "one.safetensors")
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["one.safetensors"]

@@ -1,23 +1,23 @@
-"""`s2c2a arm`: keys, check, describe, draw, copy."""
+"""`s2c2a arm`: keys, check, describe, draw, copy; and `s2c2a robot`: check."""
 
 import re
 from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, file_keys, load_arm, save_arm
-from s2c2a.cli.console import File, print_table
+from s2c2a.arm import ArmSpec, Cable, file_keys, load_arm, save_arm
+from s2c2a.cli.console import Arm, File, print_table
+from s2c2a.cli.work import RobotName, RobotOptions, body_for
 
-app = SubcommandApp()
+app, robot_app = SubcommandApp(), SubcommandApp()
 
 
 @app.command
 def keys() -> None:
     """Say what can stand in an arm file, key by key."""
+    header = ("table", "key", "allowed", "if not stated", "what it is")
     rows = [(key.table or "-", *key[1:]) for key in file_keys()]
-    print_table(
-        "Keys of an arm file", ("table", "key", "allowed", "if not stated", "what it is"), rows, left_aligned=True
-    )
+    print_table("Keys of an arm file", header, rows, left_aligned=True)
 
 
 @app.command
@@ -54,39 +54,28 @@ def describe(arm: File) -> None:
     )
     print(f"gravity along {list(spec.gravity_direction)} (base frame), coupled cables: {spec.coupled_cables}")
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
-    header = (
-        "module",
-        "length m",
-        "cables deg",
-        "radius mm",
-        "mass g",
-        "EI N m2",
-        "bend deg",
-        "cable N/m",
-        "hysteresis",
-    )
-    rows = [
-        (
-            str(number + 1),
-            f"{module.length:g}",
-            " ".join(f"{angle:g}" for angle in module.cable_angles_deg),
-            f"{1e3 * module.cable_radius:g}",
-            f"{1e3 * module.mass:g}",
-            f"{module.bending_stiffness:g}",
-            f"{module.bend_limit_deg:g}",
-            f"{module.cable.stiffness:g}" if spec.actuation == "displacement" else "-",
-            _hysteresis(module.cable),
-        )
-        for number, module in enumerate(spec.modules)
-    ]
-    print_table("Modules, base first", header, rows)
+    rows = [_cells(spec, number) for number in range(spec.module_count)]
+    print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
 
 
-def _hysteresis(cable) -> str:
-    parts = [f"play {1e3 * cable.play:g} mm"] if cable.play else []
-    parts += [f"friction {cable.friction:g}"] if cable.friction else []
-    parts += [f"creep {cable.creep:g}"] if cable.creep else []
-    return ", ".join(parts) or "none"
+def _cells(spec: ArmSpec, number: int) -> dict[str, str]:
+    module = spec.modules[number]
+    return {
+        "module": str(number + 1),
+        "length m": f"{module.length:g}",
+        "cables deg": " ".join(f"{angle:g}" for angle in module.cable_angles_deg),
+        "radius mm": f"{1e3 * module.cable_radius:g}",
+        "mass g": f"{1e3 * module.mass:g}",
+        "EI N m2": f"{module.bending_stiffness:g}",
+        "bend deg": f"{module.bend_limit_deg:g}",
+        "cable N/m": f"{module.cable.stiffness:g}" if spec.actuation == "displacement" else "-",
+        "hysteresis": _hysteresis(module.cable),
+    }
+
+
+def _hysteresis(cable: Cable) -> str:
+    said = {"play": f"{1e3 * cable.play:g} mm", "friction": f"{cable.friction:g}", "creep": f"{cable.creep:g}"}
+    return ", ".join(f"{name} {value}" for name, value in said.items() if getattr(cable, name)) or "none"
 
 
 @app.command
@@ -115,3 +104,22 @@ def copy(arm: File, out: File, overwrite: bool = False) -> None:
     own = {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm", "description": ""}
     save_arm(ArmSpec.model_validate(load_arm(arm).model_dump() | own), out, overwrite)
     print(f"written: {out}; change it and try `s2c2a arm check {out}`")
+
+
+@robot_app.command(name="check")
+def check_body(robot: RobotName = "sim", arm: Arm = "twin_arm", robot_option: RobotOptions = ()) -> None:
+    """Open a body, drive it gently, and see that it keeps the promises that everything here relies on.
+
+    It moves every cable by at most 5 % of its range. Keep clear of the arm all the same.
+
+    Args:
+        robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        arm: a preset or an arm file: what the body is.
+        robot_option: what the class takes.
+    """
+    from s2c2a.robots import check_robot
+
+    body = body_for(robot, robot_option)
+    for kept in check_robot(body.make(load_arm(arm), seed=0)):
+        print(f"ok: it {kept}")
+    print(f"{body} keeps its promises")

@@ -1,7 +1,9 @@
 """`s2c2a bench`: how fast it is here."""
 
+import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -11,16 +13,15 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.cli.first_action import driver_of
+from s2c2a.spaces import Actions
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
-    from s2c2a.kinematics import ForwardModel
     from s2c2a.robots.simulation import SimulatedRobot
-    from s2c2a.spaces import Actions
-    from s2c2a.strategies import Strategy
-    from s2c2a.tasks import Task
 
 QUIET_LOAD = 0.5
 REPEATS, SECONDS_SIMULATED, STARTS = 1000, 50, 5
@@ -43,8 +44,6 @@ class Figure(NamedTuple):
 
     def percentile(self, share: float) -> float:
         """So many of a hundred times are shorter [s]."""
-        import numpy as np
-
         return float(np.percentile(self.seconds, share))
 
 
@@ -55,8 +54,6 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
         arm: a preset, driven by the networks that come with the package, or an arm file, driven by PCC.
         out: a file for the figures, as JSON; replaced if it exists.
     """
-    from s2c2a.arm import load_arm
-
     spec, load = load_arm(arm), os.getloadavg()[0]
     if load > QUIET_LOAD:
         print(f"this machine is busy (load {load:.1f}): times will be too long")
@@ -70,28 +67,50 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
         print(f"kept in {_save(out, spec, figures, asked, machine | {'load': load})}")
 
 
-def control_times(arm: "ArmSpec") -> Iterator[Figure]:
+def control_times(arm: ArmSpec) -> Iterator[Figure]:
     """Plans around the circle, each from the last, and whole ticks (sense, plan, act) on the readings of a run."""
-    from s2c2a.tasks import circle
+    import jax
+
+    from s2c2a import planning, strategies, tasks
+    from s2c2a.robots.simulation import SimulatedRobot
 
     model, strategy = driver_of(arm)
-    task = circle(arm)
-    yield Figure("a plan", times_of(_planning(arm, model, task), REPEATS))
-    yield Figure("a tick", times_of(_ticking(arm, strategy, task), REPEATS))
+    goals = tasks.circle(arm).goals
+    planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
+    plan, wanted = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))), cycle(goals)
+
+    def next_plan() -> None:
+        nonlocal plan
+        plan = jax.block_until_ready(planner.plan(plan, plan.configurations, next(wanted)))
+
+    yield Figure("a plan", times_of(next_plan, REPEATS))
+    with SimulatedRobot(arm) as robot:
+        readings = [robot.read()]
+        strategy.start(readings[0])
+        for goal in goals:
+            robot.step(strategy.step(readings[-1], goal))
+            readings.append(robot.read())
+    strategy.start(readings[0])
+    steps = cycle(zip(readings, goals, strict=False))
+    yield Figure("a tick", times_of(lambda: strategy.step(*next(steps)), REPEATS))
 
 
-def simulation_times(arm: "ArmSpec") -> Iterator[Figure]:
+def simulation_times(arm: ArmSpec) -> Iterator[Figure]:
     """A second of the arm's time while it babbles, in every fidelity."""
-    from s2c2a.arm import ArmGeometry
     from s2c2a.data import episode_actions
-    from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+    from s2c2a.robots import simulation
 
     steps = max(1, round(arm.control_rate))
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
-    for fidelity in FIDELITIES:
-        with SimulatedRobot(arm, fidelity) as robot:
+    for fidelity in simulation.FIDELITIES:
+        with simulation.SimulatedRobot(arm, fidelity) as robot:
             seconds = times_of(partial(_send_all, robot, actions), SECONDS_SIMULATED)
         yield Figure(f"a simulated second, {fidelity}", seconds / (steps * arm.control_period))
+
+
+def _send_all(robot: "SimulatedRobot", actions: Actions) -> None:
+    for action in actions:
+        robot.step(action)
 
 
 def start_times(arm: str, starts: int = STARTS) -> list[float]:
@@ -105,8 +124,6 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
 
 def times_of(call: Callable[[], object], repeats: int):
     """How long a call takes, again and again [s], shape (repeats,)."""
-    import numpy as np
-
     for _ in range(-(-repeats // WARM_UP)):
         call()
     ends = [time.perf_counter()]
@@ -114,42 +131,6 @@ def times_of(call: Callable[[], object], repeats: int):
         call()
         ends.append(time.perf_counter())
     return np.diff(ends)
-
-
-def _planning(arm: "ArmSpec", model: "ForwardModel", task: "Task") -> Callable[[], object]:
-    import jax
-    import numpy as np
-
-    from s2c2a.planning import Planner
-    from s2c2a.strategies import recipe_named
-
-    planner = Planner(arm, model, recipe_named("best").planner)
-    plan, goals = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))), cycle(task.goals)
-
-    def call() -> None:
-        nonlocal plan
-        plan = jax.block_until_ready(planner.plan(plan, plan.configurations, next(goals)))
-
-    return call
-
-
-def _ticking(arm: "ArmSpec", strategy: "Strategy", task: "Task") -> Callable[[], object]:
-    from s2c2a.robots.simulation import SimulatedRobot
-
-    with SimulatedRobot(arm) as robot:
-        readings = [robot.read()]
-        strategy.start(readings[0])
-        for goal in task.goals:
-            robot.step(strategy.step(readings[-1], goal))
-            readings.append(robot.read())
-    strategy.start(readings[0])
-    steps = cycle(zip(readings, task.goals, strict=False))
-    return lambda: strategy.step(*next(steps))
-
-
-def _send_all(robot: "SimulatedRobot", actions: "Actions") -> None:
-    for action in actions:
-        robot.step(action)
 
 
 def _start(arm: str) -> float:
@@ -180,15 +161,14 @@ def _machine() -> dict[str, object]:
     from s2c2a.versions import versions
 
     info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    processor = (models or [platform.processor()])[0]
+    model = re.search(
+        r"^model name\s*: (.*)$", info.read_text(encoding="utf-8") if info.is_file() else "", re.MULTILINE
+    )
+    processor = model[1].strip() if model else platform.processor()
     return {"processor": processor, "cores": all_cores(), "system": platform.platform(), **versions()}
 
 
-def _save(path: Path, arm: "ArmSpec", figures: Sequence[Figure], asked: dict[str, float], machine: dict) -> Path:
-    import json
-
+def _save(path: Path, arm: ArmSpec, figures: Sequence[Figure], asked: dict[str, float], machine: dict) -> Path:
     from s2c2a.files import save_whole
 
     told = [

@@ -1,17 +1,16 @@
 """`s2c2a collect`: a recording of an arm."""
 
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
-from s2c2a.cli.work import Address, executor_for
+from s2c2a.cli.work import Address, RobotName, RobotOptions, body_for, executor_for
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
-    from s2c2a.robots import Body, Robot
+    from s2c2a import arm, robots
 
 
 def collect(
@@ -48,32 +47,21 @@ def collect(
         resume: go on with a recording that was cut short.
         overwrite: replace the recording if it exists.
     """
-    from functools import partial
-
+    from s2c2a import data
     from s2c2a.arm import load_arm
-    from s2c2a.data import CollectOptions
-    from s2c2a.data import collect as collect_recording
     from s2c2a.strategies import recipe_from
     from s2c2a.viz import recording_figure
 
     spec, chosen, body = load_arm(arm), recipe_from(recipe), body_for(robot, robot_option, fidelity)
+    options = data.CollectOptions(babbling, episodes, samples, seed, chosen.speeds)
     if not body.simulated:
         if cluster or threads not in (None, 1):
             raise S2C2AError(f"{body} is one arm and does one episode at a time; leave out --threads and --cluster")
         threads = 1
     with executor_for(threads, cluster) if cluster else nullcontext() as executor, progress_bar() as progress:
-        recording = collect_recording(
-            out,
-            spec,
-            partial(_made, body, spec),
-            CollectOptions(babbling, episodes, samples, seed, chosen.speeds),
-            body=str(body),
-            threads=threads,
-            executor=executor,
-            resume=resume,
-            overwrite=overwrite,
-            progress=lambda done, total: progress(f"collecting from {spec.name}", done, total),
-        )
+        told = partial(progress, f"collecting from {spec.name}")
+        driven = partial(data.collect, executor=executor, threads=threads, body=str(body), progress=told)
+        recording = driven(out, spec, partial(_made, body, spec), options, resume=resume, overwrite=overwrite)
     said = f"{recording.time.size} samples of {', '.join(recording.sensors)}: {out}"
     if "states" in recording.sensors:
         states = recording.sensor("states").reshape(-1, spec.module_count, 6)
@@ -81,5 +69,5 @@ def collect(
     print(said)
 
 
-def _made(body: "Body", arm: "ArmSpec", seed: int) -> "Robot":
-    return body.make(arm, seed=seed)
+def _made(body: "robots.Body", spec: "arm.ArmSpec", seed: int) -> "robots.Robot":
+    return body.make(spec, seed=seed)

@@ -1,6 +1,6 @@
 """What verbs print with: a progress bar, tables, and words that they share."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -26,53 +26,45 @@ File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
     """A progress that draws one bar a piece of work, or prints a line each where nobody watches."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich import console, progress
 
-    console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
-        tasks: dict[str, int] = {}
+    screen = console.Console(stderr=True)
+    columns = "{task.description}", progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
+    with progress.Progress(*columns, console=screen, disable=not screen.is_terminal) as bars:
+        tasks: dict[str, progress.TaskID] = {}
 
         def told(doing: str, done: int, total: int) -> None:
             if doing not in tasks:
                 tasks[doing] = bars.add_task(doing, total=total)
-                if not console.is_terminal:
-                    console.print(f"{doing} ...", highlight=False)
-            bars.update(tasks[doing], completed=done)  # type: ignore[arg-type]
+                if not screen.is_terminal:
+                    screen.print(f"{doing} ...", highlight=False)
+            bars.update(tasks[doing], completed=done)
 
         yield told
 
 
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], left_aligned: bool = False) -> None:
+def print_table(title: str, header: Sequence[str], rows: Iterable[Iterable[str]], left_aligned: bool = False) -> None:
     """Print a table to standard output: numbers to the right, or words all to the left."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
+    from rich import console, markup, table
 
-    table = Table(title=title, title_justify="left")
+    drawn = table.Table(title=title, title_justify="left")
     for number, name in enumerate(header):
-        table.add_column(name, justify="left" if left_aligned or number == 0 else "right")
+        drawn.add_column(name, justify="left" if left_aligned or number == 0 else "right")
     for row in rows:
-        table.add_row(*(escape(cell) for cell in row))  # a cell is no markup, whatever brackets it has
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDTH_IN_FILES
-    console.print(table)
-
-
-def print_rows(title: str, rows: Sequence["Row"]) -> None:
-    """Print result rows, the paper's numbers beside them."""
-    header = ("arm", "what", "of", "unit", "mean ± over steps", "± over seeds", "paper")
-    print_table(title, header, [_cells(row) for row in rows])
-    modes = {row.arm: (row.first_mode_hz, row.damping_ratio) for row in rows if row.first_mode_hz is not None}
-    for arm, (frequency, damping) in modes.items():
-        print(f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
+        drawn.add_row(*map(markup.escape, row))  # a cell is no markup, whatever brackets it has
+    screen = console.Console()
+    if not screen.is_terminal:
+        screen.width = WIDTH_IN_FILES
+    screen.print(drawn)
 
 
 def print_results(title: str, rows: Sequence["Row"], pictures: Sequence[Path], folder: Path) -> None:
-    """Print result rows, and where pictures and all else are."""
-    print_rows(title, rows)
+    """Print result rows, the paper's numbers beside them, and where pictures and all else are."""
+    header = ("arm", "what", "of", "unit", "mean ± over steps", "± over seeds", "paper")
+    print_table(title, header, map(_cells, rows))
+    modes = {row.arm: (row.first_mode_hz, row.damping_ratio) for row in rows if row.first_mode_hz is not None}
+    for arm, (frequency, damping) in modes.items():
+        print(f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     for picture in pictures:
         print(f"{KINDS.get(picture.suffix, 'figure')}: {picture}")
     print(f"all of it: {folder}")

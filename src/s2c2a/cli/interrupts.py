@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_stack
 from types import FrameType
 
 INTERRUPTED = 130  # exit code
@@ -46,11 +47,7 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
 
 
 def _in_an_import(frame: FrameType | None) -> bool:
-    while frame:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
+    return any(one.f_code.co_filename.startswith("<frozen importlib") for one, _ in walk_stack(frame))
 
 
 def _come_again() -> None:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
 from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
-from s2c2a.cli.work import require
+from s2c2a.cli.work import RobotName, RobotOptions, body_for, require
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage

@@ -6,30 +6,20 @@ from collections.abc import Sequence
 from tyro.extras import SubcommandApp
 
 from s2c2a.cache import keep_programs
-from s2c2a.cli.arm import app as arm_verbs
-from s2c2a.cli.bench import bench
-from s2c2a.cli.collect import collect
-from s2c2a.cli.demo import demo
-from s2c2a.cli.doctor import doctor
+from s2c2a.cli import arm, bench, collect, doctor, live, reproduce, run, sweep, train, view
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_heeded
-from s2c2a.cli.live import live
 from s2c2a.cli.renamed import check_renamed
-from s2c2a.cli.reproduce import app as reproduce_verbs
-from s2c2a.cli.robot import app as robot_verbs
-from s2c2a.cli.run import run
-from s2c2a.cli.sweep import sweep
-from s2c2a.cli.train import train
-from s2c2a.cli.view import view
 from s2c2a.errors import S2C2AError
 
 FAULT = 2  # exit code
 
 app = SubcommandApp()
-for verb in (demo, live, view, collect, train, run, sweep, bench, doctor):
+app.command(reproduce.demo)
+for verb in (live.live, view.view, collect.collect, train.train, run.run, sweep.sweep, bench.bench, doctor.doctor):
     app.command(verb)
-app.command(arm_verbs, name="arm", help="Explain, check, describe, draw or copy an arm file.")
-app.command(robot_verbs, name="robot", help="Check a body.")
-app.command(reproduce_verbs, name="reproduce", help="Make the project's tables again, from nothing.")
+app.command(arm.app, name="arm", help="Explain, check, describe, draw or copy an arm file.")
+app.command(arm.robot_app, name="robot", help="Check a body.")
+app.command(reproduce.app, name="reproduce", help="Make the project's tables again, from nothing.")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,16 +1,17 @@
-"""`s2c2a reproduce`: the project's tables, each from one command."""
+"""`s2c2a demo`, and `s2c2a reproduce`: the project's tables, each from one command."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tyro.extras import SubcommandApp
 
+from s2c2a.arm import ArmSpec, load_arm, save_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_results, print_table, progress_bar
-from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Workers, making
+from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Work, making
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
+    from s2c2a import strategies
     from s2c2a.studies.calibration import Claim
 
 app = SubcommandApp()
@@ -28,24 +29,17 @@ ABOUT = {
 
 def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
     def command(
-        recipe: RecipeName = "best",
-        seeds: int = 5,
-        beside: Path | None = None,
-        folder: Folder = NEW_FOLDER,
-        workers: Workers = ALL_CORES,
+        recipe: RecipeName = "best", seeds: int = 5, beside: Path | None = None, work: Work = ALL_CORES
     ) -> None:
-        from s2c2a.jobs import checked_seeds
-        from s2c2a.strategies import RECIPES, recipe_from
-        from s2c2a.studies.table_files import rows_beside, save_table
-        from s2c2a.studies.tables import make_table
+        from s2c2a.strategies import RECIPES
+        from s2c2a.studies import table_files, tables
 
-        numbers, chosen = checked_seeds(0, seeds), recipe_from(recipe)
+        numbers, chosen = _given(seeds, recipe)
         options = {"tables": names, "recipe": recipe if recipe in RECIPES else asdict(chosen), "seeds": seeds}
-        named = _named(folder, f"{name}-{chosen.name}")
-        with making(name, options, named, workers, go_on=True) as (place, make):
+        with making(f"{name}-{chosen.name}", options, work, go_on=True) as (place, make):
             for table in names:
-                rows, figures = make_table(table, place, numbers, make, chosen)
-                written = save_table(table, rows, place, rows_beside(beside, table))
+                rows, figures = tables.make_table(table, place, numbers, make, chosen)
+                written = table_files.save_table(table, rows, place, table_files.rows_beside(beside, table))
                 print_results(f"{table}, recipe {chosen.name}, {seeds} seeds", rows, figures, place)
                 print(f"table: {written} (.csv, .tex, .json beside it)")
 
@@ -58,15 +52,16 @@ def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
         recipe: how networks are trained and plans made.
         seeds: how many, from zero; each reseeds data, training and start.
         beside: folder of the same tables made by another recipe, to stand beside.
-        folder: where results go.
-        workers: who works.
+        work: where results go, and who works.
     """
     app.command(command)
 
 
-def _named(folder: Folder, name: str) -> Folder:
-    """One under runs/ with this name, so that it is found again, if none is stated."""
-    return replace(folder, out=folder.out or Path("runs") / name)
+def _given(seeds: int, recipe: str = "best") -> "tuple[range, strategies.Recipe]":
+    """So many seeds from zero, and the recipe."""
+    from s2c2a import jobs, strategies
+
+    return jobs.checked_seeds(0, seeds), strategies.recipe_from(recipe)
 
 
 for _name, _about in ABOUT.items():
@@ -75,9 +70,7 @@ _table_command("all", "All tables and figures of the paper.", tuple(ABOUT))
 
 
 @app.command
-def ingredients(
-    seeds: int = 3, arm: Arm = "twin_arm", folder: Folder = NEW_FOLDER, workers: Workers = ALL_CORES
-) -> None:
+def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -> None:
     """What each ingredient of the recipe `best` is worth, alone and together (docs/recipe.md).
 
     Cut short, it goes on where it was.
@@ -85,26 +78,20 @@ def ingredients(
     Args:
         seeds: how many, from zero.
         arm: a preset or an arm file.
-        folder: where results go.
-        workers: who works.
+        work: where results go, and who works.
     """
-    from s2c2a.jobs import checked_seeds
     from s2c2a.studies.ingredients import ingredient_rows
     from s2c2a.studies.table_files import save_across
 
-    numbers, named, options = checked_seeds(0, seeds), _named(folder, "ingredients"), {"seeds": seeds, "arm": arm}
-    with making("ingredients", options, named, workers, go_on=True) as (place, make):
+    numbers, _ = _given(seeds)
+    with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (place, make):
         rows = ingredient_rows(numbers, make, arm)
     print(save_across("ingredients", rows, place).read_text(encoding="utf-8"))
 
 
 @app.command
 def circle(
-    seeds: int = 3,
-    recipe: RecipeName = "best",
-    fidelity: FidelityName = "fast",
-    folder: Folder = NEW_FOLDER,
-    workers: Workers = ALL_CORES,
+    seeds: int = 3, recipe: RecipeName = "best", fidelity: FidelityName = "fast", work: Work = ALL_CORES
 ) -> None:
     """The circle on both arms: the paper's strategy, pcc, pcc-fitted.
 
@@ -112,26 +99,34 @@ def circle(
         seeds: how many, from zero; each reseeds data, training and start.
         recipe: how networks are trained and plans made.
         fidelity: of the simulation that is driven; data come from the fast one.
-        folder: where results go.
-        workers: who works.
+        work: where results go, and who works.
     """
-    from s2c2a.jobs import checked_seeds
-    from s2c2a.strategies import recipe_from
     from s2c2a.studies.circle import circle_table
 
-    numbers, chosen = checked_seeds(0, seeds), recipe_from(recipe)
+    numbers, chosen = _given(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "fidelity": fidelity}
-    with making("circle", options, folder, workers, own_data=True) as (place, make):
+    with making("circle", options, work, own_data=True) as (place, make):
         rows, pictures = circle_table(place, numbers, make, chosen, fidelity)
     print_results(f"circle, {seeds} seeds", rows, pictures, place)
 
 
+def demo(seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
+    """Run the whole pipeline on both simulated arms: collect, train, follow a circle, compare with the paper.
+
+    Args:
+        seed: of everything random.
+        folder: where results go.
+    """
+    from s2c2a.studies.circle import circle_table
+
+    with making("demo", {"seed": seed}, folder, own_data=True) as (place, make):
+        rows, pictures = circle_table(place, [seed], make, _given(1)[1])
+    print_results("Following a circle: ours and the paper's", rows, pictures, place)
+
+
 @app.command
 def controller(
-    seeds: int = 3,
-    recipe: RecipeName = "best",
-    arm: Arm | None = None,
-    folder: Folder = NEW_FOLDER,
+    seeds: int = 3, recipe: RecipeName = "best", arm: Arm | None = None, folder: Folder = NEW_FOLDER
 ) -> None:
     """C2A on its own, in closed loop, on references recorded while inverse PCC follows the circle at three speeds.
 
@@ -141,17 +136,14 @@ def controller(
         arm: only this one; both presets of the paper if not stated.
         folder: where results go.
     """
-    from s2c2a.arm import load_arm
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs import checked_seeds
-    from s2c2a.strategies import recipe_from
     from s2c2a.studies.circle import ARMS
     from s2c2a.studies.controller_tracking import tracking_table
 
-    numbers, names = checked_seeds(0, seeds), (arm,) if arm else ARMS
+    names, (numbers, chosen) = (arm,) if arm else ARMS, _given(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "arms": names}
     with making("controller", options, folder, own_data=True) as (place, make):
-        rows, ends = tracking_table([load_arm(name) for name in names], numbers, make, recipe_from(recipe))
+        rows, ends = tracking_table([load_arm(name) for name in names], numbers, make, chosen)
     save_rows(rows, place / "results.json")
     print_results("C2A in closed loop, 1000 steps", rows, [], place)
     print("mean of the last 200 steps, worst seed [deg]: " + ", ".join(f"{value:.2f}" for value in ends))
@@ -176,28 +168,28 @@ def calibration(
         out: where to write the arm that the search finds; ARM-calibrated.toml if not stated.
         overwrite: replace that file if it exists.
     """
-    from s2c2a.arm import load_arm
     from s2c2a.executors import compute_on_one_thread
-    from s2c2a.jobs import checked_seeds
-    from s2c2a.studies.calibration import LARGEST, check_comparable, claims_for, mean_measured
+    from s2c2a.studies import calibration as studied
 
     compute_on_one_thread()
-    spec, numbers = load_arm(arm), checked_seeds(0, seeds)
-    check_comparable(spec)
+    spec, (numbers, _) = load_arm(arm), _given(seeds)
+    studied.check_comparable(spec)
     if search:
         spec = _searched(spec, search, out or Path(f"{spec.name}-calibrated.toml"), overwrite)
-    mean = mean_measured(spec, numbers, network)
-    rows = [_claim_cells(claim, mean[claim.quantity]) for claim in claims_for(spec) if claim.quantity in mean]
-    rows += [
-        (f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported")
-        for name, top in LARGEST.items()
-    ]
+    mean = studied.mean_measured(spec, numbers, network)
+    rows = [_cells(claim, mean[claim.quantity]) for claim in studied.claims_for(spec) if claim.quantity in mean]
+    for name, top in studied.LARGEST.items():
+        rows.append((f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported"))
     print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)
 
 
-def _searched(spec: "ArmSpec", evaluations: int, path: Path, overwrite: bool) -> "ArmSpec":
+def _cells(claim: "Claim", value: float) -> tuple[str, ...]:
+    here, holds = f"{value:.2f} {claim.unit}", "yes" if claim.holds(value) else "NO"
+    return claim.quantity, here, f"{claim.paper:g}", f"± {claim.tolerance:.0%}", holds
+
+
+def _searched(spec: ArmSpec, evaluations: int, path: Path, overwrite: bool) -> ArmSpec:
     """The arm that the search finds, written to a file."""
-    from s2c2a.arm import save_arm
     from s2c2a.studies.calibration import search
 
     save_arm(spec, path, overwrite)  # what cannot be written is told before the search
@@ -206,8 +198,3 @@ def _searched(spec: "ArmSpec", evaluations: int, path: Path, overwrite: bool) ->
     save_arm(spec, path, overwrite=True)
     print(f"written: {path}")
     return spec
-
-
-def _claim_cells(claim: "Claim", value: float) -> tuple[str, ...]:
-    here, holds = f"{value:.2f} {claim.unit}", "yes" if claim.holds(value) else "NO"
-    return claim.quantity, here, f"{claim.paper:g}", f"± {claim.tolerance:.0%}", holds

@@ -4,17 +4,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from s2c2a.cli.bodies import RobotName, RobotOptions, body_for
 from s2c2a.cli.console import Arm, FidelityName, File, GuardName, ModelName, RecipeName, StrategyName, print_results
-from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Workers, making
+from s2c2a.cli.work import ALL_CORES, RobotName, RobotOptions, Work, body_for, making
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
-    from s2c2a.jobs import GivenNetworks, Run
-    from s2c2a.robots import Body
-    from s2c2a.tasks import Task
-
-DEFAULT = "best"
+    from s2c2a import arm, jobs, robots, tasks
 
 
 def run(
@@ -32,8 +26,7 @@ def run(
     payload: float = 0.0,
     guard: GuardName = "tip",
     video: bool = False,
-    folder: Folder = NEW_FOLDER,
-    workers: Workers = ALL_CORES,
+    work: Work = ALL_CORES,
 ) -> None:
     """Let strategies work on a task, and show what happened: results, figure, replay page.
 
@@ -58,41 +51,39 @@ def run(
         payload: mass at the tip [kg].
         guard: what keeps out of obstacles: the tip, or the whole arm.
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
-        folder: where results go.
-        workers: who works.
+        work: where results go, and who works.
     """
+    from s2c2a import jobs
     from s2c2a.arm import load_arm
-    from s2c2a.jobs import Conditions, GivenNetworks, check_robots, checked_seeds, jobs_for, score_rows
-    from s2c2a.jobs.run_folder import draw_runs, save_results
+    from s2c2a.jobs.run_folder import save_results
     from s2c2a.models.registry import model_named
     from s2c2a.strategies import recipe_from
 
-    spec, numbers = load_arm(arm), checked_seeds(seed, seeds)
-    under = Conditions(body_for(robot, robot_option, fidelity, payload), guard)
+    spec, numbers = load_arm(arm), jobs.checked_seeds(seed, seeds)
+    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard)
     if model:
         model_named(model)
-    given = GivenNetworks.read(weights, spec, recipe_from(recipe) if recipe else None) if weights else None
+    given = jobs.GivenNetworks.read(weights, spec, recipe_from(recipe) if recipe else None) if weights else None
     _check_trained(under.body, strategy, given)
-    asked, chosen = _asked(task, spec), given.recipe if given else recipe_from(recipe or DEFAULT)
-    jobs = jobs_for([asked], spec, strategy, numbers, chosen, under, given)
-    check_robots(jobs)
+    asked, chosen = _asked(task, spec), given.recipe if given else recipe_from(recipe or "best")
+    asked_for = jobs.jobs_for([asked], spec, strategy, numbers, chosen, under, given)
+    jobs.check_robots(asked_for)
     options: dict = {"task": task, "arm": spec.model_dump(mode="json"), "strategy": strategy, "recipe": asdict(chosen)}
     options |= {"seeds": list(numbers), "conditions": asdict(under), "weights": weights}
-    alone = not under.body.simulated or (seeds == 1 and workers.cluster is None)
-    unfinished = folder.out is not None and not (folder.out / f"{spec.name}.html").exists()
+    alone = not under.body.simulated or (seeds == 1 and work.cluster is None)
+    unfinished = work.out is not None and not (work.out / f"{spec.name}.html").exists()
     label = f"{asked.name}-{spec.name}"
-    with making(label, options, folder, None if alone else workers, go_on=unfinished) as (place, make):
-        runs = make(jobs)
-    rows = score_rows("run", runs)
+    with making(label, options, work, alone=alone, go_on=unfinished) as (place, make):
+        runs = make(asked_for)
+    rows = jobs.score_rows("run", runs)
     save_results(place, rows, runs)
-    pictures = [*draw_runs(place, runs), *([_film(runs[0], place)] if video else [])]
-    print_results(f"{asked.name} with {spec.name}", rows, pictures, place)
+    print_results(f"{asked.name} with {spec.name}", rows, _pictures(runs, place, video), place)
     for row in rows:
         if row.metric == "position":
             print(f"{row.strategy}: {row.mean / spec.length:.1f} % of the arm's length")
 
 
-def _check_trained(body: "Body", strategies: tuple[str, ...], given: "GivenNetworks | None") -> None:
+def _check_trained(body: "robots.Body", strategies: tuple[str, ...], given: "jobs.GivenNetworks | None") -> None:
     """Networks for a body of the user's come from its own recordings, never from the simulated arm's."""
     from s2c2a.errors import S2C2AError
 
@@ -104,7 +95,7 @@ def _check_trained(body: "Body", strategies: tuple[str, ...], given: "GivenNetwo
         )
 
 
-def _asked(task: str, spec: "ArmSpec") -> "Task":
+def _asked(task: str, spec: "arm.ArmSpec") -> "tasks.Task":
     """The task, and a word on every waypoint of a file that the arm cannot reach."""
     from s2c2a.tasks import load_waypoints, out_of_reach, task_named
 
@@ -114,8 +105,13 @@ def _asked(task: str, spec: "ArmSpec") -> "Task":
     return asked
 
 
-def _film(run: "Run", place: Path) -> Path:
-    from s2c2a.jobs.run_folder import trace_of
-    from s2c2a.viz.video import save_video
+def _pictures(runs: "list[jobs.Run]", place: Path, video: bool) -> list[Path]:
+    from s2c2a.jobs.run_folder import draw_runs, trace_of
 
-    return save_video(trace_of(run), run.job.arm, place / run.job.arm.name)
+    drawn = list(draw_runs(place, runs))
+    if video:
+        from s2c2a.viz.video import save_video
+
+        spec = runs[0].job.arm
+        drawn.append(save_video(trace_of(runs[0]), spec, place / spec.name))
+    return drawn

@@ -31,11 +31,9 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
             data, recipe_from(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
         )
     save_strategy(networks, out)
-    rows = {
-        name: [dict(zip(("epoch", "train", "validation"), row, strict=True)) for row in curve]
-        for name, curve in networks.curves.items()
-    }
-    picture = learning_curves(rows, Path(f"{out}.png"))
+    columns = ("epoch", "train", "validation")
+    curves = {name: [dict(zip(columns, row, strict=True)) for row in rows] for name, rows in networks.curves.items()}
+    picture = learning_curves(curves, Path(f"{out}.png"))
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
     print_table("Held-out errors, of full range", ("network", "error"), held_out)
     print(f"strategy: {out}; learning curves: {picture}")

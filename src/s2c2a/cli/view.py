@@ -1,5 +1,6 @@
 """`s2c2a view`: runs, a recording, a training or an arm in the browser."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,8 @@ from s2c2a.cli.work import require
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
+    from s2c2a import episodes, viz
     from s2c2a.live.window import Window
-    from s2c2a.viz import Trace
 
 
 def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080, model: ModelName = None) -> None:
@@ -29,12 +30,9 @@ def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080, model: 
 
     if model:
         model_named(model)
-    window = window_on(what, port)
-    try:
+    with closing(window_on(what, port)) as window:
         print(f"{', '.join(what)}: {window.gate.address}\nControl-C ends it.", flush=True)
         wait_for_interrupt()
-    finally:
-        window.close()
 
 
 def window_on(what: tuple[str, ...], port: int) -> "Window":
@@ -45,7 +43,7 @@ def window_on(what: tuple[str, ...], port: int) -> "Window":
     """
     from s2c2a.arm import load_arm
     from s2c2a.episodes.file import ENDING
-    from s2c2a.live.viewing import view_arm, view_training
+    from s2c2a.live import viewing
     from s2c2a.strategies import load_strategy
 
     if not what:
@@ -57,37 +55,32 @@ def window_on(what: tuple[str, ...], port: int) -> "Window":
     if len(what) > 1:
         raise S2C2AError(f"{len(what)} things to look at, and not all are runs; give runs, or one thing alone")
     if what[0].endswith(".safetensors"):
-        return view_training(load_strategy(what[0]), port)
-    return view_arm(load_arm(what[0]), port)
+        return viewing.view_training(load_strategy(what[0]), port)
+    return viewing.view_arm(load_arm(what[0]), port)
 
 
 def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     """Runs side by side, or a recording: one file that says how it was collected."""
-    from s2c2a.data import load_recording
-    from s2c2a.episodes import load_episodes
+    from s2c2a import data, episodes
     from s2c2a.episodes.file import ENDING
-    from s2c2a.live.viewing import view_recording, view_runs
+    from s2c2a.live import viewing
 
     files = [file for one in map(Path, what) for file in (sorted(one.glob(f"*{ENDING}")) if one.is_dir() else [one])]
     if not files:
         raise S2C2AError(f"no runs in {', '.join(what)}; `s2c2a run` and recordings of `s2c2a live` write them")
-    loaded = [load_episodes(file) for file in files]
+    loaded = [episodes.load_episodes(file) for file in files]
     if len(files) == 1 and "babbling" in loaded[0][1]:
-        return view_recording(load_recording(files[0]).episodes, port)
-    traces = [trace for file, (episodes, _) in zip(files, loaded, strict=True) for trace in _traces_of(episodes, file)]
-    arms = [episodes[0].arm for episodes, _ in loaded]
-    other = next((one for one in arms if not one.same_body(arms[0])), None)
-    if other is not None:
-        raise S2C2AError(
-            f"runs of '{arms[0].name}' and of '{other.name}' cannot be shown as one; give those of one arm"
-        )
-    return view_runs(traces, arms[0], port)
+        return viewing.view_recording(data.load_recording(files[0]).episodes, port)
+    runs = [(run, file) for file, (every, _) in zip(files, loaded, strict=True) for run in every]
+    first = runs[0][0].arm
+    if other := next((run.arm for run, _ in runs if not run.arm.same_body(first)), None):
+        raise S2C2AError(f"runs of '{first.name}' and of '{other.name}' cannot be shown as one; give those of one arm")
+    return viewing.view_runs([_trace_of(run, file) for run, file in runs], first, port)
 
 
-def _traces_of(episodes, file: Path) -> "list[Trace]":
-    """What is drawn of a file's runs, each with a name that tells it from those of other folders."""
+def _trace_of(run: "episodes.Episode", file: Path) -> "viz.Trace":
+    """What is drawn of a run, with a name that tells it from those of other folders."""
     from s2c2a.viz.drawn_episode import trace_of
 
-    said = [[one.options.get(name) for name in ("strategy", "task", "seed")] for one in episodes]
-    labels = [" ".join(str(word) for word in words if word is not None) for words in said]
-    return [trace_of(one, f"{label} · {file.parent.name}") for one, label in zip(episodes, labels, strict=True)]
+    said = [run.options.get(name) for name in ("strategy", "task", "seed")]
+    return trace_of(run, f"{' '.join(str(word) for word in said if word is not None)} · {file.parent.name}")

@@ -1,4 +1,4 @@
-"""How verbs have things made: who works, in which folder, told by a bar."""
+"""How verbs have things made: by whom, in which folder, on which body, told by a bar."""
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -14,7 +14,16 @@ from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a.jobs import Make
+    from s2c2a import jobs
+    from s2c2a.robots import Body
+
+RobotName = Annotated[
+    str,
+    tyro.conf.arg(metavar="sim|MODULE:CLASS", help="the simulated arm, or a class of your own such as my_arm.py:MyArm"),
+]
+RobotOptions = Annotated[
+    tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...", help="what the class of --robot takes beside the arm")
+]
 
 Address = Annotated[
     str | None,
@@ -24,19 +33,6 @@ Address = Annotated[
         "or local for one on this machine; docs/cluster.md",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class _Workers:
-    """Who works; the results are the same.
-
-    Attributes:
-        jobs: trainings and runs side by side; all cores if not stated.
-        cluster: see docs/cluster.md.
-    """
-
-    jobs: int | None = None
-    cluster: Address = None
 
 
 @dataclass(frozen=True)
@@ -52,9 +48,22 @@ class _Folder:
     overwrite: bool = False
 
 
-ALL_CORES, NEW_FOLDER = _Workers(), _Folder()
-Workers = Annotated[_Workers, tyro.conf.arg(name="")]
+@dataclass(frozen=True)
+class _Work(_Folder):
+    """Where results go, and who works; the results are the same.
+
+    Attributes:
+        jobs: trainings and runs side by side; all cores if not stated.
+        cluster: see docs/cluster.md.
+    """
+
+    jobs: int | None = None
+    cluster: Address = None
+
+
+NEW_FOLDER, ALL_CORES = _Folder(), _Work()
 Folder = Annotated[_Folder, tyro.conf.arg(name="")]
+Work = Annotated[_Work, tyro.conf.arg(name="")]
 
 
 def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executor:
@@ -81,37 +90,30 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
 
 @contextmanager
 def making(
-    label: str,
-    options: dict,
-    folder: _Folder,
-    workers: _Workers | None = None,
-    *,
-    go_on: bool = False,
-    own_data: bool = False,
-) -> Iterator[tuple[Path, "Make"]]:
+    label: str, options: dict, folder: _Folder, *, alone: bool = False, go_on: bool = False, own_data: bool = False
+) -> "Iterator[tuple[Path, jobs.Make]]":
     """A run folder, and what finds or makes things in it.
 
     Args:
         label: of a folder that has no name.
         options: that it is made with.
-        folder: where it shall be.
-        workers: who works; this process alone if None, which tells in detail.
-        go_on: whether one that was begun with the same options is gone on with.
+        folder: where it shall be, and who works if it says so; else this process, which tells in detail.
+        alone: whether this process works whatever the folder says.
+        go_on: whether one that was begun with the same options is gone on with, also under runs/.
         own_data: whether recordings and networks stay in it as well, and not in the cache.
     """
-    from s2c2a.cache import cache_folder
+    from s2c2a import cache, jobs
     from s2c2a.executors import Serial, compute_on_one_thread
-    from s2c2a.jobs import Cache, make_all
     from s2c2a.jobs.run_folder import open_run_folder
 
     compute_on_one_thread()
-    with executor_for(workers.jobs, workers.cluster) if workers else Serial() as executor:
+    with executor_for(folder.jobs, folder.cluster) if isinstance(folder, _Work) and not alone else Serial() as executor:
         place = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
-        cache = Cache(place / "data" if own_data else cache_folder(), place / "runs")
+        kept = jobs.Cache(place / "data" if own_data else cache.cache_folder(), place / "runs")
 
         def make(artifacts):
             with progress_bar() as progress:
-                return make_all(artifacts, cache, executor, progress)
+                return jobs.make_all(artifacts, kept, executor, progress)
 
         yield place, make
 
@@ -126,3 +128,20 @@ def require(extra: str, *packages: str) -> None:
         raise S2C2AError(
             f'{", ".join(missing)} is missing; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
         )
+
+
+def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> "Body":
+    """The body, and how it is made; nothing is opened yet.
+
+    Raises:
+        S2C2AError: no such class, no option, or one of the simulation's for another body.
+    """
+    from s2c2a.robots.making import Body, options_from, robot_class
+
+    given = options_from(options)
+    if Body(robot).simulated:
+        return Body(robot, (*Body.simulation(fidelity, payload).options, *given))
+    if fidelity != "fast" or payload:
+        raise S2C2AError(f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out")
+    robot_class(robot)  # what is not there is told before anything else
+    return Body(robot, given)

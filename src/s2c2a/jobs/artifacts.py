@@ -1,19 +1,33 @@
-"""Artifacts: what is made once, kept in a folder, and found again by all that it depends on."""
+"""Artifacts: what is made once, kept in a folder, and found again by all that it depends on.
+
+Recordings of the simulated arm, networks that are trained on them, and those of a file of the user's.
+"""
 
 import hashlib
 from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import s2c2a
+from s2c2a import strategies
+from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.cache import cache_folder
-from s2c2a.errors import S2C2AError
+from s2c2a.data import CollectOptions, Recording, collect, load_recording
+from s2c2a.episodes.file import ENDING
+from s2c2a.errors import DamagedRecordingError, S2C2AError
+from s2c2a.files import save_whole
 from s2c2a.progress import Progress
+from s2c2a.robots import Body, Robot
+from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
 
 REVISION = 3
 """Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
+
+DATA = Body()
+"""Data always come from the simulation `fast`."""
 
 Made = TypeVar("Made")
 
@@ -50,9 +64,9 @@ class Artifact(ABC, Generic[Made]):
     beside_runs: ClassVar[bool] = False
 
     @property
-    @abstractmethod
     def needs(self) -> "tuple[Artifact, ...]":
-        """What it is made from."""
+        """What it is made from; nothing unless a subclass says more."""
+        return ()
 
     @property
     @abstractmethod
@@ -93,3 +107,156 @@ class Artifact(ABC, Generic[Made]):
 def digest_of(*parts: object) -> str:
     """Letters that differ where a part differs, or the version of the code that makes such things."""
     return hashlib.sha256(repr((parts, s2c2a.__version__, REVISION)).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class RecordingArtifact(Artifact[Recording]):
+    """A recording of the simulated arm; one that was cut short in this folder is gone on with."""
+
+    kind = "recordings"
+    arm: ArmSpec
+    options: CollectOptions
+
+    @property
+    def file(self) -> str:
+        """See `Artifact`."""
+        digest = digest_of("recording", arm_to_toml(self.arm), self.options, DATA)
+        return f"{self.arm.name}-{self.options.babbling}-seed{self.options.seed}-{digest}{ENDING}"
+
+    def make(self, cache: Cache, progress: Progress) -> None:
+        """See `Artifact`."""
+        options: dict[str, Any] = {"body": str(DATA), "threads": cache.threads}
+        options["progress"] = partial(progress, f"collecting a {self}")
+        collecting = partial(collect, self.path(cache), self.arm, partial(_robot, self.arm), self.options, **options)
+        try:
+            collecting(resume=True)
+        except DamagedRecordingError:  # ours to replace
+            collecting(overwrite=True)
+
+    def load(self, cache: Cache) -> Recording:
+        """See `Artifact`; a whole one is never opened for writing, for others may read it too."""
+        recording = load_recording(self.path(cache))
+        recording.check_complete()
+        return recording
+
+    def __str__(self) -> str:
+        return f"recording of {self.arm.name}, {self.options.babbling}, seed {self.options.seed}"
+
+
+def _robot(arm: ArmSpec, seed: int) -> Robot:
+    return DATA.make(arm, seed=seed)
+
+
+@dataclass(frozen=True)
+class NetworksArtifact(Artifact[TrainedNetworks]):
+    """Both networks of an arm; kept by what training depends on, so that a change of the planner trains nothing."""
+
+    kind = "networks"
+    arm: ArmSpec
+    recipe: Recipe
+    seed: int
+    babbling: str = "staged"
+
+    @property
+    def needs(self) -> tuple[RecordingArtifact]:
+        """Their recording."""
+        return (RecordingArtifact(self.arm, CollectOptions(self.babbling, seed=self.seed, speeds=self.recipe.speeds)),)
+
+    @property
+    def file(self) -> str:
+        """See `Artifact`."""
+        digest = digest_of(self.needs[0].file, self.recipe.training)
+        return f"{self.arm.name}-{self.recipe.name}-{self.babbling}-seed{self.seed}-{digest}.safetensors"
+
+    def make(self, cache: Cache, progress: Progress) -> None:
+        """See `Artifact`."""
+
+        def told(network: str, epoch: int, most: int, loss: float) -> None:
+            progress(f"training {network} of {self}", epoch, most)
+
+        recording = self.needs[0].load(cache)
+        strategies.save_strategy(strategies.train_s2c2a(recording, self.recipe, self.seed, told), self.path(cache))
+
+    def load(self, cache: Cache) -> TrainedNetworks:
+        """See `Artifact`."""
+        return replace(strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe)
+
+    def __str__(self) -> str:
+        return f"{self.recipe.name} networks of {self.arm.name}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class LSTMArtifact(Artifact[TrainedLSTM]):
+    """The trained LSTM of an arm.
+
+    On data as fast as the paper recipe's, whatever the recipe: it follows better with them than with slower ones.
+    """
+
+    kind = "networks"
+    arm: ArmSpec
+    seed: int
+
+    @property
+    def needs(self) -> tuple[RecordingArtifact]:
+        """Its recording."""
+        return (RecordingArtifact(self.arm, CollectOptions(seed=self.seed)),)
+
+    @property
+    def file(self) -> str:
+        """See `Artifact`."""
+        digest = digest_of(self.needs[0].file, LSTMOptions())
+        return f"{self.arm.name}-lstm-seed{self.seed}-{digest}.safetensors"
+
+    def make(self, cache: Cache, progress: Progress) -> None:
+        """See `Artifact`."""
+
+        def told(epoch: int, most: int, loss: float) -> None:
+            progress(f"training the {self}", epoch, most)
+
+        recording = self.needs[0].load(cache)
+        strategies.save_lstm(
+            strategies.train_lstm_strategy(recording, LSTMOptions(), self.seed, told), self.path(cache)
+        )
+
+    def load(self, cache: Cache) -> TrainedLSTM:
+        """See `Artifact`."""
+        return strategies.load_lstm(self.path(cache), self.arm)
+
+    def __str__(self) -> str:
+        return f"LSTM of {self.arm.name}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class GivenNetworks(Artifact[TrainedNetworks]):
+    """Networks of a file of the user's, kept with the runs that are made with them; read one with `read`."""
+
+    kind, beside_runs = "networks", True
+    arm: ArmSpec
+    recipe: Recipe
+    content: bytes = field(repr=False)
+
+    @classmethod
+    def read(cls, path: Path, arm: ArmSpec, recipe: Recipe | None = None) -> "GivenNetworks":
+        """Those of a strategy file, to plan as a recipe says, or as the file's own.
+
+        Raises:
+            StrategyError: no such file, damaged, for another arm, or the recipe trains otherwise.
+        """
+        networks = strategies.load_strategy(path, arm)
+        return cls(arm, strategies.planning_as(networks, recipe or networks.recipe).recipe, path.read_bytes())
+
+    @property
+    def file(self) -> str:
+        """See `Artifact`."""
+        return f"weights-{hashlib.sha256(self.content).hexdigest()[:16]}.safetensors"
+
+    def make(self, cache: Cache, progress: Progress) -> None:
+        """See `Artifact`."""
+        save_whole(self.content, self.path(cache))
+
+    def load(self, cache: Cache) -> TrainedNetworks:
+        """See `Artifact`."""
+        return strategies.planning_as(strategies.load_strategy(self.path(cache), self.arm), self.recipe)
+
+    def __str__(self) -> str:
+        return f"given networks of {self.arm.name}"

@@ -3,19 +3,22 @@
 import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from distributed import Client, KilledWorker, LocalCluster
 from distributed.cfexecutor import ClientExecutor
+from distributed.versions import get_versions
 
 from s2c2a.errors import ClusterError
 from s2c2a.executors import checked_count, compute_on_one_thread, processes_that_fit
-from s2c2a.versions import PACKAGES, versions
+from s2c2a.versions import PACKAGES
 
 LOCAL = "local"
 PROTOCOLS = ("tcp://", "tls://")
+COUNTED = ("s2c2a", *PACKAGES, "distributed")
 PATIENCE = 15  # s for a scheduler to answer
 
 
@@ -35,13 +38,15 @@ class Cluster(ClientExecutor):
 
     def __init__(self, address: str, count: int | None = None):
         self._address = address
-        self._own = _local_cluster(checked_count(count, processes_that_fit)) if address == LOCAL else None
-        try:
-            super().__init__(_client(address, self._own), pure=False)
-            _check_versions(self._client, address)
-        except BaseException:
-            self._close()
-            raise
+        with ExitStack() as held:
+            own = _local_cluster(checked_count(count, processes_that_fit)) if address == LOCAL else None
+            if own is not None:
+                held.callback(own.close)
+            client = _client(address, own)
+            held.callback(client.close)
+            _check_versions(client, address)
+            self._held = held.pop_all()
+        super().__init__(client, pure=False)
         self._versions = _own_versions()
 
     def submit(self, fn, *args, **kwargs) -> Future:  # type: ignore[override] # as dask's own does
@@ -73,7 +78,7 @@ class Cluster(ClientExecutor):
         Raises:
             ClusterError: the scheduler is gone, or what was to be done kills whoever takes it.
         """
-        self._close()
+        self._held.close()
         if isinstance(error, CancelledError):
             raise self._gone() from error
         if isinstance(error, KilledWorker):
@@ -87,13 +92,8 @@ class Cluster(ClientExecutor):
             f"the scheduler at {self._address} is gone; what was whole is kept: say the same again to go on"
         )
 
-    def _close(self) -> None:
-        for held in (getattr(self, "_client", None), self._own):
-            if held is not None:
-                held.close()
 
-
-def _done_there(expected: dict[str, str], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
+def _done_there(expected: dict[str, str | None], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
     """On a worker: on one that came after the door was closed, too, versions must be ours."""
     if wrong := _differences(_own_versions(), expected):
         raise ClusterError(f"a worker joined that has {wrong}; install the same on all machines")
@@ -102,9 +102,8 @@ def _done_there(expected: dict[str, str], work: Callable[..., Any], *given: Any,
 
 
 @cache
-def _own_versions() -> dict[str, str]:
-    """Of this package, Python and those packages that results depend on."""
-    return versions() | {"python": _without_patch(versions()["python"])}
+def _own_versions() -> dict[str, str | None]:
+    return _that_count(get_versions(COUNTED))
 
 
 def _local_cluster(count: int) -> LocalCluster:
@@ -126,11 +125,10 @@ def _client(address: str, cluster: LocalCluster | None) -> Client:
             f"no cluster '{address}'; take the address of a scheduler (tcp://host:8786 or tls://host:8786), the file "
             f"where it wrote it (.json), or {LOCAL} for this machine"
         )
-    in_file = address.endswith(".json")
+    where = {"scheduler_file" if address.endswith(".json") else "address": address}
     try:
-        if in_file and not Path(address).is_file():  # dask would wait for it
+        if address.endswith(".json") and not Path(address).is_file():  # dask would wait for it
             raise FileNotFoundError("no such file")
-        where = {"scheduler_file": address} if in_file else {"address": address}
         return Client(**where, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, KeyError) as error:
         raise ClusterError(
@@ -141,10 +139,9 @@ def _client(address: str, cluster: LocalCluster | None) -> Client:
 
 def _check_versions(client: Client, address: str) -> None:
     """Other versions give other results, or none."""
-    found: Any = client.get_versions(packages=["s2c2a", *PACKAGES])
-    ours = _that_count(found["client"])
+    found: Any = client.get_versions(packages=COUNTED)
     for worker, theirs in found["workers"].items():
-        if wrong := _differences(_that_count(theirs), ours):
+        if wrong := _differences(_that_count(theirs), _own_versions()):
             raise ClusterError(
                 f"the worker {worker} of {address} has {wrong}; install the same on all machines, such as with "
                 "`pip install -c constraints.txt '.[cluster]'`"
@@ -152,16 +149,9 @@ def _check_versions(client: Client, address: str) -> None:
 
 
 def _that_count(found: dict) -> dict[str, str | None]:
-    """Versions that results, and talking to each other, depend on."""
-    packages = found["packages"]
-    return {"python": _without_patch(found["host"]["python"])} | {
-        name: packages[name] for name in ("s2c2a", *PACKAGES, "distributed")
-    }
-
-
-def _without_patch(python: str) -> str:
-    """Of 3.11.7.final.0 the 3.11: patches change no results."""
-    return ".".join(python.split(".")[:2])
+    """Versions that results, and talking to each other, depend on; a patch of Python changes neither."""
+    python = ".".join(found["host"]["python"].split(".")[:2])
+    return {"python": python} | {name: found["packages"][name] for name in COUNTED}
 
 
 def _differences(theirs: dict, ours: dict) -> str:

@@ -4,33 +4,47 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from itertools import product
+from typing import Any
 
 import numpy as np
 
+from s2c2a import episodes, evaluation, strategies, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.data import CollectOptions
-from s2c2a.episodes import Episode, load_episodes, save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation import Scored, rollout, score_run
-from s2c2a.jobs.artifacts import Artifact, Cache, digest_of
-from s2c2a.jobs.conditions import SIMULATED_FAST, Conditions
-from s2c2a.jobs.trained import GivenNetworks, LSTMArtifact, NetworksArtifact, RecordingArtifact
+from s2c2a.jobs import artifacts
+from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks
+from s2c2a.planning.options import Guard
 from s2c2a.progress import Progress
-from s2c2a.strategies import (
-    AnyStrategy,
-    LSTMStrategy,
-    Recipe,
-    pcc_fitted_strategy,
-    pcc_strategy,
-    s2c2a_strategy,
-)
+from s2c2a.robots import Body
+from s2c2a.strategies import AnyStrategy, Recipe
 from s2c2a.tasks import Task, task_named
-from s2c2a.versions import versions
 
 START_JITTER = 0.05
 """Part of the full bend that every module is moved by before a run settles at rest: the start's own seed."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What runs are made under.
+
+    Attributes:
+        body: what is driven.
+        guard: what keeps out of obstacles.
+    """
+
+    body: Body = Body()  # noqa: RUF009 (it is frozen)
+    guard: Guard = "tip"
+
+    @property
+    def fidelity(self) -> str:
+        """Of the simulation, for rows; the body's name where there is none."""
+        return str(dict(self.body.options).get("fidelity", self.body.name))
+
+
+SIMULATED_FAST = Conditions()
 
 
 @dataclass(frozen=True)
@@ -44,8 +58,8 @@ class Run:
     """
 
     job: "Job"
-    episode: Episode
-    scores: list[Scored]
+    episode: episodes.Episode
+    scores: list[evaluation.Scored]
 
     @property
     def task(self) -> str:
@@ -107,74 +121,63 @@ class Job(Artifact[Run]):
     @property
     def needs(self) -> tuple[Artifact, ...]:
         """What the strategy is made from."""
-        return STRATEGIES[self.strategy].needs(self)
+        return STRATEGIES[self.strategy][0](self)
 
     @cached_property
     def file(self) -> str:
         """See `Artifact`; waypoints, too, can change under one name."""
-        goals = hashlib.sha256()
-        for goal in self.asked.goals:
-            for part in goal:
-                goals.update(np.ascontiguousarray(part).tobytes())
+        parts = (np.ascontiguousarray(part).tobytes() for goal in self.asked.goals for part in goal)
+        asked = (self.task.name, hashlib.sha256(b"".join(parts)).hexdigest(), arm_to_toml(self.arm))
         rest = (self.strategy, self.recipe, self.seed, self.conditions, self.weights and self.weights.file)
-        return f"{digest_of(self.task.name, goals.hexdigest(), arm_to_toml(self.arm), *rest)}{ENDING}"
+        return f"{artifacts.digest_of(*asked, *rest)}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        strategy = STRATEGIES[self.strategy].build(self, *(need.load(cache) for need in self.needs))
-        watched = self.task.obstacles().size > 0
-        robot = self.conditions.body.make(self.arm, seed=self.seed, jitter=START_JITTER, watched=watched)
-        done = rollout(robot, strategy, self.asked, partial(progress, str(self)))
-        made = {
-            "strategy": self.strategy,
-            "seed": self.seed,
-            "recipe": self.recipe.name,
-            "body": str(self.conditions.body),
-        }
-        save_episodes([done.with_options(**made, versions=versions())], self.path(cache))
+        strategy = STRATEGIES[self.strategy][1](self, *(need.load(cache) for need in self.needs))
+        body, watched = self.conditions.body, self.task.obstacles().size > 0
+        robot = body.make(self.arm, seed=self.seed, jitter=START_JITTER, watched=watched)
+        done = evaluation.rollout(robot, strategy, self.asked, partial(progress, str(self)))
+        made = {"strategy": self.strategy, "seed": self.seed, "recipe": self.recipe.name, "body": str(body)}
+        episodes.save_episodes([done.with_options(**made, versions=versions.versions())], self.path(cache))
 
     def load(self, cache: Cache) -> Run:
         """See `Artifact`."""
-        episode = load_episodes(self.path(cache))[0][0]
-        return Run(self, episode, score_run(episode, self.asked, self.recipe.name))
+        episode = episodes.load_episodes(self.path(cache))[0][0]
+        return Run(self, episode, evaluation.score_run(episode, self.asked, self.recipe.name))
 
     def __str__(self) -> str:
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
 
 
-class StrategyKind(NamedTuple):
-    """What a strategy is made from, and how.
-
-    Attributes:
-        needs: job -> artifacts.
-        build: job and what these hold -> strategy.
-    """
-
-    needs: Callable[[Job], tuple[Artifact, ...]]
-    build: Callable[..., AnyStrategy]
-
-
 def _networks(job: Job, babbling: str = "staged") -> tuple[Artifact, ...]:
-    return (job.weights or NetworksArtifact(job.arm, job.recipe, job.seed, babbling),)
+    """Those given stand in for trained ones of `s2c2a` alone."""
+    given = job.weights if babbling == "staged" else None
+    return (given or artifacts.NetworksArtifact(job.arm, job.recipe, job.seed, babbling),)
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
-    return s2c2a_strategy(networks, job.conditions.guard)
+    return strategies.s2c2a_strategy(networks, job.conditions.guard)
 
 
-STRATEGIES: dict[str, StrategyKind] = {
-    "s2c2a": StrategyKind(_networks, _with_networks),
-    "pcc": StrategyKind(lambda job: (), lambda job: pcc_strategy(job.arm, job.planner)),
-    "pcc-fitted": StrategyKind(
-        lambda job: (RecordingArtifact(job.arm, CollectOptions(seed=job.seed, speeds=job.recipe.speeds)),),
-        lambda job, recording: pcc_fitted_strategy(recording, job.planner),
-    ),
-    "lstm": StrategyKind(lambda job: (LSTMArtifact(job.arm, job.seed),), lambda job, trained: LSTMStrategy(trained)),
-    "s2c2a-motor": StrategyKind(
-        lambda job: (NetworksArtifact(job.arm, job.recipe, job.seed, "motor"),), _with_networks
-    ),
+def _recording(job: Job) -> tuple[Artifact, ...]:
+    return (artifacts.RecordingArtifact(job.arm, CollectOptions(seed=job.seed, speeds=job.recipe.speeds)),)
+
+
+def _lstm(job: Job) -> tuple[Artifact, ...]:
+    return (artifacts.LSTMArtifact(job.arm, job.seed),)
+
+
+STRATEGIES: dict[str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[..., AnyStrategy]]] = {
+    "s2c2a": (_networks, _with_networks),
+    "pcc": (lambda job: (), lambda job: strategies.pcc_strategy(job.arm, job.planner)),
+    "pcc-fitted": (_recording, lambda job, data: strategies.pcc_fitted_strategy(data, job.planner)),
+    "lstm": (_lstm, lambda job, trained: strategies.LSTMStrategy(trained)),
+    "s2c2a-motor": (partial(_networks, babbling="motor"), _with_networks),
 }
-"""The paper's strategy, its comparisons, and the one trained on motor babbling (Chen et al. 2025, sec. IV)."""
+"""The paper's strategy, its comparisons, and the one trained on motor babbling (Chen et al. 2025, sec. IV).
+
+Name -> what a job's is made from, and how: job -> artifacts; job and what these hold -> strategy.
+"""
 
 
 def checked_seeds(first: int, count: int) -> range:
@@ -203,9 +206,5 @@ def jobs_for(
         S2C2AError: no such task or strategy.
     """
     asked = [task if isinstance(task, Task) else task_named(task, arm) for task in dict.fromkeys(tasks)]
-    return [
-        Job(task, arm, strategy, recipe, seed, conditions, weights)
-        for seed in seeds
-        for strategy in dict.fromkeys(strategies)
-        for task in asked
-    ]
+    every = product(seeds, dict.fromkeys(strategies), asked)
+    return [Job(task, arm, strategy, recipe, seed, conditions, weights) for seed, strategy, task in every]

@@ -12,47 +12,36 @@ from graphlib import TopologicalSorter
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Protocol
+from typing import Any
 
 from s2c2a.errors import ClusterError, S2C2AError
 from s2c2a.executors import Given, Result, Serial, cancel, compute_on_one_thread, most_begun
 from s2c2a.files import save_whole
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
-from s2c2a.jobs.job import Job, Run
+from s2c2a.jobs.job import Job
 from s2c2a.progress import Progress, quiet
-
-
-def run_all(
-    jobs: Sequence[Job], cache: Cache, executor: Executor | None = None, progress: Progress = quiet
-) -> list[Run]:
-    """Runs of all jobs, found or made; same seeds, same scores, on any executor and after any kill.
-
-    Args:
-        jobs: what to run.
-        cache: where recordings, networks and runs are kept.
-        executor: who works; this process if None, one thing after the other, told in detail.
-        progress: told of it.
-
-    Returns:
-        Runs in the order of their jobs.
-
-    Raises:
-        S2C2AError: an impossible robot, before anything is trained; or a job failed, after all others were finished.
-    """
-    check_robots(jobs)
-    return make_all(jobs, cache, executor, progress)
-
-
-def check_robots(jobs: Sequence[Job]) -> None:
-    """Raise S2C2AError where a job's robot cannot be."""
-    for one in {(id(job.arm), job.conditions): job for job in jobs}.values():
-        one.conditions.body.make(one.arm)
 
 
 def make_all(
     artifacts: Sequence[Artifact[Made]], cache: Cache, executor: Executor | None = None, progress: Progress = quiet
 ) -> list[Made]:
-    """What artifacts hold, found or made, in their order; see `run_all`."""
+    """What artifacts hold, found or made: runs of jobs, networks, recordings.
+
+    Same seeds, same scores, on any executor and after any kill.
+
+    Args:
+        artifacts: what is asked for.
+        cache: where recordings, networks and runs are kept.
+        executor: who works; this process if None, one thing after the other, told in detail.
+        progress: told of it.
+
+    Returns:
+        What they hold, in their order.
+
+    Raises:
+        S2C2AError: an impossible robot, before anything is trained; or something failed, after all else was finished.
+    """
+    check_robots([one for one in artifacts if isinstance(one, Job)])
     made = try_all(artifacts, cache, executor, progress)
     failed = [(one, error) for one, error in zip(artifacts, made, strict=True) if isinstance(error, S2C2AError)]
     if failed:
@@ -63,10 +52,18 @@ def make_all(
     return [one for one in made if not isinstance(one, S2C2AError)]
 
 
-class Make(Protocol):
-    """`make_all`, with cache, executor and progress settled."""
+run_all = make_all
+"""For jobs, whose runs it returns."""
 
-    def __call__(self, artifacts: Sequence[Artifact[Made]], /) -> list[Made]: ...  # noqa: D102 (the class says it)
+
+def check_robots(jobs: Sequence[Job]) -> None:
+    """Raise S2C2AError where a job's robot cannot be."""
+    for one in {(id(job.arm), job.conditions): job for job in jobs}.values():
+        one.conditions.body.make(one.arm)
+
+
+Make = Callable[[Sequence[Artifact[Any]]], list[Any]]
+"""`make_all`, with cache, executor and progress settled."""
 
 
 def in_groups(make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequence[Given]]) -> list[list[Result]]:
@@ -76,7 +73,7 @@ def in_groups(make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequ
 
 
 def made(artifact: Artifact[Made], cache: Cache, progress: Progress = quiet) -> Made:
-    """What one artifact holds, found or made here; see `run_all`."""
+    """What one artifact holds, found or made here; see `make_all`."""
     return make_all([artifact], cache, progress=progress)[0]
 
 
@@ -84,25 +81,20 @@ def try_all(
     artifacts: Sequence[Artifact[Made]], cache: Cache, executor: Executor | None = None, progress: Progress = quiet
 ) -> list[Made | S2C2AError]:
     """The same, with the error in the place of what failed."""
-    making = _Making(_missing(artifacts, cache), cache, executor or Serial(), progress)
-    failed = making.finish()
+    failed = _Making(_missing(artifacts, cache), cache, executor or Serial(), progress).finish()
     return [failed.get(one.path(cache)) or one.load(cache) for one in artifacts]
 
 
 def _missing(artifacts: Sequence[Artifact], cache: Cache) -> dict[Path, Artifact]:
     """What is not there, and what is not there of what it is made from, by where it is kept."""
-    there: dict[Path, bool] = {}
-    missing: dict[Path, Artifact] = {}
+    seen: dict[Path, Artifact | None] = {}
     left = deque(artifacts)
     while left:
         one = left.popleft()
-        path = one.path(cache)
-        if path not in there:
-            there[path] = one.is_in(cache)
-            if not there[path]:
-                missing[path] = one
-                left.extend(one.needs)
-    return missing
+        if (path := one.path(cache)) not in seen:
+            seen[path] = missing = None if one.is_in(cache) else one
+            left.extend(missing.needs if missing else ())
+    return {path: one for path, one in seen.items() if one}
 
 
 class _Making:
@@ -112,7 +104,6 @@ class _Making:
         self._missing, self._cache, self._executor, self._progress = missing, cache, executor, progress
         needs = {path: [need.path(cache) for need in one.needs] for path, one in missing.items()}
         self._needs = {path: [need for need in every if need in missing] for path, every in needs.items()}
-        self._order = TopologicalSorter(self._needs)
         self._begun: dict[Future[bytes | None], Path] = {}
         self._failed: dict[Path, S2C2AError] = {}
         self._totals = Counter(one.kind for one in missing.values())
@@ -120,50 +111,49 @@ class _Making:
 
     def finish(self) -> dict[Path, S2C2AError]:
         """Make all; returns why those failed that did."""
-        self._order.prepare()
         for kind, total in reversed(self._totals.items()):
             self._progress(f"making {kind}", 0, total)
-        ready: deque[Path] = deque()
+        order, ready = TopologicalSorter(self._needs), deque[Path]()
+        order.prepare()
         try:
-            while self._order.is_active():
-                ready.extend(self._order.get_ready())
+            while order.is_active():
+                ready.extend(order.get_ready())
                 while ready and len(self._begun) < most_begun(self._executor):
-                    self._begin(ready.popleft())
+                    path = ready.popleft()
+                    self._begun[self._submitted(path)] = path
                 for future in wait(self._begun, return_when=FIRST_COMPLETED).done:
-                    self._end(future)
+                    path = self._begun.pop(future)
+                    self._end(future, path)
+                    order.done(path)
         finally:
             cancel(self._begun)
         return self._failed
 
-    def _begin(self, path: Path) -> None:
+    def _submitted(self, path: Path) -> Future[bytes | None]:
         one = self._missing[path]
-        if why := next((self._failed[need] for need in self._needs[path] if need in self._failed), None):
-            self._failed[path] = why
-            self._told(path)
-        elif isinstance(self._executor, Serial):  # it has this disk, and can tell in detail
-            self._begun[self._executor.submit(one.make, self._cache, self._progress)] = path
-        else:
-            needed = [need.path(self._cache).read_bytes() for need in one.needs]
-            self._begun[self._executor.submit(_made_elsewhere, one, needed)] = path
+        if lost := [self._failed[need] for need in self._needs[path] if need in self._failed]:
+            return Serial().submit(_failed, lost[0])
+        if isinstance(self._executor, Serial):  # it has this disk, and can tell in detail
+            return self._executor.submit(one.make, self._cache, self._progress)
+        needed = [need.path(self._cache).read_bytes() for need in one.needs]
+        return self._executor.submit(_made_elsewhere, one, needed)
 
-    def _end(self, future: Future[bytes | None]) -> None:
-        path = self._begun.pop(future)
+    def _end(self, future: Future[bytes | None], path: Path) -> None:
         try:
             content = future.result()
         except ClusterError:  # of the executor, not of what was made
             raise
         except S2C2AError as error:
-            self._failed[path] = error
-        else:
-            if content is not None:
-                save_whole(content, path)
-        self._told(path)
-
-    def _told(self, path: Path) -> None:
+            self._failed[path], content = error, None
+        if content is not None:
+            save_whole(content, path)
         kind = self._missing[path].kind
-        self._order.done(path)
         self._done[kind] += 1
         self._progress(f"making {kind}", self._done[kind], self._totals[kind])
+
+
+def _failed(why: S2C2AError) -> None:
+    raise why
 
 
 def _made_elsewhere(one: Artifact, needed: list[bytes]) -> bytes:

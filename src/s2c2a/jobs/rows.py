@@ -1,4 +1,4 @@
-"""From runs and trainings to rows, over seeds."""
+"""From runs and trainings to rows, over seeds; what the paper printed stands beside them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +8,48 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
-from s2c2a.jobs.paper import printed
 from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.strategies import TrainedNetworks
+
+Floats = Sequence[float]
+
+TILTS = {
+    "tilt-40": (((2.9, 0.8), (2.1, 1.3)), ((3.3, 1.0), (2.1, 1.4))),
+    "tilt-50": (((2.3, 0.7), (2.8, 1.4)), ((3.9, 1.4), (4.5, 2.2))),
+    "tilt-60": (((2.2, 1.1), (3.5, 2.9)), ((4.5, 1.0), (7.5, 3.7))),
+    "tilt-0": (((2.6, 1.0), (3.3, 1.0)), ((2.9, 0.8), (4.7, 2.2))),
+    "tilt-50-a20": (((3.1, 1.6), (2.4, 1.5), (3.6, 2.7)), ((4.8, 1.4), (3.9, 2.3), (6.8, 3.4))),
+    "tilt-50-c20": (((3.1, 1.2), (3.0, 2.3), (3.5, 3.1)), ((3.8, 1.1), (5.9, 2.0), (4.4, 2.2))),
+}
+"""Table III: task -> ours, PCC; each position [cm], tilt [deg] and where printed azimuth [deg], mean and deviation."""
+
+PRINTED: dict[tuple[str, ...], tuple[float, float]] = {
+    ("circle", "twin_arm", "s2c2a", "position"): (2.2, 1.1),  # table III, p-ours
+    ("circle", "twin_arm", "pcc", "position"): (2.5, 0.8),  # table III, p-PCC
+    ("circle", "simulated_arm", "s2c2a", "position"): (1.5, 0.3),  # table on the simulation
+    ("circle", "simulated_arm", "s2c2a-motor", "position"): (1.9, 0.7),  # the same
+    ("circle", "simulated_arm", "lstm", "position"): (3.3, 1.7),  # the same
+    **{
+        (task, "twin_arm", strategy, metric): pair
+        for task, columns in TILTS.items()
+        for strategy, pairs in zip(("s2c2a", "pcc"), columns, strict=True)
+        for metric, pair in zip(("position", "tilt", "azimuth"), pairs, strict=False)
+    },
+    ("circle", "simulated_arm_sensing_coupled", "s2c2a", "position"): (1.7, 0.3),  # sensing coupling
+    ("circle", "simulated_arm_actuation_coupled", "s2c2a", "position"): (1.6, 0.5),  # actuation coupling
+    ("hold-base", "twin_arm", "s2c2a", "constraint"): (0.2, 0.1),  # table V
+    ("hold-base", "twin_arm", "s2c2a", "position"): (3.6, 1.7),
+    ("hold-middle", "twin_arm", "s2c2a", "constraint"): (1.0, 0.3),
+    ("hold-middle", "twin_arm", "s2c2a", "orientation"): (3.2, 1.9),
+    ("hold-end", "twin_arm", "s2c2a", "constraint"): (3.9, 0.9),
+    ("hold-end", "twin_arm", "s2c2a", "orientation"): (4.3, 2.5),
+    ("training", "twin_arm", "C2S", "held-out error"): (1.93, 1.87),  # table II
+    ("training", "twin_arm", "C2A", "held-out error"): (0.91, 1.90),  # table II
+}
+"""Chen et al. 2025. Its simulation compares with other things than PCC, so those rows have no number beside them."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +83,7 @@ class Heading:
         return dict(zip(("first_mode_hz", "damping_ratio"), first_mode(self.arm), strict=True))
 
     def row(
-        self,
-        task: str,
-        strategy: str,
-        metric: str,
-        unit: str,
-        values: Sequence[float],
-        spreads: Sequence[float] = (),
-        **more: Any,
+        self, task: str, strategy: str, metric: str, unit: str, values: Floats, spreads: Floats = (), **more: Any
     ) -> Row:
         """A row of one value a seed, and of spreads over the steps of a run; what the paper printed is beside it."""
         more = over_seeds(values, spreads) | {"seeds": self.seeds} | printed(task, self.arm, strategy, metric) | more
@@ -99,3 +128,11 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
     return [
         heading.row("training", name, "held-out error", "%", *pairs, **heading.modes) for name, pairs in errors.items()
     ]
+
+
+def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, Any]:
+    """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing or the arm is not the preset."""
+    pair = PRINTED.get((task, arm.name, strategy, metric))
+    if pair is None or (arm.name in preset_names() and not arm.same_body(load_arm(arm.name))):
+        return {}
+    return {"paper_mean": pair[0], "paper_std": pair[1]}

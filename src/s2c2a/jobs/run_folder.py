@@ -23,12 +23,13 @@ MARKER = "options.json"
 def open_run_folder(path: Path | None, label: str, options: dict, overwrite: bool, go_on: bool = False) -> Path:
     """Make a run folder and write down its options and versions; a name with the time if no path is given.
 
-    With `go_on`, a folder that was begun with the same options and versions is opened as it is.
+    With `go_on`, a folder that was begun with the same options and versions is opened as it is; without a path it has
+    no time in its name, so that it is found again.
 
     Raises:
         S2C2AError: the folder holds something and `overwrite` was not asked for, or it is no run folder.
     """
-    folder = path or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
+    folder = path or Path("runs") / (label if go_on else f"{datetime.now():%Y%m%d-%H%M%S}-{label}")
     text = json.dumps({"options": options, "versions": versions()}, indent=1, default=str) + "\n"
     marker = folder / MARKER
     if go_on and not overwrite and marker.is_file() and holds(marker, text):
@@ -57,9 +58,9 @@ def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None
 
 
 def _steps(run: Run) -> Iterator[tuple]:
+    times, ticks = run.episode.times(), run.episode.ran("tick_time")
     for scored in run.scores:
-        columns = zip(run.episode.times(), scored.values, run.episode.ran("tick_time"), strict=True)
-        for step, (time, value, tick) in enumerate(columns):
+        for step, (time, value, tick) in enumerate(zip(times, scored.values, ticks, strict=True)):
             name = (run.task, run.strategy, run.seed, step, f"{time:.3f}", scored.score.metric)
             yield (*name, f"{value:.4f}", f"{1e3 * tick:.4f}")
 

@@ -4,7 +4,7 @@ Trials are chosen a batch at a time and told to the search in their order, and e
 own: the same options give the same trials on any executor, and after any kill.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -13,18 +13,14 @@ from typing import Literal
 
 import numpy as np
 import optuna
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend
+from optuna.storages import JournalStorage, journal
 from optuna.trial import FrozenTrial, TrialState
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import save_csv
 from s2c2a.evaluation.scoring import METRICS
-from s2c2a.jobs.artifacts import Cache
-from s2c2a.jobs.conditions import SIMULATED_FAST, Conditions
-from s2c2a.jobs.job import Job, Run, jobs_for
-from s2c2a.jobs.making import in_groups, try_all
+from s2c2a.jobs import SIMULATED_FAST, Cache, Conditions, Make, Run, in_groups, jobs_for, try_all
 from s2c2a.jobs.varying import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
 from s2c2a.strategies import Recipe
@@ -138,7 +134,7 @@ def _opened(sweep: Sweep, folder: Path) -> optuna.Study:
     """The study in the folder; a new one begins with the recipe itself."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
-    storage = JournalStorage(JournalFileBackend(str(folder / TRIALS)))
+    storage = JournalStorage(journal.JournalFileBackend(str(folder / TRIALS)))
     study = optuna.create_study(storage=storage, study_name="sweep", direction=sweep.direction, load_if_exists=True)
     begun = {one.place: value_at(sweep.recipe, one.place) for one in sweep.varied}
     if not study.trials and all(one.holds(begun[one.place]) for one in sweep.varied):
@@ -185,14 +181,12 @@ def _told(progress: Progress, said: str, doing: str, done: int, total: int) -> N
     progress(f"{said}: {doing}", done, total)
 
 
-def _judged(
-    batch: Sequence[FrozenTrial], sweep: Sweep, make: Callable[[Sequence[Job]], list[Run | S2C2AError]]
-) -> Iterator[tuple[int, float | None, str]]:
+def _judged(batch: Sequence[FrozenTrial], sweep: Sweep, make: Make) -> Iterator[tuple[int, float | None, str]]:
     """Number and score of every trial, or why there is none; all have been run when the first is told."""
     tried = {one.number: _recipe(sweep, one) for one in batch}
     recipes = list(dict.fromkeys(one for one in tried.values() if isinstance(one, Recipe)))
-    jobs = [jobs_for(sweep.tasks, sweep.arm, ("s2c2a",), sweep.seeds, one, sweep.conditions) for one in recipes]
-    runs = dict(zip(recipes, in_groups(make, jobs), strict=True))
+    asked = [jobs_for(sweep.tasks, sweep.arm, ("s2c2a",), sweep.seeds, one, sweep.conditions) for one in recipes]
+    runs = dict(zip(recipes, in_groups(make, asked), strict=True))
     for number, recipe in tried.items():
         yield number, *_score(sweep, runs[recipe] if isinstance(recipe, Recipe) else [recipe])
 
@@ -222,15 +216,8 @@ def _tell(study: optuna.Study, number: int, score: float | None, said: str) -> N
 
 
 def _ranked(study: optuna.Study, sweep: Sweep) -> list[Trial]:
-    every = [
-        Trial(
-            one.number,
-            dict(one.params),
-            one.value if one.state == TrialState.COMPLETE else None,
-            study.user_attrs.get(str(one.number), ""),
-        )
-        for one in study.get_trials(states=(TrialState.COMPLETE, TrialState.FAIL))
-    ]
+    done, said = study.get_trials(states=(TrialState.COMPLETE, TrialState.FAIL)), study.user_attrs
+    every = [Trial(one.number, dict(one.params), one.value, said.get(str(one.number), "")) for one in done]
     sign = -1.0 if sweep.direction == "maximize" else 1.0
     return sorted(every, key=lambda one: (one.score is None, sign * (one.score or 0.0), one.number))
 
@@ -238,28 +225,16 @@ def _ranked(study: optuna.Study, sweep: Sweep) -> list[Trial]:
 def save_trials(trials: Sequence[Trial], sweep: Sweep, folder: Path) -> tuple[Path, Path]:
     """Write every trial as comma-separated values, and draw them; returns both files."""
     places = [one.place for one in sweep.varied]
-    rows = [
-        (
-            one.number,
-            "" if one.score is None else f"{one.score:.6g}",
-            *(one.values.get(place, "") for place in places),
-            one.said,
-        )
-        for one in trials
-    ]
-    table = folder / "trials.csv"
-    save_csv(("trial", sweep.metric, *places, "failed because"), sorted(rows, key=lambda row: row[0]), table)
-    done = sorted((one for one in trials if one.score is not None), key=lambda one: one.number)
-    scores = np.array([one.score for one in done], dtype=float)
+    table, in_order = folder / "trials.csv", sorted(trials, key=lambda one: one.number)
+    rows = ((one.number, _written(one), *(one.values.get(place, "") for place in places), one.said) for one in in_order)
+    save_csv(("trial", sweep.metric, *places, "failed because"), rows, table)
+    done = [one for one in in_order if one.score is not None]
+    numbers, scores = [one.number for one in done], np.array([one.score for one in done], dtype=float)
     values = {place: np.array([one.values[place] for one in done], dtype=float) for place in places}
-    logarithmic = {one.place for one in sweep.varied if one.log}
-    drawn = trials_figure(
-        [one.number for one in done],
-        scores,
-        values,
-        f"{sweep.metric} [{METRICS[sweep.metric].unit}]",
-        logarithmic,
-        folder / "trials.png",
-        rises=sweep.direction == "maximize",
-    )
-    return table, drawn
+    label = f"{sweep.metric} [{METRICS[sweep.metric].unit}]"
+    logarithmic, rises = {one.place for one in sweep.varied if one.log}, METRICS[sweep.metric].rises
+    return table, trials_figure(numbers, scores, values, label, logarithmic, folder / "trials.png", rises)
+
+
+def _written(trial: Trial) -> str:
+    return "" if trial.score is None else f"{trial.score:.6g}"

@@ -52,9 +52,11 @@ def varied_from(texts: Sequence[str], recipe: Recipe) -> tuple[Varied, ...]:
     places = [one.place for one in every]
     if not every or len(set(places)) < len(places):
         raise S2C2AError(f"{', '.join(places) or 'nothing'} to vary; name every place once, such as {SAMPLE}")
-    for one in every:
-        for value in one.choices:
-            _check_built(recipe, one.place, value)
+    for place, value in ((one.place, value) for one in every for value in one.choices):
+        try:
+            with_values(recipe, {place: value})
+        except S2C2AError as error:
+            raise S2C2AError(f"{place}={value} cannot be tried: {error}") from error
     return every
 
 
@@ -98,9 +100,8 @@ def _inside(found: Any) -> dict[str, Any]:
     if not isinstance(found, tuple):
         return {}
     names = [getattr(value, "name", None) for value in found]
-    return {
-        name if name and names.count(name) == 1 else str(number): found[number] for number, name in enumerate(names)
-    }
+    shown = (name if name and names.count(name) == 1 else str(number) for number, name in enumerate(names))
+    return dict(zip(shown, found, strict=True))
 
 
 def _known(where: str, inside: dict[str, Any]) -> str:
@@ -145,10 +146,3 @@ def _value(word: str, now: Value, place: str) -> Value:
             return value
     kind = "a whole number" if isinstance(now, int) else "a number"
     raise S2C2AError(f"'{word}' for {place}, which is {now} now; write {kind}")
-
-
-def _check_built(recipe: Recipe, place: str, value: Value) -> None:
-    try:
-        with_values(recipe, {place: value})
-    except S2C2AError as error:
-        raise S2C2AError(f"{place}={value} cannot be tried: {error}") from error

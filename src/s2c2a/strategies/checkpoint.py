@@ -57,8 +57,18 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
     Raises:
         S2C2AError: the file cannot be written.
     """
-    content = save(dict(arrays), metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST})
+    content = _ordered(save(dict(arrays), metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST}))
     save_whole(content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path)
+
+
+def _ordered(content: bytes) -> bytes:
+    """The same with its metadata in one order; safetensors writes them in any, and equal networks in unequal files."""
+    end = 8 + _header_bytes(content)
+    header = json.loads(content[8:end])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    padded = text + b" " * (-len(text) % 8)
+    return len(padded).to_bytes(8, "little") + padded + content[end:]
 
 
 def read(path: str | os.PathLike, kind: str) -> tuple[Metadata, Arrays]:
