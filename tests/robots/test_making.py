@@ -68,7 +68,7 @@ def own(tmp_path, monkeypatch):
 def test_the_packages_own_body_is_found_by_its_short_name():
     assert robot_class("sim") is SimulatedRobot
     assert Body().simulated
-    assert str(Body()) == str(Body.simulation()) == "sim fidelity=fast"
+    assert (str(Body()), str(Body.simulation())) == ("sim", "sim fidelity=fast")
 
 
 def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for(own, twin):

@@ -103,9 +103,16 @@ def test_being_left_alone_ends_in_a_hold_then_a_release_then_rest():
 
 
 def test_a_fault_that_ends_in_time_is_forgotten():
-    """Three unsound steps, one sound one, again and again: the arm never gives up."""
-    stages = {phase.stage for phase in walked([ASKED, *[UNSOUND, UNSOUND, UNSOUND, ASKED] * 9])}
+    """Three unsound steps and six sound ones, again and again: the arm never gives up."""
+    stages = {phase.stage for phase in walked([ASKED, *[*[UNSOUND] * 3, *[ASKED] * 6] * 9])}
     assert stages == {RUN, HOLD}
+
+
+def test_a_fault_that_comes_again_and_again_is_not():
+    """Every other reading is unsound."""
+    stages = [phase.stage for phase in walked([ASKED, *[UNSOUND, ASKED] * 9])]
+    assert stages[:4] == [RUN, HOLD, RUN, HOLD]
+    assert stages[-1] is RELEASE
 
 
 def test_a_release_that_turns_unsound_on_its_way_ends_in_a_fault():

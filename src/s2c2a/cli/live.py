@@ -86,7 +86,7 @@ def running_page(
 
     spec = load_arm(arm)
     with ExitStack() as ends:
-        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or Body(), **options)
+        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or Body.simulation(), **options)
         control = ControlProcess(spec, build)
         ends.callback(control.stop)
         from s2c2a.live.page import LivePage  # imported while the other process imports its part

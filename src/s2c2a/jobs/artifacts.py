@@ -26,7 +26,7 @@ from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
 REVISION = 3
 """Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
 
-DATA = Body()
+DATA = Body.simulation()
 """Data always come from the simulation `fast`."""
 
 Made = TypeVar("Made")

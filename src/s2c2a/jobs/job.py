@@ -35,7 +35,7 @@ class Conditions:
         guard: what keeps out of obstacles.
     """
 
-    body: Body = Body()  # noqa: RUF009 (it is frozen)
+    body: Body = Body.simulation()  # noqa: RUF009 (it is frozen)
     guard: Guard = "tip"
 
     @property

@@ -41,7 +41,7 @@ class Body:
     """
 
     name: str = SIMULATED
-    options: tuple[tuple[str, Any], ...] = (("fidelity", "fast"),)
+    options: tuple[tuple[str, Any], ...] = ()
 
     def __str__(self) -> str:
         """Such as "sim fidelity=fast"."""

@@ -19,6 +19,10 @@ from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 
 
+MADE_GOOD = 0.5
+"""Unsound steps that a sound one makes good for: a sensor that fails every other time is not waited for without end."""
+
+
 @dataclass(frozen=True)
 class Patience:
     """How many control steps are waited for what.
@@ -64,13 +68,13 @@ class Phase:
 
     Attributes:
         stage: what the arm does.
-        unsound: steps in a row without a sound reading.
+        unsound: steps without a sound reading, of which sound ones make good for a part.
         alone: steps in a row that it was held while nobody attended.
         spoiled: whether a release is for unsound readings, and ends in FAULT.
     """
 
     stage: Stage = Stage.IDLE
-    unsound: int = 0
+    unsound: float = 0.0
     alone: int = 0
     spoiled: bool = False
 
@@ -85,7 +89,7 @@ def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Pat
         at_rest: whether the last command was the neutral one.
         patience: before the arm is led to rest.
     """
-    unsound = 0 if sound else phase.unsound + 1
+    unsound = max(phase.unsound - MADE_GOOD, 0.0) if sound else phase.unsound + 1.0
     alone = phase.alone + 1 if phase.stage is Stage.HOLD and not ask.attended else 0
     impatient = unsound > patience.unsound
     give_up = impatient or alone > patience.alone
