@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from s2c2a.live.control import ArmControl
     from s2c2a.live.page import LivePage, Survey
     from s2c2a.live.process import ControlProcess
-    from s2c2a.planning.options import Guard
+    from s2c2a.planning import Guard
     from s2c2a.robots import Body
 
 Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from s2c2a.planning.options import Guard
+from s2c2a.planning import Guard
 from s2c2a.robots import Body
 
 

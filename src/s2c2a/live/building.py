@@ -9,7 +9,7 @@ from pathlib import Path
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.live.control import ArmControl
-from s2c2a.planning.options import Guard
+from s2c2a.planning import Guard
 from s2c2a.robots import Body
 from s2c2a.strategies import (
     Strategy,

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.live.request import Request
 from s2c2a.robots import Robot
-from s2c2a.sensing.estimators import PAPER_COUPLING
+from s2c2a.sensing import PAPER_COUPLING
 from s2c2a.spaces import Reading
 
 NO_PUSH = (0.0, 0.0, 0.0)

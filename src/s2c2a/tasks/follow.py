@@ -3,8 +3,7 @@
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.planning import Goal
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import Goal, reach_gaps
 from s2c2a.tasks.paths import PAPER_LENGTH, still, straight
 from s2c2a.tasks.task import Score, Task
 
