@@ -8,10 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from s2c2a.models import C2A, C2S
-from s2c2a.models.bilstm import BiLSTM
-from s2c2a.models.c2a import module_labels
-from s2c2a.models.scaling import Scaling
-from s2c2a.models.sum_and_range import SumAndRange
+from s2c2a.models.actions import module_labels
+from s2c2a.models.layers import BiLSTM, Scaling, SumAndRange
 
 
 class TorchBiLSTM(nn.Module):

@@ -19,7 +19,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import StrategyError
 from s2c2a.models import C2S
 from s2c2a.planning import Adam, Goal
-from s2c2a.planning.options import WORKSPACE_SHARE
+from s2c2a.planning.planner import WORKSPACE_SHARE
 from s2c2a.strategies import TrainedNetworks
 from torch_networks import TorchC2S, tensor
 

@@ -17,8 +17,7 @@ from s2c2a.data import Recording, Samples, controller_samples, forward_samples
 from s2c2a.errors import StrategyError
 from s2c2a.models import C2A, C2S, C2SOptions, History
 from s2c2a.models.c2s import state_scaling
-from s2c2a.models.scaling import Scaling
-from s2c2a.models.sum_and_range import SumAndRange
+from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.strategies import Recipe
 from s2c2a.training import FitOptions
 from torch_networks import TorchC2A, TorchC2S, tensor

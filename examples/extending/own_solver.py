@@ -24,7 +24,7 @@ import jax.numpy as jnp
 
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.planning import Problem, Solver
-from s2c2a.planning.situation import Configurations
+from s2c2a.planning.terms import Configurations
 
 
 @dataclass(frozen=True)

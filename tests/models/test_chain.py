@@ -16,7 +16,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.models import ChainOptions
 from s2c2a.models.chain import ChainC2S
-from s2c2a.training.learned import held
+from s2c2a.training.fit import held
 
 SMALL = ChainOptions(hidden=8, depth=1, play_widths=(0.02, 0.1), creep_times=(2.0,))
 start = eqx.filter_jit(lambda model, sensed: model.start(sensed))

@@ -82,7 +82,7 @@ def test_inputs_of_training_are_those_of_starting_observing_and_predicting(train
     model, (sensed, states) = trained.network, synthetic(make_arm(2))
     inputs = (
         samples_along(model, of(make_arm(2), sensed, states))
-        .training.inputs["inputs"]
+        .training.inputs["configurations"]
         .reshape(EPISODES, -1, 2, 3 + 2 + 1, 3)
     )
     for episode in range(2):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.models.hysteresis import Hysteresis, Operators
+from s2c2a.models.cables import Hysteresis, Operators
 
 WIDTHS, SHARES = (0.5, 1.0), (0.1, 0.4)
 

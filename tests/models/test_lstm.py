@@ -8,9 +8,9 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models import LSTMOptions
-from s2c2a.models.lstm import LSTM, TipHistory
-from s2c2a.models.scaling import Scaling
-from s2c2a.training.learned import held
+from s2c2a.models.actions import TipHistory
+from s2c2a.models.layers import LSTM, Scaling
+from s2c2a.training.fit import held
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))

@@ -6,10 +6,9 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models import C2AOptions, C2SOptions, History
-from s2c2a.models.bilstm import BiLSTM
-from s2c2a.models.c2a import module_labels
-from s2c2a.models.scaling import Scaling
-from s2c2a.training.learned import held
+from s2c2a.models.actions import module_labels
+from s2c2a.models.layers import BiLSTM, Scaling
+from s2c2a.training.fit import held
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))

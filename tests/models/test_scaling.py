@@ -1,6 +1,6 @@
 import numpy as np
 
-from s2c2a.models.scaling import Scaling
+from s2c2a.models.layers import Scaling
 
 VALUES = np.random.default_rng(0).uniform(-3, 7, (4, 5, 3)) * [1.0, 10.0, 0.01]
 

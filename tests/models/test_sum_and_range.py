@@ -5,7 +5,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
-from s2c2a.models.sum_and_range import HEADROOM, SumAndRange
+from s2c2a.models.layers import HEADROOM, SumAndRange
 
 quick = settings(deadline=None, max_examples=30)
 directions = st.floats(-np.pi, np.pi)

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel, states_from_bends
 from s2c2a.planning import Goal
-from s2c2a.planning.detour import FAR, NEIGHBOURS, SIDE, _ways_to, drawn_along, workspace_map
+from s2c2a.planning.guides import FAR, NEIGHBOURS, SIDE, _ways_to, drawn_along, workspace_map
 
 TWIN = load_arm("twin_arm")
 MARGIN, LONGEST = 0.02, 0.8

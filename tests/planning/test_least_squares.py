@@ -17,7 +17,7 @@ from s2c2a.kinematics import (
     states_from_configurations,
 )
 from s2c2a.planning import BEST, Goal, LeastSquares, Planner
-from s2c2a.planning.least_squares import solve_least_squares
+from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.tasks import task_named
 
 TWIN = load_arm("twin_arm")

@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.kinematics import states_from_bends
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import reach_gaps
 
 TWIN = load_arm("twin_arm")
 POINTS = 24

@@ -13,8 +13,8 @@ from s2c2a.goals import MOST_OBSTACLES
 from s2c2a.kinematics import PCCForwardModel, configurations_from_bends, states_from_bends
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
 from s2c2a.planning.planner import Step
-from s2c2a.planning.situation import guarded_points, norm
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
+from s2c2a.planning.terms import guarded_points, norm
 
 TWIN = load_arm("twin_arm")
 MODEL, LENGTHS = PCCForwardModel.of(TWIN), jnp.full(3, 0.2)

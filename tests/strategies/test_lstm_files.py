@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import StrategyError
-from s2c2a.models.lstm import LSTMOptions, TipHistory
+from s2c2a.models.actions import LSTMOptions, TipHistory
 from s2c2a.strategies import load_lstm, load_strategy, save_lstm
 from s2c2a.strategies.lstm import train_lstm_strategy
 from s2c2a.training import FitOptions

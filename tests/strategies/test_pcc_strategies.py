@@ -86,19 +86,19 @@ def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, ta
         states.append(reading["states"])
     assert np.isfinite(states).all()
     assert np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
-    np.testing.assert_allclose(np.linalg.norm(pcc.planned, axis=-1), 1.0, atol=1e-4)
-    assert np.all(np.arccos(pcc.planned[:, 2]) <= geometry.bend_limits + 1e-3)
+    np.testing.assert_allclose(np.linalg.norm(pcc.told()["planned"], axis=-1), 1.0, atol=1e-4)
+    assert np.all(np.arccos(pcc.told()["planned"][:, 2]) <= geometry.bend_limits + 1e-3)
 
 
 def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_limit_and_no_faster(ideal, pcc):
     robot = SimulatedRobot(ideal)
     reading = robot.open()
     pcc.start(reading)
-    plans = [pcc.planned]
+    plans = [pcc.told()["planned"]]
     for _ in range(60):
         robot.step(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
         reading = robot.read()
-        plans.append(pcc.planned)
+        plans.append(pcc.told()["planned"])
     turns = angles_deg(np.array(plans[:-1]), np.array(plans[1:]))
     assert 0.98 * ideal.step_limit_deg < turns.max() < 1.001 * ideal.step_limit_deg
     tip = reading["states"][-1, :3]

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import METRICS
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import reach_gaps
 from s2c2a.tasks import TASKS, task_named
 
 TWIN = load_arm("twin_arm")

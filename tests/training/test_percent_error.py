@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.training.errors import full_ranges, percent_error
+from s2c2a.training.trained import full_ranges, percent_error
 
 
 def test_each_output_is_divided_by_its_own_full_range():

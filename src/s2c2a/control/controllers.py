@@ -61,11 +61,9 @@ class NetworkController(Controller):
 
     def start(self, sensed: Float[Array, "modules 3"]) -> History:
         """A history of rest."""
-        cables = self.network.sum_and_range.neutral.shape
-        return History(
-            jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1),
-            jnp.zeros((cables[0], ACTION_HISTORY, cables[1])),
-        )
+        modules, cables = self.network.sum_and_range.neutral.shape
+        sensed_before = jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1)
+        return History(sensed_before, jnp.zeros((modules, ACTION_HISTORY, cables)))
 
     def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: History):
         """See `Controller`."""

@@ -16,7 +16,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs import artifacts
 from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks
-from s2c2a.planning.options import Guard
+from s2c2a.planning import Guard
 from s2c2a.progress import Progress
 from s2c2a.robots import Body
 from s2c2a.strategies import AnyStrategy, Recipe

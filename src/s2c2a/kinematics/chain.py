@@ -8,11 +8,12 @@ from jaxtyping import Array, Float
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, sinc, squared_norm
 
 UNROLLED = 8  # modules: a loop of its own only for longer arms
+Bends = Float[Array, "*batch modules 2"]
+Lengths = Float[Array, " modules"]
+States = Float[Array, "*batch modules 6"]
 
 
-def states_from_bends(
-    bends: Float[Array, "*batch modules 2"], lengths: Float[Array, " modules"]
-) -> Float[Array, "*batch modules 6"]:
+def states_from_bends(bends: Bends, lengths: Lengths) -> States:
     """States of an arm whose modules are arcs without torsion.
 
     Args:
@@ -25,9 +26,7 @@ def states_from_bends(
     return states_from_arcs(bends, lengths, jnp.zeros(3))
 
 
-def states_from_arcs(
-    bends: Float[Array, "*batch modules 2"], lengths: Float[Array, " modules"], off: Float[Array, "*#batch #modules 3"]
-) -> Float[Array, "*batch modules 6"]:
+def states_from_arcs(bends: Bends, lengths: Lengths, off: Float[Array, "*#batch #modules 3"]) -> States:
     """`states_from_bends` of arcs whose end points are off by so much [m], module frames."""
     ends, axes = arc_ends(bends, lengths) + off, configurations_from_bends(bends)
     rotations = _rotations_to(axes)
@@ -43,9 +42,7 @@ def states_from_arcs(
     return jnp.moveaxis(jax.lax.scan(on, start, arcs, unroll=UNROLLED)[1], 0, -2)
 
 
-def states_from_configurations(
-    configurations: Float[Array, "*batch modules 3"], lengths: Float[Array, " modules"]
-) -> Float[Array, "*batch modules 6"]:
+def states_from_configurations(configurations: Float[Array, "*batch modules 3"], lengths: Lengths) -> States:
     """`states_from_bends` for end axes of any non-zero length."""
     return states_from_bends(bends_from_configurations(configurations), lengths)
 

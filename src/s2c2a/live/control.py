@@ -22,7 +22,7 @@ from s2c2a.live.goals import Disturbable, Disturbances, goal_of, judged
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
-from s2c2a.planning.options import Guard
+from s2c2a.planning import Guard
 from s2c2a.programs import compilations
 from s2c2a.robots import Body, Robot
 from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock

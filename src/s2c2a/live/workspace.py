@@ -8,7 +8,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import states_from_bends
 from s2c2a.live.page import Survey
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import reach_gaps
 from s2c2a.spaces import POSITION, Bends, States
 
 

@@ -1,20 +1,59 @@
-"""C2S, the forward model of the paper: a biLSTM from configurations to states."""
+"""What a forward model is made of, as recipes say it, and the paper's: C2S, a biLSTM from configurations to states."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
+from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import forward_samples
-from s2c2a.kinematics.forward_model import Memory, MemorylessModel
-from s2c2a.models.bilstm import BiLSTM, check_size
-from s2c2a.models.options import ForwardOptions
-from s2c2a.models.scaling import Scaling
-from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
-from s2c2a.training.fit import Batch
+from s2c2a.kinematics.pcc import ForwardModel, Memory, MemorylessModel
+from s2c2a.models.layers import BiLSTM, Scaling, Size
+from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
+from s2c2a.training.trained import Trained, TrainingData, train
+
+
+@dataclass(frozen=True)
+class ForwardOptions(ABC):
+    """The numbers of a forward model, and how a model comes of them.
+
+    A frozen dataclass below this one is all that a model of one's own needs. A recipe file names it, and gives its
+    numbers: `[c2s]`, `model = "my_model.py:MyOptions"`, and a line for each (docs/extending.md).
+
+    Attributes:
+        model: the name by which recipes find this class.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    model: str = field(default="", kw_only=True)
+
+    @abstractmethod
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ForwardModel:
+        """The model before training.
+
+        Files are read into it: options and arm alone decide how many arrays it has, and their shapes.
+        """
+
+    @abstractmethod
+    def train(
+        self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[ForwardModel]:
+        """The model trained.
+
+        Args:
+            data: to learn from.
+            fit: how to train.
+            key: of everything random.
+            progress: told epoch, most epochs, validation loss.
+
+        Raises:
+            TrainingError: too few samples, or the loss is not finite.
+        """
 
 
 class C2S(MemorylessModel):
@@ -36,16 +75,10 @@ class C2S(MemorylessModel):
 
 
 @dataclass(frozen=True)
-class C2SOptions(ForwardOptions):
-    """The biLSTM of the paper's C2S: layers, and hidden states of each direction (Chen et al. 2025, table II)."""
+class C2SOptions(Size, ForwardOptions):
+    """The biLSTM of the paper's C2S."""
 
-    layers: int
-    hidden: int
     model: str = field(default="bilstm", kw_only=True)
-
-    def __post_init__(self):
-        """Refuse what cannot be built."""
-        check_size(self)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2S:
         """Random weights and no scaling."""

@@ -14,16 +14,13 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data import Samples, Split
-from s2c2a.data.windows import stretches
+from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
 from s2c2a.kinematics.chain import states_from_arcs
-from s2c2a.kinematics.statics import bend_at_rest
-from s2c2a.models.hysteresis import Hysteresis, HysteresisMemory, Operators
-from s2c2a.models.options import ForwardOptions
-from s2c2a.training import FitOptions, FromArm, Progress, Trained, TrainingData, quiet, train
-from s2c2a.training.fit import Batch
-from s2c2a.training.limits import check_limits
+from s2c2a.models.c2s import ForwardOptions
+from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators, bend_at_rest
+from s2c2a.training.fit import Batch, FitOptions, FromArm, Progress, check_limits, quiet
+from s2c2a.training.trained import Trained, TrainingData, train
 
 BEND_UNIT = 0.5  # rad; inputs of the network are about one
 MOMENT_UNIT, BEND_CORRECTION_UNIT = 1.0, 0.2  # rad; an output of one
@@ -158,21 +155,14 @@ class ChainOptions(ForwardOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
         modules = arm.module_count
-        shares = [1.0 - np.exp(-arm.control_period / time) for time in self.creep_times]
-        operators = Operators(
-            *(jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, shares))
-        )
+        taken = [1.0 - np.exp(-arm.control_period / time) for time in self.creep_times]
+        widths, shares = (jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, taken))
         play_weights = jnp.full((modules, len(self.play_widths) + 2), NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
-        statics = self.statics and _is_felt_through_cables(arm)
-        return ChainC2S(
-            Body.of(arm),
-            Hysteresis(operators, play_weights, jnp.zeros((modules, len(shares)))),
-            jnp.full(modules, np.log(FIRST_STIFFNESS)),
-            jnp.zeros(modules),
-            jnp.eye(2 * modules),
-            self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key),
-            bool(statics),
-        )
+        statics = bool(self.statics) and _is_felt_through_cables(arm)
+        hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares))))
+        stiffness = jnp.full(modules, np.log(FIRST_STIFFNESS))
+        network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
+        return ChainC2S(Body.of(arm), hysteresis, stiffness, jnp.zeros(modules), jnp.eye(2 * modules), network, statics)
 
     def train(
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -205,11 +195,11 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
 
 
 def _answer(model: ChainC2S, batch: Batch) -> Array:
-    return model.states(batch["inputs"])
+    return model.states(batch["configurations"])
 
 
 def samples_along(model: ChainC2S, data: TrainingData) -> Split:
-    """What the hysteresis weighs at every moment of every episode, its memory carried along."""
+    """`forward_samples` with what the hysteresis weighs in place of configurations, its memory carried along."""
 
     @jax.jit
     def along(configurations: Float[Array, "samples episodes modules 3"]) -> Array:
@@ -219,8 +209,7 @@ def samples_along(model: ChainC2S, data: TrainingData) -> Split:
         return jax.lax.scan(step, model.start(configurations[0]), configurations)[1]
 
     inputs = np.moveaxis(np.asarray(along(jnp.asarray(np.moveaxis(data.sensed, 1, 0), dtype=jnp.float32))), 0, 1)
-    parts = stretches(data.sensed.shape[1])
-    return Split(*(Samples({"inputs": _merge(inputs[:, part])}, _merge(data.states[:, part])) for part in parts))
+    return forward_samples(inputs, data.states)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
@@ -230,7 +219,7 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
     sum up to one, since there the stiffness says how much of a displacement becomes a bend.
     """
     true = np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(samples.targets))))
-    inputs = np.einsum("mkn,smjn->msjk", np.asarray(model.body.inverses), samples.inputs["inputs"])
+    inputs = np.einsum("mkn,smjn->msjk", np.asarray(model.body.inverses), samples.inputs["configurations"])
     plays = model.hysteresis.play_weights.shape[1]
     fitted = np.array([_fitted(inputs, true, module, plays) for module in range(len(inputs))])
     if model.statics:
@@ -252,7 +241,3 @@ def _fitted(inputs: np.ndarray, true: np.ndarray, module: int, plays: int) -> np
     low = np.full(columns.shape[1], -np.inf)
     low[:plays], low[plays:count] = 0.0, -MOST_CREEP
     return lsq_linear(columns.astype(float), true[:, module].reshape(-1).astype(float), (low, np.inf)).x[:count]
-
-
-def _merge(values: np.ndarray) -> np.ndarray:
-    return values.reshape(-1, *values.shape[2:]).astype(np.float32)

@@ -6,9 +6,7 @@ from pathlib import Path
 
 from s2c2a.errors import StrategyError
 from s2c2a.extensions import found
-from s2c2a.models.c2s import C2SOptions
-from s2c2a.models.chain import ChainOptions
-from s2c2a.models.options import ForwardOptions
+from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 
 MODELS: dict[str, type[ForwardOptions]] = {"bilstm": C2SOptions, "chain": ChainOptions}
 

@@ -3,10 +3,7 @@
 from s2c2a.goals import Goal
 from s2c2a.parts import Own
 from s2c2a.planning.batch import BatchPlanner
-from s2c2a.planning.detour import Detour
-from s2c2a.planning.guides import Guide, Pull
-from s2c2a.planning.options import BEST, PAPER, PlannerOptions
-from s2c2a.planning.planner import Plan, Planner
-from s2c2a.planning.situation import Candidate, Situation
-from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
-from s2c2a.planning.terms import Residual, Term
+from s2c2a.planning.guides import Detour, Guide, Pull
+from s2c2a.planning.planner import BEST, PAPER, Plan, Planner, PlannerOptions
+from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver, reach_gaps
+from s2c2a.planning.terms import Candidate, Guard, Residual, Situation, Term

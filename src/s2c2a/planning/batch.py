@@ -19,9 +19,8 @@ from s2c2a.errors import TargetError
 from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel
-from s2c2a.planning.options import PAPER, PlannerOptions
-from s2c2a.planning.planner import Plan, Step
-from s2c2a.planning.situation import Numbers
+from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
+from s2c2a.planning.terms import Numbers
 from s2c2a.programs import compiled
 
 CHUNK = 64
@@ -62,12 +61,7 @@ class BatchPlanner:
     """
 
     def __init__(
-        self,
-        arm: ArmSpec,
-        model: ForwardModel,
-        options: PlannerOptions,
-        chunk: int = CHUNK,
-        threads: int | None = None,
+        self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions, chunk: int = CHUNK, threads: int | None = None
     ):
         """Prepare for an arm and a forward model; nothing compiles yet.
 
@@ -113,15 +107,14 @@ class BatchPlanner:
         Raises:
             TargetError: not as many goals as plans.
         """
-        count = len(plans.configurations)
-        if not count == len(sensed) == len(goals.positions):
-            raise TargetError(
-                f"{count} plans, {len(sensed)} sensed arms and {len(goals.positions)} goals; give as many"
-            )
+        count, arms, asked = len(plans.configurations), len(sensed), len(goals.positions)
+        if not count == arms == asked:
+            raise TargetError(f"{count} plans, {arms} sensed arms and {asked} goals; give as many")
         inputs = plans, np.asarray(sensed, np.float32)
         if (np.asarray(goals.thresholds) > 0).any():  # side by side, ways round would be searched for all
             return self._in_chunks(self._alone, 1, *inputs, goals)
-        return self._in_chunks(self._free, self._chunk, *inputs, _without_obstacles(goals))
+        free = goals._replace(obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0])  # no work for none
+        return self._in_chunks(self._free, self._chunk, *inputs, free)
 
     def best(self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50) -> Best:
         """From many starts towards one goal, and the best end of all: what a single start stays short of.
@@ -178,18 +171,9 @@ class BatchPlanner:
 
 def _cut(inputs: Any, begin: int, size: int) -> Any:
     """One chunk; the last one filled up with its last row."""
-
-    def cut(values):
-        part = np.asarray(values[begin : begin + size])
-        missing = size - len(part)
-        return np.concatenate([part, np.repeat(part[-1:], missing, axis=0)]) if missing else part
-
-    return jax.tree.map(cut, inputs)
-
-
-def _without_obstacles(goals: Goal) -> Goal:
-    """With no room for any, so that no work is done for them."""
-    return goals._replace(obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0])
+    last = len(jax.tree.leaves(inputs)[0]) - 1
+    rows = np.minimum(np.arange(begin, begin + size), last)
+    return jax.tree.map(lambda values: np.asarray(values)[rows], inputs)
 
 
 def _each(work: Callable[..., Any], step: Step, *inputs: Any) -> Any:

@@ -1,23 +1,84 @@
-"""The planner: one compiled call from a goal to the next configuration."""
+"""The planner: one compiled call from a goal to the next configuration, and how to plan.
 
-from typing import Any, NamedTuple
+`PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe `best`.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.errors import TargetError
+from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel, bends_from_configurations
-from s2c2a.kinematics.forward_model import Memory
-from s2c2a.planning.guides import Guide
-from s2c2a.planning.options import PlannerOptions
-from s2c2a.planning.situation import Bends, Candidate, Configurations, Numbers, Situation, guarded_points
-from s2c2a.planning.solvers import Problem, Solver
-from s2c2a.planning.terms import Term
+from s2c2a.kinematics.pcc import Memory
+from s2c2a.parts import Own
+from s2c2a.planning import terms
+from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
+from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
 from s2c2a.programs import compiled
+
+WORKSPACE_SHARE = 0.46 / 0.6
+"""Half the width of the paper's workspace over the length of its arm (Chen et al. 2025, sec. II-D)."""
+
+AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
+AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
+AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
+
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """What a planner is made of. In files, parts are tables with their name and numbers, or `Own`.
+
+    Attributes:
+        solver: finds configurations.
+        terms: what they are judged by.
+        guides: what may change the goal before, one after the other.
+        engaged_slopes: whether slopes are those of taut cables that follow their motors (`ForwardModel.for_planning`),
+            or the true ones.
+        on_sphere: whether configurations are kept at unit length and within the bend limits. Those sensed under sensing
+            coupling are not of unit length.
+        guard: what keeps out of obstacles.
+        own_code: whether parts by name may be files and modules; never in a strategy file, which may be a stranger's.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+    solver: AnySolver
+    terms: tuple[AnyTerm, ...]
+    guides: tuple[AnyGuide, ...] = ()
+    engaged_slopes: bool = False
+    on_sphere: bool = True
+    guard: Guard = "tip"
+    own_code: bool = field(default=True, compare=False)
+
+    def __post_init__(self):
+        """Refuse what cannot plan."""
+        if not self.terms:
+            raise S2C2AError("a planner without terms asked for; give at least one")
+
+    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...]]:
+        """Solver, terms and guides; those asked for by name are found.
+
+        Raises:
+            S2C2AError: one is not found, may not be imported, or does not take its parameters.
+        """
+        terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
+        guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
+        return SOLVERS.made(self.solver, self.own_code), terms, guides
+
+
+PAPER = PlannerOptions(
+    Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
+)
+_BEST = terms.Positions, terms.Axes, terms.BendChange, terms.Shape, terms.Evenness, terms.Limits, terms.Obstacles
+BEST = PlannerOptions(LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True)
 
 
 class Plan(NamedTuple):
@@ -83,7 +144,7 @@ class Step(NamedTuple):
         """What the solver is given, once the guides have seen it."""
         options = self.options
         model = self.model.for_planning() if options.engaged_slopes else self.model
-        guarded = guarded_points(self.arm, options.guard)
+        guarded = terms.guarded_points(self.arm, options.guard)
 
         def look(configurations: Configurations, bends: Bends) -> Candidate:
             states = model.predict(configurations, memory)

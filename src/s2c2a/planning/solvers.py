@@ -1,4 +1,8 @@
-"""Solvers: from a problem to configurations. The planner keeps what they find within the arm's limits."""
+"""Solvers: from a problem to configurations; the planner keeps them within the arm's limits. And an arm's reach.
+
+Few variables (two a module) and a forward model that is dear: in damped least squares all directions of the Jacobian go
+through the model side by side, and a handful of steps end nearer to the optimum than dozens of gradient steps.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -7,14 +11,75 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, limit_lengths
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import TargetError
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, limit_lengths, states_from_bends
 from s2c2a.parts import Kind, Part
-from s2c2a.planning.least_squares import solve_least_squares
-from s2c2a.planning.situation import Bends, Candidate, Configurations, Situation, norm
-from s2c2a.planning.terms import Residual, Term
+from s2c2a.planning.terms import Bends, Candidate, Configurations, Residual, Situation, Term, norm
+from s2c2a.spaces import POSITION
+
+Residuals = Callable[[Float[Array, "*variables"]], Float[Array, " residuals"]]
+Projection = Callable[[Float[Array, "*variables"]], Float[Array, "*variables"]]
+
+FIRST_DAMPING = 1e-2
+AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP = 0.2, 10.0
+DAMPING_RANGE = (1e-6, 1e4)
+REACH_ITERATIONS = 30
+ON_AXIS = 1e-3  # of the arm's length: a point so near to the axis is on no side of it
+REST_WEIGHT = 1e-3  # of bends against positions in units of the arm's length: keeps solutions from wandering
+
+
+class _Step(NamedTuple):
+    """Where the search stands: a point, the sum of squares there, and the normal equations."""
+
+    point: Float[Array, "*variables"]
+    cost: Float[Array, ""]
+    gradient: Float[Array, " variables"]
+    curvature: Float[Array, "variables variables"]
+    damping: Float[Array, ""]
+
+
+def solve_least_squares(
+    residuals: Residuals, start: Float[Array, "*variables"], project: Projection, iterations: int
+) -> Float[Array, "*variables"]:
+    """Minimise the sum of squared residuals near a start.
+
+    Each iteration solves (J^T J + lambda I) step = -J^T r, projects, and keeps the step only where the sum falls;
+    lambda shrinks after a kept step and grows after a refused one.
+
+    Args:
+        residuals: variables -> residuals, differentiable.
+        start: where to begin, of any shape; it is projected first.
+        project: onto what is allowed; the identity where everything is.
+        iterations: how many.
+    """
+    directions = jnp.eye(start.size)
+
+    def linearised(point):
+        def along(direction):
+            return jax.jvp(residuals, (point,), (direction.reshape(start.shape),))
+
+        return jax.vmap(along, out_axes=(None, 1))(directions)
+
+    def iterate(_, step: _Step) -> _Step:
+        change = jnp.linalg.solve(step.curvature + step.damping * directions, step.gradient)
+        point = project(step.point - change.reshape(start.shape))
+        values, slopes = linearised(point)
+        cost = jnp.sum(values**2)
+        better = cost < step.cost
+        damping = jnp.clip(step.damping * jnp.where(better, AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP), *DAMPING_RANGE)
+        tried = _Step(point, cost, slopes.T @ values, slopes.T @ slopes, damping)
+        kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, step)
+        return kept._replace(damping=damping)
+
+    # The first turn goes nowhere and looks at the start, so that the model stands once in the program, not twice.
+    nothing, damping = jnp.zeros(start.size), jnp.asarray(FIRST_DAMPING / AFTER_A_KEPT_STEP)
+    begun = _Step(start, jnp.asarray(jnp.inf), nothing, jnp.zeros_like(directions), damping)
+    return jax.lax.fori_loop(0, iterations + 1, iterate, begun).point
 
 
 class Problem(NamedTuple):
@@ -112,14 +177,64 @@ class LeastSquares(Solver):
     def solve(self, problem: Problem) -> Configurations:
         """See `Solver`."""
         start = problem.situation.last.bends
-
-        flat = solve_least_squares(
-            lambda flat: problem.stacked(flat.reshape(start.shape)),
-            start.reshape(-1),
-            lambda flat: problem.within_step(flat.reshape(start.shape)).reshape(-1),
-            self.iterations,
-        )
-        return configurations_from_bends(flat.reshape(start.shape))
+        bends = solve_least_squares(problem.stacked, start, problem.within_step, self.iterations)
+        return configurations_from_bends(bends)
 
 
 SOLVERS = Kind.of("solver", Solver, Adam, LeastSquares)
+
+
+def reach_gaps(
+    arm: ArmSpec, positions: Float[np.ndarray, "points 3"], module: int = -1
+) -> Float[np.ndarray, " points"]:
+    """Distance from wanted positions to the nearest end that the arm can bring a module to [m].
+
+    The arm is taken as constant-curvature arcs within its bend limits, so a true arm differs a little at the edge.
+
+    Args:
+        arm: the arm.
+        positions: wanted positions [m], base frame.
+        module: whose end shall go there.
+
+    Raises:
+        TargetError: no such module.
+    """
+    count = arm.module_count
+    if not -count <= module < count:
+        raise TargetError(f"no module {module}; '{arm.name}' has {count}, from 0 at the base to {count - 1}, or -1")
+    last = range(count)[module] + 1
+    geometry = ArmGeometry.of(arm)
+    lengths = jnp.asarray(geometry.lengths[:last], dtype=jnp.float32)
+    limits = jnp.asarray(geometry.bend_limits[:last], dtype=jnp.float32)
+    return np.asarray(_gaps(jnp.asarray(positions, dtype=jnp.float32), lengths, limits))
+
+
+@jax.jit
+def _gaps(positions, lengths, limits):
+    size = jnp.sum(lengths)
+
+    def end(bends):
+        return states_from_bends(bends, lengths)[-1, POSITION]
+
+    def project(bends):
+        return limit_lengths(bends, limits)
+
+    def gap(position, start):
+        def residuals(bends):
+            return jnp.concatenate([(end(bends) - position) / size, REST_WEIGHT * bends.reshape(-1)])
+
+        return jnp.linalg.norm(end(solve_least_squares(residuals, start, project, REACH_ITERATIONS)) - position)
+
+    def least(position):
+        """From shapes towards the point: all modules alike, and the lower half alone.
+
+        On the arm's axis any side will do, but some side is needed: a straight arm would stay straight.
+        """
+        aside = jnp.linalg.norm(position[:2])
+        towards = jnp.where(aside > ON_AXIS * size, position[:2] / jnp.maximum(aside, ON_AXIS * size), jnp.eye(2)[0])
+        alike = 0.5 * limits[:, None] * towards
+        lower = alike * (jnp.arange(len(limits)) < len(limits) / 2)[:, None] * 2.0
+        starts = jnp.stack([alike, lower, 0.1 * alike])
+        return jax.vmap(lambda start: gap(position, start))(starts).min()
+
+    return jax.vmap(least)(positions)

@@ -18,7 +18,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 
-
 MADE_GOOD = 0.5
 """Unsound steps that a sound one makes good for: a sensor that fails every other time is not waited for without end."""
 

@@ -168,12 +168,12 @@ def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str,
 
 def _sound(arrays: Arrays, name: str, blank: Any) -> np.ndarray:
     found = arrays.get(name)
-    if found is None or (found.shape, found.dtype) != (blank.shape, blank.dtype) or not in_range(found):
+    if found is None or (found.shape, found.dtype) != (blank.shape, blank.dtype) or not _in_range(found):
         raise StrategyError(f"it holds no sound array {name} of shape {blank.shape}, all within {LARGEST:g}")
     return found
 
 
-def in_range(values: np.ndarray) -> bool:
+def _in_range(values: np.ndarray) -> bool:
     """Whether all are numbers, and none is absurd."""
     return bool(((values >= -LARGEST) & (values <= LARGEST)).all())
 

@@ -15,11 +15,12 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import configurations_from_states, limit_lengths
-from s2c2a.models.lstm import LSTMOptions, TipHistory, TipLSTM
-from s2c2a.models.sum_and_range import HEADROOM
+from s2c2a.models.actions import LSTMOptions, TipHistory, TipLSTM
+from s2c2a.models.layers import HEADROOM
 from s2c2a.planning import Goal
 from s2c2a.programs import compiled
-from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Configurations, Reading
+from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Reading
+from s2c2a.strategies.strategy import started
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import Progress, quiet
 
@@ -96,26 +97,23 @@ class LSTMStrategy:
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
-        if self._memory is None:
-            raise StrategyError("this strategy was not started; call start(reading) with the arm at rest first")
+        last = started(self._memory, "call start(reading) with the arm at rest first")
         states, wanted = _states(reading), _wanted_tip(goal)
         self._sensed = self._sense(states)
-        action, self._memory = self._act(states[-1, POSITION], wanted, self._memory)
+        action, self._memory = self._act(states[-1, POSITION], wanted, last)
         return np.asarray(action, dtype=np.float64)
-
-    @property
-    def sensed(self) -> Configurations:
-        """The latest configuration, shape (modules, 3)."""
-        if self._memory is None:
-            raise StrategyError("this strategy was not started; it has sensed nothing yet")
-        return np.asarray(self._sensed)
 
     def sent(self, action: Actions) -> None:
         """The next step begins from what it asked for."""
 
     def told(self) -> dict[str, np.ndarray]:
-        """What it sensed; it plans no configuration."""
-        return {"sensed": self.sensed}
+        """What it sensed, configurations of shape (modules, 3); it plans none.
+
+        Raises:
+            StrategyError: it was not started.
+        """
+        started(self._memory, "it has sensed nothing yet")
+        return {"sensed": np.asarray(self._sensed)}
 
     def _warm_up(self) -> None:
         heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
@@ -162,14 +160,11 @@ class _Policy(eqx.Module):
         """The action [m or N], shape (modules, cables), and the memory after it."""
         layer = self.network.sum_and_range
         history = TipHistory(_push(memory.history.positions, tip), memory.history.actions)
-        change = self._bends(self.network.unlimited(wanted, history)) - memory.bends
+        normalised = self.network.unlimited(wanted, history)
+        change = jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalised) * self.bend_units - memory.bends
         bends = memory.bends + limit_lengths(change, self.longest_step)
         action = layer.limited(jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units))
         return layer.actions(action), _Memory(TipHistory(history.positions, _push(history.actions, action)), bends)
-
-    def _bends(self, normalised: Float[Array, "modules cables"]) -> Float[Array, "modules 2"]:
-        """Bends [rad] that normalised actions stand for."""
-        return jnp.einsum("mkc,mc->mk", self.network.sum_and_range.pseudo_inverses, normalised) * self.bend_units
 
 
 def _push(history: Float[Array, "moments *features"], newest: Float[Array, "*features"]) -> Array:

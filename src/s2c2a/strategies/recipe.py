@@ -1,22 +1,32 @@
-"""Recipes: everything that is chosen about networks, training and planning, under one name."""
+"""Recipes: everything that is chosen about networks, training and planning, under one name, or in a file (TOML).
+
+Files are what a sweep finds, and what a user writes down.
+"""
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import tomli_w
 from jaxtyping import PRNGKeyArray
-from pydantic import ConfigDict
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.babbling import SPEEDS
-from s2c2a.errors import StrategyError
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, ForwardOptions
-from s2c2a.models.registry import code_of, name_of
+from s2c2a.models.registry import MODELS, code_of, model_named, name_of
 from s2c2a.planning import BEST, PAPER, PlannerOptions
 from s2c2a.sensing import DirectionEstimator, Estimator, estimator_for
-from s2c2a.training import FitOptions
-from s2c2a.training.limits import check_limits
+from s2c2a.training.fit import FitOptions, check_limits
+
+ENDING = ".toml"
+TAGS = {"name", "model"}
+"""What says of which form a table is."""
 
 
 @dataclass(frozen=True)
@@ -121,3 +131,98 @@ def recipe_named(name: str) -> Recipe:
     if name not in RECIPES:
         raise StrategyError(f"no recipe '{name}'; choose one of {', '.join(RECIPES)}")
     return RECIPES[name]
+
+
+def recipe_from(name_or_file: str | os.PathLike) -> Recipe:
+    """A recipe by name, or from a file.
+
+    Raises:
+        StrategyError: no such recipe, or the file holds none.
+    """
+    text = str(name_or_file)
+    return load_recipe(text) if text.endswith(ENDING) else recipe_named(text)
+
+
+def load_recipe(path: str | os.PathLike) -> Recipe:
+    """Read a recipe; it goes by the name of its file. With `based_on = "best"` it need only hold what differs.
+
+    A forward model, terms, guides and a solver that it names are imported.
+
+    Raises:
+        StrategyError: no such file, not TOML, or no recipe: a key is missing, not known or of another kind.
+    """
+    if not Path(path).is_file():
+        raise StrategyError(f"no recipe at {path}; take {', '.join(RECIPES)}, or a file such as `s2c2a sweep` writes")
+    if Path(path).stem in RECIPES:
+        raise StrategyError(f"{path} would go by the name of a recipe that is another; give the file a name of its own")
+    try:
+        written = _in_full(toml_in(read_text(path)), Path(path).parent)
+        recipe = recipe_in(written | {"name": Path(path).stem}, model_named)
+        recipe.planner.made()  # now, not after the training
+        return recipe
+    except (ValidationError, S2C2AError) as error:
+        raise StrategyError(f"{path} holds no recipe: {error}") from error
+
+
+def recipe_in(table: dict[str, Any], model: Callable[[str], type[ForwardOptions]]) -> Recipe:
+    """The recipe that a table says, whose forward model's options are found by name.
+
+    Raises:
+        S2C2AError: it says none.
+        ValidationError: the same.
+    """
+    c2s = table.get("c2s")
+    if not isinstance(c2s, dict) or not isinstance(c2s.get("model"), str):
+        raise StrategyError(
+            "[c2s] names no forward model, as in files of version 0.1; write based_on = 'best' and what differs, "
+            f"or a line such as model = 'chain': one of {', '.join(MODELS)}, or your own as module:Name or file.py:Name"
+        )
+    options = TypeAdapter(model(c2s["model"])).validate_python(c2s)
+    return TypeAdapter(Recipe).validate_python(table | {"c2s": options})
+
+
+def _in_full(written: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """With all of the recipe that it is based on, and files of code beside it found from anywhere."""
+    if isinstance(planner := written.get("planner"), dict):
+        parts = {key: _beside(planner[key], folder) for key in ("solver", "terms", "guides") if key in planner}
+        written = written | {"planner": planner | parts}
+    if isinstance(c2s := written.get("c2s"), dict):
+        written = written | {"c2s": _beside(c2s, folder, "model")}
+    if "based_on" not in written:
+        return written
+    base = asdict(recipe_named(str(written["based_on"])))
+    return _merged(base, {key: value for key, value in written.items() if key != "based_on"})
+
+
+def _beside(part: Any, folder: Path, key: str = "name") -> Any:
+    """A part, or several, as tables, with the name of a file in the folder in full."""
+    if isinstance(part, list):
+        return [_beside(one, folder) for one in part]
+    table = {key: part} if isinstance(part, str) else part
+    if not isinstance(table, dict):
+        return part
+    where, _, what = str(table.get(key)).rpartition(":")
+    file = folder / where
+    return table | {key: f"{file.resolve()}:{what}"} if file.is_file() else table
+
+
+def _merged(base: Any, own: Any) -> Any:
+    """Tables key by key, unless they are of other forms; lists of parts by their names; else what is own."""
+    if (parts := _by_name(base)) and (own_parts := _by_name(own)):
+        return list(_merged(parts, own_parts).values())
+    tables = isinstance(base, dict) and isinstance(own, dict)
+    if not tables or any(base.get(tag) != own[tag] for tag in TAGS & own.keys()):
+        return own
+    return base | {key: _merged(base.get(key), value) for key, value in own.items()}
+
+
+def _by_name(values: Any) -> dict[str, Any]:
+    """Parts of a list by their names; nothing of what is no list of parts."""
+    parts = isinstance(values, list | tuple) and all(isinstance(one, dict) and "name" in one for one in values)
+    return {part["name"]: part for part in values} if parts else {}
+
+
+def save_recipe(recipe: Recipe, path: str | os.PathLike) -> Path:
+    """Write a recipe; replaces what is there."""
+    written = {name: value for name, value in asdict(recipe).items() if name != "name"}
+    return save_whole(tomli_w.dumps(written), path)

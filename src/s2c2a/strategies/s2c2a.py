@@ -1,21 +1,27 @@
-"""The strategy of the paper: C2S in the planner, C2A as the controller."""
+"""The strategy of the paper: C2S in the planner, C2A as the controller.
+
+Trained networks come with the package for both presets, recipe `best`, seed 0; docs/live.md says how to make them. A
+file holds what was learned; how plans are made with it is the recipe's as it is today.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import resources
 
 import jax
 import numpy as np
 
+from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.planning import BatchPlanner, Planner, PlannerOptions
-from s2c2a.planning.situation import Guard
-from s2c2a.strategies.recipe import Recipe
+from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
+from s2c2a.strategies.recipe import Recipe, recipe_named
 from s2c2a.strategies.strategy import Strategy
-from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.strategies.trained import TrainedNetworks, arm_of_strategy, load_strategy
 from s2c2a.training import TrainingData
 
+FOLDER = resources.files("s2c2a.strategies").joinpath("weights")
 NetworkProgress = Callable[[str, int, int, float], None]
 
 
@@ -73,6 +79,24 @@ def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip",
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
     return BatchPlanner(networks.arm, networks.c2s, _planner_options(networks, guard), **sizes)
+
+
+def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
+    """The networks that the package brings for an arm.
+
+    Raises:
+        StrategyError: it brings none for this arm.
+    """
+    for file in sorted(FOLDER.iterdir(), key=lambda one: one.name):
+        if file.name.endswith(".safetensors"):
+            with resources.as_file(file) as path:
+                if arm_of_strategy(path).same_body(arm):
+                    networks = load_strategy(path)
+                    return replace(networks, arm=arm, recipe=recipe_named(networks.recipe.name))
+    raise StrategyError(
+        f"no trained networks come with the package for '{arm.name}'; collect data with `s2c2a collect`, train with "
+        "`s2c2a train`, and give the file with --weights"
+    )
 
 
 def planning_as(networks: TrainedNetworks[Recipe], recipe: Recipe) -> TrainedNetworks[Recipe]:

@@ -1,18 +1,27 @@
-"""A strategy: sense, plan, act (Chen et al. 2025, fig. 1C)."""
+"""A strategy: sense, plan, act (Chen et al. 2025, fig. 1C); and those of PCC, the comparisons of the paper.
+
+They have PCC in the planner, inverse PCC behind it, and no feedback.
+"""
 
 import operator
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.control import Controller
-from s2c2a.errors import StrategyError
-from s2c2a.planning import Goal, Plan, Planner
+from s2c2a.control import Controller, InversePCC
+from s2c2a.data import Recording
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.kinematics import PCC, PCCForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.planning import Goal, Plan, Planner, PlannerOptions
 from s2c2a.programs import compiled
 from s2c2a.runtime import Driver
-from s2c2a.sensing import Estimator
-from s2c2a.spaces import Actions, Configurations, Reading, States
+from s2c2a.sensing import EncoderEstimator, Estimator
+from s2c2a.spaces import Actions, Reading
+
+Carried = TypeVar("Carried")
 
 
 class AnyStrategy(Driver, Protocol):
@@ -40,9 +49,9 @@ class Strategy:
         self._estimator, self._planner = estimator, planner
         self._plan: Plan | None = None
         self._sense = compiled(operator.call, estimator)
-        self._start_control = compiled(_start_control, controller)
-        self._act = compiled(_act, controller)
-        self._after = compiled(_after, controller)
+        self._start_control = compiled(type(controller).start, controller)
+        self._act = compiled(type(controller).act, controller)
+        self._after = compiled(type(controller).sent, controller)
         self._warm_up()
 
     def start(self, reading: Reading) -> None:
@@ -68,10 +77,9 @@ class Strategy:
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
-        if self._plan is None:
-            raise StrategyError("this strategy was not started; call start(reading) with the arm at rest first")
+        last = started(self._plan, "call start(reading) with the arm at rest first")
         self._sensed = self._sensed_in(reading)
-        self._plan = self._planner.plan(self._plan, self._sensed, goal)
+        self._plan = self._planner.plan(last, self._sensed, goal)
         action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
         return np.asarray(action, dtype=np.float64)
 
@@ -79,32 +87,18 @@ class Strategy:
         """An action was sent in place of the last one, which a limit did not allow."""
         self._memory = self._after(np.asarray(action, np.float32), self._memory)
 
-    @property
-    def sensed(self) -> Configurations:
-        """The latest sensed configuration, shape (modules, 3)."""
-        return np.asarray(self._sensed)
+    def told(self) -> dict[str, np.ndarray]:
+        """What it sensed, planned and expects, by column of an episode.
 
-    @property
-    def planned(self) -> Configurations:
-        """The latest planned configuration, shape (modules, 3)."""
-        if self._plan is None:
-            raise StrategyError("this strategy was not started; it has planned nothing yet")
-        return np.asarray(self._plan.configurations)
-
-    @property
-    def expected(self) -> States:
-        """The states that the latest plan is expected to lead to, shape (modules, 6), base frame.
+        The latest configurations, sensed and planned, of shape (modules, 3), module frames; the states [m, 1] that the
+        plan is expected to lead to, of shape (modules, 6), base frame.
 
         Raises:
             StrategyError: it was not started.
         """
-        if self._plan is None:
-            raise StrategyError("this strategy was not started; it expects nothing yet")
-        return np.asarray(self._planner.predicted(self._plan), dtype=float)
-
-    def told(self) -> dict[str, np.ndarray]:
-        """What it sensed, planned and expects, by column of an episode."""
-        return {"sensed": self.sensed, "planned": self.planned, "expected": self.expected}
+        plan = started(self._plan, "it has planned nothing yet")
+        expected = np.asarray(self._planner.predicted(plan), dtype=float)
+        return {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations), "expected": expected}
 
     def _sensed_in(self, reading: Reading):
         sensed = self._sense(self._estimator.inputs(reading))
@@ -124,13 +118,45 @@ class Strategy:
         self._plan = None
 
 
-def _start_control(controller: Controller, sensed):
-    return controller.start(sensed)
+def started(carried: Carried | None, otherwise: str) -> Carried:
+    """What a strategy carries from step to step.
+
+    Raises:
+        StrategyError: it was not started.
+    """
+    if carried is None:
+        raise StrategyError(f"this strategy was not started; {otherwise}")
+    return carried
 
 
-def _after(controller: Controller, action, memory):
-    return controller.sent(action, memory)
+def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
+    """PCC with the arm's nominal numbers."""
+    return _pcc("pcc", arm, options, np.ones(arm.module_count))
 
 
-def _act(controller: Controller, wanted, sensed, memory):
-    return controller.act(wanted, sensed, memory)
+def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
+    """PCC with one gain a module, fitted on a recording."""
+    return _pcc("pcc-fitted", recording.arm, options, 1.0 / fitted_gains(recording))
+
+
+def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
+    """True bend over the bend that the cables say, per module, by least squares over all samples.
+
+    Raises:
+        RecordingError: episodes are missing, no true states, or a module that did not move.
+    """
+    recording.check_complete()
+    said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)))
+    states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
+    true = np.asarray(bends_from_configurations(configurations_from_states(states)))
+    everything = (0, 1, 3)
+    together, alone = (true * said).sum(axis=everything), (said**2).sum(axis=everything)
+    if not (np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()):
+        raise RecordingError("gains cannot be fitted: the recording lacks true states, or a module stood still")
+    return together / alone
+
+
+def _pcc(name: str, arm: ArmSpec, options: PlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
+    pcc = PCC.of(arm)
+    planner = Planner(arm, PCCForwardModel.of(arm), options)
+    return Strategy(name, arm, EncoderEstimator(pcc), planner, InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)))

@@ -9,8 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.planning import Goal
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import Goal, reach_gaps
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
 Obstacle = tuple[float, float, float, float]

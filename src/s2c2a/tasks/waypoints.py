@@ -17,8 +17,7 @@ from s2c2a.arm.spec import MOST_MODULES
 from s2c2a.errors import TargetError
 from s2c2a.files import read_text
 from s2c2a.goals import LARGEST
-from s2c2a.planning import Goal
-from s2c2a.planning.reach import reach_gaps
+from s2c2a.planning import Goal, reach_gaps
 from s2c2a.tasks.task import Score, Task
 
 REQUIRED = ("time", "x", "y", "z")

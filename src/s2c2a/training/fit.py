@@ -1,8 +1,12 @@
-"""The training loop: whole epochs inside one compiled call, stopped when validation no longer improves."""
+"""The training loop: whole epochs inside one compiled call, stopped when validation no longer improves.
 
+What of a model is learned and what is fixed is said by type, here and in files.
+"""
+
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -11,13 +15,13 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.errors import TrainingError
-from s2c2a.training.learned import held
-from s2c2a.training.limits import check_limits
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError, TrainingError
 
 MOST = 1_000_000  # epochs, and samples in a batch
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
+Model = TypeVar("Model", bound=eqx.Module, covariant=True)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 Progress = Callable[[int, int, float], None]
 """Told the epoch, the most epochs and the validation loss."""
@@ -54,7 +58,7 @@ class FitOptions:
 
 
 @dataclass(frozen=True)
-class FitResult(Generic[Network]):
+class FitResult(Generic[Model]):
     """A trained network and how it got there.
 
     Attributes:
@@ -62,7 +66,7 @@ class FitResult(Generic[Network]):
         curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
     """
 
-    network: Network
+    network: Model
     curve: Float[np.ndarray, "epochs 3"]
 
 
@@ -100,9 +104,7 @@ def fit(
     """
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
-        raise TrainingError(
-            f"{samples} training samples are fewer than one batch of {options.batch_size}; collect more"
-        )
+        raise TrainingError(f"{samples} training samples, fewer than one batch of {options.batch_size}; collect more")
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     optimiser = optax.adam(_learning_rate(options, samples))
     run = _compiled_epochs(lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k), optimiser, samples, options)
@@ -113,7 +115,9 @@ def fit(
         epochs = min(options.epochs_per_call, options.most_epochs - len(curve))
         state, rows = run(state, training, validation, jax.random.split(call_key, epochs))
         curve.extend(np.asarray(rows))
-        _check_finite(curve)
+        if not np.isfinite(curve[-1]).all():
+            done = f"{len(curve)} epochs"
+            raise TrainingError(f"the loss is not finite after {done}; lower the learning rate, check the data")
         progress(len(curve), options.most_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
@@ -144,9 +148,8 @@ def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
         held_out = loss(weights, validation, None)
         better = held_out < carry.best_loss
         best = jax.tree.map(lambda new, old: jnp.where(better, new, old), weights, carry.best_weights)
-        return _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss)), jnp.stack(
-            [losses.mean(), held_out]
-        )
+        progress = _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss))
+        return progress, jnp.stack([losses.mean(), held_out])
 
     def epochs(carry, training, validation, keys):
         return jax.lax.scan(lambda c, k: epoch(c, k, training, validation), carry, keys)
@@ -161,8 +164,47 @@ def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
     return since_best >= options.patience or len(curve) >= options.most_epochs
 
 
-def _check_finite(curve: list[np.ndarray]) -> None:
-    if not np.isfinite(curve[-1]).all():
-        raise TrainingError(
-            f"the loss is not finite after {len(curve)} epochs; lower the learning rate, check the data"
-        )
+class Fixed(eqx.Module):
+    """A part of a model that training does not move, such as a scaling; files keep it."""
+
+
+class FromArm(Fixed):
+    """A part that follows from the arm alone: no file keeps it, so that none can say of an arm what it is not."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, arm: ArmSpec) -> Self:
+        """The part for an arm."""
+
+
+def held(model: Network) -> Network:
+    """The same model, without gradients of what is fixed."""
+    return jax.tree.map(lambda part: jax.lax.stop_gradient(part) if _is_fixed(part) else part, model, is_leaf=_is_fixed)
+
+
+def _is_fixed(part) -> bool:
+    return isinstance(part, Fixed)
+
+
+MOST_VALUES = 100
+"""Of one option that has several."""
+
+
+def check_limits(options: Any, error: type[S2C2AError] = TrainingError, **limits: tuple[float, float]) -> None:
+    """Refuse options of which a number is out of its limits, or no number.
+
+    Args:
+        options: with an attribute for every limit: a number or a tuple of them.
+        error: what to raise.
+        limits: least and largest value of each.
+
+    Raises:
+        S2C2AError: of the kind that is asked for.
+    """
+    for name, (low, high) in limits.items():
+        value = getattr(options, name)
+        values = value if isinstance(value, tuple) else (value,)
+        if len(values) > MOST_VALUES:
+            raise error(f"{len(values)} values of {name} were asked for; take {MOST_VALUES} at most")
+        if not all(low <= one <= high for one in values):  # NaN is neither
+            raise error(f"{name} = {value} was asked for; take {low:g} to {high:g}")

@@ -1,25 +1,38 @@
-"""A model trained on samples, and how well it does on those that it has not seen."""
+"""What a model learns from, and how well it does, once trained, on samples that it has not seen."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
+from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
-from s2c2a.training.errors import full_ranges, percent_error
-from s2c2a.training.fit import Batch, FitOptions, Loss, Network, Progress, fit
-
-Model = TypeVar("Model", bound=eqx.Module, covariant=True)
+from s2c2a.training.fit import Batch, FitOptions, FitResult, Loss, Model, Network, Progress, fit
 
 
 @dataclass(frozen=True)
-class Trained(Generic[Model]):
-    """A trained model.
+class TrainingData:
+    """Whole episodes of one arm, each begun at rest.
+
+    Attributes:
+        arm: the arm.
+        sensed: configurations as they were sensed.
+        actions: as really sent [m or N].
+        states: true ones of the same moments [m, 1], base frame.
+    """
+
+    arm: ArmSpec
+    sensed: Float[np.ndarray, "episodes samples modules 3"]
+    actions: Float[np.ndarray, "episodes samples modules cables"]
+    states: Float[np.ndarray, "episodes samples modules 6"]
+
+
+@dataclass(frozen=True)
+class Trained(FitResult[Model]):
+    """A trained model, how it got there, and how well it does.
 
     Attributes:
         network: the model.
@@ -27,8 +40,6 @@ class Trained(Generic[Model]):
         percent: mean and standard deviation of the held-out error, in percent of full range.
     """
 
-    network: Model
-    curve: np.ndarray
     percent: tuple[float, float]
 
 
@@ -62,16 +73,22 @@ def train(
     return Trained(result.network, result.curve, percent)
 
 
-def with_noise(batch: Batch, deviation: float, key: PRNGKeyArray | None) -> Batch:
-    """The batch with noise on its past actions; without, when validating.
-
-    A network that sees its own past unspoilt learns to repeat it, and diverges in closed loop (docs/deviations.md).
-    """
-    if key is None:
-        return batch
-    return batch | {"actions": batch["actions"] + deviation * jax.random.normal(key, batch["actions"].shape)}
-
-
 def _batch(samples: Samples) -> Batch:
     """Inputs and targets together, as the training loop takes them."""
     return {name: jnp.asarray(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
+
+
+def percent_error(
+    predicted: Float[np.ndarray, "samples modules outputs"],
+    true: Float[np.ndarray, "samples modules outputs"],
+    ranges: Float[np.ndarray, "modules outputs"],
+) -> tuple[float, float]:
+    """Mean and standard deviation of |error| over samples and outputs, in percent of each output's full range."""
+    percent = 100.0 * np.abs(predicted - true) / ranges
+    return float(percent.mean()), float(percent.std())
+
+
+def full_ranges(values: Float[np.ndarray, "samples modules outputs"]) -> Float[np.ndarray, "modules outputs"]:
+    """Largest less smallest value of every output; one for an output that never changes."""
+    ranges = np.ptp(values, axis=0)
+    return np.where(ranges > 0, ranges, 1.0)

@@ -1,4 +1,4 @@
-"""Estimators: what the arm's configuration is, as far as its sensors can tell."""
+"""Estimators: from readings to rough configurations, as far as sensors can tell. Here NumPy turns into JAX."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -69,11 +69,7 @@ class EncoderEstimator(Estimator):
     """Configurations from the cables' readings through PCC (Chen et al. 2025, eqs. (2) and (3))."""
 
     pcc: PCC
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The cables."""
-        return ("cables",)
+    sensors = ("cables",)
 
     @classmethod
     def of(cls, arm: ArmSpec) -> Self:
@@ -88,10 +84,7 @@ class EncoderEstimator(Estimator):
 class TrueEstimator(Estimator):
     """The true configurations: simulation, or a real arm under motion capture."""
 
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The true configurations."""
-        return ("configurations",)
+    sensors = ("configurations",)
 
     @classmethod
     def of(cls, arm: ArmSpec) -> Self:

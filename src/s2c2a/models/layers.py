@@ -1,0 +1,270 @@
+"""What networks are made of: scaling, rows of LSTMs, and the layer that says only what cables can follow."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.data import Samples, Split
+from s2c2a.training.fit import Fixed, FromArm, check_limits
+
+MOST_UNROLLED = 8  # modules
+
+HEADROOM = 1.25
+"""Normalised actions are in units of the full action times this.
+
+Eq. (10) reaches 0.87 of the full bend in its worst direction, and its tanh reaches one only at infinity; without room
+the network could not say some of the bends that its own data hold.
+"""
+
+
+class Scaling(Fixed):
+    """An affine map that takes `centre - half_range` to -1 and `centre + half_range` to 1, for each feature."""
+
+    centre: Float[Array, " features"]
+    half_range: Float[Array, " features"]
+
+    @classmethod
+    def of(cls, values: Float[np.ndarray, "*batch features"]) -> "Scaling":
+        """The map that just fits the values; a feature that never changes keeps its unit."""
+        flat = values.reshape(-1, values.shape[-1])
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        half = np.where(high > low, (high - low) / 2, 1.0)
+        return cls(jnp.asarray((low + high) / 2, dtype=jnp.float32), jnp.asarray(half, dtype=jnp.float32))
+
+    @classmethod
+    def identity(cls, features: int) -> "Scaling":
+        """The map that changes nothing, to be filled from a file."""
+        return cls(jnp.zeros(features), jnp.ones(features))
+
+    def forward(self, values: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
+        """To [-1, 1]."""
+        return (values - self.centre) / self.half_range
+
+    def back(self, values: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
+        """From [-1, 1]."""
+        return values * self.half_range + self.centre
+
+
+@dataclass(frozen=True)
+class Size:
+    """Layers of a network, and hidden states of each layer and direction (Chen et al. 2025, table II)."""
+
+    layers: int
+    hidden: int
+
+    def __post_init__(self):
+        """Refuse what cannot be built."""
+        check_limits(self, layers=(1, 32), hidden=(1, 4096))
+
+
+class Direction(eqx.Module):
+    """One LSTM layer in one direction; gates in the order input, forget, cell, output."""
+
+    weight_input: Float[Array, "features gates"]
+    weight_hidden: Float[Array, "hidden gates"]
+    bias: Float[Array, " gates"]
+
+    def __init__(self, features: int, hidden: int, key: PRNGKeyArray):
+        keys, gates = jax.random.split(key, 3), 4 * hidden
+        self.weight_input = _drawn(keys[0], hidden, features, gates)
+        self.weight_hidden = _drawn(keys[1], hidden, hidden, gates)
+        self.bias = _drawn(keys[2], hidden, gates)
+
+    def __call__(self, inputs: Float[Array, "*batch modules features"], reverse: bool) -> Array:
+        """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
+        driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
+        if inputs.shape[-2] > MOST_UNROLLED:
+            return self._rolled(driven, reverse)
+        order = range(inputs.shape[-2])
+        outputs = {}
+        cell = hidden = None
+        for module in reversed(order) if reverse else order:
+            gates = driven[..., module, :]
+            if hidden is not None:
+                gates = gates + hidden @ self.weight_hidden
+            hidden, cell = _cell(gates, cell)
+            outputs[module] = hidden
+        return jnp.stack([outputs[module] for module in order], axis=-2)
+
+    def _rolled(self, driven: Float[Array, "*batch modules gates"], reverse: bool) -> Array:
+        """The same for long rows: as one loop they compile, and run, far sooner than one after the other."""
+        rows = jnp.moveaxis(driven, -2, 0)
+        nothing = jnp.zeros((*rows.shape[1:-1], self.weight_hidden.shape[0]))
+
+        def on(carried: tuple[Array, Array], gates: Array) -> tuple[tuple[Array, Array], Array]:
+            hidden, cell = _cell(gates + carried[0] @ self.weight_hidden, carried[1])
+            return (hidden, cell), hidden
+
+        outputs = jax.lax.scan(on, (nothing, nothing), rows, reverse=reverse)[1]
+        return jnp.moveaxis(outputs, 0, -2)
+
+
+def _drawn(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
+    """Random weights, uniform within 1 / sqrt(hidden)."""
+    bound = hidden**-0.5
+    return jax.random.uniform(key, shape, minval=-bound, maxval=bound)
+
+
+def _cell(gates: Float[Array, "*batch gates"], cell: Array | None) -> tuple[Array, Array]:
+    take, keep, candidate, show = jnp.split(gates, 4, axis=-1)
+    kept = 0.0 if cell is None else jax.nn.sigmoid(keep) * cell
+    new_cell = kept + jax.nn.sigmoid(take) * jnp.tanh(candidate)
+    return jax.nn.sigmoid(show) * jnp.tanh(new_cell), new_cell
+
+
+class BiLSTM(eqx.Module):
+    """Layers of forward and backward LSTMs and a linear head at every module (Chen et al. 2025, fig. 5).
+
+    Any number of modules at run time, any leading axes.
+
+    Example:
+        >>> network = BiLSTM(features=3, outputs=6, layers=4, hidden=64, key=jax.random.key(0))
+        >>> network(jnp.zeros((3, 3))).shape
+        (3, 6)
+    """
+
+    layers: list[tuple[Direction, Direction]]
+    weight_head: Float[Array, "both_hidden outputs"]
+    bias_head: Float[Array, " outputs"]
+
+    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray):
+        """Random weights, uniform within 1 / sqrt(hidden).
+
+        Args:
+            features: inputs of each module.
+            outputs: outputs of each module.
+            layers: number of bidirectional layers.
+            hidden: hidden states of each direction.
+            key: for the weights.
+        """
+        head_key, *keys = jax.random.split(key, 2 * layers + 1)
+        widths = [features] + [2 * hidden] * (layers - 1)
+        self.layers = [
+            (Direction(width, hidden, keys[2 * layer]), Direction(width, hidden, keys[2 * layer + 1]))
+            for layer, width in enumerate(widths)
+        ]
+        self.weight_head = _drawn(head_key, 2 * hidden, 2 * hidden, outputs)
+        self.bias_head = jnp.zeros(outputs)
+
+    def __call__(self, inputs: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
+        """Outputs of every module, each with the whole row in view."""
+        values = inputs
+        for up, down in self.layers:
+            values = jnp.concatenate([up(values, reverse=False), down(values, reverse=True)], axis=-1)
+        return values @ self.weight_head + self.bias_head
+
+
+class LSTM(eqx.Module):
+    """Layers of LSTMs from the oldest moment to the latest, and a linear head after the latest.
+
+    Example:
+        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=jax.random.key(0))
+        >>> network(jnp.zeros((5, 9))).shape
+        (6,)
+    """
+
+    layers: list[Direction]
+    weight_head: Float[Array, "hidden outputs"]
+    bias_head: Float[Array, " outputs"]
+
+    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray):
+        """Random weights, uniform within 1 / sqrt(hidden).
+
+        Args:
+            features: inputs of each moment.
+            outputs: outputs after the latest moment.
+            layers: number of layers.
+            hidden: hidden states of each layer.
+            key: for the weights.
+        """
+        head_key, *keys = jax.random.split(key, layers + 1)
+        widths = [features] + [hidden] * (layers - 1)
+        self.layers = [Direction(width, hidden, key) for width, key in zip(widths, keys, strict=True)]
+        self.weight_head = _drawn(head_key, hidden, hidden, outputs)
+        self.bias_head = jnp.zeros(outputs)
+
+    def __call__(self, inputs: Float[Array, "*batch time features"]) -> Float[Array, "*batch outputs"]:
+        """Outputs with the whole past in view."""
+        values = inputs
+        for layer in self.layers:
+            values = layer(values, reverse=False)
+        return values[..., -1, :] @ self.weight_head + self.bias_head
+
+
+class SumAndRange(FromArm):
+    r"""Actions in [-1, 1] that lie on each module's two bend directions.
+
+    For three cables at 120 deg (Chen et al. 2025, eq. (10)):
+    $$ A_i = \tfrac14 \left( 3 \tanh t_i - \textstyle\sum_j \tanh t_j \right) $$
+    For any other layout $v = B^+ t$, $A = B v \tanh(|v|) / |v|$.
+
+    Attributes:
+        matrices: B of every module, shape (modules, cables, 2).
+        pseudo_inverses: of B, shape (modules, 2, cables).
+        neutral: action at rest [m or N], shape (modules, cables).
+        unit: action [m or N] of a normalised 1, shape (modules, 1).
+        low: least action, shape (modules, cables).
+        high: largest action, shape (modules, cables).
+        evenly_three: whether eq. (10) applies.
+    """
+
+    matrices: Float[Array, "modules cables 2"]
+    pseudo_inverses: Float[Array, "modules 2 cables"]
+    neutral: Float[Array, "modules cables"]
+    unit: Float[Array, "modules 1"]
+    low: Float[Array, "modules cables"]
+    high: Float[Array, "modules cables"]
+    evenly_three: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> "SumAndRange":
+        """The layer for an arm."""
+        geometry = ArmGeometry.of(arm)
+        even = arm.cable_count == 3 and bool(np.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
+        maps, scale = (geometry.cable_matrices, geometry.bend_matrices), HEADROOM * geometry.action_scale[:, None]
+        arrays = *maps, geometry.action_neutral, scale, geometry.action_low, geometry.action_high
+        matrices, inverses, neutral, unit, low, high = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
+        return cls(matrices, inverses, neutral, unit, low, high, even)
+
+    def __call__(self, raw: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+        """Normalised actions."""
+        if self.evenly_three:
+            squashed = jnp.tanh(raw)
+            return (3.0 * squashed - jnp.sum(squashed, axis=-1, keepdims=True)) / 4.0
+        wanted = jnp.einsum("mkc,...mc->...mk", self.pseudo_inverses, raw)
+        return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(wanted))
+
+    def normalised(self, actions: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+        """Actions [m or N] to normalised ones."""
+        return (actions - self.neutral) / self.unit
+
+    def actions(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+        """Normalised actions to [m or N]."""
+        return self.neutral + normalised * self.unit
+
+    def limited(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+        """Normalised actions within the arm's limits: what will really be sent."""
+        return self.normalised(jnp.clip(self.actions(normalised), self.low, self.high))
+
+    def scaled(self, split: Split, ages: int) -> Split:
+        """Samples with all actions normalised, those taken and past ones, which grow older along the axis `ages`."""
+
+        def normalised(samples: Samples) -> Samples:
+            past = self.normalised(jnp.moveaxis(jnp.asarray(samples.inputs["actions"]), ages, 0))
+            inputs = samples.inputs | {"actions": np.asarray(jnp.moveaxis(past, 0, ages))}
+            return Samples(inputs, np.asarray(self.normalised(jnp.asarray(samples.targets))))
+
+        return Split(*(normalised(part) for part in (split.training, split.validation, split.test)))
+
+
+def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
+    """V tanh(|v|) / |v|, exact at zero."""
+    squared = jnp.sum(vectors**2, axis=-1, keepdims=True)
+    small = squared < 1e-6
+    length = jnp.sqrt(jnp.where(small, 1.0, squared))
+    return vectors * jnp.where(small, 1.0 - squared / 3.0, jnp.tanh(length) / length)
