@@ -74,6 +74,6 @@ def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_and_never_jum
     else:
         release = stages.index(Stage.RELEASE)
         assert BEGIN + 10 <= release <= BEGIN + 20
-        assert stages[release - 10 : release] == [Stage.HOLD] * 10
+        assert stages[BEGIN:release].count(Stage.HOLD) >= 10  # 1 s, whatever sound ones came between
         assert stages[-1] is Stage.FAULT
         np.testing.assert_allclose(commands[-1], limits.rest, atol=1e-9)
