@@ -145,8 +145,7 @@ def controller(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs import checked_seeds
     from s2c2a.strategies import recipe_from
-    from s2c2a.studies.circle import ARMS
-    from s2c2a.studies.controller_tracking import tracking_table
+    from s2c2a.studies.circle import ARMS, tracking_table
 
     numbers, names = checked_seeds(0, seeds), (arm,) if arm else ARMS
     options = {"seeds": seeds, "recipe": recipe, "arms": names}

@@ -86,7 +86,7 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
 
 def _traces_of(episodes, file: Path) -> "list[Trace]":
     """What is drawn of a file's runs, each with a name that tells it from those of other folders."""
-    from s2c2a.viz.drawn_episode import trace_of
+    from s2c2a.viz import trace_of
 
     said = [[one.options.get(name) for name in ("strategy", "task", "seed")] for one in episodes]
     labels = [" ".join(str(word) for word in words if word is not None) for words in said]

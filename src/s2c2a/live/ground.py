@@ -9,7 +9,7 @@ from viser import SceneApi
 from s2c2a.arm import ArmSpec
 from s2c2a.viz.colours import GRID, GRID_STRONG, INK, rgb
 from s2c2a.viz.mesh import threads, tube_faces
-from s2c2a.viz.surroundings import Surroundings
+from s2c2a.viz.mounting import Surroundings
 
 LINE = 0.0012  # half the width of a grid's line in parts of the arm's length
 SUN = (1.0, -1.4, 2.0)

@@ -1,4 +1,7 @@
-"""Calibrating the twin: what the paper says of its arm, and arms that behave like that (docs/protocol.md)."""
+"""What the paper says of its arm, and arms that behave like that (docs/protocol.md; Chen et al. 2025, sec. II-D).
+
+How wrong sensors are and how far an arm reaches, as rows; and the search for a twin that is like the paper's.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,10 +17,12 @@ from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.jobs import Cache, RecordingArtifact, made
+from s2c2a.evaluation.report import Row
+from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
-from s2c2a.strategies import pcc_strategy, recipe_named, train_s2c2a
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
 from s2c2a.tasks import task_named
 
 
@@ -46,6 +51,8 @@ PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
 LARGEST = {"I": 8.8, "II": 19.6, "III": 36.3}
 """Largest estimation errors of the paper [deg]: reported, not tuned."""
+EXTENTS = {"staged": tuple(claim.paper for claim in WORKSPACE), "motor": (0.87, 0.87, 0.34)}
+"""Babbling -> extent of the tip's workspace that the paper prints [m]."""
 
 
 def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict[str, float]:
@@ -70,7 +77,7 @@ def mean_measured(arm: ArmSpec, seeds: Sequence[int], with_network: bool) -> dic
 
 def _of_recording(recording: Recording) -> dict[str, float]:
     angles = estimation_errors_deg(recording)
-    extents = np.ptp(recording.sensor("states")[..., -1, :3].reshape(-1, 3), axis=0)
+    extents = workspace_of(recording)
     values = {claim.quantity: float(mean) for claim, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
     values |= {claim.quantity: float(extent) for claim, extent in zip(WORKSPACE, extents, strict=True)}
     return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
@@ -80,6 +87,11 @@ def estimation_errors_deg(recording: Recording) -> np.ndarray:
     """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
     sensed = estimator_for(recording.arm).sensed(recording.readings())
     return angles_deg(recording.sensor("configurations"), sensed)
+
+
+def workspace_of(recording: Recording) -> np.ndarray:
+    """Extent of the tip's places along x, y and z [m]."""
+    return np.ptp(recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0)
 
 
 def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:
@@ -143,3 +155,32 @@ def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
 
 def _digits(value: float) -> float:
     return float(f"{value:.3g}")
+
+
+def sensing_rows(
+    experiment: str, arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe
+) -> tuple[list[Row], Recording]:
+    """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
+    heading, rows = Heading(experiment, arm, recipe.name, tuple(seeds)), []
+    options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
+    every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
+    for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
+        reached = np.transpose([workspace_of(recording) for recording in recordings])
+        for axis, extent, values in zip("xyz", extents, reached.tolist(), strict=True):
+            what = f"workspace {axis}"
+            rows.append(heading.row("data", f"{babbling} babbling", what, "m", values, paper_mean=extent))
+        if babbling == "staged":
+            rows += _estimation_rows(heading, recordings)
+    return rows, every[0][0]
+
+
+def _estimation_rows(heading: Heading, recordings: Sequence[Recording]) -> list[Row]:
+    angles = [estimation_errors_deg(recording) for recording in recordings]
+    rows = []
+    for module, (claim, (name, largest)) in enumerate(zip(ESTIMATION, LARGEST.items(), strict=True)):
+        means = [float(angle[..., module].mean()) for angle in angles]
+        tops = [float(angle[..., module].max()) for angle in angles]
+        for metric, values, printed in (("mean", means, claim.paper), ("largest", tops, largest)):
+            what = f"estimation error {name}, {metric}"
+            rows.append(heading.row("data", "sensors", what, "deg", values, paper_mean=printed))
+    return rows

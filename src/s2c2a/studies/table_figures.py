@@ -11,9 +11,8 @@ from s2c2a.jobs import Run
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.sensing import estimator_for
-from s2c2a.studies.obstacle_figures import interaction_figure, obstacles_figure
-from s2c2a.studies.space_figures import plan_view_figure, poses_figure
-from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, orientation_figure
+from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
+from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
 from s2c2a.viz import Trace, recording_figure
 
 Drawn = Sequence[tuple[str, list[Run]]]

@@ -6,27 +6,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.evaluation.report import Row
-from s2c2a.jobs import (
-    SIMULATED_FAST,
-    Conditions,
-    Job,
-    Make,
-    NetworksArtifact,
-    Run,
-    in_groups,
-    jobs_for,
-    score_rows,
-    tick_rows,
-    training_rows,
-)
+from s2c2a.jobs import Conditions, Make, Run
 from s2c2a.robots import Body
+from s2c2a.sensing import PAPER_COUPLING
 from s2c2a.strategies import Recipe
 from s2c2a.studies import table_figures
-from s2c2a.studies.sensing_quality import sensing_rows
-from s2c2a.studies.variants import actuation_coupled, sensing_coupled
+from s2c2a.studies.calibration import sensing_rows
 from s2c2a.tasks.registry import TILTS
 
 PAYLOAD = 0.05  # kg
@@ -36,7 +25,6 @@ HOLDING = ("hold-base", "hold-middle", "hold-end")
 AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
 
-MakeArm = Callable[[], ArmSpec]
 More = Callable[[Make, Sequence[int], Recipe, Path], tuple[list[Row], list[Path]]]
 
 
@@ -52,23 +40,23 @@ class Block:
         said: what is special about them, for the rows.
     """
 
-    arm: MakeArm
+    arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     strategies: tuple[str, ...] = ("s2c2a",)
-    conditions: Conditions = SIMULATED_FAST
+    conditions: Conditions = jobs.SIMULATED_FAST
     said: str = ""
 
-    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[Job]:
+    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[jobs.Job]:
         """What is to be run."""
-        return jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
+        return jobs.jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
 
     def rows(self, table: str, runs: Sequence[Run]) -> list[Row]:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.said}" if self.said else table
-        own = score_rows(experiment, runs)
+        own = jobs.score_rows(experiment, runs)
         if "payload" in dict(self.conditions.body.options):  # the paper loads its arm with nothing
             own = [replace(row, paper_mean=None, paper_std=None) for row in own]
-        return own + mean_rows(own) + tick_rows(experiment, runs)
+        return own + mean_rows(own) + jobs.tick_rows(experiment, runs)
 
 
 @dataclass(frozen=True)
@@ -86,9 +74,34 @@ class Table:
     more: More = lambda make, seeds, recipe, folder: ([], [])
 
 
+def sensing_coupled(arm: ArmSpec) -> ArmSpec:
+    """Sensors that pass through the whole arm (Chen et al. 2025, eq. (11)).
+
+    Raises:
+        ArmError: not an arm of three modules.
+    """
+    if arm.module_count != len(PAPER_COUPLING):
+        raise ArmError(f"the paper's sensing coupling is for three modules; '{arm.name}' has {arm.module_count}")
+    coupled = {"name": f"{arm.name}_sensing_coupled", "sensing_coupling": PAPER_COUPLING}
+    return ArmSpec.model_validate(arm.model_dump() | coupled)
+
+
+def actuation_coupled(arm: ArmSpec) -> ArmSpec:
+    """Cables that pass through all modules below their own (Chen et al. 2025, fig. 9C).
+
+    Tensions are halved: those of all modules add up at the base, which would otherwise bend three times as far.
+    """
+    described = arm.model_dump() | {"name": f"{arm.name}_actuation_coupled", "coupled_cables": True}
+    for module in described["modules"]:
+        for tension in ("pretension", "tension_range"):
+            if module.get(tension):
+                module[tension] = module[tension] / 2
+    return ArmSpec.model_validate(described)
+
+
 def _network_errors(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
-    every = [[NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
-    return [row for trained in in_groups(make, every) for row in training_rows("networks", trained)], []
+    every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
+    return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
 
 
 def _workspace(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
@@ -151,7 +164,7 @@ def make_table(
     if name not in TABLES:
         raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
     table = TABLES[name]
-    every = in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
+    every = jobs.in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
     rows = [row for block, runs in zip(table.blocks, every, strict=True) for row in block.rows(name, runs)]
     folder.mkdir(parents=True, exist_ok=True)
     figures = table.draw([(block.said, runs) for block, runs in zip(table.blocks, every, strict=True)], folder)

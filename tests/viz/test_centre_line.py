@@ -1,7 +1,6 @@
 import numpy as np
 
 from s2c2a.viz import centre_line
-from s2c2a.viz.shape import arc_lengths
 
 LENGTHS = np.full(3, 0.2)
 
@@ -35,10 +34,3 @@ def test_a_quarter_circle_is_drawn_within_a_hundredth_of_its_length():
     line = centre_line(np.array([[radius, 0, radius, 1, 0, 0]]), np.array([0.2]), points_per_module=50)
     distance = np.linalg.norm(line - [radius, 0, 0], axis=-1)
     assert np.abs(distance - radius).max() < 0.011 * 0.2
-
-
-def test_arcs_are_as_long_as_the_modules_of_an_arm_that_bends_evenly_or_not_at_all(make_trace):
-    np.testing.assert_allclose(arc_lengths(make_trace().states), LENGTHS, rtol=1e-3)
-    np.testing.assert_allclose(arc_lengths(make_trace(bend=1.5).states), LENGTHS, rtol=1e-3)
-    straight = np.array([[[0, 0, z, 0, 0, 1] for z in (0.2, 0.4, 0.6)]], dtype=float)
-    np.testing.assert_allclose(arc_lengths(straight), LENGTHS)
