@@ -25,7 +25,7 @@ from s2c2a.studies.time_figures import (
     orientation_figure,
 )
 from s2c2a.viz import Trace
-from s2c2a.viz.charts import legend_above, new_axes, new_figure
+from s2c2a.viz.charts import legend, new_axes, new_figure
 
 TIMES = np.arange(50) / 10
 
@@ -193,7 +193,7 @@ def test_a_legend_of_many_names_stays_within_its_figure(width):
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "", "")
     for number in range(9):
         axes.plot([0, 1], label=f"strategy {number}   {number}.00 ± 0.00 cm")
-    legend_above(figure)
+    legend(figure)
     figure.draw_without_rendering()
     box = figure.legends[0].get_window_extent()
     assert box.x0 >= 0

@@ -59,7 +59,7 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
     """Quantities of the claims above, and the largest estimation errors, from a fresh staged recording."""
     with TemporaryDirectory() as folder:
         recording = made(RecordingArtifact(arm, CollectOptions(seed=seed)), Cache(Path(folder)))
-    values = _of_recording(recording)
+    values = measured(recording)
     if with_pcc:
         values[PCC_CIRCLE.quantity] = _pcc_on_circle(arm, seed)
     if with_network:
@@ -71,13 +71,14 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
 def mean_measured(arm: ArmSpec, seeds: Sequence[int], with_network: bool) -> dict[str, float]:
     """Means over seeds of what `measure` says, as far as claims ask for it."""
     twin = PCC_CIRCLE in claims_for(arm)
-    measured = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
-    return {name: sum(values[name] for values in measured) / len(measured) for name in measured[0]}
+    every = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
+    return {name: sum(values[name] for values in every) / len(every) for name in every[0]}
 
 
-def _of_recording(recording: Recording) -> dict[str, float]:
+def measured(recording: Recording) -> dict[str, float]:
+    """Estimation errors, their largest ones [deg], and the extent of the tip's workspace [m]."""
     angles = estimation_errors_deg(recording)
-    extents = workspace_of(recording)
+    extents = np.ptp(recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0)
     values = {claim.quantity: float(mean) for claim, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
     values |= {claim.quantity: float(extent) for claim, extent in zip(WORKSPACE, extents, strict=True)}
     return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
@@ -87,11 +88,6 @@ def estimation_errors_deg(recording: Recording) -> np.ndarray:
     """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
     sensed = estimator_for(recording.arm).sensed(recording.readings())
     return angles_deg(recording.sensor("configurations"), sensed)
-
-
-def workspace_of(recording: Recording) -> np.ndarray:
-    """Extent of the tip's places along x, y and z [m]."""
-    return np.ptp(recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0)
 
 
 def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:
@@ -165,22 +161,15 @@ def sensing_rows(
     options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
     every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
     for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
-        reached = np.transpose([workspace_of(recording) for recording in recordings])
-        for axis, extent, values in zip("xyz", extents, reached.tolist(), strict=True):
-            what = f"workspace {axis}"
-            rows.append(heading.row("data", f"{babbling} babbling", what, "m", values, paper_mean=extent))
-        if babbling == "staged":
-            rows += _estimation_rows(heading, recordings)
+        values = [measured(recording) for recording in recordings]
+        source = f"{babbling} babbling"
+        printed = [
+            (source, claim.quantity, claim.quantity, "m", wide) for claim, wide in zip(WORKSPACE, extents, strict=True)
+        ]
+        for claim, (name, top) in zip(ESTIMATION, LARGEST.items(), strict=True) if babbling == "staged" else ():
+            printed.append(("sensors", claim.quantity, claim.quantity, "deg", claim.paper))
+            printed.append(("sensors", f"estimation error {name}, largest", f"largest {name}", "deg", top))
+        for strategy, metric, quantity, unit, paper in printed:
+            each = [one[quantity] for one in values]
+            rows.append(heading.row("data", strategy, metric, unit, each, paper_mean=paper))
     return rows, every[0][0]
-
-
-def _estimation_rows(heading: Heading, recordings: Sequence[Recording]) -> list[Row]:
-    angles = [estimation_errors_deg(recording) for recording in recordings]
-    rows = []
-    for module, (claim, (name, largest)) in enumerate(zip(ESTIMATION, LARGEST.items(), strict=True)):
-        means = [float(angle[..., module].mean()) for angle in angles]
-        tops = [float(angle[..., module].max()) for angle in angles]
-        for metric, values, printed in (("mean", means, claim.paper), ("largest", tops, largest)):
-            what = f"estimation error {name}, {metric}"
-            rows.append(heading.row("data", "sensors", what, "deg", values, paper_mean=printed))
-    return rows

@@ -48,7 +48,7 @@ def _panels_figure(
             axes = charts.view_axes(figure, grid[rows * band + row, column], view)
             draw(axes, one, view)
             charts.headline(axes, f"{name}, {charts.NAMES[view]}" if rows > 1 else name)
-    charts.legend_above(figure)
+    charts.legend(figure)
     return charts.save_figure(figure, path)
 
 
@@ -80,10 +80,9 @@ def _draw_end_axes(axes: Axes, trace: Trace) -> None:
     moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
     starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
     low, high = padded_limits(states[:, :2])
-    for number, (start, end) in enumerate(zip(starts, starts + AXIS_SHARE * (high - low) * directions, strict=True)):
-        label = None if number else "end axis"
-        axes.plot(*np.stack([start, end], axis=-1), color=POINTING, linewidth=1.8, zorder=1.9, label=label)
-        axes.plot(*start, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
+    lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
+    axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
+    axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
 
 def poses_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> Path:
@@ -124,7 +123,9 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
     lines = centre_line(trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE)
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
         _draw_pose(axes, line, view, alpha)
-    _mark_held(axes, trace, lengths.sum(), view)
+    held = _held_place(trace.wanted_positions, lengths.sum())
+    if held is not None:
+        charts.draw_ring(axes, held, view, 15, "held end")
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
 
 
@@ -136,13 +137,6 @@ def _draw_pose(axes: Axes, line: Float[np.ndarray, "points 3"], view: View, alph
         axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
         axes.plot(*seen(part[-1], view), "o", color=colour, markersize=4.5, alpha=alpha, markeredgewidth=0)
         axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
-
-
-def _mark_held(axes: Axes, trace: Trace, length: float, view: View) -> None:
-    """A disc where the held end should be, at the last time it is asked for."""
-    held = _held_place(trace.wanted_positions, length)
-    if held is not None:
-        charts.draw_ring(axes, held, view, 15, "held end")
 
 
 def _held_place(wanted: Float[np.ndarray, "time modules 3"], length: float) -> Float[np.ndarray, " 3"] | None:

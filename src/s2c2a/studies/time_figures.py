@@ -1,7 +1,7 @@
 """Figures that answer those of the paper over time (Chen et al. 2025, figures 4, 6, 8 and 14)."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.metrics import tilts_deg
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.viz import charts
-from s2c2a.viz.charts import FRONT, OBSTACLE, legend_above, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.charts import FRONT, OBSTACLE, legend, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colours import WANTED, colours_by_label
-from s2c2a.viz.figures import COORDINATES, draw_coordinate
+from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
 from s2c2a.viz.trace import Trace, check_told_apart, standing
 
@@ -50,7 +51,7 @@ def estimation_figure(
     axes.plot(times, true_deg, color=WANTED, linewidth=1.7, label="true")
     axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=_sensed_label(np.abs(sensed_deg - true_deg)))
     axes.margins(x=0.01)
-    legend_above(figure)
+    legend(figure)
     return save_figure(figure, path)
 
 
@@ -70,10 +71,10 @@ def coordinates_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
         S2C2AError: no trace, one label for several, or the file cannot be written.
     """
     check_told_apart(traces)
-    figure = _stacked(5.8, [f"{name} [m]" for name in COORDINATES])
+    figure = _stacked(5.8, [f"{name} [m]" for name in "xyz"])
     for axis, axes in enumerate(figure.axes):
         draw_coordinate(axes, traces, colours_by_label(trace.label for trace in traces), axis)
-    legend_above(figure)
+    legend(figure)
     return save_figure(figure, path)
 
 
@@ -96,18 +97,17 @@ def orientation_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
     module = traces[0].pointing_module
     wanted = traces[0].wanted_axes[:, module]
     wanted_azimuth = _unwrapped(_azimuth_deg(wanted))
-    _draw_angles(tilts, traces, _tilt_deg(wanted), lambda trace: _tilt_deg(trace.states[:, module, AXIS]))
+    _draw_angles(tilts, traces, tilts_deg(wanted), lambda trace: tilts_deg(trace.states[:, module, AXIS]))
     azimuths.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 3, 4.5, 9, 10]))  # 30, 45 or 90 deg
     _draw_angles(azimuths, traces, wanted_azimuth, _azimuth_like_wanted)
-    legend_above(figure)
+    legend(figure)
     return save_figure(figure, path)
 
 
 def _stacked(height: float, labels: Sequence[str]) -> Figure:
     """A figure of axes below each other, over one time axis."""
     figure = new_figure(7.6, height)
-    grid = figure.add_gridspec(len(labels), 1)
-    charts.new_time_axes(figure, [grid[row, 0] for row in range(len(labels))], labels)
+    charts.new_time_axes(figure, figure.add_gridspec(len(labels), 1), labels)
     return figure
 
 
@@ -124,15 +124,10 @@ def _named_axis_error(trace: Trace) -> str:
     return charts.named(trace.label, np.rad2deg(trace.axis_errors), "°", 1)
 
 
-def _tilt_deg(axes: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, " time"]:
-    return np.rad2deg(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2]))
-
-
 def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, " time"]:
     """Between -180 and 180 deg; NaN where the axis is nearly vertical."""
     azimuth = np.rad2deg(np.arctan2(axes[:, 1], axes[:, 0]))
-    tilt = _tilt_deg(axes)
-    return np.where((tilt > UPRIGHT_DEG) & (tilt < 180 - UPRIGHT_DEG), azimuth, np.nan)
+    return np.where(np.abs(tilts_deg(axes) - 90.0) < 90.0 - UPRIGHT_DEG, azimuth, np.nan)
 
 
 def _azimuth_like_wanted(trace: Trace) -> Float[np.ndarray, " time"]:
@@ -183,11 +178,11 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | os.PathLike) -> P
         charts.draw_run(axes, trace, colours, ABOVE)
     charts.name_ends(views[1])
     figure.align_ylabels([flight, chase])
-    legend_above(figure)
+    legend(figure)
     return save_figure(figure, path)
 
 
-def _draw_flight(axes: Axes, trace: Trace, colours: Mapping[str, str]) -> None:
+def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
     """Distance to the obstacle whose threshold is nearest, and that threshold."""
     distances, thresholds = _nearest_obstacle(trace)
     if not np.isfinite(distances).any():
@@ -216,7 +211,6 @@ def _draw_obstacles_ways(axes: Axes, trace: Trace) -> None:
     charts.draw_obstacles(axes, trace.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
     charts.draw_obstacles(axes, trace.spheres(-1), ABOVE)
     centres = np.where(standing(trace.obstacles)[..., None], trace.obstacles[..., POSITION], np.nan)
-    for number, centre in enumerate(np.moveaxis(centres, 1, 0)):
-        label = None if number else "obstacle"
-        axes.plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label=label)
+    for centre in np.moveaxis(centres, 1, 0):
+        axes.plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
         charts.draw_ends(axes, centre, ABOVE, OBSTACLE, order=3)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from s2c2a.viz.charts import draw_arrow, save_figure
 from s2c2a.viz.colours import FAINT, INK, MUTED, module_colours
 from s2c2a.viz.mounting import Mounting
 
+LONGEST = 104  # letters of a description
 WIDTH, HEADING, MARGIN = 11.0, 1.65, 0.2  # inches
 SIDE_LEFT, TABLE_WIDTH = 0.95, 6.7
 SIDE_HEIGHT, ROW_HEIGHT = 4.2, 0.27
@@ -113,7 +115,7 @@ def _write_heading(figure: Figure, arm: ArmSpec) -> None:
     """Name, what it is for, and the numbers of the whole arm."""
     lines = [
         (arm.name, 15, "bold", INK),
-        (_shortened(arm.description), 9.5, "normal", INK),
+        (shorten(arm.description, LONGEST, placeholder="…"), 9.5, "normal", INK),
         (_facts(arm), 9, "normal", MUTED),
     ]
     for row, (text, size, weight, colour) in enumerate(line for line in lines if line[0]):
@@ -127,11 +129,6 @@ def _facts(arm: ArmSpec) -> str:
     modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
     size = f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  {mass:.4g} kg"
     return f"{size}  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
-
-
-def _shortened(text: str, most: int = 104) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def _draw_table(axes: Axes, arm: ArmSpec, kinds: list[Kind], view: SideView, left: float, size: tuple[float, float]):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
+from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle
 
@@ -29,6 +29,9 @@ OBSTACLE, NOT_COUNTED = "#6b6f86", "#e6eaf0"
 STANDING = 1e-6  # m; a target that moves less stands still
 LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
 HANDLE_WIDTH, LETTER_WIDTH = 0.6, 0.066  # inches, in a legend
+
+Colours = Mapping[str, str]
+"""Label of a trace -> its colour."""
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -50,11 +53,11 @@ def new_axes(figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **o
     return axes
 
 
-def new_time_axes(figure: Figure, places: Sequence[SubplotSpec], y_labels: Sequence[str]) -> list[Axes]:
-    """Axes over one time axis [s], from top to bottom; only the last ones number it."""
+def new_time_axes(figure: Figure, grid: GridSpec, y_labels: Sequence[str]) -> list[Axes]:
+    """Axes over one time axis [s], from top to bottom in a grid's first column; only the last ones number it."""
     axes: list[Axes] = []
-    for place, label in zip(places, y_labels, strict=True):
-        axes.append(new_axes(figure, place, "", label, sharex=axes[0] if axes else None))
+    for row, label in enumerate(y_labels):
+        axes.append(new_axes(figure, grid[row, 0], "", label, sharex=axes[0] if axes else None))
     for one in axes[:-1]:
         one.tick_params(labelbottom=False)
     axes[-1].set_xlabel("time [s]", color=INK, fontsize=9)
@@ -98,18 +101,17 @@ def headline(axes: Axes, text: str) -> None:
     axes.set_title(text, loc="left", fontsize=9.5, fontweight="bold", color=INK, parse_math=False)
 
 
-def legend(owner: Axes | Figure, axes: Axes, **options) -> None:
-    """A legend without a frame that names what is drawn in `axes`, if anything has a name."""
-    _write_legend(owner, *axes.get_legend_handles_labels(), **options)
-
-
-def legend_above(figure: Figure) -> None:
-    """One legend above all panels, in as many columns as fit; what several panels name comes once."""
+def legend(figure: Figure, **options) -> None:
+    """One legend above all panels, without a frame; what several panels name comes once."""
     pairs = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     handles = {label: handle for handle, label in reversed(pairs)}
     labels = list(dict.fromkeys(label for _, label in pairs))
-    columns = _columns_that_fit(labels, figure.get_figwidth())
-    _write_legend(figure, [handles[label] for label in labels], labels, loc="outside upper right", ncols=columns)
+    if labels:
+        look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK, "loc": "outside upper right", **options}
+        columns = _columns_that_fit(labels, figure.get_figwidth())
+        shown = figure.legend([handles[label] for label in labels], labels, ncols=columns, **look)
+        for text in shown.get_texts():
+            text.set_parse_math(False)
 
 
 def _columns_that_fit(labels: list[str], width: float) -> int:
@@ -119,13 +121,6 @@ def _columns_that_fit(labels: list[str], width: float) -> int:
         if sum(HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column)) for column in columns) < width:
             return count
     return 1
-
-
-def _write_legend(owner: Axes | Figure, handles: list, labels: list[str], **options) -> None:
-    if handles:
-        shown = owner.legend(handles, labels, frameon=False, fontsize=8.5, labelcolor=INK, **options)
-        for text in shown.get_texts():
-            text.set_parse_math(False)
 
 
 def seen(points: Float[np.ndarray, "*batch features"], view: View) -> tuple[Any, Any]:
@@ -155,7 +150,7 @@ def draw_ends(axes: Axes, path: Float[np.ndarray, "time 3"], view: View, colour:
         axes.plot(*seen(place, view), "o", markersize=5.5, color=colour, markerfacecolor=fill, zorder=order + 1)
 
 
-def draw_run(axes: Axes, trace: Trace, colours: Mapping[str, str], view: View, order: float = FRONT) -> None:
+def draw_run(axes: Axes, trace: Trace, colours: Colours, view: View, order: float = FRONT) -> None:
     """Path of the followed end, with its start and end."""
     path, colour = trace.followed_path, colours[trace.label]
     axes.plot(*seen(path, view), color=colour, linewidth=1.5, zorder=order, label=trace.label)
@@ -166,12 +161,6 @@ def name_ends(axes: Axes) -> None:
     """What the discs of `draw_ends` mean, for the legend."""
     for name, fill in (("start", "white"), ("end", MUTED)):
         axes.plot([], [], "o", markersize=5.5, color=MUTED, markerfacecolor=fill, linestyle="none", label=name)
-
-
-def shade_uncounted(axes: Axes, trace: Trace) -> None:
-    """Shade the steps that do not count in the mean error."""
-    for number, (start, end) in enumerate(trace.uncounted_spans):
-        axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label=None if number else "not counted")
 
 
 def draw_ring(axes: Axes, place: Float[np.ndarray, "3"], view: View, size: float, label: str) -> None:
@@ -191,10 +180,8 @@ def named_error(trace: Trace) -> str:
     return named(trace.label, 100 * trace.counted_errors, " cm", 2)
 
 
-def draw_lines(
-    axes: Axes, traces: Sequence[Trace], colours: Mapping[str, str], shown: Callable, name: Callable
-) -> None:
-    """A line for each trace, the first in front; `shown` says its x and y, `name` its label or None."""
+def draw_lines(axes: Axes, traces: Sequence[Trace], colours: Colours, shown: Callable, name=named_error) -> None:
+    """A line for each trace, the first in front; `shown` says its x and y, `name` its label."""
     for place, trace in enumerate(traces):
         look: dict[str, Any] = {"color": colours[trace.label], "linewidth": 1.4, "zorder": FRONT - place}
         axes.plot(*shown(trace), label=name(trace), **look)
@@ -203,7 +190,7 @@ def draw_lines(
 def draw_over_time(
     axes: Axes,
     traces: Sequence[Trace],
-    colours: Mapping[str, str],
+    colours: Colours,
     wanted: Float[np.ndarray, " time"],
     values: Callable[[Trace], np.ndarray],
     name: Callable[[Trace], str] = named_error,
@@ -215,11 +202,12 @@ def draw_over_time(
     axes.set_ylim(*padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span))
 
 
-def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Mapping[str, str]) -> None:
-    """Distance from what is wanted [cm] over time."""
-    draw_lines(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors), lambda trace: None)
+def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Colours) -> None:
+    """Distance from what is wanted [cm] over time; steps that do not count in its mean are shaded."""
+    draw_lines(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors))
     axes.set_ylim(bottom=0)
-    shade_uncounted(axes, traces[0])
+    for start, end in traces[0].uncounted_spans:
+        axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label="not counted")
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
         say_nothing_here(axes, "no position is asked for")
 

@@ -18,7 +18,6 @@ from s2c2a.viz.colours import INK, MUTED, WANTED, colours_by_label, module_colou
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, View
 from s2c2a.viz.trace import Trace, check_same_arm
 
-COORDINATES = ("x", "y", "z")
 POINTS_SHOWN = 60_000
 COLUMNS = 3  # of what a search tried
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.5, "alpha": 0.75, "markeredgewidth": 0}
@@ -43,30 +42,29 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, t
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colours = colours_by_label(trace.label for trace in traces)
-    labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
-    over_time = charts.new_time_axes(figure, [grid[row, 0] for row in range(4)], labels)
+    labels = [f"{name} [m]" for name in "xyz"] + ["error [cm]"]
+    over_time = charts.new_time_axes(figure, grid, labels)
     view, backward = Mounting.of(arm).flat(ABOVE)
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
         draw_coordinate(axes, traces, colours, axis)
     charts.draw_errors(over_time[3], traces, colours)
-    legend(over_time[3], over_time[3], loc="upper center")
     _draw_from_above(above, traces, colours, view)
     headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
-    legend(figure, above, loc="outside upper right", ncols=min(len(traces) + 2, 5))
+    legend(figure)
     return save_figure(figure, path)
 
 
-def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: Mapping[str, str], axis: int) -> None:
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, axis: int) -> None:
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
     wanted = traces[0].wanted_path[:, axis]
     charts.draw_over_time(axes, traces, colours, wanted, lambda trace: trace.followed_path[:, axis])
 
 
-def _draw_from_above(axes: Axes, traces: Sequence[Trace], colours: Mapping[str, str], view: View) -> None:
+def _draw_from_above(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, view: View) -> None:
     """Paths at equal scale, obstacles as they stand at the start, the base as a cross."""
     charts.draw_wanted(axes, traces[0].wanted_path, view)
-    charts.draw_lines(axes, traces, colours, lambda trace: seen(trace.followed_path, view), charts.named_error)
+    charts.draw_lines(axes, traces, colours, lambda trace: seen(trace.followed_path, view))
     charts.draw_obstacles(axes, traces[0].spheres(0), view)
     axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
     headline(axes, "from above")
@@ -94,7 +92,7 @@ def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpe
     for place, (view, title) in zip((grid[0], grid[1]), titles.items(), strict=True):
         near, backward = Mounting.of(arm).flat(view)
         _draw_cloud(charts.view_axes(figure, place, near, backward), shown, near, title)
-    legend(figure, figure.axes[0], loc="outside upper right", ncols=min(states.shape[1], 8), markerscale=7)
+    legend(figure, markerscale=7)
     return save_figure(figure, path)
 
 
@@ -128,7 +126,7 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | os.Path
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
-    legend(axes, axes, loc="upper right")
+    legend(figure)
     return save_figure(figure, path)
 
 

@@ -7,16 +7,16 @@ microradians, their mean in metres; NaN travels as null.
 import html
 import json
 import os
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, TARGET, module_colours, trace_colours
+from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, TARGET, colours_by_label, module_colours
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
@@ -24,7 +24,6 @@ from s2c2a.viz.trace import Trace, check_same_arm
 SCRIPTS = ("vectors", "run", "camera", "shading", "arm", "surroundings", "scene", "chart", "panel", "player", "main")
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
 PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
-_PLACE = re.compile(r"\{\{(\w+)\}\}")
 
 
 def replay_page(
@@ -50,8 +49,7 @@ def replay_page(
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
     """
     check_same_arm(traces, arm)
-    page = _fill(
-        _part("replay.html"),
+    page = Template(_part("replay.html")).substitute(
         title=html.escape(title),
         style=_part("page/style.css"),
         data=json_for_script(run_data(traces, arm, title, summary or {})),
@@ -65,14 +63,9 @@ def _part(name: str) -> str:
     return resources.files("s2c2a.viz").joinpath(name).read_text(encoding="utf-8")
 
 
-def _fill(template: str, **values: str) -> str:
-    """Put values in their places in one pass, so that a value is never searched for places itself."""
-    return _PLACE.sub(lambda place: values[place[1]], template)
-
-
 def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
     """All that the page shows, as `json_for_script` takes it."""
-    mesh = ArmMesh(arm)
+    mesh, colours = ArmMesh(arm), colours_by_label(trace.label for trace in traces)
     return {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in summary.items()],
@@ -84,10 +77,7 @@ def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping
         },
         "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
         "surroundings": vars(Surroundings.of(arm)),
-        "traces": [
-            _trace_data(trace, colour)
-            for trace, colour in zip(traces, trace_colours([trace.label for trace in traces]), strict=True)
-        ],
+        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
     }
 
 

@@ -71,13 +71,13 @@ class Trace:
 
     def _frozen(self, name: str) -> np.ndarray:
         """An array of its own that nobody can change, kept under its name."""
-        value = getattr(self, name)
-        if name == "counted":
-            array = np.ones(self.times.shape, bool) if value is None else np.array(value)
-            if array.dtype != bool:
-                raise S2C2AError(f"trace '{self.label}': counted holds {array.dtype}, expected truths, one a step")
-        else:
-            array = _numbers(self.label, name, value)
+        value, truths = getattr(self, name), name == "counted"
+        try:
+            array = np.ones(self.times.shape, bool) if value is None else np.array(value, None if truths else float)
+        except (TypeError, ValueError) as error:
+            raise S2C2AError(f"trace '{self.label}': {name} is not an array of numbers: {error}") from error
+        if truths and array.dtype != bool:
+            raise S2C2AError(f"trace '{self.label}': counted holds {array.dtype}, expected truths, one a step")
         array.setflags(write=False)
         object.__setattr__(self, name, array)
         return array
@@ -156,13 +156,6 @@ def _outermost_asked(wanted: np.ndarray) -> int:
 
 def _fits(size: int, expected: int | str) -> bool:
     return isinstance(expected, str) or size == expected
-
-
-def _numbers(label: str, name: str, value) -> np.ndarray:
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise S2C2AError(f"trace '{label}': {name} is not an array of numbers: {error}") from error
 
 
 def trace_of(episode: Episode, label: str | None = None, counted: np.ndarray | None = None) -> Trace:
