@@ -14,7 +14,6 @@ from s2c2a.control import NetworkController
 from s2c2a.evaluation.metrics import angles_deg
 from s2c2a.evaluation.report import Row
 from s2c2a.jobs.run_folder import draw_runs, save_results
-from s2c2a.models import C2A
 from s2c2a.planning import PAPER, Goal
 from s2c2a.programs import compiled
 from s2c2a.robots import Body
@@ -89,13 +88,24 @@ def tracking_row(heading: jobs.Heading, speed: float, errors: Sequence[Float[np.
 def track_circle(
     networks: TrainedNetworks, speed: float, seed: int, steps: int = STEPS
 ) -> Float[np.ndarray, "steps modules"]:
-    """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A do it again.
+    """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
         Angles between wanted and sensed configurations [deg].
     """
-    wanted = recorded_reference(networks.arm, speed, seed, steps)
-    return drive(networks.arm, networks.c2a, wanted, seed)
+    arm, controller = networks.arm, NetworkController(networks.c2a)
+    sense, act = _sense(arm), compiled(NetworkController.act, controller)
+    errors = []
+    wanted = recorded_reference(arm, speed, seed, steps)
+    with SimulatedRobot(arm, seed=seed + 1) as robot:
+        sensed = sense(robot.read())
+        memory = controller.start(jnp.asarray(sensed))
+        for configuration in wanted:
+            action, memory = act(configuration, sensed, memory)
+            robot.step(np.asarray(action, dtype=np.float64))
+            sensed = sense(robot.read())
+            errors.append(angles_deg(sensed, configuration))
+    return np.array(errors)
 
 
 def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Float[np.ndarray, "steps modules 3"]:
@@ -114,29 +124,7 @@ def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Flo
     return np.array(sensed)
 
 
-def drive(
-    arm: ArmSpec, network: C2A, wanted: Float[np.ndarray, "steps modules 3"], seed: int
-) -> Float[np.ndarray, "steps modules"]:
-    """Let C2A alone follow wanted configurations from rest; returns the errors [deg] of every step and module."""
-    controller, sense = NetworkController(network), _sense(arm)
-    act = compiled(NetworkController.act, controller)
-    errors = []
-    with SimulatedRobot(arm, seed=seed + 1) as robot:
-        sensed = sense(robot.read())
-        memory = controller.start(jnp.asarray(sensed))
-        for configuration in wanted:
-            action, memory = act(configuration, sensed, memory)
-            robot.step(np.asarray(action, dtype=np.float64))
-            sensed = sense(robot.read())
-            errors.append(angles_deg(sensed, configuration))
-    return np.array(errors)
-
-
 def _sense(arm: ArmSpec) -> Callable[[Reading], np.ndarray]:
     estimator = estimator_for(arm)
     estimate = compiled(operator.call, estimator)
-
-    def sense(reading: Reading) -> Float[np.ndarray, "modules 3"]:
-        return np.asarray(estimate(estimator.inputs(reading)))
-
-    return sense
+    return lambda reading: np.asarray(estimate(estimator.inputs(reading)))

@@ -6,17 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
-import numpy as np
-
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.data import Recording
 from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.evaluation.metrics import tilts_deg
 from s2c2a.evaluation.report import Row
 from s2c2a.jobs import Conditions, Make, Run
 from s2c2a.jobs.run_folder import trace_of
-from s2c2a.kinematics import bends_from_configurations
 from s2c2a.robots import Body
 from s2c2a.sensing import PAPER_COUPLING, estimator_for
 from s2c2a.strategies import Recipe
@@ -152,23 +148,6 @@ def _draw_obstacles(drawn: Drawn, folder: Path) -> list[Path]:
     ]
 
 
-def _draw_workspace(recording: Recording, folder: Path) -> list[Path]:
-    """Workspace of the staged data, and the middle module's bend as sensed and as it was, in one episode."""
-    arm = recording.arm
-    sensed, configurations = estimator_for(arm).sensed(recording.readings())[-1], recording.sensor("configurations")
-    middle = arm.module_count // 2
-    true, said = (_bend_angles_deg(values)[:, middle] for values in (configurations[-1], sensed))
-    states = recording.sensor("states").reshape(-1, arm.module_count, 6)
-    return [
-        recording_figure(states, arm, folder / "figure-03-workspace.png"),
-        estimation_figure(recording.time[-1], true, said, folder / "figure-04-estimation.png"),
-    ]
-
-
-def _bend_angles_deg(configurations: np.ndarray) -> np.ndarray:
-    return np.rad2deg(np.linalg.norm(np.asarray(bends_from_configurations(jnp.asarray(configurations))), axis=-1))
-
-
 def _by_task(runs: Sequence[Run], label: str | None = None) -> dict[str, Trace]:
     """Ours, by task."""
     return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
@@ -185,8 +164,16 @@ def _network_errors(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Pa
 
 
 def _workspace(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+    """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
     rows, recording = sensing_rows("workspace", _TWIN(), seeds, make, recipe)
-    return rows, _draw_workspace(recording, folder)
+    arm, true = recording.arm, recording.sensor("configurations")[-1]
+    sensed = estimator_for(arm).sensed(recording.readings())[-1]
+    bends, said = (tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed))
+    states = recording.sensor("states").reshape(-1, arm.module_count, 6)
+    return rows, [
+        recording_figure(states, arm, folder / "figure-03-workspace.png"),
+        estimation_figure(recording.time[-1], bends, said, folder / "figure-04-estimation.png"),
+    ]
 
 
 _TWIN, _SIMULATED = partial(load_arm, "twin_arm"), partial(load_arm, "simulated_arm")

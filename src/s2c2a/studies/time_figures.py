@@ -170,7 +170,7 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | os.PathLike) -> P
     for axes, words in zip((flight, chase, *views), headlines, strict=True):
         charts.headline(axes, words)
     _draw_flight(flight, flee, colours)
-    charts.draw_errors(chase, [follow], colours)
+    charts.draw_errors(chase, [follow], colours, lambda trace: trace.label)
     chase.margins(x=0.01)
     _draw_obstacles_ways(views[0], flee)
     charts.draw_wanted(views[1], follow.wanted_path, ABOVE)

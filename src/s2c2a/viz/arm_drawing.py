@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
 from textwrap import shorten
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -120,8 +119,7 @@ def _write_heading(figure: Figure, arm: ArmSpec) -> None:
     ]
     for row, (text, size, weight, colour) in enumerate(line for line in lines if line[0]):
         place = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
-        style: dict[str, Any] = {"fontsize": size, "fontweight": weight, "color": colour, "parse_math": False}
-        figure.text(0.4 / WIDTH, place, text, **style)
+        figure.text(0.4 / WIDTH, place, text, fontsize=size, fontweight=weight, color=colour, parse_math=False)
 
 
 def _facts(arm: ArmSpec) -> str:
@@ -145,8 +143,7 @@ def _draw_table(axes: Axes, arm: ArmSpec, kinds: list[Kind], view: SideView, lef
     width, height = size
     headings = {"module": NUMBER, **{name: right for name, (right, _) in QUANTITIES.items()}, "section": SECTION}
     for name, right in headings.items():
-        style: dict[str, Any] = {"ha": "right", "va": "bottom", "color": MUTED, "linespacing": 1.25}
-        axes.text(left + right, height + 0.1, name, fontsize=8, **style)
+        axes.text(left + right, height + 0.1, name, fontsize=8, color=MUTED, ha="right", va="bottom", linespacing=1.25)
     axes.plot([left + LEADER_WIDTH, left + width], [height + 0.04] * 2, color=FAINT, linewidth=1, clip_on=False)
     letters = {number: kind.letter for kind in kinds for number in kind.numbers}
     middles = view.at((module_ends(arm)[:-1] + module_ends(arm)[1:]) / 2)[:, 1]
@@ -189,8 +186,7 @@ def _draw_cable(axes: Axes, number: int, angle_deg: float, colour: str) -> None:
     """A numbered disc on the circle of the cables, its angle outside of the body."""
     x, y = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     axes.plot(x, y, "o", color=colour, markersize=13, markeredgecolor="white", markeredgewidth=1)
-    style: dict[str, Any] = {"fontweight": "bold", "color": "white", "ha": "center", "va": "center_baseline"}
-    axes.text(x, y, str(number), fontsize=7.5, **style)
+    axes.text(x, y, str(number), fontsize=7.5, fontweight="bold", color="white", ha="center", va="center_baseline")
     axes.text(1.62 * x, 1.62 * y, f"{angle_deg:g}°", fontsize=8, color=INK, ha="center", va="center")
 
 
@@ -204,11 +200,6 @@ def _write_title(axes: Axes, kind: Kind) -> None:
 
 def _ranges(numbers: tuple[int, ...]) -> str:
     """Numbers as a list of ranges, such as "1–3, 5"; only the first and last ones where that is long."""
-    spans: list[list[int]] = []
-    for number in numbers:
-        if spans and number == spans[-1][1] + 1:
-            spans[-1][1] = number
-        else:
-            spans.append([number, number])
-    words = [str(low) if low == high else f"{low}–{high}" for low, high in spans]
+    spans = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    words = [str(span[0]) if len(span) == 1 else f"{span[0]}–{span[-1]}" for span in spans]
     return ", ".join(words if len(words) < 6 else [*words[:3], "…", words[-1]])

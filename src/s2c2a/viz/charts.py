@@ -202,9 +202,9 @@ def draw_over_time(
     axes.set_ylim(*padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span))
 
 
-def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Colours) -> None:
+def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Colours, name=named_error) -> None:
     """Distance from what is wanted [cm] over time; steps that do not count in its mean are shaded."""
-    draw_lines(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors))
+    draw_lines(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors), name)
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label="not counted")

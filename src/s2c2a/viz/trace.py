@@ -1,7 +1,8 @@
 """A trace: what viz draws of one run, and how it is had from an episode."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,6 +20,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "obstacles": ("time", "obstacles", 4),
     "counted": ("time",),
 }
+_ASKED = ("wanted_positions", "wanted_axes", "obstacles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,13 +176,9 @@ def trace_of(episode: Episode, label: str | None = None, counted: np.ndarray | N
     whole = len(episode.running) and episode.running[-1] + 1 >= len(episode)  # nothing was read after the last action
     states = episode.sensor("states")[episode.running] if whole else episode.after("states")
     times = episode.ran("time") if whole else episode.times()
-    steps, modules = states.shape[:2]
-    nothing = np.full((steps, modules, 3), np.nan)
-    wanted, axes = (
-        nothing if episode.get(name) is None else episode.ran(name) for name in ("wanted_positions", "wanted_axes")
-    )
-    spheres = np.zeros((steps, 0, 4)) if episode.get("obstacles") is None else episode.ran("obstacles")
-    return Trace(label or str(episode.options.get("strategy", "")), times, states, wanted, axes, spheres, counted)
+    nothing = Trace.without_target(label or str(episode.options.get("strategy", "")), times, states)
+    asked: dict[str, Any] = {name: episode.ran(name) for name in _ASKED if episode.get(name) is not None}
+    return replace(nothing, counted=counted, **asked)
 
 
 def check_some(traces: Collection) -> None:
