@@ -16,7 +16,7 @@ from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.files import save_whole
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.viz.saving import save_figure
+from s2c2a.viz.charts import save_figure
 
 SMALL = CollectOptions(episodes=5, samples=12, seed=3)
 KILLED = """

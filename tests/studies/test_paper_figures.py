@@ -7,16 +7,25 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.studies.obstacle_figures import _nearest_obstacle, interaction_figure, obstacles_figure
-from s2c2a.studies.space_figures import _even, _held_place, plan_view_figure, poses_figure
+from s2c2a.kinematics import states_from_bends
+from s2c2a.studies.space_figures import (
+    _even,
+    _held_place,
+    arc_lengths,
+    obstacles_figure,
+    plan_view_figure,
+    poses_figure,
+)
 from s2c2a.studies.time_figures import (
     _azimuth_like_wanted,
+    _nearest_obstacle,
     coordinates_figure,
     estimation_figure,
+    interaction_figure,
     orientation_figure,
 )
 from s2c2a.viz import Trace
-from s2c2a.viz.chart_style import legend_above, new_axes, new_figure
+from s2c2a.viz.charts import legend, new_axes, new_figure
 
 TIMES = np.arange(50) / 10
 
@@ -169,13 +178,22 @@ def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):
     np.testing.assert_allclose([distances, thresholds], np.tile([[0.5], [0.4]], 200))
 
 
+def test_arcs_are_as_long_as_the_modules_of_an_arm_that_bends_evenly_or_not_at_all(make_trace):
+    lengths = np.full(3, 0.2)
+    np.testing.assert_allclose(arc_lengths(make_trace().states), lengths, rtol=1e-3)
+    bent = np.asarray(states_from_bends(np.tile([1.5, 0.0], (4, 3, 1)), lengths), float)
+    np.testing.assert_allclose(arc_lengths(bent), lengths, rtol=1e-3)
+    straight = np.array([[[0, 0, z, 0, 0, 1] for z in (0.2, 0.4, 0.6)]], dtype=float)
+    np.testing.assert_allclose(arc_lengths(straight), lengths)
+
+
 @pytest.mark.parametrize("width", [5.0, 7.6])
 def test_a_legend_of_many_names_stays_within_its_figure(width):
     figure = new_figure(width, 4.0)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "", "")
     for number in range(9):
         axes.plot([0, 1], label=f"strategy {number}   {number}.00 ± 0.00 cm")
-    legend_above(figure)
+    legend(figure)
     figure.draw_without_rendering()
     box = figure.legends[0].get_window_extent()
     assert box.x0 >= 0

@@ -4,7 +4,7 @@ import pytest
 
 from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
 from s2c2a.strategies import TrainedNetworks, save_strategy
-from s2c2a.studies.controller_tracking import track_circle
+from s2c2a.studies.circle import track_circle
 
 
 def errors_on_circle(networks: TrainedNetworks, cache, *strategies: str) -> dict[str, float]:
@@ -63,6 +63,6 @@ def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
 @pytest.mark.parametrize("speed", [0.2, 1.0, 2.0])
 def test_the_controller_tracks_unseen_references_without_diverging(name, speed, trained):
-    errors = track_circle(trained[name], speed, seed=0, steps=400).errors
+    errors = track_circle(trained[name], speed, seed=0, steps=400)
     assert errors.mean() <= 1.5
     assert errors[-100:].mean() <= 1.5 * max(errors[:100].mean(), 0.2)

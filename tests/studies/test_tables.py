@@ -18,10 +18,9 @@ from s2c2a.jobs import STRATEGIES, Run, jobs_for
 from s2c2a.jobs.rows import score_rows, tick_rows
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import recipe_named
-from s2c2a.studies.sensing_quality import estimation_errors_deg, sensing_rows
+from s2c2a.studies.calibration import estimation_errors_deg, sensing_rows
 from s2c2a.studies.table_files import rows_beside, save_table, table_lines
-from s2c2a.studies.tables import TABLES, make_table, mean_rows
-from s2c2a.studies.variants import actuation_coupled, sensing_coupled
+from s2c2a.studies.tables import TABLES, actuation_coupled, make_table, mean_rows, sensing_coupled
 from s2c2a.tasks import TASKS
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")

@@ -3,9 +3,8 @@ import pytest
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.viz import arm_figure
+from s2c2a.viz.arm_drawing import kinds_of_module, spread
 from s2c2a.viz.arm_side import SideView
-from s2c2a.viz.arm_table import spread
-from s2c2a.viz.cross_section import kinds_of_module
 
 
 @pytest.mark.parametrize(("modules", "cables"), [(1, 3), (3, 4), (20, 8)])

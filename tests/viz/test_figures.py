@@ -29,7 +29,7 @@ def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatc
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
     errors = [figure.axes[3] for figure in drawn]
-    assert [axes.get_legend_handles_labels()[1] for axes in errors] == [["not counted"], []]
+    assert [axes.get_legend_handles_labels()[1].count("not counted") for axes in errors] == [1, 0]
     assert errors[0].patches[0].get_extents().width > 0
 
 

@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmSpec, Module
-from s2c2a.viz.mounting import Mounting
-from s2c2a.viz.paths import ABOVE, SIDE
-from s2c2a.viz.surroundings import Surroundings
+from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, Surroundings
 
 MODULE = Module(
     length=0.2, cable_radius=0.027, cable_angles_deg=(0.0, 120.0, 240.0), mass=0.075, bending_stiffness=0.16

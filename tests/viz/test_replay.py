@@ -134,6 +134,7 @@ def test_importing_viz_brings_in_neither_matplotlib_nor_engines():
 
 
 def test_every_public_name_of_viz_can_be_had():
-    assert all(callable(getattr(viz, name)) for name in viz.__all__)
+    names = ("arm_figure", "learning_curves", "recording_figure", "run_figure", "trials_figure")
+    assert all(callable(getattr(viz, name)) for name in names)
     with pytest.raises(AttributeError, match="nothing_like_it"):
         _ = viz.nothing_like_it

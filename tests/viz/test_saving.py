@@ -2,7 +2,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz.saving import save_figure
+from s2c2a.viz.charts import save_figure
 
 
 def test_a_figure_that_fails_to_draw_leaves_nothing_behind(tmp_path):

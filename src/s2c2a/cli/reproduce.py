@@ -137,8 +137,7 @@ def controller(
         folder: where results go.
     """
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.studies.circle import ARMS
-    from s2c2a.studies.controller_tracking import tracking_table
+    from s2c2a.studies.circle import ARMS, tracking_table
 
     names, (numbers, chosen) = (arm,) if arm else ARMS, _given(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "arms": names}

@@ -15,9 +15,14 @@ def position_errors(states: States, wanted: Wanted, module: int = -1) -> PerStep
     return 100.0 * np.linalg.norm(states[:, module, POSITION] - wanted[:, module], axis=-1)
 
 
+def tilts_deg(axes: Float[np.ndarray, "steps 3"]) -> PerStep:
+    """Angle of axes to the vertical [deg]."""
+    return np.rad2deg(np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2]))
+
+
 def tilt_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
     """`tilt` [deg]: error of the end axis' angle to the vertical; the paper's 'orientation error (z)'."""
-    return np.abs(_tilts_deg(states[:, module, AXIS]) - _tilts_deg(wanted[:, module]))
+    return np.abs(tilts_deg(states[:, module, AXIS]) - tilts_deg(wanted[:, module]))
 
 
 def azimuth_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
@@ -85,7 +90,3 @@ def recovery_time(errors: PerStep, inside: Bool[np.ndarray, " steps"], near: flo
     if len(apart) and apart[-1] == len(errors) - entries[-1] - 1:
         return float("inf")
     return period * (apart[-1] + 1 if len(apart) else 0)
-
-
-def _tilts_deg(axes: Float[np.ndarray, "steps 3"]) -> PerStep:
-    return np.rad2deg(np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2]))

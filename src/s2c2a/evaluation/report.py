@@ -86,6 +86,4 @@ def _as_word(value: Any) -> Any:
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | os.PathLike) -> None:
     """Write a table of comma-separated values."""
     with written_whole(path) as part, open(part, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows(rows)
+        csv.writer(file).writerows([header, *rows])

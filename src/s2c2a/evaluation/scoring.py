@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +11,7 @@ from jaxtyping import Float
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import metrics
+from s2c2a.evaluation.metrics import PerStep
 from s2c2a.spaces import POSITION
 from s2c2a.tasks import Score, Task
 
@@ -19,13 +22,11 @@ REACHED_OTHERWISE = 3.0
 FAR = 0.08  # m beyond its threshold an obstacle is far
 RECOVERED = 3.0  # cm
 
-PerStep = Float[np.ndarray, " steps"]
-
 
 def _mean(values: PerStep) -> float:
     """NaN where no step counts, as on an arm that reaches none of a path."""
     counting = values[~np.isnan(values)]
-    return float(counting.mean()) if len(counting) else float("nan")
+    return counting.mean() if len(counting) else np.nan
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,14 @@ class Outcome:
         task: what was asked.
         times: [s], shape (steps,).
         states: true states, shape (steps, modules, 6), base frame.
-        centre_lines: true centre line between control steps too [m], shape (steps, moments, points, 3), or None where
-            nothing watched it.
+        lines: true centre line between control steps too [m], shape (steps, moments, points, 3), the tip last;
+            where nothing watched it the modules' ends at the steps, as one moment.
     """
 
     task: Task
     times: Float[np.ndarray, " steps"]
     states: Float[np.ndarray, "steps modules 6"]
-    centre_lines: Float[np.ndarray, "steps moments points 3"] | None
+    lines: Float[np.ndarray, "steps moments points 3"]
 
     @classmethod
     def of(cls, episode: Episode, task: Task) -> "Outcome":
@@ -57,8 +58,13 @@ class Outcome:
         states = episode.after("states")
         if len(states) != len(task.goals):
             raise S2C2AError(f"this episode has {len(states)} steps, and '{task.name}' has {len(task.goals)}")
-        lines = episode.after("centre_line") if "centre_line" in episode.sensors else None
+        lines = episode.after("centre_line") if "centre_line" in episode.sensors else states[:, None, :, POSITION]
         return cls(task, episode.times(), states, lines)
+
+    @property
+    def tips(self) -> Float[np.ndarray, "steps 3"]:
+        """Where the tip was after each step [m]."""
+        return self.states[:, -1, POSITION]
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ def _scored(run: Outcome, score: Score, recipe: str) -> Scored:
     values = metric.of(run, score)
     if score.steps is not None and score.metric != "recovery":
         values = np.where(score.steps, values, np.nan)
-    value = metric.summed_up(values)
+    value = float(metric.summed_up(values))
     if score.metric == "reached":
         value = float(value <= REACHED.get(recipe, REACHED_OTHERWISE))
     return Scored(score, metric.unit, values, value, metric.averaged)
@@ -126,24 +132,8 @@ def _of_states(function, wanted: str) -> Callable[[Outcome, Score], PerStep]:
     return lambda run, score: function(run.states, getattr(run.task, wanted)(), score.module)
 
 
-def _tips(run: Outcome) -> np.ndarray:
-    return run.states[:, -1, POSITION]
-
-
-def _clearance(run: Outcome, score: Score) -> PerStep:
-    """Of the tip, between control steps too where the run was watched."""
-    points = _tips(run)[:, None] if run.centre_lines is None else run.centre_lines[:, :, -1]
-    return metrics.clearances(points, run.task.obstacles())
-
-
-def _clearance_at_steps(run: Outcome, score: Score) -> PerStep:
-    return metrics.clearances(_tips(run)[:, None], run.task.obstacles())
-
-
-def _clearance_of_arm(run: Outcome, score: Score) -> PerStep:
-    """Of all module ends where the run was not watched, else of all points of the centre line."""
-    points = run.states[:, :, POSITION] if run.centre_lines is None else run.centre_lines
-    return metrics.clearances(points, run.task.obstacles())
+def _clearance(points: Callable[[Outcome], np.ndarray]) -> Callable[[Outcome, Score], PerStep]:
+    return lambda run, _: metrics.clearances(points(run), run.task.obstacles())
 
 
 def _recovery(run: Outcome, score: Score) -> PerStep:
@@ -160,18 +150,11 @@ def _recovery(run: Outcome, score: Score) -> PerStep:
 
 
 def _last_mean(values: PerStep) -> float:
-    return float(np.mean(values[-LAST_STEPS:]))
-
-
-def _least(values: PerStep) -> float:
-    return float(np.nanmin(values))
-
-
-def _largest(values: PerStep) -> float:
-    return float(np.nanmax(values))
+    return np.mean(values[-LAST_STEPS:])
 
 
 _position = _of_states(metrics.position_errors, "wanted_positions")
+_lowest: dict[str, Any] = {"summed_up": np.nanmin, "averaged": False, "rises": True}
 
 METRICS = {
     "position": Metric("cm", _position),
@@ -181,15 +164,13 @@ METRICS = {
     "orientation": Metric("deg", _of_states(metrics.orientation_errors_deg, "wanted_axes")),
     "end distance": Metric("cm", _position, _last_mean, averaged=False),
     "reached": Metric("of runs", _position, _last_mean, averaged=False, rises=True),
-    "clearance": Metric("cm", _clearance, _least, averaged=False, rises=True),
-    "clearance at steps": Metric("cm", _clearance_at_steps, _least, averaged=False, rises=True),
-    "clearance of the arm": Metric("cm", _clearance_of_arm, _least, averaged=False, rises=True),
-    "path length": Metric(
-        "cm", lambda run, _: metrics.step_lengths(_tips(run)), lambda v: float(np.sum(v)), averaged=False
-    ),
+    "clearance": Metric("cm", _clearance(lambda run: run.lines[:, :, -1]), **_lowest),
+    "clearance at steps": Metric("cm", _clearance(lambda run: run.tips[:, None]), **_lowest),
+    "clearance of the arm": Metric("cm", _clearance(lambda run: run.lines), **_lowest),
+    "path length": Metric("cm", lambda run, _: metrics.step_lengths(run.tips), np.sum, averaged=False),
     "stillness": Metric(
-        "cm", lambda run, _: metrics.stray(_tips(run), run.task.obstacles(), FAR), _largest, averaged=False
+        "cm", lambda run, _: metrics.stray(run.tips, run.task.obstacles(), FAR), np.nanmax, averaged=False
     ),
-    "recovery": Metric("s", _recovery, lambda values: float(values[-1]), averaged=False),
+    "recovery": Metric("s", _recovery, itemgetter(-1), averaged=False),
 }
 """Metrics by name (docs/protocol.md)."""

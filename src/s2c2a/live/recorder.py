@@ -13,8 +13,7 @@ from s2c2a.files import save_whole
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.runtime import episode_of
 from s2c2a.versions import versions
-from s2c2a.viz import replay_page
-from s2c2a.viz.drawn_episode import trace_of
+from s2c2a.viz import replay_page, trace_of
 
 MOST_STEPS = 36_000  # an hour at 10 Hz
 

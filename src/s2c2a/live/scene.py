@@ -18,7 +18,7 @@ from s2c2a.live.snapshot import straight
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, REAL, TARGET, module_colours, rgb
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
-from s2c2a.viz.surroundings import Surroundings
+from s2c2a.viz.mounting import Surroundings
 
 SHADOW, GHOST = "#d9dee6", "#5b6675"
 SAME_PLACE = 0.015  # in parts of the arm's length: a ghost nearer to the arm than that is not shown

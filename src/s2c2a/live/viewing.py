@@ -14,8 +14,7 @@ from s2c2a.live.window import Window, sound_value
 from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
-from s2c2a.viz import Trace
-from s2c2a.viz.drawn_episode import trace_of
+from s2c2a.viz import Trace, trace_of
 
 MOST_POINTS = 1500  # of a recording's cloud, a module
 CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}

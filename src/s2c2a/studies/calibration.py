@@ -1,4 +1,7 @@
-"""Calibrating the twin: what the paper says of its arm, and arms that behave like that (docs/protocol.md)."""
+"""What the paper says of its arm, and arms that behave like that (docs/protocol.md; Chen et al. 2025, sec. II-D).
+
+How wrong sensors are and how far an arm reaches, as rows; and the search for a twin that is like the paper's.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,10 +17,12 @@ from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.jobs import Cache, RecordingArtifact, made
+from s2c2a.evaluation.report import Row
+from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
-from s2c2a.strategies import pcc_strategy, recipe_named, train_s2c2a
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
 from s2c2a.tasks import task_named
 
 
@@ -46,13 +51,15 @@ PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
 LARGEST = {"I": 8.8, "II": 19.6, "III": 36.3}
 """Largest estimation errors of the paper [deg]: reported, not tuned."""
+EXTENTS = {"staged": tuple(claim.paper for claim in WORKSPACE), "motor": (0.87, 0.87, 0.34)}
+"""Babbling -> extent of the tip's workspace that the paper prints [m]."""
 
 
 def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict[str, float]:
     """Quantities of the claims above, and the largest estimation errors, from a fresh staged recording."""
     with TemporaryDirectory() as folder:
         recording = made(RecordingArtifact(arm, CollectOptions(seed=seed)), Cache(Path(folder)))
-    values = _of_recording(recording)
+    values = measured(recording)
     if with_pcc:
         values[PCC_CIRCLE.quantity] = _pcc_on_circle(arm, seed)
     if with_network:
@@ -64,13 +71,14 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
 def mean_measured(arm: ArmSpec, seeds: Sequence[int], with_network: bool) -> dict[str, float]:
     """Means over seeds of what `measure` says, as far as claims ask for it."""
     twin = PCC_CIRCLE in claims_for(arm)
-    measured = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
-    return {name: sum(values[name] for values in measured) / len(measured) for name in measured[0]}
+    every = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
+    return {name: sum(values[name] for values in every) / len(every) for name in every[0]}
 
 
-def _of_recording(recording: Recording) -> dict[str, float]:
+def measured(recording: Recording) -> dict[str, float]:
+    """Estimation errors, their largest ones [deg], and the extent of the tip's workspace [m]."""
     angles = estimation_errors_deg(recording)
-    extents = np.ptp(recording.sensor("states")[..., -1, :3].reshape(-1, 3), axis=0)
+    extents = np.ptp(recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0)
     values = {claim.quantity: float(mean) for claim, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
     values |= {claim.quantity: float(extent) for claim, extent in zip(WORKSPACE, extents, strict=True)}
     return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
@@ -143,3 +151,25 @@ def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
 
 def _digits(value: float) -> float:
     return float(f"{value:.3g}")
+
+
+def sensing_rows(
+    experiment: str, arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe
+) -> tuple[list[Row], Recording]:
+    """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
+    heading, rows = Heading(experiment, arm, recipe.name, tuple(seeds)), []
+    options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
+    every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
+    for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
+        values = [measured(recording) for recording in recordings]
+        source = f"{babbling} babbling"
+        printed = [
+            (source, claim.quantity, claim.quantity, "m", wide) for claim, wide in zip(WORKSPACE, extents, strict=True)
+        ]
+        for claim, (name, top) in zip(ESTIMATION, LARGEST.items(), strict=True) if babbling == "staged" else ():
+            printed.append(("sensors", claim.quantity, claim.quantity, "deg", claim.paper))
+            printed.append(("sensors", f"estimation error {name}, largest", f"largest {name}", "deg", top))
+        for strategy, metric, quantity, unit, paper in printed:
+            each = [one[quantity] for one in values]
+            rows.append(heading.row("data", strategy, metric, unit, each, paper_mean=paper))
+    return rows, every[0][0]

@@ -1,26 +1,55 @@
-"""Figures that answer those of the paper in space (Chen et al. 2025, figures 10 and 11)."""
+"""Figures that answer those of the paper in space: a panel for each task (Chen et al. 2025, figures 10 to 13)."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.studies.panels import panels_figure
-from s2c2a.viz.chart_style import padded_limits, say_nothing_here
+from s2c2a.viz import centre_line, charts
+from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colours import INK, POINTING, WANTED, colours_by_label, module_colours
-from s2c2a.viz.paths import ABOVE, FRONT, SIDE, View, draw_wanted, seen
-from s2c2a.viz.shape import arc_lengths, centre_line
-from s2c2a.viz.trace import Trace
+from s2c2a.viz.mounting import ABOVE, SIDE, View
+from s2c2a.viz.trace import Trace, check_some, check_told_apart
 
+MOST_COLUMNS = 4
 AXES_SHOWN = 16
 AXIS_SHARE = 0.22  # length of an end axis that lies flat, as a share of the path's width
 POSES_SHOWN, POINTS_PER_MODULE = 8, 16
 HELD_WITHIN = 0.1  # of the arm's length; an end that should move further is not held
+
+Drawn = TypeVar("Drawn")
+
+
+def _panels_figure(
+    named: Mapping[str, Drawn],
+    views: Sequence[View],
+    height: float,
+    draw: Callable[[Axes, Drawn, View], None],
+    path: str | os.PathLike,
+) -> Path:
+    """Draw what is named, a column each, all views below each other, each `height` inches high.
+
+    Raises:
+        S2C2AError: nothing is named, or the file cannot be written.
+    """
+    check_some(named)
+    bands = -(-len(named) // MOST_COLUMNS)
+    columns, rows = -(-len(named) // bands), len(views)
+    figure = charts.new_figure(max(3.6 * columns, 5.0), 0.5 + height * rows * bands)
+    grid = figure.add_gridspec(rows * bands, columns)
+    for place, (name, one) in enumerate(named.items()):
+        band, column = divmod(place, columns)
+        for row, view in enumerate(views):
+            axes = charts.view_axes(figure, grid[rows * band + row, column], view)
+            draw(axes, one, view)
+            charts.headline(axes, f"{name}, {charts.NAMES[view]}" if rows > 1 else name)
+    charts.legend(figure)
+    return charts.save_figure(figure, path)
 
 
 def plan_view_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> Path:
@@ -38,11 +67,11 @@ def plan_view_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike)
     colours = colours_by_label(trace.label for trace in named_traces.values())
 
     def draw(axes: Axes, trace: Trace, view: View) -> None:
-        draw_wanted(axes, trace.wanted_path, view)
+        charts.draw_wanted(axes, trace.wanted_path, view)
         axes.plot(*seen(trace.followed_path, view), color=colours[trace.label], linewidth=1.4, label=trace.label)
         _draw_end_axes(axes, trace)
 
-    return panels_figure(named_traces, (ABOVE,), 3.4, draw, path)
+    return _panels_figure(named_traces, (ABOVE,), 3.4, draw, path)
 
 
 def _draw_end_axes(axes: Axes, trace: Trace) -> None:
@@ -51,10 +80,9 @@ def _draw_end_axes(axes: Axes, trace: Trace) -> None:
     moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
     starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
     low, high = padded_limits(states[:, :2])
-    for number, (start, end) in enumerate(zip(starts, starts + AXIS_SHARE * (high - low) * directions, strict=True)):
-        label = None if number else "end axis"
-        axes.plot(*np.stack([start, end], axis=-1), color=POINTING, linewidth=1.8, zorder=1.9, label=label)
-        axes.plot(*start, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
+    lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
+    axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
+    axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
 
 def poses_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> Path:
@@ -72,29 +100,32 @@ def poses_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> 
 
     def draw(axes: Axes, trace: Trace, view: View) -> None:
         _draw_poses(axes, trace, view)
-        axes.update_datalim(_common_corners(named_traces.values(), view))
+        ends = (trace.states[..., POSITION] for trace in named_traces.values())
+        _whole_in_sight(axes, [np.zeros(3), *ends], view)
         axes.plot([], [], linestyle="none", label="(the darker, the later)")
 
-    return panels_figure(named_traces, (SIDE, ABOVE), 3.6, draw, path)
+    return _panels_figure(named_traces, (SIDE, ABOVE), 3.6, draw, path)
 
 
-def _common_corners(traces: Iterable[Trace], view: View) -> Float[np.ndarray, "2 2"]:
-    """Lower left and upper right corner of a box that holds the base and every module end."""
-    ends = np.concatenate([np.zeros((1, 3)), *(trace.states[..., POSITION].reshape(-1, 3) for trace in traces)])
-    return np.array([padded_limits(ends[:, coordinate]) for coordinate in view]).T
+def _whole_in_sight(axes: Axes, points: Iterable[Float[np.ndarray, "*batch 3"]], view: View) -> None:
+    """Show at least a box that holds these points."""
+    every = np.concatenate([one.reshape(-1, 3) for one in points])
+    axes.update_datalim(np.transpose([padded_limits(every[:, coordinate]) for coordinate in view]))
 
 
 def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
     """The arm at moments when all of it was seen."""
     whole = np.isfinite(trace.states).all(axis=(1, 2))
     if not whole.any():
-        say_nothing_here(axes, "the arm was never seen")
+        charts.say_nothing_here(axes, "the arm was never seen")
         return
     lengths = arc_lengths(trace.states[whole])
     lines = centre_line(trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE)
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
         _draw_pose(axes, line, view, alpha)
-    _mark_held(axes, trace, lengths.sum(), view)
+    held = _held_place(trace.wanted_positions, lengths.sum())
+    if held is not None:
+        charts.draw_ring(axes, held, view, 15, "held end")
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
 
 
@@ -106,19 +137,6 @@ def _draw_pose(axes: Axes, line: Float[np.ndarray, "points 3"], view: View, alph
         axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
         axes.plot(*seen(part[-1], view), "o", color=colour, markersize=4.5, alpha=alpha, markeredgewidth=0)
         axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
-
-
-def _mark_held(axes: Axes, trace: Trace, length: float, view: View) -> None:
-    """A disc where the held end should be, at the last time it is asked for."""
-    held = _held_place(trace.wanted_positions, length)
-    if held is not None:
-        style: dict[str, Any] = {
-            "markersize": 15,
-            "markerfacecolor": WANTED + "30",
-            "markeredgecolor": WANTED,
-            "linestyle": "none",
-        }
-        axes.plot(*seen(held, view), "o", zorder=FRONT, label="held end", **style)
 
 
 def _held_place(wanted: Float[np.ndarray, "time modules 3"], length: float) -> Float[np.ndarray, " 3"] | None:
@@ -135,3 +153,61 @@ def _even(there: np.ndarray, count: int) -> np.ndarray:
     """At most `count` of the steps that are there, evenly spread, first and last among them."""
     steps = np.flatnonzero(there)
     return steps[np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))] if len(steps) else steps
+
+
+def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: str | os.PathLike) -> Path:
+    """Draw ways past obstacles to a target, from above and from the side (figures 12 and 13 of the paper).
+
+    A disc round an obstacle is its threshold at the start; all panels show the same part of space.
+
+    Args:
+        named_traces: for each task its run, or several runs to lay over each other, base frame.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Raises:
+        S2C2AError: no trace, one label for several runs of a task, or the file cannot be written.
+    """
+    tasks = {name: [runs] if isinstance(runs, Trace) else list(runs) for name, runs in named_traces.items()}
+    for runs in tasks.values():
+        check_told_apart(runs)
+    every = [trace for runs in tasks.values() for trace in runs]
+    colours = colours_by_label(trace.label for trace in every)
+    spheres = [trace.spheres(0) for trace in every]
+    shown = [one[:, POSITION] + side * one[:, 3:] for one in spheres for side in (-1, 1)]
+    shown += [path for trace in every for path in (trace.followed_path, trace.wanted_path)]
+
+    def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
+        charts.draw_obstacles(axes, runs[0].spheres(0), view)
+        _draw_target(axes, runs[0].wanted_path, view)
+        for place, trace in enumerate(runs):
+            charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)
+        _whole_in_sight(axes, shown, view)
+        if axes is axes.figure.axes[0]:
+            charts.name_ends(axes)
+
+    return _panels_figure(tasks, (ABOVE, SIDE), 2.5, draw, path)
+
+
+def _draw_target(axes: Axes, wanted: Float[np.ndarray, "time 3"], view: View) -> None:
+    """A ring where the target ends, and a thin line of how it goes there."""
+    places = wanted[np.isfinite(wanted).all(axis=-1)]
+    if len(places):
+        axes.plot(*seen(wanted, view), color=WANTED, linewidth=1.2, linestyle=(0, (4, 2)), alpha=0.75, label="wanted")
+        charts.draw_ring(axes, places[-1], view, 12, "target")
+
+
+def arc_lengths(states: Float[np.ndarray, "time modules 6"]) -> Float[np.ndarray, " modules"]:
+    """How long modules must be [m] to end where they do, each taken for an arc; the median over time.
+
+    An arc over the chord d that turns by the angle a between the axes at its ends is d (a/2) / sin(a/2) long: exact for
+    a constant bend, whatever its angle. For drawing runs of which the arm is not known.
+
+    Args:
+        states: end positions [m] and end axes, shape (time, modules, 6), base frame, all finite.
+    """
+    base = np.broadcast_to(np.eye(6)[-1], (len(states), 1, 6))  # in the middle, its axis z
+    starts = np.concatenate([base, states[:, :-1]], axis=1)
+    chords = np.linalg.norm(states[..., POSITION] - starts[..., POSITION], axis=-1)
+    half_chords = np.linalg.norm(states[..., AXIS] - starts[..., AXIS], axis=-1) / 2  # of the unit circle: sin(a/2)
+    halves = np.arcsin(np.clip(half_chords, 0.0, 1.0))
+    return np.median(chords / np.sinc(halves / np.pi), axis=0)

@@ -1,12 +1,13 @@
 """Tables as files: Markdown, comma-separated values, LaTeX."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
 from s2c2a.evaluation.report import Row, load_rows, pair, save_csv, save_rows
 from s2c2a.files import save_whole
 
+_ESCAPED = str.maketrans({"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"})
 HEADER = ("task", "metric", "strategy", "here", "± seeds", "beside", "paper")
 
 
@@ -20,12 +21,8 @@ def save_table(name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Ro
         beside: rows of another recipe, to stand beside.
     """
     save_rows(rows, folder / f"{name}.json")
-    columns = [field.name for field in fields(Row)]
-    save_csv(
-        columns,
-        (["" if value is None else str(value) for value in asdict(row).values()] for row in rows),
-        folder / f"{name}.csv",
-    )
+    cells = (["" if value is None else str(value) for value in asdict(row).values()] for row in rows)
+    save_csv([field.name for field in fields(Row)], cells, folder / f"{name}.csv")
     lines = table_lines(rows, beside)
     save_whole(_latex(lines), folder / f"{name}.tex")
     return save_whole(_markdown(name, rows, lines, beside), folder / f"{name}.md")
@@ -37,11 +34,11 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
     columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
     values = {(row.strategy, row.task, row.metric): row for row in rows}
     header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
-    text = [_bar(header), _bar(["---"] * len(header))]
+    lines = []
     for strategy in dict.fromkeys(row.strategy for row in rows):
         cells = [values[strategy, task, metric] for task, metric, _ in columns]
-        text.append(_bar([strategy, *(pair(row.mean, row.std_seeds) for row in cells)]))
-    return save_whole("\n".join(text) + "\n", folder / f"{name}.md")
+        lines.append([strategy, *(pair(row.mean, row.std_seeds) for row in cells)])
+    return save_whole(_bars(header, lines), folder / f"{name}.md")
 
 
 def rows_beside(folder: Path | None, name: str) -> list[Row]:
@@ -72,30 +69,20 @@ def _markdown(name: str, rows: Sequence[Row], lines: Sequence[tuple[str, ...]], 
     seeds = ", ".join(map(str, sorted({seed for row in rows for seed in row.seeds})))
     recipe = rows[0].recipe if rows else ""
     header = (*HEADER[:3], f"`{recipe}`", HEADER[4], f"`{beside[0].recipe}`" if beside else "", HEADER[6])
-    text = [f"# {name}, recipe `{recipe}`, seeds {seeds}", "", _bar(header), _bar(["---"] * len(header))]
     modes = {row.arm: row for row in rows if row.first_mode_hz is not None}
-    text += [_bar(line) for line in lines]
-    text += [""] + [
-        f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, damping ratio {row.damping_ratio:.2f}."
+    said = (
+        f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, damping ratio {row.damping_ratio:.2f}.\n"
         for arm, row in modes.items()
-    ]
-    return "\n".join(text) + "\n"
+    )
+    return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{_bars(header, lines)}\n{''.join(said)}"
 
 
-def _bar(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+def _bars(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in (header, ["---"] * len(header), *lines))
 
 
 def _latex(lines: Sequence[tuple[str, ...]]) -> str:
-    body = [" & ".join(_escaped(cell) for cell in line) + r" \\" for line in lines]
-    top = [
-        r"\begin{tabular}{lll" + "r" * (len(HEADER) - 3) + "}",
-        " & ".join(HEADER).replace("±", r"$\pm$") + r" \\ \hline",
-    ]
-    return "\n".join([*top, *body, r"\end{tabular}"]) + "\n"
-
-
-def _escaped(cell: str) -> str:
-    for plain, escaped in (("&", r"\&"), ("%", r"\%"), ("#", r"\#"), ("_", r"\_"), ("±", r"$\pm$")):
-        cell = cell.replace(plain, escaped)
-    return cell
+    body = [" & ".join(cell.translate(_ESCAPED) for cell in line) + r" \\" for line in (HEADER, *lines)]
+    top = r"\begin{tabular}{lll" + "r" * (len(HEADER) - 3) + "}"
+    return "\n".join([top, body[0] + r" \hline", *body[1:], r"\end{tabular}"]) + "\n"

@@ -6,28 +6,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.evaluation.metrics import tilts_deg
 from s2c2a.evaluation.report import Row
-from s2c2a.jobs import (
-    SIMULATED_FAST,
-    Conditions,
-    Job,
-    Make,
-    NetworksArtifact,
-    Run,
-    in_groups,
-    jobs_for,
-    score_rows,
-    tick_rows,
-    training_rows,
-)
+from s2c2a.jobs import Conditions, Make, Run
+from s2c2a.jobs.run_folder import trace_of
 from s2c2a.robots import Body
+from s2c2a.sensing import PAPER_COUPLING, estimator_for
 from s2c2a.strategies import Recipe
-from s2c2a.studies import table_figures
-from s2c2a.studies.sensing_quality import sensing_rows
-from s2c2a.studies.variants import actuation_coupled, sensing_coupled
+from s2c2a.studies.calibration import sensing_rows
+from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
+from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
 from s2c2a.tasks.registry import TILTS
+from s2c2a.viz import Trace, recording_figure
 
 PAYLOAD = 0.05  # kg
 SIBLINGS = ("twin_capstan", "twin_creep", "twin_both")
@@ -36,7 +29,8 @@ HOLDING = ("hold-base", "hold-middle", "hold-end")
 AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
 
-MakeArm = Callable[[], ArmSpec]
+Drawn = Sequence[tuple[str, list[Run]]]
+"""What is special about some runs, and these, of the first seed."""
 More = Callable[[Make, Sequence[int], Recipe, Path], tuple[list[Row], list[Path]]]
 
 
@@ -52,23 +46,23 @@ class Block:
         said: what is special about them, for the rows.
     """
 
-    arm: MakeArm
+    arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     strategies: tuple[str, ...] = ("s2c2a",)
-    conditions: Conditions = SIMULATED_FAST
+    conditions: Conditions = jobs.SIMULATED_FAST
     said: str = ""
 
-    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[Job]:
+    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[jobs.Job]:
         """What is to be run."""
-        return jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
+        return jobs.jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
 
     def rows(self, table: str, runs: Sequence[Run]) -> list[Row]:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.said}" if self.said else table
-        own = score_rows(experiment, runs)
+        own = jobs.score_rows(experiment, runs)
         if "payload" in dict(self.conditions.body.options):  # the paper loads its arm with nothing
             own = [replace(row, paper_mean=None, paper_std=None) for row in own]
-        return own + mean_rows(own) + tick_rows(experiment, runs)
+        return own + mean_rows(own) + jobs.tick_rows(experiment, runs)
 
 
 @dataclass(frozen=True)
@@ -82,18 +76,104 @@ class Table:
     """
 
     blocks: tuple[Block, ...] = ()
-    draw: Callable[[table_figures.Drawn, Path], list[Path]] = lambda drawn, folder: []
+    draw: Callable[[Drawn, Path], list[Path]] = lambda drawn, folder: []
     more: More = lambda make, seeds, recipe, folder: ([], [])
 
 
+def sensing_coupled(arm: ArmSpec) -> ArmSpec:
+    """Sensors that pass through the whole arm (Chen et al. 2025, eq. (11)).
+
+    Raises:
+        ArmError: not an arm of three modules.
+    """
+    if arm.module_count != len(PAPER_COUPLING):
+        raise ArmError(f"the paper's sensing coupling is for three modules; '{arm.name}' has {arm.module_count}")
+    coupled = {"name": f"{arm.name}_sensing_coupled", "sensing_coupling": PAPER_COUPLING}
+    return ArmSpec.model_validate(arm.model_dump() | coupled)
+
+
+def actuation_coupled(arm: ArmSpec) -> ArmSpec:
+    """Cables that pass through all modules below their own (Chen et al. 2025, fig. 9C).
+
+    Tensions are halved: those of all modules add up at the base, which would otherwise bend three times as far.
+    """
+    described = arm.model_dump() | {"name": f"{arm.name}_actuation_coupled", "coupled_cables": True}
+    for module in described["modules"]:
+        for tension in ("pretension", "tension_range"):
+            if module.get(tension):
+                module[tension] = module[tension] / 2
+    return ArmSpec.model_validate(described)
+
+
+def _draw_simulation(drawn: Drawn, folder: Path) -> list[Path]:
+    """Coordinates of every strategy, on the plain arm and on its variants."""
+    every = [_named(run) for _, runs in drawn for run in runs]
+    return [coordinates_figure(every, folder / "figure-sim2-coordinates.png")]
+
+
+def _draw_tracking(drawn: Drawn, folder: Path) -> list[Path]:
+    """The circle and the tilt tasks of the first runs."""
+    circle = [trace_of(run) for run in drawn[0][1] if run.task == "circle"]
+    ours = _by_task(drawn[0][1])
+    views = {task: ours[task] for task in ("tilt-50", "tilt-50-a20", "tilt-50-c20")}
+    return [
+        coordinates_figure(circle, folder / "figure-06-coordinates.png"),
+        orientation_figure([ours["tilt-50-a20"]], folder / "figure-08-orientation.png"),
+        plan_view_figure(views, folder / "figure-10-plan-view.png"),
+    ]
+
+
+def _draw_constraint(drawn: Drawn, folder: Path) -> list[Path]:
+    """Shapes of the arm while an end is held."""
+    return [poses_figure(_by_task(drawn[0][1]), folder / "figure-11-poses.png")]
+
+
+def _draw_interaction(drawn: Drawn, folder: Path) -> list[Path]:
+    """An obstacle and a target that move."""
+    both = _by_task(drawn[0][1])
+    return [interaction_figure(both["flee"], both["follow"], folder / "figure-14-interaction.png")]
+
+
+def _draw_obstacles(drawn: Drawn, folder: Path) -> list[Path]:
+    """Ways past obstacles, with either guard."""
+    overlaid: dict[str, list[Trace]] = {}
+    for said, runs in drawn:
+        for task, trace in _by_task(runs, said or "tip guarded").items():
+            overlaid.setdefault(task, []).append(trace)
+    reach = {task: traces for task, traces in overlaid.items() if task.startswith("reach")}
+    risk = {task: traces for task, traces in overlaid.items() if task.startswith("risk")}
+    return [
+        obstacles_figure(reach, folder / "figure-12-obstacles.png"),
+        obstacles_figure(risk, folder / "figure-13-risk.png"),
+    ]
+
+
+def _by_task(runs: Sequence[Run], label: str | None = None) -> dict[str, Trace]:
+    """Ours, by task."""
+    return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
+
+
+def _named(run: Run) -> Trace:
+    variant = run.job.arm.name.removeprefix("simulated_arm").replace("_", " ").strip()
+    return trace_of(run, f"{run.strategy}, {variant}" if variant else run.strategy)
+
+
 def _network_errors(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
-    every = [[NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
-    return [row for trained in in_groups(make, every) for row in training_rows("networks", trained)], []
+    every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
+    return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
 
 
 def _workspace(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+    """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
     rows, recording = sensing_rows("workspace", _TWIN(), seeds, make, recipe)
-    return rows, table_figures.workspace(recording, folder)
+    arm, true = recording.arm, recording.sensor("configurations")[-1]
+    sensed = estimator_for(arm).sensed(recording.readings())[-1]
+    bends, said = (tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed))
+    states = recording.sensor("states").reshape(-1, arm.module_count, 6)
+    return rows, [
+        recording_figure(states, arm, folder / "figure-03-workspace.png"),
+        estimation_figure(recording.time[-1], bends, said, folder / "figure-04-estimation.png"),
+    ]
 
 
 _TWIN, _SIMULATED = partial(load_arm, "twin_arm"), partial(load_arm, "simulated_arm")
@@ -105,7 +185,7 @@ TABLES: dict[str, Table] = {
             Block(lambda: sensing_coupled(_SIMULATED()), ("circle",)),
             Block(lambda: actuation_coupled(_SIMULATED()), ("circle",)),
         ),
-        table_figures.simulation,
+        _draw_simulation,
     ),
     "tracking": Table(
         (
@@ -113,17 +193,17 @@ TABLES: dict[str, Table] = {
             *(Block(partial(load_arm, name), TRACKING, said="other hysteresis") for name in SIBLINGS),
             Block(_TWIN, ("circle",), COMPARED, Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
         ),
-        table_figures.tracking,
+        _draw_tracking,
     ),
-    "constraint": Table((Block(_TWIN, HOLDING, COMPARED),), table_figures.constraint),
+    "constraint": Table((Block(_TWIN, HOLDING, COMPARED),), _draw_constraint),
     "obstacles": Table(
         (
             Block(_TWIN, AVOIDING),
             Block(_TWIN, AVOIDING[1:], conditions=Conditions(guard="arm"), said="whole arm guarded"),
         ),
-        table_figures.obstacles,
+        _draw_obstacles,
     ),
-    "interaction": Table((Block(_TWIN, ("flee", "follow")),), table_figures.interaction),
+    "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
     "networks": Table(more=_network_errors),
     "workspace": Table(more=_workspace),
 }
@@ -151,10 +231,11 @@ def make_table(
     if name not in TABLES:
         raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
     table = TABLES[name]
-    every = in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
+    every = jobs.in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
     rows = [row for block, runs in zip(table.blocks, every, strict=True) for row in block.rows(name, runs)]
     folder.mkdir(parents=True, exist_ok=True)
-    figures = table.draw([(block.said, runs) for block, runs in zip(table.blocks, every, strict=True)], folder)
+    first = [[run for run in runs if run.seed == runs[0].seed] for runs in every]
+    figures = table.draw([(block.said, runs) for block, runs in zip(table.blocks, first, strict=True)], folder)
     more_rows, more_figures = table.more(make, seeds, recipe, folder)
     return rows + more_rows, figures + more_figures
 

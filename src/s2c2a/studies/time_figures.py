@@ -1,37 +1,28 @@
-"""Figures that answer those of the paper over time, and its tables (Chen et al. 2025, figures 4, 6 and 8)."""
+"""Figures that answer those of the paper over time (Chen et al. 2025, figures 4, 6, 8 and 14)."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import MaxNLocator
 
 from s2c2a.errors import S2C2AError
-from s2c2a.spaces import AXIS
-from s2c2a.viz.chart_style import (
-    legend_above,
-    new_axes,
-    new_figure,
-    new_time_axes,
-    padded_limits,
-    say_nothing_here,
-)
-from s2c2a.viz.colours import WANTED, trace_colours
-from s2c2a.viz.figures import COORDINATES, draw_coordinate
-from s2c2a.viz.paths import FRONT, WANTED_LINE
-from s2c2a.viz.saving import save_figure
-from s2c2a.viz.trace import Trace, check_told_apart
+from s2c2a.evaluation.metrics import tilts_deg
+from s2c2a.spaces import AXIS, POSITION
+from s2c2a.viz import charts
+from s2c2a.viz.charts import FRONT, OBSTACLE, legend, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.colours import WANTED, colours_by_label
+from s2c2a.viz.figures import draw_coordinate
+from s2c2a.viz.mounting import ABOVE
+from s2c2a.viz.trace import Trace, check_told_apart, standing
 
 SENSED = "#2b9a4b"
 UPRIGHT_DEG = 3.0  # an axis nearer to the vertical than this has no azimuth worth drawing
 LEAST_SPAN_DEG = 4.0
-BAR_ROOM = 0.8  # of the distance between two labels
 
 
 def estimation_figure(
@@ -60,7 +51,7 @@ def estimation_figure(
     axes.plot(times, true_deg, color=WANTED, linewidth=1.7, label="true")
     axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=_sensed_label(np.abs(sensed_deg - true_deg)))
     axes.margins(x=0.01)
-    legend_above(figure)
+    legend(figure)
     return save_figure(figure, path)
 
 
@@ -80,18 +71,11 @@ def coordinates_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
         S2C2AError: no trace, one label for several, or the file cannot be written.
     """
     check_told_apart(traces)
-    figure = new_figure(7.6, 5.8)
-    colours = trace_colours([trace.label for trace in traces])
-    over_time = new_time_axes(figure, _rows(figure, 3), [f"{name} [m]" for name in COORDINATES])
-    for axis, axes in enumerate(over_time):
-        draw_coordinate(axes, traces, colours, axis)
-    legend_above(figure)
+    figure = _stacked(5.8, [f"{name} [m]" for name in "xyz"])
+    for axis, axes in enumerate(figure.axes):
+        draw_coordinate(axes, traces, colours_by_label(trace.label for trace in traces), axis)
+    legend(figure)
     return save_figure(figure, path)
-
-
-def _rows(figure: Figure, count: int) -> list[SubplotSpec]:
-    grid = figure.add_gridspec(count, 1)
-    return [grid[row, 0] for row in range(count)]
 
 
 def orientation_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path:
@@ -108,46 +92,42 @@ def orientation_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
         S2C2AError: no trace, one label for several, or the file cannot be written.
     """
     check_told_apart(traces)
-    figure = new_figure(7.6, 4.8)
-    tilts, azimuths = new_time_axes(figure, _rows(figure, 2), ["tilt [deg]", "azimuth [deg]"])
+    figure = _stacked(4.8, ["tilt [deg]", "azimuth [deg]"])
+    tilts, azimuths = figure.axes
     module = traces[0].pointing_module
     wanted = traces[0].wanted_axes[:, module]
     wanted_azimuth = _unwrapped(_azimuth_deg(wanted))
-    _draw_angles(tilts, traces, _tilt_deg(wanted), [_tilt_deg(trace.states[:, module, AXIS]) for trace in traces])
+    _draw_angles(tilts, traces, tilts_deg(wanted), lambda trace: tilts_deg(trace.states[:, module, AXIS]))
     azimuths.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 3, 4.5, 9, 10]))  # 30, 45 or 90 deg
-    _draw_angles(azimuths, traces, wanted_azimuth, [_azimuth_like_wanted(trace) for trace in traces])
-    legend_above(figure)
+    _draw_angles(azimuths, traces, wanted_azimuth, _azimuth_like_wanted)
+    legend(figure)
     return save_figure(figure, path)
 
 
-def _draw_angles(axes: Axes, traces: Sequence[Trace], wanted: np.ndarray, angles: Sequence[np.ndarray]) -> None:
+def _stacked(height: float, labels: Sequence[str]) -> Figure:
+    """A figure of axes below each other, over one time axis."""
+    figure = new_figure(7.6, height)
+    charts.new_time_axes(figure, figure.add_gridspec(len(labels), 1), labels)
+    return figure
+
+
+def _draw_angles(axes: Axes, traces: Sequence[Trace], wanted: np.ndarray, angles: Callable) -> None:
     """Angles [deg] over time; the first trace in front."""
-    axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
-    colours = trace_colours([trace.label for trace in traces])
-    for place, (trace, angle, colour) in enumerate(zip(traces, angles, colours, strict=True)):
-        style: dict[str, Any] = {"color": colour, "linewidth": 1.4, "zorder": FRONT - place}
-        axes.plot(trace.times, angle, label=_named_axis_error(trace), **style)
-    every = np.concatenate([wanted, *angles])
-    axes.set_ylim(*padded_limits(every, LEAST_SPAN_DEG))
-    if not np.isfinite(every).any():
-        say_nothing_here(axes, "nothing to see: upright all the time")
+    colours = colours_by_label(trace.label for trace in traces)
+    charts.draw_over_time(axes, traces, colours, wanted, angles, _named_axis_error, LEAST_SPAN_DEG)
+    if not any(np.isfinite(one).any() for one in (wanted, *map(angles, traces))):
+        charts.say_nothing_here(axes, "nothing to see: upright all the time")
 
 
 def _named_axis_error(trace: Trace) -> str:
     """Label with mean and standard deviation of the angle between wanted and true axis."""
-    errors = np.rad2deg(trace.axis_errors[np.isfinite(trace.axis_errors)])
-    return f"{trace.label}   {errors.mean():.1f} ± {errors.std():.1f}°" if errors.size else trace.label
-
-
-def _tilt_deg(axes: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, " time"]:
-    return np.rad2deg(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2]))
+    return charts.named(trace.label, np.rad2deg(trace.axis_errors), "°", 1)
 
 
 def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, " time"]:
     """Between -180 and 180 deg; NaN where the axis is nearly vertical."""
     azimuth = np.rad2deg(np.arctan2(axes[:, 1], axes[:, 0]))
-    tilt = _tilt_deg(axes)
-    return np.where((tilt > UPRIGHT_DEG) & (tilt < 180 - UPRIGHT_DEG), azimuth, np.nan)
+    return np.where(np.abs(tilts_deg(axes) - 90.0) < 90.0 - UPRIGHT_DEG, azimuth, np.nan)
 
 
 def _azimuth_like_wanted(trace: Trace) -> Float[np.ndarray, " time"]:
@@ -167,3 +147,70 @@ def _unwrapped(angles_deg: Float[np.ndarray, " time"]) -> Float[np.ndarray, " ti
     known = np.isfinite(angles_deg)
     unwrapped[known] = np.unwrap(angles_deg[known], period=360.0)
     return unwrapped
+
+
+def interaction_figure(flee: Trace, follow: Trace, path: str | os.PathLike) -> Path:
+    """Draw how the end flees from an obstacle and follows a target that move (figure 14 of the paper).
+
+    Args:
+        flee: a run with an obstacle that moves, base frame.
+        follow: a run with a target that moves, base frame.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Raises:
+        S2C2AError: the file cannot be written.
+    """
+    figure = new_figure(11.0, 6.6)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
+    colours = colours_by_label([flee.label, follow.label])
+    flight = new_axes(figure, grid[0, 0], "time [s]", "distance to the obstacle [cm]")
+    chase = new_axes(figure, grid[1, 0], "time [s]", "distance to the target [cm]")
+    views = [charts.view_axes(figure, grid[row, 1], ABOVE) for row in range(2)]
+    headlines = ("flee", "follow", "flee, from above", "follow, from above")
+    for axes, words in zip((flight, chase, *views), headlines, strict=True):
+        charts.headline(axes, words)
+    _draw_flight(flight, flee, colours)
+    charts.draw_errors(chase, [follow], colours, lambda trace: trace.label)
+    chase.margins(x=0.01)
+    _draw_obstacles_ways(views[0], flee)
+    charts.draw_wanted(views[1], follow.wanted_path, ABOVE)
+    for axes, trace in zip(views, (flee, follow), strict=True):
+        charts.draw_run(axes, trace, colours, ABOVE)
+    charts.name_ends(views[1])
+    figure.align_ylabels([flight, chase])
+    legend(figure)
+    return save_figure(figure, path)
+
+
+def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
+    """Distance to the obstacle whose threshold is nearest, and that threshold."""
+    distances, thresholds = _nearest_obstacle(trace)
+    if not np.isfinite(distances).any():
+        charts.say_nothing_here(axes, "no obstacle")
+        return
+    axes.plot(trace.times, 100 * distances, color=colours[trace.label], linewidth=1.5, zorder=FRONT)
+    axes.plot(trace.times, 100 * thresholds, color=OBSTACLE, linewidth=1.2, label="threshold")
+    axes.fill_between(trace.times, 0, 100 * thresholds, color=OBSTACLE + "33", linewidth=0)
+    axes.set_ylim(bottom=0)
+    axes.margins(x=0.01)
+
+
+def _nearest_obstacle(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    """Distance [m] to the obstacle with the least clearance at each time, and its threshold [m]; NaN where none is."""
+    nothing = np.full((len(trace.times), 1, 4), np.nan)
+    obstacles = np.concatenate([nothing, trace.obstacles], axis=1)
+    distances = np.linalg.norm(trace.followed_path[:, None] - obstacles[..., POSITION], axis=-1)
+    clearances = np.where(standing(obstacles) & np.isfinite(distances), distances - obstacles[..., 3], np.inf)
+    nearest = (np.arange(len(trace.times)), np.argmin(clearances, axis=1))
+    there = np.isfinite(clearances[nearest])
+    return np.where(there, distances[nearest], np.nan), np.where(there, obstacles[..., 3][nearest], np.nan)
+
+
+def _draw_obstacles_ways(axes: Axes, trace: Trace) -> None:
+    """Ways of obstacles from above; these are dashed where they begin and full where they end."""
+    charts.draw_obstacles(axes, trace.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
+    charts.draw_obstacles(axes, trace.spheres(-1), ABOVE)
+    centres = np.where(standing(trace.obstacles)[..., None], trace.obstacles[..., POSITION], np.nan)
+    for centre in np.moveaxis(centres, 1, 0):
+        axes.plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
+        charts.draw_ends(axes, centre, ABOVE, OBSTACLE, order=3)

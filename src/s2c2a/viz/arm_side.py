@@ -9,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from s2c2a.arm import ArmSpec
-from s2c2a.viz.chart_style import draw_arrow
+from s2c2a.viz.charts import draw_arrow
 from s2c2a.viz.colours import INK, MUTED, module_colours
-from s2c2a.viz.mounting import Mounting
-from s2c2a.viz.paths import SIDE
+from s2c2a.viz.mounting import SIDE, Mounting
 
 DISC_WIDTH = 1.15  # share of the cable radius
 BASE_WIDTH, BASE_HEIGHT = 1.7, 0.09  # share of the cable radius, inches

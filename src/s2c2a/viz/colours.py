@@ -1,6 +1,6 @@
 """Colours with a meaning, the same in every figure and on every page (Chen et al. 2025, figures 3 and 6)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import cycle
 
 import numpy as np
@@ -39,15 +39,8 @@ def module_colours(count: int) -> list[str]:
     return ["#{:02x}{:02x}{:02x}".format(*(round(value) for value in colour)) for colour in zip(*channels, strict=True)]
 
 
-def trace_colours(labels: Sequence[str]) -> list[str]:
-    """A colour for each controller: its own where it has one, else the first that no other one uses."""
-    own = [_CONTROLLERS.get(label.lower()) for label in labels]
-    free = [colour for colour in _OTHERS if colour not in own]
-    others = cycle(free or _OTHERS)
-    return [colour or next(others) for colour in own]
-
-
 def colours_by_label(labels: Iterable[str]) -> dict[str, str]:
-    """The same for labels that may come more than once."""
-    once = list(dict.fromkeys(labels))
-    return dict(zip(once, trace_colours(once), strict=True))
+    """A colour for each controller: its own where it has one, else the first that no other one uses."""
+    own = {label: _CONTROLLERS.get(label.lower()) for label in labels}
+    others = cycle([colour for colour in _OTHERS if colour not in own.values()] or _OTHERS)
+    return {label: colour or next(others) for label, colour in own.items()}

@@ -1,36 +1,26 @@
-"""Figures of runs, recordings and training, set as in the paper (Chen et al. 2025, figures 3 and 6)."""
+"""Figures of runs, recordings, training and searches, set as in the paper (Chen et al. 2025, figures 3 and 6)."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.viz.chart_style import headline, legend, new_axes, new_figure, new_time_axes, padded_limits, say_nothing_here
-from s2c2a.viz.colours import INK, module_colours, trace_colours
-from s2c2a.viz.mounting import Mounting, View
-from s2c2a.viz.paths import (
-    ABOVE,
-    FRONT,
-    SIDE,
-    WANTED_LINE,
-    draw_obstacles,
-    draw_wanted,
-    named_error,
-    seen,
-    shade_uncounted,
-    view_axes,
-)
-from s2c2a.viz.saving import save_figure
+from s2c2a.viz import charts
+from s2c2a.viz.charts import headline, legend, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.colours import INK, MUTED, WANTED, colours_by_label, module_colours
+from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, View
 from s2c2a.viz.trace import Trace, check_same_arm
 
-COORDINATES = ("x", "y", "z")
 POINTS_SHOWN = 60_000
+COLUMNS = 3  # of what a search tried
+DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.5, "alpha": 0.75, "markeredgewidth": 0}
 CLOUD: dict[str, Any] = {"marker": ".", "markersize": 1.6, "linestyle": "none", "alpha": 0.55, "markeredgewidth": 0}
 
 
@@ -51,50 +41,31 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, t
     check_same_arm(traces, arm)
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
-    colours = trace_colours([trace.label for trace in traces])
-    labels = [f"{name} [m]" for name in COORDINATES] + ["error [cm]"]
-    over_time = new_time_axes(figure, [grid[row, 0] for row in range(4)], labels)
+    colours = colours_by_label(trace.label for trace in traces)
+    labels = [f"{name} [m]" for name in "xyz"] + ["error [cm]"]
+    over_time = charts.new_time_axes(figure, grid, labels)
     view, backward = Mounting.of(arm).flat(ABOVE)
-    above = view_axes(figure, grid[:, 1], view, backward)
+    above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
         draw_coordinate(axes, traces, colours, axis)
-    _draw_errors(over_time[3], traces, colours)
+    charts.draw_errors(over_time[3], traces, colours)
     _draw_from_above(above, traces, colours, view)
     headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
-    legend(figure, above, loc="outside upper right", ncols=min(len(traces) + 2, 5))
+    legend(figure)
     return save_figure(figure, path)
 
 
-def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: Sequence[str], axis: int) -> None:
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, axis: int) -> None:
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
     wanted = traces[0].wanted_path[:, axis]
-    axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
-    _draw_traces(axes, traces, colours, lambda trace: (trace.times, trace.followed_path[:, axis]))
-    shown = [traces[0].wanted_path[:, axis], *(trace.followed_path[:, axis] for trace in traces)]
-    axes.set_ylim(*padded_limits(np.concatenate(shown)))
+    charts.draw_over_time(axes, traces, colours, wanted, lambda trace: trace.followed_path[:, axis])
 
 
-def _draw_traces(axes: Axes, traces, colours, shown: Callable[[Trace], tuple], named: bool = True) -> None:
-    """A line for each trace, the first in front."""
-    for place, (trace, colour) in enumerate(zip(traces, colours, strict=True)):
-        label = named_error(trace) if named else None
-        axes.plot(*shown(trace), color=colour, linewidth=1.4, zorder=FRONT - place, label=label)
-
-
-def _draw_errors(axes: Axes, traces, colours) -> None:
-    _draw_traces(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors), named=False)
-    axes.set_ylim(bottom=0)
-    shade_uncounted(axes, traces[0])
-    legend(axes, axes, loc="upper center")
-    if not any(np.isfinite(trace.position_errors).any() for trace in traces):
-        say_nothing_here(axes, "no position is asked for")
-
-
-def _draw_from_above(axes: Axes, traces, colours, view: View) -> None:
+def _draw_from_above(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, view: View) -> None:
     """Paths at equal scale, obstacles as they stand at the start, the base as a cross."""
-    draw_wanted(axes, traces[0].wanted_path, view)
-    _draw_traces(axes, traces, colours, lambda trace: seen(trace.followed_path, view))
-    draw_obstacles(axes, traces[0].obstacles[0], view)
+    charts.draw_wanted(axes, traces[0].wanted_path, view)
+    charts.draw_lines(axes, traces, colours, lambda trace: seen(trace.followed_path, view))
+    charts.draw_obstacles(axes, traces[0].spheres(0), view)
     axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
     headline(axes, "from above")
 
@@ -120,8 +91,8 @@ def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpe
     titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
     for place, (view, title) in zip((grid[0], grid[1]), titles.items(), strict=True):
         near, backward = Mounting.of(arm).flat(view)
-        _draw_cloud(view_axes(figure, place, near, backward), shown, near, title)
-    legend(figure, figure.axes[0], loc="outside upper right", ncols=min(states.shape[1], 8), markerscale=7)
+        _draw_cloud(charts.view_axes(figure, place, near, backward), shown, near, title)
+    legend(figure, markerscale=7)
     return save_figure(figure, path)
 
 
@@ -150,12 +121,12 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | os.Path
         raise S2C2AError("there is no learning curve to draw; give at least one")
     figure = new_figure(7.6, 4.6)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
-    for (name, table), colour in zip(tables.items(), trace_colours(list(tables)), strict=True):
-        _draw_curve(axes, name, table, colour)
+    for name, colour in colours_by_label(tables).items():
+        _draw_curve(axes, name, tables[name], colour)
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
-    legend(axes, axes, loc="upper right")
+    legend(figure)
     return save_figure(figure, path)
 
 
@@ -177,3 +148,55 @@ def _draw_curve(axes: Axes, name: str, table: np.ndarray, colour: str) -> None:
     best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
     axes.plot(epochs, validation, color=colour, linewidth=1.7, label=f"{name}   least {validation[best]:.3g}")
     axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)
+
+
+def trials_figure(
+    numbers: Sequence[int],
+    scores: Float[np.ndarray, " trials"],
+    values: Mapping[str, Float[np.ndarray, " trials"]],
+    label: str,
+    logarithmic: Collection[str],
+    path: str | os.PathLike,
+    rises: bool = False,
+) -> Path:
+    """Draw scores over trials with the best so far, then over each value that was tried; the best trial is red.
+
+    Args:
+        numbers: of the trials that did not fail.
+        scores: of each.
+        values: place -> what was tried in each.
+        label: of the scores, with their unit.
+        logarithmic: places to be drawn on a logarithmic axis.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+        rises: whether larger scores are better.
+
+    Raises:
+        S2C2AError: there is no trial, or the file cannot be written.
+    """
+    if not len(numbers):
+        raise S2C2AError("there is no finished trial to draw; let at least one come to its end")
+    rows = 1 + -(-len(values) // COLUMNS)
+    figure = new_figure(11.0, 3.0 * rows)
+    grid = figure.add_gridspec(rows, COLUMNS)
+    best = int(np.argmax(scores) if rises else np.argmin(scores))
+    history = new_axes(figure, grid[0, :], "trial", label)
+    so_far = np.maximum.accumulate(scores) if rises else np.minimum.accumulate(scores)
+    history.step(numbers, so_far, where="post", color=MUTED, linewidth=1.2)
+    history.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _dots(history, np.asarray(numbers, float), scores, best)
+    headline(history, f"best: {scores[best]:.3g} in trial {numbers[best]}")
+    for place, (name, tried) in enumerate(values.items()):
+        axes = new_axes(figure, grid[1 + place // COLUMNS, place % COLUMNS], name, label)
+        if name in logarithmic:
+            axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+        _dots(axes, tried, scores, best)
+        headline(axes, f"best at {tried[best]:.4g}")
+    return save_figure(figure, path)
+
+
+def _dots(axes: Axes, places: np.ndarray, scores: np.ndarray, best: int) -> None:
+    axes.plot(places, scores, color=INK, **DOT)
+    axes.plot(places[best], scores[best], "o", color=WANTED, markersize=7)
+    if scores.min() > 0 and scores.max() > 20 * scores.min():
+        axes.set_yscale("log")

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import centre_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.colours import BASE, DISC, darker, module_colours
@@ -47,6 +48,21 @@ def frames_of(states: States) -> Frames:
         frames[..., module + 1, 1, :] = x - share[..., None] * (before + after)
     frames[..., 1:, 2, :] = np.cross(frames[..., 1:, 3, :], frames[..., 1:, 1, :])
     return frames
+
+
+def centre_line(
+    states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
+) -> Float[np.ndarray, "*batch points 3"]:
+    """The arm's centre line [m] with the base as its first point, base frame; for drawing, not for kinematics.
+
+    Args:
+        states: end positions [m] and end axes, shape (*batch, modules, 6), base frame.
+        lengths: module lengths [m], shape (modules,).
+        points_per_module: points on each module after its first.
+    """
+    states = np.asarray(states, dtype=float)
+    points = line_to_tip(states, np.asarray(lengths, dtype=float), points_per_module)
+    return np.concatenate([np.zeros((*states.shape[:-2], 1, 3)), points], axis=-2)
 
 
 @dataclass(frozen=True, eq=False)

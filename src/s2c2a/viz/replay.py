@@ -1,19 +1,29 @@
-"""A page that replays runs: one file, opened in any browser, without a network."""
+"""A page that replays runs: one file, opened in any browser, without a network; `page/run.js` reads what is in it.
+
+Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths, errors as whole micrometres and
+microradians, their mean in metres; NaN travels as null.
+"""
 
 import html
+import json
 import os
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from string import Template
+
+import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import save_whole
-from s2c2a.viz.run_data import json_for_script, run_data
+from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, TARGET, colours_by_label, module_colours
+from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
+from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SCRIPTS = ("vectors", "run", "camera", "shading", "arm", "surroundings", "scene", "chart", "panel", "player", "main")
-_PLACE = re.compile(r"\{\{(\w+)\}\}")
+PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
+PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
 
 
 def replay_page(
@@ -39,8 +49,7 @@ def replay_page(
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
     """
     check_same_arm(traces, arm)
-    page = _fill(
-        _part("replay.html"),
+    page = Template(_part("replay.html")).substitute(
         title=html.escape(title),
         style=_part("page/style.css"),
         data=json_for_script(run_data(traces, arm, title, summary or {})),
@@ -54,6 +63,76 @@ def _part(name: str) -> str:
     return resources.files("s2c2a.viz").joinpath(name).read_text(encoding="utf-8")
 
 
-def _fill(template: str, **values: str) -> str:
-    """Put values in their places in one pass, so that a value is never searched for places itself."""
-    return _PLACE.sub(lambda place: values[place[1]], template)
+def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
+    """All that the page shows, as `json_for_script` takes it."""
+    mesh, colours = ArmMesh(arm), colours_by_label(trace.label for trace in traces)
+    return {
+        "title": title,
+        "summary": [[str(name), str(value)] for name, value in summary.items()],
+        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
+        "arm": {
+            "name": arm.name,
+            "lengths": [module.length for module in arm.modules],
+            "colours": module_colours(arm.module_count),
+        },
+        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
+        "surroundings": vars(Surroundings.of(arm)),
+        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
+    }
+
+
+def json_for_script(data) -> str:
+    """Compact JSON, arrays as lists, that can stand inside a script element, whatever strings it holds.
+
+    Raises:
+        ValueError: a number is NaN or infinite.
+    """
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _plain(value):
+    """Arrays as lists to a hundredth of a millimetre, and what is made of plain values as those."""
+    return value.round(5).tolist() if isinstance(value, np.ndarray | np.generic) else vars(value)
+
+
+def _trace_data(trace: Trace, colour: str) -> dict:
+    frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
+    return {
+        "label": trace.label,
+        "colour": colour,
+        "followed": trace.followed_module,
+        "times": trace.times.round(4).tolist(),
+        "frames": _points(frames.reshape(trace.times.size, -1)),  # (time, modules * 9): position, x axis, z axis
+        "wanted": _asked(trace.wanted_positions),
+        "axes": _asked(trace.wanted_axes),
+        "obstacles": _whole(_without_repeats(trace.obstacles)),
+        "errors": _whole(trace.position_errors, PER_ERROR),
+        "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
+        "uncounted": [[round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans],
+        "axisErrors": _whole(trace.axis_errors, PER_ERROR),
+    }
+
+
+def _asked(wanted: np.ndarray) -> dict[str, list]:
+    """For each module of which something is asked, its points over time, null where nothing is."""
+    asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
+    return {str(module): _points(wanted[:, module]) for module in np.flatnonzero(asked)}
+
+
+def _points(values: np.ndarray) -> list:
+    """Rows of whole numbers, null for a row that is not wholly finite."""
+    return [None if None in row else row for row in _whole(values)]
+
+
+def _without_repeats(obstacles: np.ndarray) -> np.ndarray:
+    """One step only, where the obstacles stand still."""
+    return obstacles[:1] if np.array_equal(obstacles, np.broadcast_to(obstacles[:1], obstacles.shape)) else obstacles
+
+
+def _whole(values: np.ndarray, per_unit: int = PER_UNIT) -> list:
+    """Nested lists of whole numbers, None where a value is not finite."""
+    finite = np.isfinite(values)
+    whole = np.rint(per_unit * np.where(finite, values, 0.0)).astype(int).astype(object)
+    whole[~finite] = None
+    return whole.tolist()

@@ -1,14 +1,26 @@
-"""A trace: what viz draws of one run."""
+"""A trace: what viz draws of one run, and how it is had from an episode."""
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from s2c2a.arm import ArmSpec
+from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION
 
-NUMBERS = ("times", "states", "wanted_positions", "wanted_axes", "obstacles")
+SHAPES: dict[str, tuple[str | int, ...]] = {
+    "times": ("time",),
+    "states": ("time", "modules", 6),
+    "wanted_positions": ("time", "modules", 3),
+    "wanted_axes": ("time", "modules", 3),
+    "obstacles": ("time", "obstacles", 4),
+    "counted": ("time",),
+}
+_ASKED = ("wanted_positions", "wanted_axes", "obstacles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,33 +54,35 @@ class Trace:
 
     def __post_init__(self):
         """Freeze the arrays and check that they fit together."""
-        for name in NUMBERS:
-            object.__setattr__(self, name, _frozen_array(self.label, name, getattr(self, name)))
-        _check_times(self.label, self.times)
-        steps = self.times.size
-        counted = np.ones(steps, bool) if self.counted is None else np.array(self.counted)
-        if counted.dtype != bool:
-            raise S2C2AError(f"trace '{self.label}': counted holds {counted.dtype}, expected truths, one a step")
-        counted.setflags(write=False)
-        object.__setattr__(self, "counted", counted)
-        self._check_shape("counted", (steps,))
-        self._check_shape("states", (steps, "modules", 6))
-        modules = self.module_count
-        self._check_shape("wanted_positions", (steps, modules, 3))
-        self._check_shape("wanted_axes", (steps, modules, 3))
-        self._check_shape("obstacles", (steps, "obstacles", 4))
-
-    def _check_shape(self, name: str, expected: tuple) -> None:
-        got = getattr(self, name).shape
-        fits = len(got) == len(expected) and all(
-            isinstance(b, str) or a == b for a, b in zip(got, expected, strict=True)
-        )
-        if not fits or (name == "states" and got[1] == 0):
-            wanted = "(" + ", ".join(str(size) for size in expected) + ")"
+        sizes = {}
+        for name, axes in SHAPES.items():
+            array = self._frozen(name)
+            expected = [sizes.get(axis, axis) for axis in axes]
+            fits = array.ndim == len(axes) and all(map(_fits, array.shape, expected))
+            if not fits or (not array.size and name != "obstacles"):
+                shape = str(tuple(expected)).replace("'", "")
+                raise S2C2AError(
+                    f"trace '{self.label}': {name} has shape {array.shape}, expected {shape}; "
+                    "axes are (time, modules or obstacles, features), with at least one step and at least one module"
+                )
+            sizes.update(zip(axes, array.shape, strict=True))
+        if not (np.isfinite(self.times).all() and (np.diff(self.times) > 0).all()):
             raise S2C2AError(
-                f"trace '{self.label}': {name} has shape {got}, expected {wanted}; "
-                "axes are (time, modules or obstacles, features), with at least one module"
+                f"trace '{self.label}': times must be finite and rise from step to step; they are in seconds"
             )
+
+    def _frozen(self, name: str) -> np.ndarray:
+        """An array of its own that nobody can change, kept under its name."""
+        value, truths = getattr(self, name), name == "counted"
+        try:
+            array = np.ones(self.times.shape, bool) if value is None else np.array(value, None if truths else float)
+        except (TypeError, ValueError) as error:
+            raise S2C2AError(f"trace '{self.label}': {name} is not an array of numbers: {error}") from error
+        if truths and array.dtype != bool:
+            raise S2C2AError(f"trace '{self.label}': counted holds {array.dtype}, expected truths, one a step")
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+        return array
 
     @classmethod
     def without_target(cls, label: str, times, states) -> "Trace":
@@ -142,44 +156,61 @@ def _outermost_asked(wanted: np.ndarray) -> int:
     return int(np.flatnonzero(asked)[-1]) if asked.any() else wanted.shape[1] - 1
 
 
-def _frozen_array(label: str, name: str, value) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise S2C2AError(f"trace '{label}': {name} is not an array of numbers: {error}") from error
-    array.setflags(write=False)
-    return array
+def _fits(size: int, expected: int | str) -> bool:
+    return isinstance(expected, str) or size == expected
 
 
-def _check_times(label: str, times: np.ndarray) -> None:
-    if times.ndim != 1 or times.size == 0:
-        raise S2C2AError(f"trace '{label}': times has shape {times.shape}, expected (time,) with at least one step")
-    if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
-        raise S2C2AError(f"trace '{label}': times must be finite and rise from step to step; they are in seconds")
+def trace_of(episode: Episode, label: str | None = None, counted: np.ndarray | None = None) -> Trace:
+    """What is drawn of an episode's run: where the arm was after each action, and what was asked then.
+
+    Args:
+        episode: with true states.
+        label: for legends; its strategy's name if not stated.
+        counted: which steps count in the mean error; all if not stated.
+
+    Raises:
+        S2C2AError: it holds no true states.
+    """
+    if "states" not in episode.sensors:
+        raise S2C2AError("this episode holds no true states, so there is nothing to draw")
+    whole = len(episode.running) and episode.running[-1] + 1 >= len(episode)  # nothing was read after the last action
+    states = episode.sensor("states")[episode.running] if whole else episode.after("states")
+    times = episode.ran("time") if whole else episode.times()
+    nothing = Trace.without_target(label or str(episode.options.get("strategy", "")), times, states)
+    asked: dict[str, Any] = {name: episode.ran(name) for name in _ASKED if episode.get(name) is not None}
+    return replace(nothing, counted=counted, **asked)
 
 
-def check_told_apart(traces) -> None:
+def check_some(traces: Collection) -> None:
+    """Refuse to draw nothing.
+
+    Raises:
+        S2C2AError: there is no trace.
+    """
+    if not traces:
+        raise S2C2AError("there is no trace to draw; give at least one")
+
+
+def check_told_apart(traces: Collection[Trace]) -> None:
     """Refuse an empty list of traces, and traces that one label stands for.
 
     Raises:
         S2C2AError: there is no trace, or two have the same label.
     """
+    check_some(traces)
     labels = [trace.label for trace in traces]
-    if not labels:
-        raise S2C2AError("there is no trace to draw; give at least one")
     twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
     if twice:
         raise S2C2AError(f"several traces are labelled '{twice[0]}'; give each a label of its own, for the legend")
 
 
-def check_same_arm(traces, arm) -> None:
+def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """Refuse an empty list of traces, and traces with another number of modules than the arm.
 
     Raises:
         S2C2AError: there is no trace, or one does not fit the arm.
     """
-    if not traces:
-        raise S2C2AError("there is no trace to draw; give at least one")
+    check_some(traces)
     for trace in traces:
         if trace.module_count != arm.module_count:
             raise S2C2AError(

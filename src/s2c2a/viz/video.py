@@ -16,7 +16,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
 from s2c2a.viz.colours import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
 from s2c2a.viz.mesh import ArmMesh, unit
-from s2c2a.viz.surroundings import Surroundings
+from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE, FINER = (480, 400), 2  # pixels, and how much finer it is painted

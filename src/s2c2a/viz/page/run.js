@@ -1,4 +1,4 @@
-// The run: reads what run_data.py wrote, and says where everything is at any time.
+// The run: reads what replay.py wrote, and says where everything is at any time.
 
 const PER_UNIT = 10000;
 const PER_ERROR = 1000000;
