@@ -21,8 +21,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
-from s2c2a.tasks.circle import circle_path
-from s2c2a.tasks.paths import APPROACH_TIME
+from s2c2a.tasks.circle import APPROACH_TIME, circle_path
 
 ARMS = ("twin_arm", "simulated_arm")
 STRATEGIES = ("s2c2a", "pcc", "pcc-fitted")
