@@ -80,8 +80,7 @@ def moving_picture() -> None:
     """The circle, for the README."""
     arm, task = load_arm("twin_arm"), task_named("circle", load_arm("twin_arm"))
     run = rollout(SimulatedRobot(arm), s2c2a_strategy(shipped_networks(arm)), task)
-    trace = Trace("s2c2a", run.times, run.states, task.wanted_positions(), task.wanted_axes(), task.obstacles())
-    save_video(trace, arm, FOLDER / "circle", "gif")
+    save_video(Trace(run, "s2c2a"), arm, FOLDER / "circle", "gif")
 
 
 if __name__ == "__main__":

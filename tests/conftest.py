@@ -7,6 +7,7 @@ from hashlib import blake2b
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 from safetensors import safe_open
 from safetensors.numpy import load_file, save
@@ -14,10 +15,12 @@ from safetensors.numpy import load_file, save
 from s2c2a.arm import ArmSpec, Module, load_arm
 from s2c2a.cache import throw_out_halves
 from s2c2a.data import CollectOptions, Recording, collect
+from s2c2a.episodes import Episode
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, save_strategy, train_s2c2a
 from s2c2a.training import FitOptions
+from s2c2a.viz import Trace
 
 EPISODES, SAMPLES = 6, 100
 NO_DIGEST = "0" * 64
@@ -54,6 +57,19 @@ def make_arm():
         return ArmSpec(**{"name": "test_arm", "actuation": "displacement", "modules": (kind,) * modules, **changes})
 
     return make
+
+
+@pytest.fixture
+def drawn(make_arm):
+    """Builds what is drawn of an arm that was in some states; keywords are columns of its episode."""
+
+    def build(label: str, times, states, counted=None, **columns) -> Trace:
+        arm = make_arm(np.shape(states)[1])
+        actions = np.zeros((len(states), arm.module_count, arm.cable_count))
+        columns |= {"time": times, "actions": actions, "sensor.states": states}
+        return Trace(Episode(arm, columns), label, counted)
+
+    return build
 
 
 @pytest.fixture(scope="session")

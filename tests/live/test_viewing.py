@@ -31,21 +31,20 @@ def shown(chromium):
         page.close()
 
 
-def run(twin, label: str, turn: float) -> Trace:
+def run(drawn, label: str, turn: float) -> Trace:
     """An arm that leans further and further to one side."""
     leans = 0.2 * np.linspace(0, 1, 50)
     states = np.zeros((50, 3, 6))
     states[..., 2], states[..., 5] = 0.2 * np.arange(1, 4), 1.0
     states[..., 0] = np.outer(leans * np.cos(turn), np.arange(1, 4) ** 2 / 9)
     states[..., 1] = np.outer(leans * np.sin(turn), np.arange(1, 4) ** 2 / 9)
-    nothing = np.full((50, 3, 3), np.nan)
-    wanted = nothing.copy()
+    wanted = np.full((50, 3, 3), np.nan)
     wanted[:, -1] = states[:, -1, :3] + 0.02
-    return Trace(label, 0.1 * np.arange(50), states, wanted, nothing, np.zeros((50, 0, 4)))
+    return drawn(label, 0.1 * np.arange(50), states, wanted_positions=wanted)
 
 
 def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown):
-    page = view_runs([run(twin, "best", 0.0), run(twin, "paper", 1.5)], twin, 0)
+    page = view_runs([run(drawn, "best", 0.0), run(drawn, "paper", 1.5)], twin, 0)
     tab = shown(page)
     tab.page.get_by_text("cm from the target").wait_for()
     until(lambda: drawn_tip(page.scene)[0] > 0.1, what="the run's end")

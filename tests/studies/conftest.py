@@ -37,7 +37,7 @@ def trained_as_the_paper(cache):
 
 
 @pytest.fixture
-def make_trace():
+def make_trace(drawn):
     """Builds a run of an arm of 0.6 m round a circle, `lag` [rad] behind the target of the last module."""
 
     def make(label: str = "s2c2a", lag: float = 0.0, modules: int = 3, **changes) -> Trace:
@@ -47,7 +47,7 @@ def make_trace():
         positions[:, -1], axes[:, -1] = wanted[:, -1, :3], wanted[:, -1, 3:]
         values = {"times": 0.1 * np.arange(200), "states": states, "wanted_positions": positions, "wanted_axes": axes}
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (200, 1, 1))
-        return Trace(label=label, **{**values, "obstacles": obstacles, **changes})
+        return drawn(label, **{**values, "obstacles": obstacles, **changes})
 
     return make
 

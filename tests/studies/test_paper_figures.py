@@ -68,22 +68,22 @@ def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(draw
 
 
 @every_figure
-def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(draw, make_trace, tmp_path):
-    trace = Trace.without_target("$recorded_", TIMES, make_trace().states[:50])
+def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(draw, make_trace, tmp_path, drawn):
+    trace = drawn("$recorded_", TIMES, make_trace().states[:50])
     assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
 
 
 @every_figure
 @pytest.mark.parametrize("unseen", [slice(0, 20), slice(None)])
-def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(draw, unseen, make_trace, tmp_path):
+def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(draw, unseen, make_trace, tmp_path, drawn):
     states = make_trace().states.copy()
     states[unseen] = np.nan
     assert is_sensible_png(draw({"task": make_trace(states=states)}, tmp_path / "figure.png"))
 
 
 @every_figure
-def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path):
-    trace = Trace.without_target("one", [0.0], make_trace().states[:1])
+def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
+    trace = drawn("one", [0.0], make_trace().states[:1])
     assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
 
 

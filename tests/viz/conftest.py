@@ -45,7 +45,7 @@ def make_arm():
 
 
 @pytest.fixture
-def make_trace():
+def make_trace(drawn):
     """Builds a run round a circle, `lag` [rad] behind the target of the last module."""
 
     def make(label: str = "s2c2a", bend: float = BEND, lag: float = 0.0, modules: int = 3, **changes) -> Trace:
@@ -59,7 +59,7 @@ def make_trace():
         axes[:, -1] = _bent_states(BEND, around, modules)[:, -1, 3:]
         values = {"times": 0.1 * np.arange(STEPS), "states": states, "wanted_positions": positions, "wanted_axes": axes}
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (STEPS, 1, 1))
-        return Trace(label=label, **{**values, "obstacles": obstacles, **changes})
+        return drawn(label, **{**values, "obstacles": obstacles, **changes})
 
     return make
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz import Trace, learning_curves, recording_figure, run_figure, trials_figure
+from s2c2a.viz import learning_curves, recording_figure, run_figure, trials_figure
 
 PNG = b"\x89PNG\r\n"
 ROWS = [{"epoch": epoch, "train": 0.5**epoch, "validation": 0.6**epoch} for epoch in range(5)]
@@ -17,9 +17,9 @@ def test_a_run_is_drawn_with_all_its_controllers(traces, arm, tmp_path):
     assert is_png(run_figure(traces, arm, tmp_path / "run.png"))
 
 
-def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path):
+def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path, drawn):
     states = make_trace().states
-    trace = Trace.without_target("$recorded_", np.arange(200.0), states)
+    trace = drawn("$recorded_", np.arange(200.0), states)
     assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
 
 
@@ -33,9 +33,9 @@ def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatc
     assert errors[0].patches[0].get_extents().width > 0
 
 
-def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path):
+def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path, drawn):
     seen = make_trace().states
-    one = Trace.without_target("one", [0.0], seen[:1])
+    one = drawn("one", [0.0], seen[:1])
     assert is_png(run_figure([one], arm, tmp_path / "one.png"))
     gap = seen.copy()
     gap[20:40] = np.nan
@@ -52,7 +52,7 @@ def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, arm, tmp
     assert is_png(recording_figure(make_trace().states, arm, tmp_path / "cloud.png"))
 
 
-def drawn(axes, point) -> np.ndarray:
+def place_in(axes, point) -> np.ndarray:
     """Where a point of the base frame is on paper, up and to the right being positive."""
     x, y = (point["xyz".index(label[0])] for label in (axes.get_xlabel(), axes.get_ylabel()))
     return axes.transData.transform((x, y))
@@ -69,7 +69,7 @@ def test_a_recording_is_drawn_as_its_arm_is_mounted(make_arm, make_trace, tmp_pa
     side, above = figures[0].axes
     for axes, expected in ((side, way), (above, (way[0], 0))):
         if any(expected):
-            apart = drawn(axes, (0.0, 0.0, 0.6)) - drawn(axes, (0.0, 0.0, 0.0))
+            apart = place_in(axes, (0.0, 0.0, 0.6)) - place_in(axes, (0.0, 0.0, 0.0))
             np.testing.assert_allclose(apart / np.abs(apart).max(), expected, atol=1e-9)
         else:
             assert "z" not in axes.get_xlabel() + axes.get_ylabel()

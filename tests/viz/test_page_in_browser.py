@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from s2c2a.viz import Trace, replay_page
+from s2c2a.viz import replay_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 OFFLINE = ("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update")
@@ -116,9 +116,9 @@ def test_the_arm_is_seen_in_the_colours_of_its_modules(chromium, page, tmp_path,
 
 @pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 1), True)])
 def test_the_tip_of_a_hanging_arm_is_below_its_base(
-    chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below
+    chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below, drawn
 ):
-    still = Trace.without_target("recorded", [0.0], straight[None])
+    still = drawn("recorded", [0.0], straight[None])
     page = replay_page([still], make_arm(gravity_direction=gravity), "still", tmp_path / "page.html")
     chromium(page, f"--screenshot={tmp_path / 'page.png'}")
     assert tip_is_below(imread(tmp_path / "page.png")[60:690, :900]) == below
@@ -130,11 +130,11 @@ def test_keys_step_play_and_choose(chromium, page):
     assert json.loads(data["probe"]) == ["Pause", "Play", "0.1 / 19.9 s", "false,true,false"]
 
 
-def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path):
+def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path, drawn):
     states = make_trace(modules=20, bend=0.05).states.copy()
     states[0], states[50:60] = np.nan, np.nan
-    recorded = Trace.without_target("recorded", np.arange(200.0), states)
-    single = Trace.without_target("one step", [4.0], states[1:2])
+    recorded = drawn("recorded", np.arange(200.0), states)
+    single = drawn("one step", [4.0], states[1:2])
     for number, gravity in enumerate([(0, 0, 1), (1, 0, 0), (0, 0, 0)]):
         arm = make_arm(20, 8, gravity_direction=gravity)
         page = replay_page([recorded, single], arm, "</script>", tmp_path / f"{number}.html")

@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a import viz
 from s2c2a.errors import S2C2AError
-from s2c2a.viz import Trace, replay_page
+from s2c2a.viz import replay_page
 from s2c2a.viz.mesh import ArmMesh, frames_of
 
 NASTY = '</script><script>alert("x")</script>&{{data}}<!--'
@@ -119,9 +119,9 @@ def test_a_page_is_refused_for_another_arm_or_for_no_trace(write_page, make_arm,
         write_page([])
 
 
-def test_a_recording_of_which_nothing_is_asked_makes_a_page(write_page, make_trace):
+def test_a_recording_of_which_nothing_is_asked_makes_a_page(write_page, make_trace, drawn):
     states = make_trace().states
-    data = data_of(write_page([Trace.without_target("recorded", np.arange(200.0), states)]))
+    data = data_of(write_page([drawn("recorded", np.arange(200.0), states)]))
     assert data["traces"][0]["wanted"] == {}
     assert set(data["traces"][0]["errors"]) == {None}
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,42 +8,14 @@ from s2c2a.viz import Trace
 from s2c2a.viz.trace import check_same_arm
 
 
-@pytest.mark.parametrize(
-    ("name", "shape", "expected"),
-    [
-        ("times", (5, 1), r"expected \(time,\)"),
-        ("times", (0,), "at least one step"),
-        ("states", (199, 3, 6), r"states has shape \(199, 3, 6\), expected \(200, modules, 6\)"),
-        ("states", (200, 3, 3), r"expected \(200, modules, 6\)"),
-        ("states", (200, 6), r"expected \(200, modules, 6\)"),
-        ("states", (200, 0, 6), "at least one module"),
-        ("wanted_positions", (200, 2, 3), r"expected \(200, 3, 3\)"),
-        ("wanted_axes", (200, 3), r"expected \(200, 3, 3\)"),
-        ("obstacles", (200, 1, 3), r"expected \(200, obstacles, 4\)"),
-    ],
-)
-def test_a_trace_refuses_a_wrong_shape_and_says_what_it_expected(make_trace, name, shape, expected):
-    with pytest.raises(S2C2AError, match=expected):
-        make_trace(**{name: np.zeros(shape)})
-
-
-def test_a_trace_refuses_times_that_do_not_rise(make_trace):
-    with pytest.raises(S2C2AError, match="rise"):
-        make_trace(times=np.zeros(200))
-
-
-def test_a_trace_refuses_what_is_not_numbers(make_trace):
-    with pytest.raises(S2C2AError, match="not an array of numbers"):
-        make_trace(times=["now"] * 200)
-
-
-def test_a_trace_keeps_a_copy_that_nobody_can_change(make_trace):
-    times = np.arange(200.0)
-    trace = make_trace(times=times)
-    times[0] = -1.0
-    assert trace.times[0] == 0.0
-    with pytest.raises(ValueError, match="read-only"):
-        trace.times[0] = 5.0
+def test_what_was_not_seen_cannot_be_drawn(make_trace, drawn):
+    episode = make_trace().episode
+    unseen = {name: values for name, values in episode.columns.items() if name != "sensor.states"}
+    with pytest.raises(S2C2AError, match="'pcc' holds no true states"):
+        Trace(replace(episode, columns=unseen), "pcc")
+    never_driven = {**episode.columns, "stage": np.zeros(len(episode), int)}
+    with pytest.raises(S2C2AError, match="nothing to draw"):
+        Trace(replace(episode, columns=never_driven), "pcc")
 
 
 def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
@@ -53,9 +27,9 @@ def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
     assert np.isnan(trace.position_errors[10:]).all()
 
 
-def test_errors_are_distance_and_angle_from_what_is_wanted():
-    state = np.array([[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]])
-    trace = Trace("one", [0.0], state, [[[0.03, 0.04, 0.2]]], [[[1.0, 0.0, 0.0]]], np.zeros((1, 0, 4)))
+def test_errors_are_distance_and_angle_from_what_is_wanted(drawn):
+    asked = {"wanted_positions": [[[0.03, 0.04, 0.2]]], "wanted_axes": [[[1.0, 0.0, 0.0]]]}
+    trace = drawn("one", [0.0], [[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]], **asked)
     np.testing.assert_allclose(trace.position_errors, [0.05])
     np.testing.assert_allclose(trace.axis_errors, [np.pi / 2])
 
@@ -67,10 +41,6 @@ def test_the_mean_is_over_the_steps_that_count(make_trace):
     np.testing.assert_array_equal(trace.position_errors, errors)
     np.testing.assert_array_equal(trace.counted_errors, errors[:50])
     assert len(make_trace().counted_errors) == 200
-    with pytest.raises(S2C2AError, match="counted has shape"):
-        make_trace(counted=counted[:-1])
-    with pytest.raises(S2C2AError, match="truths"):
-        make_trace(counted=np.full(200, np.nan))
 
 
 def test_steps_that_do_not_count_lie_in_spans_half_a_step_wider(make_trace):
@@ -81,8 +51,8 @@ def test_steps_that_do_not_count_lie_in_spans_half_a_step_wider(make_trace):
     assert make_trace().uncounted_spans == []
 
 
-def test_a_trace_without_a_target_follows_the_last_module(make_trace):
-    trace = Trace.without_target("recorded", np.arange(200.0), make_trace().states)
+def test_a_trace_without_a_target_follows_the_last_module(make_trace, drawn):
+    trace = drawn("recorded", np.arange(200.0), make_trace().states)
     assert trace.followed_module == 2
     assert np.isnan(trace.position_errors).all()
 

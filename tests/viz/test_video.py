@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from s2c2a.viz import Trace
 from s2c2a.viz.video import SIZE, Studio, save_video
 
 
@@ -28,8 +27,8 @@ def test_a_run_becomes_a_film_where_ffmpeg_is_found(make_trace, arm, tmp_path):
 
 
 @pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 0), False), ((0, 0, 1), True)])
-def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(make_arm, straight, tip_is_below, gravity, below):
-    studio, trace = Studio(make_arm(gravity_direction=gravity)), Trace.without_target("s2c2a", [0.0], straight[None])
+def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(make_arm, straight, tip_is_below, gravity, below, drawn):
+    studio, trace = Studio(make_arm(gravity_direction=gravity)), drawn("s2c2a", [0.0], straight[None])
     assert tip_is_below(np.array(studio.frame(trace, 0))) == below
     rows = studio.places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
     assert (rows[1] > rows[0] + 200) == below  # rows are counted from the top

@@ -80,7 +80,7 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
 
 def _trace_of(run: "episodes.Episode", file: Path) -> "viz.Trace":
     """What is drawn of a run, with a name that tells it from those of other folders."""
-    from s2c2a.viz import trace_of
+    from s2c2a.viz import Trace
 
     said = [run.options.get(name) for name in ("strategy", "task", "seed")]
-    return trace_of(run, f"{' '.join(str(word) for word in said if word is not None)} · {file.parent.name}")
+    return Trace(run, f"{' '.join(str(word) for word in said if word is not None)} · {file.parent.name}")

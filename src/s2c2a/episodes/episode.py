@@ -55,7 +55,7 @@ class Episode:
             raise RecordingError(f"an episode needs {' and '.join(sorted(missing))}; it has {', '.join(columns)}")
         if len(columns) > MOST_COLUMNS or len({values.shape[:1] for values in columns.values()}) > 1:
             raise RecordingError(f"an episode's columns must have as many steps each, at most {MOST_COLUMNS} of them")
-        for name, shape in _known_shapes(self.arm).items():
+        for name, shape in _known_shapes(self.arm, columns).items():
             if name in columns and columns[name].shape[1:] != shape:
                 raise RecordingError(
                     f"column '{name}' is of shape {columns[name].shape[1:]} a step; on '{self.arm.name}' it is {shape}"
@@ -139,11 +139,13 @@ def stacked(episodes: Iterable[Episode], name: str) -> np.ndarray:
     return np.stack(values)
 
 
-def _known_shapes(arm: ArmSpec) -> dict[str, tuple[int, ...]]:
+def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:
     modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
     states, vectors = (modules, 6), (modules, 3)
     known = {"time": (), "actions": cables, "stage": (), "tick_time": (), "expected": states, "sensed": vectors}
     known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
+    if "obstacles" in columns:
+        known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)  # as many as there are
     return known | {SENSOR + "cables": cables, SENSOR + "states": states, SENSOR + "configurations": vectors}
 
 

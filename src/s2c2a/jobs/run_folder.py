@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from s2c2a import viz
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
@@ -80,7 +79,7 @@ def draw_runs(folder: Path, runs: Sequence[Run]) -> tuple[Path, Path]:
 
 def trace_of(run: Run, label: str | None = None) -> Trace:
     """What viz draws of a run, under the strategy's name unless another is given."""
-    trace = viz.trace_of(run.episode, label or run.strategy)
+    trace = Trace(run.episode, label or run.strategy)
     followed = (trace.followed_module, trace.followed_module - trace.module_count)
     scores = run.job.task.scores
     of_it = (score.steps for score in scores if score.metric == "position" and score.module in followed)

@@ -13,7 +13,7 @@ from s2c2a.files import save_whole
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.runtime import episode_of
 from s2c2a.versions import versions
-from s2c2a.viz import replay_page, trace_of
+from s2c2a.viz import Trace, replay_page
 
 MOST_STEPS = 36_000  # an hour at 10 Hz
 
@@ -63,7 +63,7 @@ class Recorder:
         episode = episode_of(steps, arm, verb="live", strategy=strategy, versions=made_with)
         save_episodes([episode], folder / f"{arm.name}{ENDING}")
         if "states" in episode.sensors:  # else there is nothing to draw
-            replay_page([trace_of(episode)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
+            replay_page([Trace(episode, strategy)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
         return folder
 
     def _keep(self, snapshot: Snapshot) -> None:

@@ -14,7 +14,7 @@ from s2c2a.live.window import Window, sound_value
 from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
-from s2c2a.viz import Trace, trace_of
+from s2c2a.viz import Trace
 
 MOST_POINTS = 1500  # of a recording's cloud, a module
 CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}
@@ -65,7 +65,7 @@ def view_recording(episodes: Sequence[Episode], port: int) -> Window:
         S2C2AError: an episode without true states.
     """
     arm = episodes[0].arm
-    traces = [trace_of(episode, f"episode {number + 1}") for number, episode in enumerate(episodes)]
+    traces = [Trace(episode, f"episode {number + 1}") for number, episode in enumerate(episodes)]
     ends = np.concatenate([trace.states[..., POSITION] for trace in traces])  # (samples, modules, 3)
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     kept = np.linspace(0, len(ends) - 1, min(len(ends), MOST_POINTS)).astype(int)

@@ -8,7 +8,7 @@ from importlib import import_module
 
 from s2c2a.viz.mesh import centre_line
 from s2c2a.viz.replay import replay_page
-from s2c2a.viz.trace import Trace, trace_of
+from s2c2a.viz.trace import Trace
 
 _NEED_MATPLOTLIB = {
     "arm_figure": "arm_drawing",

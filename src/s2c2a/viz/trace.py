@@ -1,8 +1,8 @@
-"""A trace: what viz draws of one run, and how it is had from an episode."""
+"""A trace: an episode under a label, as it is drawn."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,83 +12,67 @@ from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION
 
-SHAPES: dict[str, tuple[str | int, ...]] = {
-    "times": ("time",),
-    "states": ("time", "modules", 6),
-    "wanted_positions": ("time", "modules", 3),
-    "wanted_axes": ("time", "modules", 3),
-    "obstacles": ("time", "obstacles", 4),
-    "counted": ("time",),
-}
-_ASKED = ("wanted_positions", "wanted_axes", "obstacles")
-
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One controller's run of a task, in the base frame; arrays are copied and made read-only.
+    """Where an arm was after each action of an episode's run, and what was asked then; base frame.
 
     States may hold NaN where a real arm was not seen; wanted values are NaN where nothing is asked of that module.
 
     Attributes:
-        label: name of the controller, such as "s2c2a"; it is shown in legends.
-        times: rising times [s], shape (time,).
-        states: end position [m] and end axis of every module, shape (time, modules, 6).
-        wanted_positions: where module ends should be [m], shape (time, modules, 3), or NaN.
-        wanted_axes: where module ends should point, unit vectors, shape (time, modules, 3), or NaN.
-        obstacles: centre and radius of spheres [m], shape (time, obstacles, 4); a radius that is not positive or a NaN
-            says that there is none.
+        episode: what happened, with true states.
+        label: name of the strategy, such as "s2c2a"; it is shown in legends.
         counted: which steps count in the mean error, shape (time,), such as those whose target is within reach; all if
             not stated.
 
     Raises:
-        S2C2AError: a shape is wrong, times do not rise, or `counted` is not of truths.
+        S2C2AError: the episode holds no true states, or no step of a run.
     """
 
+    episode: Episode
     label: str
-    times: Float[np.ndarray, " time"]
-    states: Float[np.ndarray, "time modules 6"]
-    wanted_positions: Float[np.ndarray, "time modules 3"]
-    wanted_axes: Float[np.ndarray, "time modules 3"]
-    obstacles: Float[np.ndarray, "time obstacles 4"]
     counted: Bool[np.ndarray, " time"] | None = None
 
     def __post_init__(self):
-        """Freeze the arrays and check that they fit together."""
-        sizes = {}
-        for name, axes in SHAPES.items():
-            array = self._frozen(name)
-            expected = [sizes.get(axis, axis) for axis in axes]
-            fits = array.ndim == len(axes) and all(map(_fits, array.shape, expected))
-            if not fits or (not array.size and name != "obstacles"):
-                shape = str(tuple(expected)).replace("'", "")
-                raise S2C2AError(
-                    f"trace '{self.label}': {name} has shape {array.shape}, expected {shape}; "
-                    "axes are (time, modules or obstacles, features), with at least one step and at least one module"
-                )
-            sizes.update(zip(axes, array.shape, strict=True))
-        if not (np.isfinite(self.times).all() and (np.diff(self.times) > 0).all()):
-            raise S2C2AError(
-                f"trace '{self.label}': times must be finite and rise from step to step; they are in seconds"
-            )
+        """Refuse what has nothing to draw."""
+        if "states" not in self.episode.sensors or not len(self.episode.running):
+            raise S2C2AError(f"'{self.label}' holds no true states of a run, so there is nothing to draw")
 
-    def _frozen(self, name: str) -> np.ndarray:
-        """An array of its own that nobody can change, kept under its name."""
-        value, truths = getattr(self, name), name == "counted"
-        try:
-            array = np.ones(self.times.shape, bool) if value is None else np.array(value, None if truths else float)
-        except (TypeError, ValueError) as error:
-            raise S2C2AError(f"trace '{self.label}': {name} is not an array of numbers: {error}") from error
-        if truths and array.dtype != bool:
-            raise S2C2AError(f"trace '{self.label}': counted holds {array.dtype}, expected truths, one a step")
-        array.setflags(write=False)
-        object.__setattr__(self, name, array)
-        return array
+    @cached_property
+    def times(self) -> Float[np.ndarray, " time"]:
+        """Of the steps [s]."""
+        return self.episode.ran("time") if self._ends_with_its_run else self.episode.times()
 
-    @classmethod
-    def without_target(cls, label: str, times, states) -> "Trace":
-        """A trace of an arm of which nothing is asked, such as one episode of a recording."""
-        nothing = np.full((*np.shape(states)[:2], 3), np.nan)
-        return cls(label, times, states, nothing, nothing, np.zeros((np.size(times), 0, 4)))
+    @cached_property
+    def states(self) -> Float[np.ndarray, "time modules 6"]:
+        """End position [m] and end axis of every module."""
+        episode = self.episode
+        return episode.ran("sensor.states") if self._ends_with_its_run else episode.after("states")
+
+    @cached_property
+    def wanted_positions(self) -> Float[np.ndarray, "time modules 3"]:
+        """Where module ends should be [m], or NaN."""
+        return self._asked("wanted_positions", (self.module_count, 3))
+
+    @cached_property
+    def wanted_axes(self) -> Float[np.ndarray, "time modules 3"]:
+        """Where module ends should point, unit vectors, or NaN."""
+        return self._asked("wanted_axes", (self.module_count, 3))
+
+    @cached_property
+    def obstacles(self) -> Float[np.ndarray, "time obstacles 4"]:
+        """Centre and radius of spheres [m]; a radius that is not positive or a NaN says that there is none."""
+        return self._asked("obstacles", (0, 4))
+
+    @property
+    def _ends_with_its_run(self) -> bool:
+        """Whether nothing was read after the last action; then states are those before each."""
+        return bool(self.episode.running[-1] + 1 >= len(self.episode))
+
+    def _asked(self, name: str, otherwise: tuple[int, ...]) -> np.ndarray:
+        if self.episode.get(name) is not None:
+            return self.episode.ran(name)
+        return np.full((len(self.times), *otherwise), np.nan)
 
     @property
     def module_count(self) -> int:
@@ -126,15 +110,19 @@ class Trace:
         return np.linalg.norm(self.followed_path - self.wanted_path, axis=-1)
 
     @property
+    def _counted(self) -> Bool[np.ndarray, " time"]:
+        return np.ones(len(self.times), bool) if self.counted is None else self.counted
+
+    @property
     def counted_errors(self) -> Float[np.ndarray, " counted"]:
         """Distances [m] at the steps that count and at which a position is asked for."""
-        return self.position_errors[self.counted & np.isfinite(self.position_errors)]
+        return self.position_errors[self._counted & np.isfinite(self.position_errors)]
 
     @property
     def uncounted_spans(self) -> list[tuple[float, float]]:
         """From when to when steps do not count [s], half a step to each side."""
         edges = np.concatenate([self.times[:1], (self.times[1:] + self.times[:-1]) / 2, self.times[-1:]])
-        changes = np.flatnonzero(np.diff(np.concatenate([[True], self.counted, [True]]).astype(int)))
+        changes = np.flatnonzero(np.diff(np.concatenate([[True], self._counted, [True]]).astype(int)))
         return [(float(edges[start]), float(edges[end])) for start, end in changes.reshape(-1, 2)]
 
     @property
@@ -154,31 +142,6 @@ def _outermost_asked(wanted: np.ndarray) -> int:
     """Last module of which something is asked at some time, or the last one of all."""
     asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
     return int(np.flatnonzero(asked)[-1]) if asked.any() else wanted.shape[1] - 1
-
-
-def _fits(size: int, expected: int | str) -> bool:
-    return isinstance(expected, str) or size == expected
-
-
-def trace_of(episode: Episode, label: str | None = None, counted: np.ndarray | None = None) -> Trace:
-    """What is drawn of an episode's run: where the arm was after each action, and what was asked then.
-
-    Args:
-        episode: with true states.
-        label: for legends; its strategy's name if not stated.
-        counted: which steps count in the mean error; all if not stated.
-
-    Raises:
-        S2C2AError: it holds no true states.
-    """
-    if "states" not in episode.sensors:
-        raise S2C2AError("this episode holds no true states, so there is nothing to draw")
-    whole = len(episode.running) and episode.running[-1] + 1 >= len(episode)  # nothing was read after the last action
-    states = episode.sensor("states")[episode.running] if whole else episode.after("states")
-    times = episode.ran("time") if whole else episode.times()
-    nothing = Trace.without_target(label or str(episode.options.get("strategy", "")), times, states)
-    asked: dict[str, Any] = {name: episode.ran(name) for name in _ASKED if episode.get(name) is not None}
-    return replace(nothing, counted=counted, **asked)
 
 
 def check_some(traces: Collection) -> None:
