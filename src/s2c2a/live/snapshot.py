@@ -56,11 +56,6 @@ class Snapshot:
         """Whether the task that is played is at its last step."""
         return 0 < self.task_steps <= self.task_step + 1
 
-    @property
-    def watched(self) -> bool:
-        """Whether the states are what somebody sees of the arm, not what its model expects."""
-        return "states" in self.step.reading.sensors
-
 
 class Control(ABC):
     """What moves the arm as the latest request says, here or in another process.
@@ -75,7 +70,7 @@ class Control(ABC):
 
     arm: ArmSpec
     limits: RequestLimits
-    strategies: tuple[str, ...]
+    strategies: tuple[str, ...] = ()
     halted_by: str = ""
 
     def __init__(self) -> None:
