@@ -23,7 +23,6 @@ class Plots:
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
         self._rows: deque[list[np.ndarray]] = deque(maxlen=round(SHOWN * arm.control_rate))
-        self._period = arm.control_period
         modules = {f"module {k + 1}": colour for k, colour in enumerate(module_colours(arm.module_count))}
         cables = {f"{name}, {k + 1}": colour for name, colour in modules.items() for k in range(arm.cable_count)}
         unit, self._scale = unit_of_cables(arm)
@@ -45,7 +44,7 @@ class Plots:
         bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
         self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
         values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
-        values = [snapshot.step.number * self._period, *values, 1e3 * snapshot.step.tick_time]
+        values = [snapshot.step.moment, *values, 1e3 * snapshot.step.tick_time]
         self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 
     def draw(self) -> None:
