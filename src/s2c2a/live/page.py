@@ -25,7 +25,6 @@ TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 LEAST_GAP = 0.005  # m; a target less far out of reach is within it
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
-VIEWER = "by somebody who looks at this page"
 
 
 Survey = tuple[Float[np.ndarray, "modules points 3"], Callable[[Point], float]]
@@ -67,7 +66,7 @@ class LivePage(Window):
         self.server.on_client_connect(self._joined)
         self.server.on_client_disconnect(self._left)
         self.every(self._draw)
-        self.open(port, lambda: control.halt(VIEWER))
+        self.open(port, lambda: control.halt("by somebody who looks at this page"))
 
     async def _joined(self, client: viser.ClientHandle) -> None:
         self._panels[client.client_id] = Panel(client, self._control, self.session, self._recorder, self._tell)

@@ -18,8 +18,6 @@ from s2c2a.live.request import Request, RequestLimits
 from s2c2a.runtime import Step
 from s2c2a.spaces import Stage, States
 
-Watcher = Callable[["Snapshot"], None]
-
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -77,7 +75,7 @@ class Control(ABC):
         """Nothing asked, nothing known, nobody watching."""
         self._lock = threading.RLock()
         self.request = Request()
-        self._watchers: list[Watcher] = []
+        self._watchers: list[Callable[[Snapshot], None]] = []
         self._latest: Snapshot | None = None
 
     @property
@@ -116,7 +114,7 @@ class Control(ABC):
         """Back to the task's first step."""
         self.order("move_on", -math.inf)
 
-    def watch(self, watcher: Watcher) -> Callable[[], None]:
+    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
         self._watchers.append(watcher)
         return partial(self._watchers.remove, watcher)
