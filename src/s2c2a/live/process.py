@@ -158,14 +158,19 @@ class ControlProcess(Control):
     def _listen(self) -> None:
         """Fetch what comes until the process ends."""
         try:
-            with suppress(EOFError, OSError, TypeError):  # the last where the pipe is closed meanwhile
-                while True:
-                    self._take(self._pipe.recv())
+            while (said := self._fetched()) is not None:
+                self._take(said)
         finally:
             self._fault = self._fault or ENDED
             self._process.join(PATIENCE)  # whoever asks next finds it ended
             self._used.put(ENDED)
             self._ready.set()
+
+    def _fetched(self) -> Any:
+        """What comes next; None when nothing will."""
+        with suppress(EOFError, OSError, TypeError):  # the last where the pipe is closed meanwhile
+            return self._pipe.recv()
+        return None
 
     def _take(self, said: Any) -> None:
         """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
