@@ -7,21 +7,17 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.cli.first_action import driver_of
-from s2c2a.spaces import Actions
-
-if TYPE_CHECKING:
-    from s2c2a.robots.simulation import SimulatedRobot
 
 QUIET_LOAD = 0.5
 REPEATS, SECONDS_SIMULATED, STARTS = 1000, 50, 5
@@ -104,13 +100,13 @@ def simulation_times(arm: ArmSpec) -> Iterator[Figure]:
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
     for fidelity in simulation.FIDELITIES:
         with simulation.SimulatedRobot(arm, fidelity) as robot:
-            seconds = times_of(partial(_send_all, robot, actions), SECONDS_SIMULATED)
+            seconds = times_of(partial(_call_with_each, robot.step, actions), SECONDS_SIMULATED)
         yield Figure(f"a simulated second, {fidelity}", seconds / (steps * arm.control_period))
 
 
-def _send_all(robot: "SimulatedRobot", actions: Actions) -> None:
-    for action in actions:
-        robot.step(action)
+def _call_with_each(call: Callable[[Any], object], given: Iterable[Any]) -> None:
+    for one in given:
+        call(one)
 
 
 def start_times(arm: str, starts: int = STARTS) -> list[float]:
@@ -161,9 +157,8 @@ def _machine() -> dict[str, object]:
     from s2c2a.versions import versions
 
     info = Path("/proc/cpuinfo")
-    model = re.search(
-        r"^model name\s*: (.*)$", info.read_text(encoding="utf-8") if info.is_file() else "", re.MULTILINE
-    )
+    said = info.read_text(encoding="utf-8") if info.is_file() else ""
+    model = re.search(r"^model name\s*: (.*)$", said, re.MULTILINE)
     processor = model[1].strip() if model else platform.processor()
     return {"processor": processor, "cores": all_cores(), "system": platform.platform(), **versions()}
 

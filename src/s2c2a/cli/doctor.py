@@ -63,8 +63,8 @@ def _package(name: str) -> str:
 
 
 def _browser() -> str:
-    found = filter(None, map(shutil.which, ("chromium", "google-chrome", "firefox")))
-    return next(found, "none found here; replay pages open in any")
+    found = map(shutil.which, ("chromium", "google-chrome", "firefox"))
+    return next(filter(None, found), "none found here; replay pages open in any")
 
 
 def _tried(check: Callable[[], str]) -> str:

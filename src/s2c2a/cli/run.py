@@ -46,7 +46,7 @@ def run(
         seed: of data, training and start; the first one of several.
         seeds: how many; several are run side by side.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
-        robot_option: what that class takes.
+        robot_option: what that class takes beside the arm.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip [kg].
         guard: what keeps out of obstacles: the tip, or the whole arm.

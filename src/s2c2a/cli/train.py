@@ -24,11 +24,11 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     compute_on_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
-    data = load_recording(recording)
+    data, chosen = load_recording(recording), recipe_from(recipe)
     out.parent.mkdir(parents=True, exist_ok=True)  # a place that cannot be is told before the long work
     with progress_bar() as progress:
         networks = train_s2c2a(
-            data, recipe_from(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
+            data, chosen, seed, lambda name, epoch, most, _: progress(f"training {name}", epoch, most)
         )
     save_strategy(networks, out)
     columns = ("epoch", "train", "validation")

@@ -17,22 +17,9 @@ if TYPE_CHECKING:
     from s2c2a import jobs
     from s2c2a.robots import Body
 
-RobotName = Annotated[
-    str,
-    tyro.conf.arg(metavar="sim|MODULE:CLASS", help="the simulated arm, or a class of your own such as my_arm.py:MyArm"),
-]
-RobotOptions = Annotated[
-    tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...", help="what the class of --robot takes beside the arm")
-]
-
-Address = Annotated[
-    str | None,
-    tyro.conf.arg(
-        metavar="ADDRESS",
-        help="let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote it), "
-        "or local for one on this machine; docs/cluster.md",
-    ),
-]
+RobotName = Annotated[str, tyro.conf.arg(metavar="sim|MODULE:CLASS")]
+RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
+Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 
 @dataclass(frozen=True)
@@ -54,7 +41,8 @@ class _Work(_Folder):
 
     Attributes:
         jobs: trainings and runs side by side; all cores if not stated.
-        cluster: see docs/cluster.md.
+        cluster: let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote
+            it), or local for one on this machine; docs/cluster.md.
     """
 
     jobs: int | None = None
@@ -125,9 +113,7 @@ def require(extra: str, *packages: str) -> None:
         S2C2AError: one is.
     """
     if missing := [package for package in packages if find_spec(package) is None]:
-        raise S2C2AError(
-            f'{", ".join(missing)} is missing; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
-        )
+        raise S2C2AError(f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"')
 
 
 def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> "Body":
