@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
 from s2c2a.cli.work import Address, RobotName, RobotOptions, body_for, executor_for
 from s2c2a.errors import S2C2AError
@@ -45,12 +46,9 @@ def collect(
         resume: go on with a recording that was cut short.
         overwrite: replace the recording if it exists.
     """
-    from s2c2a import data
-    from s2c2a.arm import load_arm
-    from s2c2a.strategies import recipe_from
-    from s2c2a.viz import recording_figure
+    from s2c2a import data, strategies, viz
 
-    spec, chosen, body = load_arm(arm), recipe_from(recipe), body_for(robot, robot_option, fidelity)
+    spec, chosen, body = load_arm(arm), strategies.recipe_from(recipe), body_for(robot, robot_option, fidelity)
     options = data.CollectOptions(babbling, episodes, samples, seed, chosen.speeds)
     if not body.simulated:
         if cluster or threads not in (None, 1):
@@ -63,5 +61,5 @@ def collect(
     said = f"{recording.time.size} samples of {', '.join(recording.sensors)}: {out}"
     if "states" in recording.sensors:
         states = recording.sensor("states").reshape(-1, spec.module_count, 6)
-        said += f"; workspace: {recording_figure(states, spec, Path(f'{out}.png'))}"
+        said += f"; workspace: {viz.recording_figure(states, spec, Path(f'{out}.png'))}"
     print(said)

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
+from s2c2a.executors import Processes, Serial, compute_on_one_thread
+from s2c2a.robots.making import Body, options_from, robot_class
 
 if TYPE_CHECKING:
     from s2c2a import jobs
-    from s2c2a.robots import Body
 
 RobotName = Annotated[str, tyro.conf.arg(metavar="sim|MODULE:CLASS")]
 RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
@@ -64,8 +66,6 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
     Raises:
         S2C2AError: no such cluster, its extra is missing, or a number that belongs to another machine.
     """
-    from s2c2a.executors import Processes
-
     if cluster is None:
         return Processes(jobs)
     require("cluster", "distributed")
@@ -90,14 +90,13 @@ def making(
         go_on: whether one that was begun with the same options is gone on with, also under runs/.
         own_data: whether recordings and networks stay in it as well, and not in the cache.
     """
-    from s2c2a import cache, jobs
-    from s2c2a.executors import Serial, compute_on_one_thread
+    from s2c2a import jobs
     from s2c2a.jobs.run_folder import open_run_folder
 
     compute_on_one_thread()
     with executor_for(folder.jobs, folder.cluster) if isinstance(folder, _Work) and not alone else Serial() as executor:
         place = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
-        kept = jobs.Cache(place / "data" if own_data else cache.cache_folder(), place / "runs")
+        kept = jobs.Cache(place / "data" if own_data else cache_folder(), place / "runs")
 
         def make(artifacts):
             with progress_bar() as progress:
@@ -116,14 +115,12 @@ def require(extra: str, *packages: str) -> None:
         raise S2C2AError(f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"')
 
 
-def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> "Body":
+def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> Body:
     """The body, and how it is made; nothing is opened yet.
 
     Raises:
         S2C2AError: no such class, no option, or one of the simulation's for another body.
     """
-    from s2c2a.robots.making import Body, options_from, robot_class
-
     given = options_from(options)
     if Body(robot).simulated:
         return Body(robot, (*Body.simulation(fidelity, payload).options, *given))
