@@ -31,10 +31,8 @@ def check(arm: File) -> None:
 
     spec = load_arm(arm)
     first_mode(spec)  # refuses an arm that falls over
-    modules = f"{spec.module_count} module{'s' if spec.module_count > 1 else ''}"
-    print(
-        f"{arm}: {spec.name} is sound: {modules}, {spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
-    )
+    modules = f"{spec.module_count} module{'s' if spec.module_count > 1 else ''}, {spec.cable_count} cables each"
+    print(f"{arm}: {spec.name} is sound: {modules}, {spec.length:.3g} m, {spec.actuation}")
 
 
 @app.command
@@ -49,11 +47,9 @@ def describe(arm: File) -> None:
     spec = load_arm(arm)
     frequency, damping = first_mode(spec)
     print(f"{spec.name}: {spec.description}" if spec.description else spec.name)
-    print(
-        f"actuation by {spec.actuation}, sensing: {spec.sensing}, {spec.control_rate:g} Hz, length {spec.length:.3g} m"
-    )
+    print(f"actuation by {spec.actuation}, sensing: {spec.sensing}, {spec.control_rate:g} Hz")
     print(f"gravity along {list(spec.gravity_direction)} (base frame), coupled cables: {spec.coupled_cables}")
-    print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
+    print(f"length {spec.length:.3g} m, first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     rows = [_cells(spec, number) for number in range(spec.module_count)]
     print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
 
@@ -120,6 +116,6 @@ def check_body(robot: RobotName = "sim", arm: Arm = "twin_arm", robot_option: Ro
     from s2c2a.robots import check_robot
 
     body = body_for(robot, robot_option)
-    for kept in check_robot(body.make(load_arm(arm), seed=0)):
+    for kept in check_robot(body.seeded(load_arm(arm), 0)):
         print(f"ok: it {kept}")
     print(f"{body} keeps its promises")

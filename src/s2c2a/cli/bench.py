@@ -7,21 +7,21 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.cli.first_action import driver_of
-from s2c2a.spaces import Actions
-
-if TYPE_CHECKING:
-    from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.errors import S2C2AError
+from s2c2a.executors import all_cores
+from s2c2a.files import save_whole
+from s2c2a.versions import versions
 
 QUIET_LOAD = 0.5
 REPEATS, SECONDS_SIMULATED, STARTS = 1000, 50, 5
@@ -59,12 +59,14 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
         print(f"this machine is busy (load {load:.1f}): times will be too long")
     asked = ASKED if spec.same_body(load_arm("twin_arm")) else {}
     figures = [*control_times(spec), *simulation_times(spec), Figure("a later start", start_times(arm))]
-    rows = [_cells(figure, asked.get(figure.what)) for figure in figures]
+    told = [_told(figure, asked.get(figure.what)) for figure in figures]
+    rows = [(each["what"], *(_time(each[name]) for name in ("median", "percentile_99", "at_most"))) for each in told]
     print_table(f"{spec.name} on this machine", ("what", "median", "99th percentile", "at most"), rows)
     machine = _machine()
     print("; ".join(f"{name} {value}" for name, value in machine.items()))
     if out:
-        print(f"kept in {_save(out, spec, figures, asked, machine | {'load': load})}")
+        kept = {"arm": spec.model_dump(mode="json"), "machine": machine | {"load": load}, "seconds": told}
+        print(f"kept in {save_whole(json.dumps(kept, indent=1), out)}")
 
 
 def control_times(arm: ArmSpec) -> Iterator[Figure]:
@@ -104,13 +106,13 @@ def simulation_times(arm: ArmSpec) -> Iterator[Figure]:
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
     for fidelity in simulation.FIDELITIES:
         with simulation.SimulatedRobot(arm, fidelity) as robot:
-            seconds = times_of(partial(_send_all, robot, actions), SECONDS_SIMULATED)
+            seconds = times_of(partial(_call_with_each, robot.step, actions), SECONDS_SIMULATED)
         yield Figure(f"a simulated second, {fidelity}", seconds / (steps * arm.control_period))
 
 
-def _send_all(robot: "SimulatedRobot", actions: Actions) -> None:
-    for action in actions:
-        robot.step(action)
+def _call_with_each(call: Callable[[Any], object], given: Iterable[Any]) -> None:
+    for one in given:
+        call(one)
 
 
 def start_times(arm: str, starts: int = STARTS) -> list[float]:
@@ -119,7 +121,14 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
     Raises:
         S2C2AError: a process ended before it acted.
     """
-    return [_start(arm) for _ in range(1 + starts)][1:]
+    command, seconds = [sys.executable, "-m", "s2c2a.cli.first_action", arm], []
+    for _ in range(1 + starts):
+        began = time.time()
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if not done.stdout:
+            raise S2C2AError(f"the start of '{arm}' in a process of its own failed: {done.stderr[-500:]}")
+        seconds.append(float(done.stdout) - began)
+    return seconds[1:]
 
 
 def times_of(call: Callable[[], object], repeats: int):
@@ -133,48 +142,21 @@ def times_of(call: Callable[[], object], repeats: int):
     return np.diff(ends)
 
 
-def _start(arm: str) -> float:
-    from s2c2a.errors import S2C2AError
-
-    began = time.perf_counter()
-    command = [sys.executable, "-m", "s2c2a.cli.first_action", arm]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        said = process.stdout.readline() if process.stdout else ""
-        took = time.perf_counter() - began
-        complaint = process.communicate()[1]
-    if not said:
-        raise S2C2AError(f"the start of '{arm}' in a process of its own failed: {complaint[-500:]}")
-    return took
+def _told(figure: Figure, asked: float | None) -> dict[str, Any]:
+    said = {"what": figure.what, "median": figure.percentile(50), "percentile_99": figure.percentile(99)}
+    return said | {"repeats": len(figure.seconds), "at_most": asked}
 
 
-def _cells(figure: Figure, asked: float | None) -> tuple[str, ...]:
-    return figure.what, *(_time(figure.percentile(share)) for share in (50, 99)), _time(asked) if asked else ""
-
-
-def _time(seconds: float) -> str:
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
     return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.2f} ms"
 
 
 def _machine() -> dict[str, object]:
     """What figures depend on: the machine, and versions."""
-    from s2c2a.executors import all_cores
-    from s2c2a.versions import versions
-
     info = Path("/proc/cpuinfo")
-    model = re.search(
-        r"^model name\s*: (.*)$", info.read_text(encoding="utf-8") if info.is_file() else "", re.MULTILINE
-    )
+    said = info.read_text(encoding="utf-8") if info.is_file() else ""
+    model = re.search(r"^model name\s*: (.*)$", said, re.MULTILINE)
     processor = model[1].strip() if model else platform.processor()
     return {"processor": processor, "cores": all_cores(), "system": platform.platform(), **versions()}
-
-
-def _save(path: Path, arm: ArmSpec, figures: Sequence[Figure], asked: dict[str, float], machine: dict) -> Path:
-    from s2c2a.files import save_whole
-
-    told = [
-        {"what": each.what, "median": each.percentile(50), "percentile_99": each.percentile(99)}
-        | {"repeats": len(each.seconds), "at_most": asked.get(each.what)}
-        for each in figures
-    ]
-    content = {"arm": arm.model_dump(mode="json"), "machine": machine, "seconds": told}
-    return save_whole(json.dumps(content, indent=1), path)

@@ -3,14 +3,12 @@
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
+from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
 from s2c2a.cli.work import Address, RobotName, RobotOptions, body_for, executor_for
 from s2c2a.errors import S2C2AError
-
-if TYPE_CHECKING:
-    from s2c2a import arm, robots
 
 
 def collect(
@@ -40,19 +38,17 @@ def collect(
         seed: of everything random.
         recipe: says how fast to babble; train with the same one.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
-        robot_option: what that class takes.
+        robot_option: what that class takes beside the arm.
         fidelity: of the simulation.
         threads: episodes side by side; all cores if not stated. The recording is the same.
-        cluster: see docs/cluster.md. The recording is the same.
+        cluster: let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote
+            it), or local for one on this machine; docs/cluster.md. The recording is the same.
         resume: go on with a recording that was cut short.
         overwrite: replace the recording if it exists.
     """
-    from s2c2a import data
-    from s2c2a.arm import load_arm
-    from s2c2a.strategies import recipe_from
-    from s2c2a.viz import recording_figure
+    from s2c2a import data, strategies, viz
 
-    spec, chosen, body = load_arm(arm), recipe_from(recipe), body_for(robot, robot_option, fidelity)
+    spec, chosen, body = load_arm(arm), strategies.recipe_from(recipe), body_for(robot, robot_option, fidelity)
     options = data.CollectOptions(babbling, episodes, samples, seed, chosen.speeds)
     if not body.simulated:
         if cluster or threads not in (None, 1):
@@ -61,13 +57,9 @@ def collect(
     with executor_for(threads, cluster) if cluster else nullcontext() as executor, progress_bar() as progress:
         told = partial(progress, f"collecting from {spec.name}")
         driven = partial(data.collect, executor=executor, threads=threads, body=str(body), progress=told)
-        recording = driven(out, spec, partial(_made, body, spec), options, resume=resume, overwrite=overwrite)
+        recording = driven(out, spec, partial(body.seeded, spec), options, resume=resume, overwrite=overwrite)
     said = f"{recording.time.size} samples of {', '.join(recording.sensors)}: {out}"
     if "states" in recording.sensors:
         states = recording.sensor("states").reshape(-1, spec.module_count, 6)
-        said += f"; workspace: {recording_figure(states, spec, Path(f'{out}.png'))}"
+        said += f"; workspace: {viz.recording_figure(states, spec, Path(f'{out}.png'))}"
     print(said)
-
-
-def _made(body: "robots.Body", spec: "arm.ArmSpec", seed: int) -> "robots.Robot":
-    return body.make(spec, seed=seed)

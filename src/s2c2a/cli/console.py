@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from s2c2a.evaluation.report import Row
     from s2c2a.progress import Progress
 
-Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help="a preset or an arm file")]
+Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
 StrategyName = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
 RecipeName = Annotated[str, tyro.conf.arg(metavar="best|paper|FILE")]
@@ -47,9 +47,9 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Iterable[str]]
     """Print a table to standard output: numbers to the right, or words all to the left."""
     from rich import console, markup, table
 
-    drawn = table.Table(title=title, title_justify="left")
-    for number, name in enumerate(header):
-        drawn.add_column(name, justify="left" if left_aligned or number == 0 else "right")
+    justify: Literal["left", "right"] = "left" if left_aligned else "right"
+    columns = (table.Column(name, justify=justify if number else "left") for number, name in enumerate(header))
+    drawn = table.Table(*columns, title=title, title_justify="left")
     for row in rows:
         drawn.add_row(*map(markup.escape, row))  # a cell is no markup, whatever brackets it has
     screen = console.Console()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 
-NEEDED = {
+GOOD_FOR = {
     "numpy": "everything",
     "pydantic": "arm files",
     "mujoco": "simulation",
@@ -17,8 +17,6 @@ NEEDED = {
     "safetensors": "strategies",
     "scipy": "tasks, reference",
     "matplotlib": "figures",
-}
-EXTRAS = {
     "viser": "live page (extra live)",
     "distributed": "clusters (extra cluster)",
     "optuna": "sweeps (extra sweep)",
@@ -36,7 +34,7 @@ def doctor() -> None:
     rows = [
         ("python", platform.python_version(), "everything"),
         ("cores", str(all_cores()), "trainings, runs and collecting go side by side"),
-        *((name, _package(name), use) for name, use in (NEEDED | EXTRAS).items()),
+        *((name, _package(name, "(extra" in use), use) for name, use in GOOD_FOR.items()),
         ("browser", _browser(), "replay pages"),
     ]
     advice = "install the package again with `pip install .`"
@@ -55,16 +53,16 @@ def _faults(rows: list[tuple[str, str, str]]) -> list[str]:
     return [what for what, found, _ in rows if found.startswith(("missing", "FAILED"))]
 
 
-def _package(name: str) -> str:
+def _package(name: str, extra: bool) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
-        return "missing" if name in NEEDED else "not installed"
+        return "not installed" if extra else "missing"
 
 
 def _browser() -> str:
-    found = filter(None, map(shutil.which, ("chromium", "google-chrome", "firefox")))
-    return next(found, "none found here; replay pages open in any")
+    found = map(shutil.which, ("chromium", "google-chrome", "firefox"))
+    return next(filter(None, found), "none found here; replay pages open in any")
 
 
 def _tried(check: Callable[[], str]) -> str:

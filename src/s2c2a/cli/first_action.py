@@ -1,6 +1,7 @@
-"""What `s2c2a bench` starts: `python -m s2c2a.cli.first_action ARM` loads what drives an arm, and acts once."""
+"""What `s2c2a bench` starts: `python -m s2c2a.cli.first_action ARM` loads what drives an arm, acts, and says when."""
 
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from s2c2a.cache import keep_programs
@@ -41,4 +42,4 @@ def first_action(name: str) -> None:
 if __name__ == "__main__":
     keep_programs()
     first_action(sys.argv[1])
-    print("acted", flush=True)
+    print(time.time())

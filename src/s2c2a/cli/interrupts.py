@@ -41,13 +41,9 @@ def interrupts_heeded() -> Iterator[None]:
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:
-    if _in_an_import(frame):
+    if any(one.f_code.co_filename.startswith("<frozen importlib") for one, _ in walk_stack(frame)):
         return _come_again()
     raise KeyboardInterrupt
-
-
-def _in_an_import(frame: FrameType | None) -> bool:
-    return any(one.f_code.co_filename.startswith("<frozen importlib") for one, _ in walk_stack(frame))
 
 
 def _come_again() -> None:

@@ -29,16 +29,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with interrupts_heeded():
             check_renamed(sys.argv[1:] if arguments is None else arguments)
             app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
-    except S2C2AError as error:
-        print(f"s2c2a: {error}", file=sys.stderr)
-        sys.exit(FAULT)
-    except OSError as error:  # a place that cannot be read or written; its name is in the error
-        print(f"s2c2a: {error}; check the path and its permissions", file=sys.stderr)
+    except (S2C2AError, OSError) as error:  # the latter: a place that cannot be read or written, named in the error
+        advice = "; check the path and its permissions" if isinstance(error, OSError) else ""
+        print(f"s2c2a: {error}{advice}", file=sys.stderr)
         sys.exit(FAULT)
     except KeyboardInterrupt:
-        print(
-            "\ns2c2a: interrupted; what was whole is kept: `reproduce`, `sweep` and `run` go on there, and "
-            "`collect` goes on with --resume",
-            file=sys.stderr,
-        )
+        going_on = "`reproduce`, `sweep` and `run` go on there, and `collect` goes on with --resume"
+        print(f"\ns2c2a: interrupted; what was whole is kept: {going_on}", file=sys.stderr)
         sys.exit(INTERRUPTED)

@@ -4,14 +4,8 @@ from collections.abc import Sequence
 
 from s2c2a.errors import S2C2AError
 
-# fmt: off
-_PARTS = (
-    "startup", "plan", "batch", "step", "profile", "jitter", "collect", "training", "simulation", "rods", "growth",
-)
-_FLAGS = (
-    "seed", "repeats", "long-repeats", "ticks", "memory-ticks", "device", "quick", "whole-torch", "overwrite",
-)
-# fmt: on
+_PARTS = "startup", "plan", "batch", "step", "profile", "jitter", "collect", "training", "simulation", "rods", "growth"
+_FLAGS = "seed", "repeats", "long-repeats", "ticks", "memory-ticks", "device", "quick", "whole-torch", "overwrite"
 _BENCHMARKS = "benchmarks stand beside the package: in a clone of s2c2a, say"
 GONE = {
     "bench": {part: f"{_BENCHMARKS} `pytest benchmarks/bench_{part}.py`" for part in _PARTS}

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, load_arm, save_arm
+from s2c2a.arm import load_arm, save_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_results, print_table, progress_bar
 from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Work, making
 
 if TYPE_CHECKING:
     from s2c2a import strategies
-    from s2c2a.studies.calibration import Claim
 
 app = SubcommandApp()
 
@@ -174,26 +173,17 @@ def calibration(
     spec, (numbers, _) = load_arm(arm), _given(seeds)
     studied.check_comparable(spec)
     if search:
-        spec = _searched(spec, search, out or Path(f"{spec.name}-calibrated.toml"), overwrite)
-    mean = studied.mean_measured(spec, numbers, network)
-    rows = [_cells(claim, mean[claim.quantity]) for claim in studied.claims_for(spec) if claim.quantity in mean]
+        written = out or Path(f"{spec.name}-calibrated.toml")
+        save_arm(spec, written, overwrite)  # what cannot be written is told before the search
+        with progress_bar() as progress:
+            spec = studied.search(spec, 0, search, lambda count, misfit: progress("searching", count, search))
+        save_arm(spec, written, overwrite=True)
+        print(f"written: {written}")
+    mean, rows = studied.mean_measured(spec, numbers, network), []
+    for claim in studied.claims_for(spec):
+        if (value := mean.get(claim.quantity)) is not None:
+            held = f"± {claim.tolerance:.0%}", "yes" if claim.holds(value) else "NO"
+            rows.append((claim.quantity, f"{value:.2f} {claim.unit}", f"{claim.paper:g}", *held))
     for name, top in studied.LARGEST.items():
         rows.append((f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported"))
     print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)
-
-
-def _cells(claim: "Claim", value: float) -> tuple[str, ...]:
-    here, holds = f"{value:.2f} {claim.unit}", "yes" if claim.holds(value) else "NO"
-    return claim.quantity, here, f"{claim.paper:g}", f"± {claim.tolerance:.0%}", holds
-
-
-def _searched(spec: ArmSpec, evaluations: int, path: Path, overwrite: bool) -> ArmSpec:
-    """The arm that the search finds, written to a file."""
-    from s2c2a.studies.calibration import search
-
-    save_arm(spec, path, overwrite)  # what cannot be written is told before the search
-    with progress_bar() as progress:
-        spec = search(spec, 0, evaluations, lambda count, misfit: progress("searching", count, evaluations))
-    save_arm(spec, path, overwrite=True)
-    print(f"written: {path}")
-    return spec

@@ -46,26 +46,27 @@ def run(
         seed: of data, training and start; the first one of several.
         seeds: how many; several are run side by side.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
-        robot_option: what that class takes.
+        robot_option: what that class takes beside the arm.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip [kg].
         guard: what keeps out of obstacles: the tip, or the whole arm.
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
         work: where results go, and who works.
     """
-    from s2c2a import jobs
+    from s2c2a import jobs, strategies
     from s2c2a.arm import load_arm
-    from s2c2a.jobs.run_folder import save_results
+    from s2c2a.jobs.run_folder import draw_runs, save_results
     from s2c2a.models.registry import model_named
-    from s2c2a.strategies import recipe_from
 
     spec, numbers = load_arm(arm), jobs.checked_seeds(seed, seeds)
     under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard)
     if model:
         model_named(model)
-    given = jobs.GivenNetworks.read(weights, spec, recipe_from(recipe) if recipe else None) if weights else None
+    given = (
+        jobs.GivenNetworks.read(weights, spec, strategies.recipe_from(recipe) if recipe else None) if weights else None
+    )
     _check_trained(under.body, strategy, given)
-    asked, chosen = _asked(task, spec), given.recipe if given else recipe_from(recipe or "best")
+    asked, chosen = _asked(task, spec), given.recipe if given else strategies.recipe_from(recipe or "best")
     asked_for = jobs.jobs_for([asked], spec, strategy, numbers, chosen, under, given)
     jobs.check_robots(asked_for)
     options: dict = {"task": task, "arm": spec.model_dump(mode="json"), "strategy": strategy, "recipe": asdict(chosen)}
@@ -77,7 +78,7 @@ def run(
         runs = make(asked_for)
     rows = jobs.score_rows("run", runs)
     save_results(place, rows, runs)
-    print_results(f"{asked.name} with {spec.name}", rows, _pictures(runs, place, video), place)
+    print_results(f"{asked.name} with {spec.name}", rows, draw_runs(place, runs, video), place)
     for row in rows:
         if row.metric == "position":
             print(f"{row.strategy}: {row.mean / spec.length:.1f} % of the arm's length")
@@ -103,15 +104,3 @@ def _asked(task: str, spec: "arm.ArmSpec") -> "tasks.Task":
     for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
         print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
     return asked
-
-
-def _pictures(runs: "list[jobs.Run]", place: Path, video: bool) -> list[Path]:
-    from s2c2a.jobs.run_folder import draw_runs, trace_of
-
-    drawn = list(draw_runs(place, runs))
-    if video:
-        from s2c2a.viz.video import save_video
-
-        spec = runs[0].job.arm
-        drawn.append(save_video(trace_of(runs[0]), spec, place / spec.name))
-    return drawn

@@ -1,15 +1,16 @@
 """`s2c2a sweep`: a better recipe, searched in closed loop."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Annotated
 
 import tyro
 
+from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, GuardName, RecipeName, print_table, progress_bar
 from s2c2a.cli.work import ALL_CORES, Work, executor_for, require
-
-if TYPE_CHECKING:
-    from s2c2a.jobs.sweep import Sweep, Trial
+from s2c2a.errors import S2C2AError
+from s2c2a.robots import Body
 
 SHOWN = 10
 
@@ -53,57 +54,33 @@ def sweep(
         work: where results go, runs/sweep-TASK-ARM if not stated, and who works.
     """
     require("sweep", "optuna")
-    from s2c2a import jobs
-    from s2c2a.arm import load_arm
-    from s2c2a.errors import S2C2AError
-    from s2c2a.jobs.sweep import Sweep
+    from s2c2a import jobs, strategies
+    from s2c2a.jobs import sweep as searching
+    from s2c2a.jobs.run_folder import open_run_folder
     from s2c2a.jobs.varying import varied_from
-    from s2c2a.robots import Body
-    from s2c2a.strategies import recipe_from
     from s2c2a.tasks import task_named
 
-    spec, chosen, numbers = load_arm(arm), recipe_from(recipe), jobs.checked_seeds(0, seeds)
+    spec, chosen, numbers = load_arm(arm), strategies.recipe_from(recipe), tuple(jobs.checked_seeds(0, seeds))
     if not tasks:
         raise S2C2AError("no task to judge by; name at least one, such as circle")
     asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
     varied, judged = varied_from(vary, chosen), metric or asked[0].scores[0].metric
     under = jobs.Conditions(Body.simulation(fidelity, payload), guard)
-    plan = Sweep(spec, asked, chosen, varied, tuple(numbers), judged, batch, seed, under)
-    _search(plan, {"tasks": tasks, "vary": vary}, trials, work)
-
-
-def _search(plan: "Sweep", written: dict, trials: int, work: Work) -> None:
-    """Search, or go on with it, and say what was found."""
-    from dataclasses import asdict, replace
-    from importlib.metadata import version
-
-    from s2c2a import jobs, strategies
-    from s2c2a.jobs import sweep as sweeping
-    from s2c2a.jobs.run_folder import open_run_folder
-
-    options = written | {"arm": plan.arm.model_dump(mode="json"), "recipe": asdict(plan.recipe), "seeds": plan.seeds}
-    options |= {"metric": plan.metric, "conditions": asdict(plan.conditions), "seed": plan.seed, "batch": plan.batch}
+    plan = searching.Sweep(spec, asked, chosen, varied, numbers, judged, batch, seed, under)
+    options: dict = {"tasks": tasks, "vary": vary, "arm": spec.model_dump(mode="json"), "recipe": asdict(chosen)}
+    options |= {"seeds": numbers, "metric": judged, "conditions": asdict(under), "seed": seed, "batch": batch}
     options["optuna"] = version("optuna")
-    label = f"sweep-{plan.tasks[0].name}-{plan.arm.name}"
     with executor_for(work.jobs, work.cluster) as executor, progress_bar() as progress:
+        label = f"sweep-{asked[0].name}-{spec.name}"
         place = open_run_folder(work.out, label, options, work.overwrite, go_on=True)
         cache = jobs.Cache(runs_in=place / "runs")
-        done = sweeping.search(plan, trials, place, cache, executor, progress)
-        best = sweeping.best_recipe(plan, done)
-        networks = jobs.made(jobs.NetworksArtifact(plan.arm, best, plan.seeds[0]), cache, progress)
-    swept = replace(best, name=f"{plan.recipe.name}-swept")
-    weights = place / "best.safetensors"
-    strategies.save_strategy(replace(networks, recipe=swept), weights)
-    table, figure = sweeping.save_trials(done, plan, place)
-    places = [one.place for one in plan.varied]
-    rows = [_cells(one, places) for one in done[:SHOWN]]
-    print_table(f"{len(done)} trials, the best first", ("trial", *places, plan.metric), rows)
-    recipe = strategies.save_recipe(best, place / f"{swept.name}.toml")
-    print(f"best recipe: {recipe} (as --recipe {recipe})\nits networks: {weights} (as --weights)")
+        done = searching.search(plan, trials, place, cache, executor, progress)
+        best, weights = searching.save_best(done, plan, place, cache, progress)
+    table, figure = searching.save_trials(done, plan, place)
+    places, rows = [one.place for one in varied], []
+    for one in done[:SHOWN]:
+        tried = (f"{one.values[place]:.6g}" if place in one.values else "" for place in places)
+        rows.append((str(one.number), *tried, f"failed: {one.said}" if one.score is None else f"{one.score:.4f}"))
+    print_table(f"{len(done)} trials, the best first", ("trial", *places, judged), rows)
+    print(f"best recipe: {best} (as --recipe {best})\nits networks: {weights} (as --weights)")
     print(f"figure: {figure}\nall trials: {table}")
-
-
-def _cells(trial: "Trial", places: Sequence[str]) -> tuple[str, ...]:
-    score = f"failed: {trial.said}" if trial.score is None else f"{trial.score:.4f}"
-    tried = (f"{trial.values[place]:.6g}" if place in trial.values else "" for place in places)
-    return str(trial.number), *tried, score

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from s2c2a.cli.console import File, RecipeName, print_table, progress_bar
+from s2c2a.errors import StrategyError
+from s2c2a.executors import compute_on_one_thread
 
 
 def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0, overwrite: bool = False) -> None:
@@ -15,25 +17,24 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
         seed: of everything random.
         overwrite: replace the strategy if it exists.
     """
+    from s2c2a import strategies, viz
     from s2c2a.data import load_recording
-    from s2c2a.errors import StrategyError
-    from s2c2a.executors import compute_on_one_thread
-    from s2c2a.strategies import recipe_from, save_strategy, train_s2c2a
-    from s2c2a.viz import learning_curves
 
     compute_on_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
-    data = load_recording(recording)
+    data, chosen = load_recording(recording), strategies.recipe_from(recipe)
     out.parent.mkdir(parents=True, exist_ok=True)  # a place that cannot be is told before the long work
     with progress_bar() as progress:
-        networks = train_s2c2a(
-            data, recipe_from(recipe), seed, lambda name, epoch, most, loss: progress(f"training {name}", epoch, most)
-        )
-    save_strategy(networks, out)
+
+        def told(name: str, epoch: int, most: int, loss: float) -> None:
+            progress(f"training {name}", epoch, most)
+
+        networks = strategies.train_s2c2a(data, chosen, seed, told)
+    strategies.save_strategy(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {name: [dict(zip(columns, row, strict=True)) for row in rows] for name, rows in networks.curves.items()}
-    picture = learning_curves(curves, Path(f"{out}.png"))
+    picture = viz.learning_curves(curves, Path(f"{out}.png"))
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
     print_table("Held-out errors, of full range", ("network", "error"), held_out)
     print(f"strategy: {out}; learning curves: {picture}")

@@ -2,17 +2,18 @@
 
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from s2c2a.arm import load_arm
 from s2c2a.cli.console import ModelName
 from s2c2a.cli.live import Port, wait_for_interrupt
 from s2c2a.cli.work import require
+from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a import episodes, viz
     from s2c2a.live.window import Window
 
 
@@ -41,14 +42,12 @@ def window_on(what: tuple[str, ...], port: int) -> "Window":
     Raises:
         S2C2AError: nothing, too much or nothing of the kind.
     """
-    from s2c2a.arm import load_arm
-    from s2c2a.episodes.file import ENDING
     from s2c2a.live import viewing
     from s2c2a.strategies import load_strategy
 
     if not what:
         raise S2C2AError(
-            f"say what to look at: run folders, files ending in {ENDING}, a strategy ending in .safetensors, or an arm"
+            f"say what to look at: run folders, files of runs ({ENDING}), a strategy (.safetensors), an arm"
         )
     if all(Path(one).is_dir() or one.endswith(ENDING) for one in what):
         return _window_on_episodes(what, port)
@@ -61,8 +60,7 @@ def window_on(what: tuple[str, ...], port: int) -> "Window":
 
 def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     """Runs side by side, or a recording: one file that says how it was collected."""
-    from s2c2a import data, episodes
-    from s2c2a.episodes.file import ENDING
+    from s2c2a import data, episodes, viz
     from s2c2a.live import viewing
 
     files = [file for one in map(Path, what) for file in (sorted(one.glob(f"*{ENDING}")) if one.is_dir() else [one])]
@@ -71,16 +69,15 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     loaded = [episodes.load_episodes(file) for file in files]
     if len(files) == 1 and "babbling" in loaded[0][1]:
         return viewing.view_recording(data.load_recording(files[0]).episodes, port)
-    runs = [(run, file) for file, (every, _) in zip(files, loaded, strict=True) for run in every]
+    runs = [(run, file.parent.name) for file, (every, _) in zip(files, loaded, strict=True) for run in every]
     first = runs[0][0].arm
     if other := next((run.arm for run, _ in runs if not run.arm.same_body(first)), None):
         raise S2C2AError(f"runs of '{first.name}' and of '{other.name}' cannot be shown as one; give those of one arm")
-    return viewing.view_runs([_trace_of(run, file) for run, file in runs], first, port)
+    return viewing.view_runs(
+        [viz.Trace(run, f"{_said_of(run.options)} · {folder}") for run, folder in runs], first, port
+    )
 
 
-def _trace_of(run: "episodes.Episode", file: Path) -> "viz.Trace":
-    """What is drawn of a run, with a name that tells it from those of other folders."""
-    from s2c2a.viz import Trace
-
-    said = [run.options.get(name) for name in ("strategy", "task", "seed")]
-    return Trace(run, f"{' '.join(str(word) for word in said if word is not None)} · {file.parent.name}")
+def _said_of(options: Any) -> str:
+    said = [options.get(name) for name in ("strategy", "task", "seed")]
+    return " ".join(str(word) for word in said if word is not None)

@@ -10,29 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
+from s2c2a.executors import Processes, Serial, compute_on_one_thread
+from s2c2a.robots.making import Body, options_from, robot_class
 
 if TYPE_CHECKING:
     from s2c2a import jobs
-    from s2c2a.robots import Body
 
-RobotName = Annotated[
-    str,
-    tyro.conf.arg(metavar="sim|MODULE:CLASS", help="the simulated arm, or a class of your own such as my_arm.py:MyArm"),
-]
-RobotOptions = Annotated[
-    tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...", help="what the class of --robot takes beside the arm")
-]
-
-Address = Annotated[
-    str | None,
-    tyro.conf.arg(
-        metavar="ADDRESS",
-        help="let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote it), "
-        "or local for one on this machine; docs/cluster.md",
-    ),
-]
+RobotName = Annotated[str, tyro.conf.arg(metavar="sim|MODULE:CLASS")]
+RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
+Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 
 @dataclass(frozen=True)
@@ -54,7 +43,8 @@ class _Work(_Folder):
 
     Attributes:
         jobs: trainings and runs side by side; all cores if not stated.
-        cluster: see docs/cluster.md.
+        cluster: let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote
+            it), or local for one on this machine; docs/cluster.md.
     """
 
     jobs: int | None = None
@@ -76,8 +66,6 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
     Raises:
         S2C2AError: no such cluster, its extra is missing, or a number that belongs to another machine.
     """
-    from s2c2a.executors import Processes
-
     if cluster is None:
         return Processes(jobs)
     require("cluster", "distributed")
@@ -102,14 +90,13 @@ def making(
         go_on: whether one that was begun with the same options is gone on with, also under runs/.
         own_data: whether recordings and networks stay in it as well, and not in the cache.
     """
-    from s2c2a import cache, jobs
-    from s2c2a.executors import Serial, compute_on_one_thread
+    from s2c2a import jobs
     from s2c2a.jobs.run_folder import open_run_folder
 
     compute_on_one_thread()
     with executor_for(folder.jobs, folder.cluster) if isinstance(folder, _Work) and not alone else Serial() as executor:
         place = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
-        kept = jobs.Cache(place / "data" if own_data else cache.cache_folder(), place / "runs")
+        kept = jobs.Cache(place / "data" if own_data else cache_folder(), place / "runs")
 
         def make(artifacts):
             with progress_bar() as progress:
@@ -125,19 +112,15 @@ def require(extra: str, *packages: str) -> None:
         S2C2AError: one is.
     """
     if missing := [package for package in packages if find_spec(package) is None]:
-        raise S2C2AError(
-            f'{", ".join(missing)} is missing; install it, in your clone of s2c2a, with: pip install ".[{extra}]"'
-        )
+        raise S2C2AError(f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"')
 
 
-def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> "Body":
+def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> Body:
     """The body, and how it is made; nothing is opened yet.
 
     Raises:
         S2C2AError: no such class, no option, or one of the simulation's for another body.
     """
-    from s2c2a.robots.making import Body, options_from, robot_class
-
     given = options_from(options)
     if Body(robot).simulated:
         return Body(robot, (*Body.simulation(fidelity, payload).options, *given))

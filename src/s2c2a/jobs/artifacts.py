@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 import s2c2a
 from s2c2a import strategies
@@ -20,7 +20,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import DamagedRecordingError, S2C2AError
 from s2c2a.files import save_whole
 from s2c2a.progress import Progress
-from s2c2a.robots import Body, Robot
+from s2c2a.robots import Body
 from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
 
 REVISION = 3
@@ -125,9 +125,9 @@ class RecordingArtifact(Artifact[Recording]):
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        options: dict[str, Any] = {"body": str(DATA), "threads": cache.threads}
-        options["progress"] = partial(progress, f"collecting a {self}")
-        collecting = partial(collect, self.path(cache), self.arm, partial(_robot, self.arm), self.options, **options)
+        told = partial(progress, f"collecting a {self}")
+        collecting = partial(collect, self.path(cache), self.arm, partial(DATA.seeded, self.arm), self.options)
+        collecting = partial(collecting, body=str(DATA), threads=cache.threads, progress=told)
         try:
             collecting(resume=True)
         except DamagedRecordingError:  # ours to replace
@@ -141,10 +141,6 @@ class RecordingArtifact(Artifact[Recording]):
 
     def __str__(self) -> str:
         return f"recording of {self.arm.name}, {self.options.babbling}, seed {self.options.seed}"
-
-
-def _robot(arm: ArmSpec, seed: int) -> Robot:
-    return DATA.make(arm, seed=seed)
 
 
 @dataclass(frozen=True)
@@ -213,10 +209,8 @@ class LSTMArtifact(Artifact[TrainedLSTM]):
         def told(epoch: int, most: int, loss: float) -> None:
             progress(f"training the {self}", epoch, most)
 
-        recording = self.needs[0].load(cache)
-        strategies.save_lstm(
-            strategies.train_lstm_strategy(recording, LSTMOptions(), self.seed, told), self.path(cache)
-        )
+        trained = strategies.train_lstm_strategy(self.needs[0].load(cache), LSTMOptions(), self.seed, told)
+        strategies.save_lstm(trained, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedLSTM:
         """See `Artifact`."""

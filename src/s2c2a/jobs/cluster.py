@@ -37,17 +37,13 @@ class Cluster(ClientExecutor):
     """
 
     def __init__(self, address: str, count: int | None = None):
-        self._address = address
+        self._address, self._versions = address, _own_versions()
         with ExitStack() as held:
-            own = _local_cluster(checked_count(count, processes_that_fit)) if address == LOCAL else None
-            if own is not None:
-                held.callback(own.close)
-            client = _client(address, own)
+            client = _client(address, held.enter_context(_local_cluster(count)) if address == LOCAL else None)
             held.callback(client.close)
             _check_versions(client, address)
             self._held = held.pop_all()
         super().__init__(client, pure=False)
-        self._versions = _own_versions()
 
     def submit(self, fn, *args, **kwargs) -> Future:  # type: ignore[override] # as dask's own does
         """Have a worker do it.
@@ -88,9 +84,7 @@ class Cluster(ClientExecutor):
             ) from error
 
     def _gone(self) -> ClusterError:
-        return ClusterError(
-            f"the scheduler at {self._address} is gone; what was whole is kept: say the same again to go on"
-        )
+        return ClusterError(f"the scheduler at {self._address} is gone; what was whole is kept: say the same again")
 
 
 def _done_there(expected: dict[str, str | None], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
@@ -106,10 +100,10 @@ def _own_versions() -> dict[str, str | None]:
     return _that_count(get_versions(COUNTED))
 
 
-def _local_cluster(count: int) -> LocalCluster:
+def _local_cluster(count: int | None) -> LocalCluster:
     """Workers of this machine; only this machine can reach them."""
     return LocalCluster(
-        n_workers=count,
+        n_workers=checked_count(count, processes_that_fit),
         threads_per_worker=1,
         processes=True,
         dashboard_address="127.0.0.1:0",  # else it would listen to everybody
@@ -117,17 +111,16 @@ def _local_cluster(count: int) -> LocalCluster:
     )
 
 
-def _client(address: str, cluster: LocalCluster | None) -> Client:
-    if cluster is not None:
-        return Client(cluster, set_as_default=False)
-    if not address.startswith(PROTOCOLS) and not address.endswith(".json"):
+def _client(address: str, own: LocalCluster | None) -> Client:
+    in_file = address.endswith(".json")
+    if not (own or in_file or address.startswith(PROTOCOLS)):
         raise ClusterError(
             f"no cluster '{address}'; take the address of a scheduler (tcp://host:8786 or tls://host:8786), the file "
             f"where it wrote it (.json), or {LOCAL} for this machine"
         )
-    where = {"scheduler_file" if address.endswith(".json") else "address": address}
+    where = {"scheduler_file" if in_file else "address": own or address}
     try:
-        if address.endswith(".json") and not Path(address).is_file():  # dask would wait for it
+        if in_file and not Path(address).is_file():  # dask would wait for it
             raise FileNotFoundError("no such file")
         return Client(**where, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, KeyError) as error:

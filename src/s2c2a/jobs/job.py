@@ -5,17 +5,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from s2c2a import episodes, evaluation, strategies, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
-from s2c2a.data import CollectOptions
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs import artifacts
-from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks
+from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks, LSTMArtifact, NetworksArtifact, digest_of
 from s2c2a.planning import Guard
 from s2c2a.progress import Progress
 from s2c2a.robots import Body
@@ -61,20 +60,9 @@ class Run:
     episode: episodes.Episode
     scores: list[evaluation.Scored]
 
-    @property
-    def task(self) -> str:
-        """Its name."""
-        return self.job.task.name
-
-    @property
-    def strategy(self) -> str:
-        """Its name."""
-        return self.job.strategy
-
-    @property
-    def seed(self) -> int:
-        """Of data, training and start."""
-        return self.job.seed
+    task = property(attrgetter("job.task.name"), doc="Its name.")
+    strategy = property(attrgetter("job.strategy"), doc="Its name.")
+    seed = property(attrgetter("job.seed"), doc="Of data, training and start.")
 
 
 @dataclass(frozen=True)
@@ -129,7 +117,7 @@ class Job(Artifact[Run]):
         parts = (np.ascontiguousarray(part).tobytes() for goal in self.asked.goals for part in goal)
         asked = (self.task.name, hashlib.sha256(b"".join(parts)).hexdigest(), arm_to_toml(self.arm))
         rest = (self.strategy, self.recipe, self.seed, self.conditions, self.weights and self.weights.file)
-        return f"{artifacts.digest_of(*asked, *rest)}{ENDING}"
+        return f"{digest_of(*asked, *rest)}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
@@ -152,7 +140,7 @@ class Job(Artifact[Run]):
 def _networks(job: Job, babbling: str = "staged") -> tuple[Artifact, ...]:
     """Those given stand in for trained ones of `s2c2a` alone."""
     given = job.weights if babbling == "staged" else None
-    return (given or artifacts.NetworksArtifact(job.arm, job.recipe, job.seed, babbling),)
+    return (given or NetworksArtifact(job.arm, job.recipe, job.seed, babbling),)
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
@@ -160,24 +148,18 @@ def _with_networks(job: Job, networks: Any) -> AnyStrategy:
 
 
 def _recording(job: Job) -> tuple[Artifact, ...]:
-    return (artifacts.RecordingArtifact(job.arm, CollectOptions(seed=job.seed, speeds=job.recipe.speeds)),)
+    return NetworksArtifact(job.arm, job.recipe, job.seed).needs
 
 
-def _lstm(job: Job) -> tuple[Artifact, ...]:
-    return (artifacts.LSTMArtifact(job.arm, job.seed),)
-
-
+# The paper's, its comparisons, and the one trained on motor babbling (Chen et al. 2025, sec. IV).
 STRATEGIES: dict[str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[..., AnyStrategy]]] = {
     "s2c2a": (_networks, _with_networks),
     "pcc": (lambda job: (), lambda job: strategies.pcc_strategy(job.arm, job.planner)),
     "pcc-fitted": (_recording, lambda job, data: strategies.pcc_fitted_strategy(data, job.planner)),
-    "lstm": (_lstm, lambda job, trained: strategies.LSTMStrategy(trained)),
+    "lstm": (lambda job: (LSTMArtifact(job.arm, job.seed),), lambda job, trained: strategies.LSTMStrategy(trained)),
     "s2c2a-motor": (partial(_networks, babbling="motor"), _with_networks),
 }
-"""The paper's strategy, its comparisons, and the one trained on motor babbling (Chen et al. 2025, sec. IV).
-
-Name -> what a job's is made from, and how: job -> artifacts; job and what these hold -> strategy.
-"""
+"""Name -> what a job's is made from, and how: job -> artifacts; job and what these hold -> strategy."""
 
 
 def checked_seeds(first: int, count: int) -> range:

@@ -45,10 +45,8 @@ def make_all(
     made = try_all(artifacts, cache, executor, progress)
     failed = [(one, error) for one, error in zip(artifacts, made, strict=True) if isinstance(error, S2C2AError)]
     if failed:
-        one, error = failed[0]
-        raise S2C2AError(
-            f"{len(failed)} of {len(made)} {one.kind} failed, such as {one}: {error}; what was whole is kept"
-        ) from error
+        (one, error), count = failed[0], f"{len(failed)} of {len(made)}"
+        raise S2C2AError(f"{count} {one.kind} failed, such as {one}: {error}; what was whole is kept") from error
     return [one for one in made if not isinstance(one, S2C2AError)]
 
 
@@ -88,9 +86,8 @@ def try_all(
 def _missing(artifacts: Sequence[Artifact], cache: Cache) -> dict[Path, Artifact]:
     """What is not there, and what is not there of what it is made from, by where it is kept."""
     seen: dict[Path, Artifact | None] = {}
-    left = deque(artifacts)
-    while left:
-        one = left.popleft()
+    left = list(artifacts)
+    for one in left:  # which grows
         if (path := one.path(cache)) not in seen:
             seen[path] = missing = None if one.is_in(cache) else one
             left.extend(missing.needs if missing else ())
@@ -102,9 +99,6 @@ class _Making:
 
     def __init__(self, missing: dict[Path, Artifact], cache: Cache, executor: Executor, progress: Progress):
         self._missing, self._cache, self._executor, self._progress = missing, cache, executor, progress
-        needs = {path: [need.path(cache) for need in one.needs] for path, one in missing.items()}
-        self._needs = {path: [need for need in every if need in missing] for path, every in needs.items()}
-        self._begun: dict[Future[bytes | None], Path] = {}
         self._failed: dict[Path, S2C2AError] = {}
         self._totals = Counter(one.kind for one in missing.values())
         self._done: Counter[str] = Counter()
@@ -113,40 +107,40 @@ class _Making:
         """Make all; returns why those failed that did."""
         for kind, total in reversed(self._totals.items()):
             self._progress(f"making {kind}", 0, total)
-        order, ready = TopologicalSorter(self._needs), deque[Path]()
+        needs = {path: {need.path(self._cache) for need in one.needs} for path, one in self._missing.items()}
+        order = TopologicalSorter({path: every & self._missing.keys() for path, every in needs.items()})
+        ready, begun = deque[Path](), dict[Future[bytes | None], Path]()
         order.prepare()
         try:
             while order.is_active():
                 ready.extend(order.get_ready())
-                while ready and len(self._begun) < most_begun(self._executor):
+                while ready and len(begun) < most_begun(self._executor):
                     path = ready.popleft()
-                    self._begun[self._submitted(path)] = path
-                for future in wait(self._begun, return_when=FIRST_COMPLETED).done:
-                    path = self._begun.pop(future)
+                    begun[self._submitted(self._missing[path])] = path
+                for future in wait(begun, return_when=FIRST_COMPLETED).done:
+                    path = begun.pop(future)
                     self._end(future, path)
                     order.done(path)
         finally:
-            cancel(self._begun)
+            cancel(begun)
         return self._failed
 
-    def _submitted(self, path: Path) -> Future[bytes | None]:
-        one = self._missing[path]
-        if lost := [self._failed[need] for need in self._needs[path] if need in self._failed]:
+    def _submitted(self, one: Artifact) -> Future[bytes | None]:
+        needed = [need.path(self._cache) for need in one.needs]
+        if lost := [self._failed[path] for path in needed if path in self._failed]:
             return Serial().submit(_failed, lost[0])
         if isinstance(self._executor, Serial):  # it has this disk, and can tell in detail
             return self._executor.submit(one.make, self._cache, self._progress)
-        needed = [need.path(self._cache).read_bytes() for need in one.needs]
-        return self._executor.submit(_made_elsewhere, one, needed)
+        return self._executor.submit(_made_elsewhere, one, [path.read_bytes() for path in needed])
 
     def _end(self, future: Future[bytes | None], path: Path) -> None:
         try:
-            content = future.result()
+            if content := future.result():
+                save_whole(content, path)
         except ClusterError:  # of the executor, not of what was made
             raise
         except S2C2AError as error:
-            self._failed[path], content = error, None
-        if content is not None:
-            save_whole(content, path)
+            self._failed[path] = error
         kind = self._missing[path].kind
         self._done[kind] += 1
         self._progress(f"making {kind}", self._done[kind], self._totals[kind])

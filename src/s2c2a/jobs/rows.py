@@ -26,28 +26,24 @@ TILTS = {
 }
 """Table III: task -> ours, PCC; each position [cm], tilt [deg] and where printed azimuth [deg], mean and deviation."""
 
-PRINTED: dict[tuple[str, ...], tuple[float, float]] = {
-    ("circle", "twin_arm", "s2c2a", "position"): (2.2, 1.1),  # table III, p-ours
-    ("circle", "twin_arm", "pcc", "position"): (2.5, 0.8),  # table III, p-PCC
-    ("circle", "simulated_arm", "s2c2a", "position"): (1.5, 0.3),  # table on the simulation
-    ("circle", "simulated_arm", "s2c2a-motor", "position"): (1.9, 0.7),  # the same
-    ("circle", "simulated_arm", "lstm", "position"): (3.3, 1.7),  # the same
+PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
+    ("circle", "twin_arm", "s2c2a"): {"position": (2.2, 1.1)},  # table III, p-ours
+    ("circle", "twin_arm", "pcc"): {"position": (2.5, 0.8)},  # table III, p-PCC
+    ("circle", "simulated_arm", "s2c2a"): {"position": (1.5, 0.3)},  # table on the simulation
+    ("circle", "simulated_arm", "s2c2a-motor"): {"position": (1.9, 0.7)},  # the same
+    ("circle", "simulated_arm", "lstm"): {"position": (3.3, 1.7)},  # the same
     **{
-        (task, "twin_arm", strategy, metric): pair
+        (task, "twin_arm", strategy): dict(zip(("position", "tilt", "azimuth"), pairs, strict=False))
         for task, columns in TILTS.items()
         for strategy, pairs in zip(("s2c2a", "pcc"), columns, strict=True)
-        for metric, pair in zip(("position", "tilt", "azimuth"), pairs, strict=False)
     },
-    ("circle", "simulated_arm_sensing_coupled", "s2c2a", "position"): (1.7, 0.3),  # sensing coupling
-    ("circle", "simulated_arm_actuation_coupled", "s2c2a", "position"): (1.6, 0.5),  # actuation coupling
-    ("hold-base", "twin_arm", "s2c2a", "constraint"): (0.2, 0.1),  # table V
-    ("hold-base", "twin_arm", "s2c2a", "position"): (3.6, 1.7),
-    ("hold-middle", "twin_arm", "s2c2a", "constraint"): (1.0, 0.3),
-    ("hold-middle", "twin_arm", "s2c2a", "orientation"): (3.2, 1.9),
-    ("hold-end", "twin_arm", "s2c2a", "constraint"): (3.9, 0.9),
-    ("hold-end", "twin_arm", "s2c2a", "orientation"): (4.3, 2.5),
-    ("training", "twin_arm", "C2S", "held-out error"): (1.93, 1.87),  # table II
-    ("training", "twin_arm", "C2A", "held-out error"): (0.91, 1.90),  # table II
+    ("circle", "simulated_arm_sensing_coupled", "s2c2a"): {"position": (1.7, 0.3)},  # sensing coupling
+    ("circle", "simulated_arm_actuation_coupled", "s2c2a"): {"position": (1.6, 0.5)},  # actuation coupling
+    ("hold-base", "twin_arm", "s2c2a"): {"constraint": (0.2, 0.1), "position": (3.6, 1.7)},  # table V
+    ("hold-middle", "twin_arm", "s2c2a"): {"constraint": (1.0, 0.3), "orientation": (3.2, 1.9)},
+    ("hold-end", "twin_arm", "s2c2a"): {"constraint": (3.9, 0.9), "orientation": (4.3, 2.5)},
+    ("training", "twin_arm", "C2S"): {"held-out error": (1.93, 1.87)},  # table II
+    ("training", "twin_arm", "C2A"): {"held-out error": (0.91, 1.90)},  # table II
 }
 """Chen et al. 2025. Its simulation compares with other things than PCC, so those rows have no number beside them."""
 
@@ -95,11 +91,10 @@ def score_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
     heading, rows = Heading.of(experiment, runs), []
     for task, strategy in dict.fromkeys((run.task, run.strategy) for run in runs):
         mine = [run for run in runs if (run.task, run.strategy) == (task, strategy)]
-        for number, scored in enumerate(mine[0].scores):
-            each = [run.scores[number] for run in mine]
-            spreads = [_spread(one.values) for one in each] if scored.averaged else []
-            values = [one.value for one in each]
-            rows.append(heading.row(task, strategy, scored.score.metric, scored.unit, values, spreads, **heading.modes))
+        for each in zip(*(run.scores for run in mine), strict=True):
+            first, values = each[0], [one.value for one in each]
+            spreads = [_spread(one.values) for one in each] if first.averaged else []
+            rows.append(heading.row(task, strategy, first.score.metric, first.unit, values, spreads, **heading.modes))
     return rows
 
 
@@ -115,8 +110,7 @@ def tick_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
     for strategy in dict.fromkeys(run.strategy for run in runs):
         ticks = np.concatenate([1e3 * run.episode.ran("tick_time") for run in runs if run.strategy == strategy])
         for metric, share in (("tick, median", 50), ("tick, 99th percentile", 99)):
-            value = float(np.percentile(ticks, share))
-            rows.append(heading.row("all", strategy, metric, "ms", [value]))
+            rows.append(heading.row("all", strategy, metric, "ms", [float(np.percentile(ticks, share))]))
     return rows
 
 
@@ -132,7 +126,7 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
 
 def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, Any]:
     """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing or the arm is not the preset."""
-    pair = PRINTED.get((task, arm.name, strategy, metric))
+    pair = PRINTED.get((task, arm.name, strategy), {}).get(metric)
     if pair is None or (arm.name in preset_names() and not arm.same_body(load_arm(arm.name))):
         return {}
     return {"paper_mean": pair[0], "paper_std": pair[1]}

@@ -16,6 +16,7 @@ from s2c2a.files import holds, save_whole
 from s2c2a.jobs.job import Run
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
+from s2c2a.viz.video import save_video
 
 MARKER = "options.json"
 
@@ -39,10 +40,8 @@ def open_run_folder(path: Path | None, label: str, options: dict, overwrite: boo
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         if not overwrite:
             raise S2C2AError(f"{folder} exists and is not empty; say --overwrite or choose another --out")
-        if not (folder / MARKER).is_file():
-            raise S2C2AError(
-                f"{folder} holds no {MARKER}, so it is no run folder and is left alone; choose another --out"
-            )
+        if not marker.is_file():
+            raise S2C2AError(f"{folder} is no run folder: it holds no {MARKER}; it is left alone, choose another --out")
         aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
         folder.rename(aside)  # whole or gone: a kill never leaves half a run folder in its place
         shutil.rmtree(aside)
@@ -65,8 +64,12 @@ def _steps(run: Run) -> Iterator[tuple]:
             yield (*name, f"{value:.4f}", f"{1e3 * tick:.4f}")
 
 
-def draw_runs(folder: Path, runs: Sequence[Run]) -> tuple[Path, Path]:
-    """Draw the first seed's runs of one arm: a figure and a replay page; returns both. The episodes go beside them."""
+def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Path]:
+    """Draw the first seed's runs of one arm: a figure, a replay page, and, if asked for, a video of the first run.
+
+    Returns:
+        These files. The episodes go beside them.
+    """
     first = [run for run in runs if run.seed == runs[0].seed]
     traces, job = [trace_of(run) for run in first], first[0].job
     title = f"{first[0].task} with {job.arm.name}"
@@ -74,7 +77,7 @@ def draw_runs(folder: Path, runs: Sequence[Run]) -> tuple[Path, Path]:
     save_episodes([run.episode for run in first], folder / f"{job.arm.name}{ENDING}", summary)
     figure = run_figure(traces, job.arm, folder / f"{job.arm.name}.png", title)
     page = replay_page(traces, job.arm, title, folder / f"{job.arm.name}.html", summary)
-    return figure, page
+    return [figure, page, *([save_video(traces[0], job.arm, folder / job.arm.name)] if video else ())]
 
 
 def trace_of(run: Run, label: str | None = None) -> Trace:

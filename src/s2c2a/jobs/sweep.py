@@ -6,7 +6,7 @@ own: the same options give the same trials on any executor, and after any kill.
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -20,10 +20,12 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import save_csv
 from s2c2a.evaluation.scoring import METRICS
-from s2c2a.jobs import SIMULATED_FAST, Cache, Conditions, Make, Run, in_groups, jobs_for, try_all
+from s2c2a.jobs.artifacts import Cache, NetworksArtifact
+from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
+from s2c2a.jobs.making import Make, in_groups, made, try_all
 from s2c2a.jobs.varying import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
-from s2c2a.strategies import Recipe
+from s2c2a.strategies import Recipe, save_recipe, save_strategy
 from s2c2a.tasks import Task
 from s2c2a.viz import trials_figure
 
@@ -124,10 +126,21 @@ def best_recipe(sweep: Sweep, trials: Sequence[Trial]) -> Recipe:
         S2C2AError: every trial failed.
     """
     if trials[0].score is None:
-        raise S2C2AError(
-            f"all {len(trials)} trials failed, the first because: {trials[0].said}; vary less, or otherwise"
-        )
+        raise S2C2AError(f"all {len(trials)} trials failed, the first because: {trials[0].said}; vary less")
     return with_values(sweep.recipe, trials[0].values)
+
+
+def save_best(trials: Sequence[Trial], sweep: Sweep, folder: Path, cache: Cache, told: Progress) -> tuple[Path, Path]:
+    """Write the best trial's recipe, and its networks, trained with the first seed; returns both files.
+
+    Raises:
+        S2C2AError: every trial failed.
+    """
+    best, name = best_recipe(sweep, trials), f"{sweep.recipe.name}-swept"
+    networks = made(NetworksArtifact(sweep.arm, best, sweep.seeds[0]), cache, told)
+    weights = folder / "best.safetensors"
+    save_strategy(replace(networks, recipe=replace(best, name=name)), weights)
+    return save_recipe(best, folder / f"{name}.toml"), weights
 
 
 def _opened(sweep: Sweep, folder: Path) -> optuna.Study:
@@ -146,26 +159,17 @@ def _batches(study: optuna.Study, sweep: Sweep, trials: int) -> Iterator[list[Fr
     """Trials to be judged, chosen when their batch begins; those of a batch that was cut short come first."""
     distributions = {one.place: _distribution(one) for one in sweep.varied}
     begun = len([one for one in study.trials if one.state != TrialState.WAITING])
-    end = min(-(-begun // sweep.batch) * sweep.batch, trials)
-    while True:
+    for end in (*range(-(-begun // sweep.batch) * sweep.batch, trials, sweep.batch), trials):
         for number in range(begun, end):
             stream = np.random.SeedSequence([sweep.seed, number]).generate_state(1)
             study.sampler = optuna.samplers.TPESampler(seed=int(stream[0]), constant_liar=True)
             study.ask(distributions)
-        running = study.get_trials(states=(TrialState.RUNNING,))
-        if chosen := [one for one in running if _is_chosen(study, one, distributions)]:
+        for one in study.get_trials(states=(TrialState.RUNNING,)):
+            if set(one.params) != set(distributions):
+                _tell(study, one.number, None, "killed while its values were chosen")
+        if chosen := study.get_trials(states=(TrialState.RUNNING,)):
             yield chosen
-        if end >= trials:
-            return
-        begun, end = end, min(end + sweep.batch, trials)
-
-
-def _is_chosen(study: optuna.Study, one: FrozenTrial, distributions: dict) -> bool:
-    """Whether all values of a trial were chosen; one that was killed in the middle of it is given up."""
-    if set(one.params) == set(distributions):
-        return True
-    _tell(study, one.number, None, "killed while its values were chosen")
-    return False
+        begun = end
 
 
 def _distribution(one: Varied) -> optuna.distributions.BaseDistribution:
@@ -183,19 +187,18 @@ def _told(progress: Progress, said: str, doing: str, done: int, total: int) -> N
 
 def _judged(batch: Sequence[FrozenTrial], sweep: Sweep, make: Make) -> Iterator[tuple[int, float | None, str]]:
     """Number and score of every trial, or why there is none; all have been run when the first is told."""
-    tried = {one.number: _recipe(sweep, one) for one in batch}
-    recipes = list(dict.fromkeys(one for one in tried.values() if isinstance(one, Recipe)))
-    asked = [jobs_for(sweep.tasks, sweep.arm, ("s2c2a",), sweep.seeds, one, sweep.conditions) for one in recipes]
-    runs = dict(zip(recipes, in_groups(make, asked), strict=True))
-    for number, recipe in tried.items():
-        yield number, *_score(sweep, runs[recipe] if isinstance(recipe, Recipe) else [recipe])
+    asked = {one.number: _asked(sweep, one) for one in batch}
+    runs = iter(in_groups(make, [every for every in asked.values() if isinstance(every, list)]))
+    for number, every in asked.items():
+        yield number, *_score(sweep, next(runs) if isinstance(every, list) else [every])
 
 
-def _recipe(sweep: Sweep, one: FrozenTrial) -> Recipe | S2C2AError:
+def _asked(sweep: Sweep, one: FrozenTrial) -> list[Job] | S2C2AError:
     try:
-        return with_values(sweep.recipe, one.params)
+        recipe = with_values(sweep.recipe, one.params)
     except S2C2AError as error:  # values that are sound alone and not together
         return error
+    return jobs_for(sweep.tasks, sweep.arm, ("s2c2a",), sweep.seeds, recipe, sweep.conditions)
 
 
 def _score(sweep: Sweep, made: Sequence[Run | S2C2AError]) -> tuple[float | None, str]:
@@ -208,11 +211,9 @@ def _score(sweep: Sweep, made: Sequence[Run | S2C2AError]) -> tuple[float | None
 
 
 def _tell(study: optuna.Study, number: int, score: float | None, said: str) -> None:
-    if score is not None:
-        study.tell(number, score)
-        return
-    study.set_user_attr(str(number), said)
-    study.tell(number, state=TrialState.FAIL)
+    if score is None:
+        study.set_user_attr(str(number), said)
+    study.tell(number, score, TrialState.FAIL if score is None else None)
 
 
 def _ranked(study: optuna.Study, sweep: Sweep) -> list[Trial]:
@@ -224,9 +225,11 @@ def _ranked(study: optuna.Study, sweep: Sweep) -> list[Trial]:
 
 def save_trials(trials: Sequence[Trial], sweep: Sweep, folder: Path) -> tuple[Path, Path]:
     """Write every trial as comma-separated values, and draw them; returns both files."""
-    places = [one.place for one in sweep.varied]
+    places, rows = [one.place for one in sweep.varied], []
     table, in_order = folder / "trials.csv", sorted(trials, key=lambda one: one.number)
-    rows = ((one.number, _written(one), *(one.values.get(place, "") for place in places), one.said) for one in in_order)
+    for one in in_order:
+        score = "" if one.score is None else f"{one.score:.6g}"
+        rows.append((one.number, score, *(one.values.get(place, "") for place in places), one.said))
     save_csv(("trial", sweep.metric, *places, "failed because"), rows, table)
     done = [one for one in in_order if one.score is not None]
     numbers, scores = [one.number for one in done], np.array([one.score for one in done], dtype=float)
@@ -234,7 +237,3 @@ def save_trials(trials: Sequence[Trial], sweep: Sweep, folder: Path) -> tuple[Pa
     label = f"{sweep.metric} [{METRICS[sweep.metric].unit}]"
     logarithmic, rises = {one.place for one in sweep.varied if one.log}, METRICS[sweep.metric].rises
     return table, trials_figure(numbers, scores, values, label, logarithmic, folder / "trials.png", rises)
-
-
-def _written(trial: Trial) -> str:
-    return "" if trial.score is None else f"{trial.score:.6g}"

@@ -70,9 +70,8 @@ def value_at(recipe: Recipe, place: str) -> Value:
     for depth, step in enumerate(parts := place.split(".")):
         where, inside = ".".join(parts[:depth]), _inside(found)
         if step not in inside or place in NOT_VARIED:
-            raise S2C2AError(
-                f"nothing to vary at '{place}'; {where or f'recipe {recipe.name}'} has {_known(where, inside)}"
-            )
+            holder = where or f"recipe {recipe.name}"
+            raise S2C2AError(f"nothing to vary at '{place}'; {holder} has {_known(where, inside)}")
         found = inside[step]
     if inside := _inside(found):
         raise S2C2AError(f"'{place}' holds several; vary one of {_known(place, inside)}")
@@ -129,8 +128,7 @@ def _one(text: str, recipe: Recipe) -> Varied:
     ends = _value(low, now, place), _value(high, now, place)
     if scale not in ([], ["log"]) or isinstance(now, bool) or not ends[0] < ends[1] or (scale and ends[0] <= 0):
         raise S2C2AError(
-            f"'{text}' is no range; write low:high with numbers that rise, low:high:log with numbers above zero, or "
-            "choices with commas"
+            f"'{text}' is no range; write rising low:high, low:high:log above zero, or choices with commas"
         )
     return Varied(place, ends, is_range=True, log=bool(scale))
 

@@ -77,6 +77,10 @@ class Body:
         make: Callable[..., Robot] = kind
         return make(arm, **offers | chosen)
 
+    def seeded(self, arm: ArmSpec, seed: int) -> Robot:
+        """The same with a seed, where its class takes one: what makes a robot for every episode."""
+        return self.make(arm, seed=seed)
+
 
 def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
     """`key=value` as a user writes them.
