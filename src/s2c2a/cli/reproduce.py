@@ -177,8 +177,8 @@ def calibration(
         spec = _searched(spec, search, out or Path(f"{spec.name}-calibrated.toml"), overwrite)
     mean = studied.mean_measured(spec, numbers, network)
     rows = [_cells(claim, mean[claim.quantity]) for claim in studied.claims_for(spec) if claim.quantity in mean]
-    for name, top in studied.LARGEST.items():
-        rows.append((f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported"))
+    for name, claim in zip(("I", "II", "III"), studied.LARGEST, strict=True):
+        rows.append((f"largest {name}", f"{mean[claim.quantity]:.1f} deg", f"{claim.paper:g}", "", "reported"))
     print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import itemgetter
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -46,21 +44,6 @@ class Outcome:
     states: Float[np.ndarray, "steps modules 6"]
     lines: Float[np.ndarray, "steps moments points 3"]
 
-    @classmethod
-    def of(cls, episode: Episode, task: Task) -> "Outcome":
-        """What an episode of a task holds for its scores.
-
-        Raises:
-            S2C2AError: it holds no true states, or is not of as many steps as the task.
-        """
-        if "states" not in episode.sensors:
-            raise S2C2AError("this episode holds no true states; a run needs them to be scored")
-        states = episode.after("states")
-        if len(states) != len(task.goals):
-            raise S2C2AError(f"this episode has {len(states)} steps, and '{task.name}' has {len(task.goals)}")
-        lines = episode.after("centre_line") if "centre_line" in episode.sensors else states[:, None, :, POSITION]
-        return cls(task, episode.times(), states, lines)
-
     @property
     def tips(self) -> Float[np.ndarray, "steps 3"]:
         """Where the tip was after each step [m]."""
@@ -75,14 +58,12 @@ class Metric:
         unit: of its values.
         of: (run, score) -> a value for every control step, NaN where none counts.
         summed_up: values of the steps that count -> one number for the run.
-        averaged: whether that number is the mean over steps, so that a spread over steps has a meaning.
         rises: whether more is better.
     """
 
     unit: str
     of: Callable[[Outcome, Score], PerStep]
     summed_up: Callable[[PerStep], float] = _mean
-    averaged: bool = True
     rises: bool = False
 
 
@@ -95,7 +76,7 @@ class Scored:
         unit: of the values.
         values: one for every control step, NaN where none counts.
         value: the run's number.
-        averaged: whether it is the mean of the values.
+        averaged: whether it is the mean of the values, so that their spread has a meaning.
     """
 
     score: Score
@@ -112,8 +93,17 @@ def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
         episode: what happened.
         task: what was asked.
         recipe: its name; the protocol lets the paper's recipe end further from a target and still count as there.
+
+    Raises:
+        S2C2AError: the episode holds no true states, or is not of as many steps as the task.
     """
-    outcome = Outcome.of(episode, task)
+    if "states" not in episode.sensors:
+        raise S2C2AError("this episode holds no true states; a run needs them to be scored")
+    states = episode.after("states")
+    if len(states) != len(task.goals):
+        raise S2C2AError(f"this episode has {len(states)} steps, and '{task.name}' has {len(task.goals)}")
+    lines = episode.after("centre_line") if "centre_line" in episode.sensors else states[:, None, :, POSITION]
+    outcome = Outcome(task, episode.times(), states, lines)
     return [_scored(outcome, score, recipe) for score in task.scores]
 
 
@@ -125,7 +115,7 @@ def _scored(run: Outcome, score: Score, recipe: str) -> Scored:
     value = float(metric.summed_up(values))
     if score.metric == "reached":
         value = float(value <= REACHED.get(recipe, REACHED_OTHERWISE))
-    return Scored(score, metric.unit, values, value, metric.averaged)
+    return Scored(score, metric.unit, values, value, averaged=metric.summed_up is _mean)
 
 
 def _of_states(function, wanted: str) -> Callable[[Outcome, Score], PerStep]:
@@ -154,7 +144,6 @@ def _last_mean(values: PerStep) -> float:
 
 
 _position = _of_states(metrics.position_errors, "wanted_positions")
-_lowest: dict[str, Any] = {"summed_up": np.nanmin, "averaged": False, "rises": True}
 
 METRICS = {
     "position": Metric("cm", _position),
@@ -162,15 +151,13 @@ METRICS = {
     "tilt": Metric("deg", _of_states(metrics.tilt_errors_deg, "wanted_axes")),
     "azimuth": Metric("deg", _of_states(metrics.azimuth_errors_deg, "wanted_axes")),
     "orientation": Metric("deg", _of_states(metrics.orientation_errors_deg, "wanted_axes")),
-    "end distance": Metric("cm", _position, _last_mean, averaged=False),
-    "reached": Metric("of runs", _position, _last_mean, averaged=False, rises=True),
-    "clearance": Metric("cm", _clearance(lambda run: run.lines[:, :, -1]), **_lowest),
-    "clearance at steps": Metric("cm", _clearance(lambda run: run.tips[:, None]), **_lowest),
-    "clearance of the arm": Metric("cm", _clearance(lambda run: run.lines), **_lowest),
-    "path length": Metric("cm", lambda run, _: metrics.step_lengths(run.tips), np.sum, averaged=False),
-    "stillness": Metric(
-        "cm", lambda run, _: metrics.stray(run.tips, run.task.obstacles(), FAR), np.nanmax, averaged=False
-    ),
-    "recovery": Metric("s", _recovery, itemgetter(-1), averaged=False),
+    "end distance": Metric("cm", _position, _last_mean),
+    "reached": Metric("of runs", _position, _last_mean, rises=True),
+    "clearance": Metric("cm", _clearance(lambda run: run.lines[:, :, -1]), np.nanmin, rises=True),
+    "clearance at steps": Metric("cm", _clearance(lambda run: run.tips[:, None]), np.nanmin, rises=True),
+    "clearance of the arm": Metric("cm", _clearance(lambda run: run.lines), np.nanmin, rises=True),
+    "path length": Metric("cm", lambda run, _: metrics.step_lengths(run.tips), np.sum),
+    "stillness": Metric("cm", lambda run, _: metrics.stray(run.tips, run.task.obstacles(), FAR), np.nanmax),
+    "recovery": Metric("s", _recovery, lambda values: values[-1]),
 }
 """Metrics by name (docs/protocol.md)."""

@@ -63,7 +63,8 @@ def tracking_table(
     """Let C2A follow references alone: a low held-out error proves nothing.
 
     Returns:
-        Rows of every arm and speed; and for each the mean of the last 200 steps of the worst seed [deg].
+        Rows of every arm and speed, of means over steps and modules and of spreads over steps [deg]; and for each the
+        mean of the last 200 steps of the worst seed [deg].
     """
     rows, ends = [], []
     for arm in arms:
@@ -72,16 +73,10 @@ def tracking_table(
         for speed in SPEEDS:
             errors = [track_circle(networks, speed, networks.seed) for networks in trained]
             ends.append(max(float(one[-200:].mean()) for one in errors))
-            rows.append(tracking_row(heading, speed, errors))
+            task, over_modules = f"circle at {speed:g} of its speed", [one.mean(axis=-1) for one in errors]
+            means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
+            rows.append(heading.row(task, "C2A", "configuration error", "deg", means, spreads, **heading.modes))
     return rows, ends
-
-
-def tracking_row(heading: jobs.Heading, speed: float, errors: Sequence[Float[np.ndarray, "steps modules"]]) -> Row:
-    """Mean over steps and modules [deg], and the spread over steps, from the errors of each seed."""
-    over_modules = [one.mean(axis=-1) for one in errors]
-    means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
-    task = f"circle at {speed:g} of its speed"
-    return heading.row(task, "C2A", "configuration error", "deg", means, spreads, **heading.modes)
 
 
 def track_circle(

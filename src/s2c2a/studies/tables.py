@@ -11,7 +11,6 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.evaluation.metrics import tilts_deg
 from s2c2a.evaluation.report import Row
-from s2c2a.jobs import Conditions, Make, Run
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.robots import Body
 from s2c2a.sensing import PAPER_COUPLING, estimator_for
@@ -29,9 +28,8 @@ HOLDING = ("hold-base", "hold-middle", "hold-end")
 AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
 
-Drawn = Sequence[tuple[str, list[Run]]]
+Drawn = Sequence[tuple[str, list[jobs.Run]]]
 """What is special about some runs, and these, of the first seed."""
-More = Callable[[Make, Sequence[int], Recipe, Path], tuple[list[Row], list[Path]]]
 
 
 @dataclass(frozen=True)
@@ -49,14 +47,10 @@ class Block:
     arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     strategies: tuple[str, ...] = ("s2c2a",)
-    conditions: Conditions = jobs.SIMULATED_FAST
+    conditions: jobs.Conditions = jobs.SIMULATED_FAST
     said: str = ""
 
-    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[jobs.Job]:
-        """What is to be run."""
-        return jobs.jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
-
-    def rows(self, table: str, runs: Sequence[Run]) -> list[Row]:
+    def rows(self, table: str, runs: Sequence[jobs.Run]) -> list[Row]:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.said}" if self.said else table
         own = jobs.score_rows(experiment, runs)
@@ -67,17 +61,15 @@ class Block:
 
 @dataclass(frozen=True)
 class Table:
-    """What a table is made of.
+    """What a table of runs is made of.
 
     Attributes:
         blocks: its runs.
         draw: figures of these into a folder.
-        more: what else it has: its rows and figures.
     """
 
-    blocks: tuple[Block, ...] = ()
-    draw: Callable[[Drawn, Path], list[Path]] = lambda drawn, folder: []
-    more: More = lambda make, seeds, recipe, folder: ([], [])
+    blocks: tuple[Block, ...]
+    draw: Callable[[Drawn, Path], list[Path]]
 
 
 def sensing_coupled(arm: ArmSpec) -> ArmSpec:
@@ -136,34 +128,32 @@ def _draw_interaction(drawn: Drawn, folder: Path) -> list[Path]:
 
 def _draw_obstacles(drawn: Drawn, folder: Path) -> list[Path]:
     """Ways past obstacles, with either guard."""
-    overlaid: dict[str, list[Trace]] = {}
-    for said, runs in drawn:
-        for task, trace in _by_task(runs, said or "tip guarded").items():
-            overlaid.setdefault(task, []).append(trace)
-    reach = {task: traces for task, traces in overlaid.items() if task.startswith("reach")}
-    risk = {task: traces for task, traces in overlaid.items() if task.startswith("risk")}
+    guarded = [_by_task(runs, said or "tip guarded") for said, runs in drawn]
+    ways = {task: [traces[task] for traces in guarded if task in traces] for task in AVOIDING}
     return [
-        obstacles_figure(reach, folder / "figure-12-obstacles.png"),
-        obstacles_figure(risk, folder / "figure-13-risk.png"),
+        obstacles_figure({task: ways[task] for task in AVOIDING[:3]}, folder / "figure-12-obstacles.png"),
+        obstacles_figure({task: ways[task] for task in AVOIDING[3:]}, folder / "figure-13-risk.png"),
     ]
 
 
-def _by_task(runs: Sequence[Run], label: str | None = None) -> dict[str, Trace]:
+def _by_task(runs: Sequence[jobs.Run], label: str | None = None) -> dict[str, Trace]:
     """Ours, by task."""
     return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
 
 
-def _named(run: Run) -> Trace:
+def _named(run: jobs.Run) -> Trace:
     variant = run.job.arm.name.removeprefix("simulated_arm").replace("_", " ").strip()
     return trace_of(run, f"{run.strategy}, {variant}" if variant else run.strategy)
 
 
-def _network_errors(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+def _network_errors(
+    make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path
+) -> tuple[list[Row], list[Path]]:
     every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
     return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
 
 
-def _workspace(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+def _workspace(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
     """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
     rows, recording = sensing_rows("workspace", _TWIN(), seeds, make, recipe)
     arm, true = recording.arm, recording.sensor("configurations")[-1]
@@ -191,7 +181,7 @@ TABLES: dict[str, Table] = {
         (
             Block(_TWIN, TRACKING, COMPARED),
             *(Block(partial(load_arm, name), TRACKING, said="other hysteresis") for name in SIBLINGS),
-            Block(_TWIN, ("circle",), COMPARED, Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
+            Block(_TWIN, ("circle",), COMPARED, jobs.Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
         ),
         _draw_tracking,
     ),
@@ -199,19 +189,20 @@ TABLES: dict[str, Table] = {
     "obstacles": Table(
         (
             Block(_TWIN, AVOIDING),
-            Block(_TWIN, AVOIDING[1:], conditions=Conditions(guard="arm"), said="whole arm guarded"),
+            Block(_TWIN, AVOIDING[1:], conditions=jobs.Conditions(guard="arm"), said="whole arm guarded"),
         ),
         _draw_obstacles,
     ),
     "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
-    "networks": Table(more=_network_errors),
-    "workspace": Table(more=_workspace),
 }
-"""Name -> what it is made of (Chen et al. 2025, secs. II-D, III-B and IV)."""
+"""Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
+
+OTHERS = {"networks": _network_errors, "workspace": _workspace}
+"""Tables of no runs (the same, secs. II-D and III-B): name -> what makes its rows and figures."""
 
 
 def make_table(
-    name: str, folder: Path, seeds: Sequence[int], make: Make, recipe: Recipe
+    name: str, folder: Path, seeds: Sequence[int], make: jobs.Make, recipe: Recipe
 ) -> tuple[list[Row], list[Path]]:
     """Make one table, from nothing or from where an earlier attempt was cut short, and draw its figures.
 
@@ -228,16 +219,15 @@ def make_table(
     Raises:
         S2C2AError: no such table.
     """
+    if name in OTHERS:
+        return OTHERS[name](make, seeds, recipe, folder)
     if name not in TABLES:
-        raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
-    table = TABLES[name]
-    every = jobs.in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
-    rows = [row for block, runs in zip(table.blocks, every, strict=True) for row in block.rows(name, runs)]
-    folder.mkdir(parents=True, exist_ok=True)
-    first = [[run for run in runs if run.seed == runs[0].seed] for runs in every]
-    figures = table.draw([(block.said, runs) for block, runs in zip(table.blocks, first, strict=True)], folder)
-    more_rows, more_figures = table.more(make, seeds, recipe, folder)
-    return rows + more_rows, figures + more_figures
+        raise S2C2AError(f"no table '{name}'; choose one of {', '.join([*TABLES, *OTHERS])}, or all")
+    blocks = TABLES[name].blocks
+    asked = [jobs.jobs_for(one.tasks, one.arm(), one.strategies, seeds, recipe, one.conditions) for one in blocks]
+    made = list(zip(blocks, jobs.in_groups(make, asked), strict=True))
+    drawn = [(block.said, [run for run in runs if run.seed == runs[0].seed]) for block, runs in made]
+    return [row for block, runs in made for row in block.rows(name, runs)], TABLES[name].draw(drawn, folder)
 
 
 def mean_rows(rows: Sequence[Row]) -> list[Row]:
@@ -245,14 +235,9 @@ def mean_rows(rows: Sequence[Row]) -> list[Row]:
     means = []
     for strategy, metric in dict.fromkeys((row.strategy, row.metric) for row in rows if row.task in TILTS):
         mine = [row for row in rows if row.task in TILTS and (row.strategy, row.metric) == (strategy, metric)]
-        averaged: dict[str, Any] = {
-            name: _mean([getattr(row, name) for row in mine])
-            for name in ("mean", "std_steps", "paper_mean", "paper_std")
-        }
-        means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", std_seeds=None, **averaged))
+        averaged: dict[str, Any] = {"std_seeds": None}
+        for name in ("mean", "std_steps", "paper_mean", "paper_std"):
+            values = [getattr(row, name) for row in mine]
+            averaged[name] = None if None in values else sum(values) / len(values)
+        means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", **averaged))
     return means
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if len(known) == len(values) else None

@@ -1,6 +1,5 @@
 """A drawing of an arm: side view to scale, table of modules, gravity, a cross-section for each kind of module."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,16 +22,16 @@ WIDTH, HEADING, MARGIN = 11.0, 1.65, 0.2  # inches
 SIDE_LEFT, TABLE_WIDTH = 0.95, 6.7
 SIDE_HEIGHT, ROW_HEIGHT = 4.2, 0.27
 SECTIONS_IN_A_ROW, SECTION_HEIGHT = 4, 2.85
-LEADER_WIDTH = 0.9  # inches from the side view to the first column
+COLUMNS = SIDE_WIDTH + 0.9  # left edge of the first column, inches from the left of the side view, as the next ones
 ROW_GAP = 0.24  # inches
-NUMBER, SECTION = 1.55, 6.6  # right edges of the first and the last column, inches from the left of the table
+NUMBER, SECTION = SIDE_WIDTH + 1.55, SIDE_WIDTH + 6.6  # right edges of the first and the last column
 QUANTITIES: dict[str, tuple[float, Callable[[Module], float]]] = {
-    "length\n[mm]": (2.2, lambda module: 1000 * module.length),
-    "cables at\n[mm]": (2.95, lambda module: 1000 * module.cable_radius),
-    "mass\n[g]": (3.6, lambda module: 1000 * module.mass),
-    "EI\n[N m²]": (4.35, lambda module: module.bending_stiffness),
-    "GJ\n[N m²]": (5.1, lambda module: module.gj),
-    "bend limit\n[deg]": (5.9, lambda module: module.bend_limit_deg),
+    "length\n[mm]": (SIDE_WIDTH + 2.2, lambda module: 1000 * module.length),
+    "cables at\n[mm]": (SIDE_WIDTH + 2.95, lambda module: 1000 * module.cable_radius),
+    "mass\n[g]": (SIDE_WIDTH + 3.6, lambda module: 1000 * module.mass),
+    "EI\n[N m²]": (SIDE_WIDTH + 4.35, lambda module: module.bending_stiffness),
+    "GJ\n[N m²]": (SIDE_WIDTH + 5.1, lambda module: module.gj),
+    "bend limit\n[deg]": (SIDE_WIDTH + 5.9, lambda module: module.bend_limit_deg),
 }
 BODY = 1.22  # radius of the body drawn, as a share of the cable radius; an arm file does not state it
 
@@ -66,7 +65,7 @@ def kinds_of_module(arm: ArmSpec) -> list[Kind]:
     ]
 
 
-def arm_figure(arm: ArmSpec, path: str | os.PathLike) -> Path:
+def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
     """Draw the straight arm as it is mounted, from the side and to scale, its modules, cables and gravity.
 
     Args:
@@ -87,18 +86,12 @@ def arm_figure(arm: ArmSpec, path: str | os.PathLike) -> Path:
     axes = _axes(figure, SIDE_LEFT, HEADING, SIDE_WIDTH + TABLE_WIDTH, side_height)
     axes.set(xlim=(0, SIDE_WIDTH + TABLE_WIDTH), ylim=(0, side_height))
     draw_side(axes, arm, view)
-    _draw_table(axes, arm, kinds, view, SIDE_WIDTH, (TABLE_WIDTH, side_height))
-    _draw_sections(figure, kinds, HEADING + side_height + 2 * MARGIN)
-    return save_figure(figure, path)
-
-
-def _draw_sections(figure: Figure, kinds: list[Kind], top: float) -> None:
-    """Cross-sections in rows, the first one `top` inches below the upper edge."""
+    _draw_table(axes, arm, kinds, view, side_height)
     for place, kind in enumerate(kinds):
         row, column = divmod(place, SECTIONS_IN_A_ROW)
-        left = 0.3 + column * (WIDTH - 0.4) / SECTIONS_IN_A_ROW
-        axes = _axes(figure, left, top + row * SECTION_HEIGHT, 2.45, SECTION_HEIGHT - 0.15)
-        _draw_cross_section(axes, kind)
+        left, top = 0.3 + column * (WIDTH - 0.4) / SECTIONS_IN_A_ROW, height - sections_height + row * SECTION_HEIGHT
+        _draw_cross_section(_axes(figure, left, top, 2.45, SECTION_HEIGHT - 0.15), kind)
+    return save_figure(figure, path)
 
 
 def _axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
@@ -112,24 +105,20 @@ def _axes(figure: Figure, left: float, top: float, width: float, height: float) 
 
 def _write_heading(figure: Figure, arm: ArmSpec) -> None:
     """Name, what it is for, and the numbers of the whole arm."""
+    mass = sum(module.mass for module in arm.modules)
+    modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
+    whole = f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  {mass:.4g} kg"
     lines = [
         (arm.name, 15, "bold", INK),
         (shorten(arm.description, LONGEST, placeholder="…"), 9.5, "normal", INK),
-        (_facts(arm), 9, "normal", MUTED),
+        (f"{whole}  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz", 9, "normal", MUTED),
     ]
     for row, (text, size, weight, colour) in enumerate(line for line in lines if line[0]):
         place = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
         figure.text(0.4 / WIDTH, place, text, fontsize=size, fontweight=weight, color=colour, parse_math=False)
 
 
-def _facts(arm: ArmSpec) -> str:
-    mass = sum(module.mass for module in arm.modules)
-    modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
-    size = f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  {mass:.4g} kg"
-    return f"{size}  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
-
-
-def _draw_table(axes: Axes, arm: ArmSpec, kinds: list[Kind], view: SideView, left: float, size: tuple[float, float]):
+def _draw_table(axes: Axes, arm: ArmSpec, kinds: list[Kind], view: SideView, height: float) -> None:
     """Write a row for each module; beside an arm that stands or hangs, tied to the module by a line.
 
     Args:
@@ -137,28 +126,26 @@ def _draw_table(axes: Axes, arm: ArmSpec, kinds: list[Kind], view: SideView, lef
         arm: the arm.
         kinds: its cross-sections.
         view: its side view.
-        left: where the table begins [inches].
-        size: its width and height [inches].
+        height: of the table [inches].
     """
-    width, height = size
     headings = {"module": NUMBER, **{name: right for name, (right, _) in QUANTITIES.items()}, "section": SECTION}
     for name, right in headings.items():
-        axes.text(left + right, height + 0.1, name, fontsize=8, color=MUTED, ha="right", va="bottom", linespacing=1.25)
-    axes.plot([left + LEADER_WIDTH, left + width], [height + 0.04] * 2, color=FAINT, linewidth=1, clip_on=False)
+        axes.text(right, height + 0.1, name, fontsize=8, color=MUTED, ha="right", va="bottom", linespacing=1.25)
+    axes.plot([COLUMNS, SIDE_WIDTH + TABLE_WIDTH], [height + 0.04] * 2, color=FAINT, linewidth=1, clip_on=False)
     letters = {number: kind.letter for kind in kinds for number in kind.numbers}
     middles = view.at((module_ends(arm)[:-1] + module_ends(arm)[1:]) / 2)[:, 1]
     order = np.argsort(middles, kind="stable") if view.upright else np.arange(arm.module_count)[::-1]
     rows = np.empty(arm.module_count)
     rows[order] = spread(middles[order], ROW_GAP, height)
     for place, (module, colour) in enumerate(zip(arm.modules, module_colours(arm.module_count), strict=True)):
-        axes.plot(left + LEADER_WIDTH + 0.05, rows[place], "o", color=colour, markersize=4)
+        axes.plot(COLUMNS + 0.05, rows[place], "o", color=colour, markersize=4)
         if view.upright:
             edge = view.origin[0] + DISC_WIDTH * module.cable_radius / view.per_inch + 0.08
-            x = [edge, left + 0.15, left + LEADER_WIDTH - 0.2, left + LEADER_WIDTH + 0.05]
+            x = [edge, SIDE_WIDTH + 0.15, COLUMNS - 0.2, COLUMNS + 0.05]
             axes.plot(x, [middles[place]] * 2 + [rows[place]] * 2, color=colour, linewidth=0.8, alpha=0.8)
         numbers = [f"{quantity(module):.4g}" for _, quantity in QUANTITIES.values()]
         for right, text in zip(headings.values(), [str(place + 1), *numbers, letters[place + 1]], strict=True):
-            axes.text(left + right, rows[place], text, ha="right", va="center_baseline", fontsize=9, color=INK)
+            axes.text(right, rows[place], text, ha="right", va="center_baseline", fontsize=9, color=INK)
 
 
 def spread(places: np.ndarray, gap: float, height: float = 1.0) -> np.ndarray:
@@ -178,24 +165,14 @@ def _draw_cross_section(axes: Axes, kind: Kind) -> None:
         draw_arrow(axes, (0.0, 0.0), end, MUTED, 0.9, head=8.0)
         axes.text(1.3 * end[0], 1.3 * end[1], name, fontsize=8, color=MUTED, ha="center", va="center")
     for number, angle in enumerate(kind.module.cable_angles_deg, start=1):
-        _draw_cable(axes, number, angle, kind.colour)
-    _write_title(axes, kind)
-
-
-def _draw_cable(axes: Axes, number: int, angle_deg: float, colour: str) -> None:
-    """A numbered disc on the circle of the cables, its angle outside of the body."""
-    x, y = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
-    axes.plot(x, y, "o", color=colour, markersize=13, markeredgecolor="white", markeredgewidth=1)
-    axes.text(x, y, str(number), fontsize=7.5, fontweight="bold", color="white", ha="center", va="center_baseline")
-    axes.text(1.62 * x, 1.62 * y, f"{angle_deg:g}°", fontsize=8, color=INK, ha="center", va="center")
-
-
-def _write_title(axes: Axes, kind: Kind) -> None:
+        x, y = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+        axes.plot(x, y, "o", color=kind.colour, markersize=13, markeredgecolor="white", markeredgewidth=1)
+        axes.text(x, y, str(number), fontsize=7.5, fontweight="bold", color="white", ha="center", va="center_baseline")
+        axes.text(1.62 * x, 1.62 * y, f"{angle:g}°", fontsize=8, color=INK, ha="center", va="center")
     word = "module" if len(kind.numbers) == 1 else "modules"
-    radius = f"cables at {1000 * kind.module.cable_radius:.4g} mm"
     axes.text(-2.05, 2.55, kind.letter, fontsize=12, fontweight="bold", color=INK)
     axes.text(-1.68, 2.55, f"{word} {_ranges(kind.numbers)}", fontsize=9, color=INK)
-    axes.text(-1.68, 2.22, radius, fontsize=8.5, color=MUTED)
+    axes.text(-1.68, 2.22, f"cables at {1000 * kind.module.cable_radius:.4g} mm", fontsize=8.5, color=MUTED)
 
 
 def _ranges(numbers: tuple[int, ...]) -> str:

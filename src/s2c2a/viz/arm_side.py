@@ -1,7 +1,6 @@
 """The straight arm from the side, to scale and as it is mounted, and which way gravity points beside it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -105,11 +104,11 @@ def _number_boundaries(axes: Axes, ends: np.ndarray, view: SideView, beside: flo
         if shown[-1] - end > gap and (end == 0 or end > gap):
             shown.append(end)
     away = np.array([-0.49 * SIDE_WIDTH, 0.0] if view.upright else [0.0, -beside])
-    style: dict[str, Any] = {"ha": "right", "va": "center"} if view.upright else {"ha": "center", "va": "top"}
+    ha, va = ("right", "center") if view.upright else ("center", "top")
     beyond = ends[-1] + (0.28 if view.upright else 0.5) * view.per_inch
     for end, text in [*((end, f"{1000 * end:.4g}") for end in shown), (beyond, "z [mm]")]:
         x, y = view.at(end) + away
-        axes.text(x, y, text, fontsize=8, color=MUTED, **style)
+        axes.text(x, y, text, fontsize=8, color=MUTED, ha=ha, va=va)
     for end in ends:
         tick = view.at(end) + away - np.outer([0.06, 0.16], np.sign(away))
         axes.plot(*tick.T, color=MUTED, linewidth=0.8)

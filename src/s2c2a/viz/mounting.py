@@ -81,7 +81,7 @@ class Surroundings:
         spacing: of the grid's lines.
         radius: of the grid.
         level: height of the plane in the base frame, below its origin.
-        grid: ends of its lines.
+        grid: ends of its lines, from rim to rim of a disc, along y and then along x.
         names: of the axes in the plane, and where they are written.
         arrow: tail and tip of gravity's; none where the arm stands.
     """
@@ -103,17 +103,11 @@ class Surroundings:
         level = -LOW * size
         names = {"x": np.array([1.06 * radius, 0.0, level]), "y": np.array([0.0, 1.06 * radius, level])}
         fall = size * (mounting.placed(ARROW) + np.outer([0.0, FALL], mounting.gravity))
-        grid = _grid(spacing, radius, level)
+        places = spacing * np.arange(1 - round(radius / spacing), round(radius / spacing))
+        rim = np.outer([-1, 1], np.sqrt(radius**2 - places**2))
+        along_y = np.stack(np.broadcast_arrays(places, rim, level), axis=-1).swapaxes(0, 1)
+        grid = np.concatenate([along_y, along_y[..., [1, 0, 2]]])
         return cls(mounting, spacing, radius, level, grid, names, None if mounting.upright else fall)
-
-
-def _grid(spacing: float, radius: float, level: float) -> Float[np.ndarray, "lines 2 3"]:
-    """Lines along y, then along x, from rim to rim of a disc."""
-    places = spacing * np.arange(1 - round(radius / spacing), round(radius / spacing))
-    halves = np.sqrt(radius**2 - places**2)
-    ends = [np.stack([places, side * halves, np.full_like(places, level)], axis=-1) for side in (-1, 1)]
-    along_y = np.stack(ends, axis=1)
-    return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
 
 
 def _round_above(value: float) -> float:

@@ -6,7 +6,6 @@ microradians, their mean in metres; NaN travels as null.
 
 import html
 import json
-import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -27,11 +26,7 @@ PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for
 
 
 def replay_page(
-    traces: Sequence[Trace],
-    arm: ArmSpec,
-    title: str,
-    path: str | os.PathLike,
-    summary: Mapping[str, str] | None = None,
+    traces: Sequence[Trace], arm: ArmSpec, title: str, path: str | Path, summary: Mapping[str, str] | None = None
 ) -> Path:
     """Write a page on which the runs can be watched: arm, paths, targets, obstacles, error.
 
@@ -97,7 +92,7 @@ def _plain(value):
 
 
 def _trace_data(trace: Trace, colour: str) -> dict:
-    frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
+    frames, obstacles = frames_of(trace.states)[:, 1:, [0, 1, 3]], trace.obstacles
     return {
         "label": trace.label,
         "colour": colour,
@@ -106,7 +101,7 @@ def _trace_data(trace: Trace, colour: str) -> dict:
         "frames": _points(frames.reshape(trace.times.size, -1)),  # (time, modules * 9): position, x axis, z axis
         "wanted": _asked(trace.wanted_positions),
         "axes": _asked(trace.wanted_axes),
-        "obstacles": _whole(_without_repeats(trace.obstacles)),
+        "obstacles": _whole(obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles),
         "errors": _whole(trace.position_errors, PER_ERROR),
         "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
         "uncounted": [[round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans],
@@ -123,11 +118,6 @@ def _asked(wanted: np.ndarray) -> dict[str, list]:
 def _points(values: np.ndarray) -> list:
     """Rows of whole numbers, null for a row that is not wholly finite."""
     return [None if None in row else row for row in _whole(values)]
-
-
-def _without_repeats(obstacles: np.ndarray) -> np.ndarray:
-    """One step only, where the obstacles stand still."""
-    return obstacles[:1] if np.array_equal(obstacles, np.broadcast_to(obstacles[:1], obstacles.shape)) else obstacles
 
 
 def _whole(values: np.ndarray, per_unit: int = PER_UNIT) -> list:
