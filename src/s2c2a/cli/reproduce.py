@@ -31,15 +31,16 @@ def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
     def command(
         recipe: RecipeName = "best", seeds: int = 5, beside: Path | None = None, work: Work = ALL_CORES
     ) -> None:
+        from s2c2a.evaluation import report
         from s2c2a.strategies import RECIPES
-        from s2c2a.studies import table_files, tables
+        from s2c2a.studies import tables
 
         numbers, chosen = _given(seeds, recipe)
         options = {"tables": names, "recipe": recipe if recipe in RECIPES else asdict(chosen), "seeds": seeds}
         with making(f"{name}-{chosen.name}", options, work, go_on=True) as (place, make):
             for table in names:
                 rows, figures = tables.make_table(table, place, numbers, make, chosen)
-                written = table_files.save_table(table, rows, place, table_files.rows_beside(beside, table))
+                written = report.save_table(table, rows, place, report.rows_beside(beside, table))
                 print_results(f"{table}, recipe {chosen.name}, {seeds} seeds", rows, figures, place)
                 print(f"table: {written} (.csv, .tex, .json beside it)")
 
@@ -80,8 +81,8 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
         arm: a preset or an arm file.
         work: where results go, and who works.
     """
-    from s2c2a.studies.ingredients import ingredient_rows
-    from s2c2a.studies.table_files import save_across
+    from s2c2a.evaluation.report import save_across
+    from s2c2a.studies.tables import ingredient_rows
 
     numbers, _ = _given(seeds)
     with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (place, make):

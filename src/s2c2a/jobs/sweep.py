@@ -18,8 +18,8 @@ from optuna.trial import FrozenTrial, TrialState
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
-from s2c2a.evaluation.scoring import METRICS
 from s2c2a.jobs import SIMULATED_FAST, Cache, Conditions, Make, Run, in_groups, jobs_for, try_all
 from s2c2a.jobs.varying import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet

@@ -15,9 +15,7 @@ from scipy.optimize import minimize
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
-from s2c2a.evaluation import position_errors, rollout
-from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.evaluation.report import Row
+from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
@@ -40,18 +38,14 @@ class Claim:
         return abs(value / self.paper - 1.0) <= self.tolerance
 
 
-ESTIMATION = tuple(
-    Claim(f"estimation error {name}, mean", angle, 0.25, "deg")
-    for name, angle in {"I": 2.6, "II": 5.1, "III": 8.9}.items()
-)
-LARGEST = tuple(
-    Claim(f"estimation error {name}, largest", angle, np.inf, "deg")
-    for name, angle in {"I": 8.8, "II": 19.6, "III": 36.3}.items()
-)
+def _claims(quantity: str, papers: dict[str, float], tolerance: float, unit: str) -> tuple[Claim, ...]:
+    return tuple(Claim(quantity.format(name), paper, tolerance, unit) for name, paper in papers.items())
+
+
+ESTIMATION = _claims("estimation error {}, mean", {"I": 2.6, "II": 5.1, "III": 8.9}, 0.25, "deg")
+LARGEST = _claims("estimation error {}, largest", {"I": 8.8, "II": 19.6, "III": 36.3}, np.inf, "deg")
 """Reported, not tuned."""
-WORKSPACE = tuple(
-    Claim(f"workspace {axis}", wide, 0.15, "m") for axis, wide in {"x": 0.92, "y": 0.92, "z": 0.39}.items()
-)
+WORKSPACE = _claims("workspace {}", {"x": 0.92, "y": 0.92, "z": 0.39}, 0.15, "m")
 PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
 EXTENTS = {"staged": tuple(claim.paper for claim in WORKSPACE), "motor": (0.87, 0.87, 0.34)}
@@ -68,8 +62,7 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
         run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
         values[PCC_CIRCLE.quantity] = float(position_errors(run.after("states"), task.wanted_positions()).mean())
     if with_network:
-        networks = train_s2c2a(recording, recipe_named("paper"), seed)
-        values[C2S_ERROR.quantity] = networks.percent["C2S"][0]
+        values[C2S_ERROR.quantity] = train_s2c2a(recording, recipe_named("paper"), seed).percent["C2S"][0]
     return values
 
 
@@ -151,11 +144,9 @@ def _digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def sensing_rows(
-    experiment: str, arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe
-) -> tuple[list[Row], Recording]:
+def sensing_rows(arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe) -> tuple[list[Row], Recording]:
     """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
-    heading, rows = Heading(experiment, arm, recipe.name, tuple(seeds)), []
+    heading, rows = Heading("workspace", arm, recipe.name, tuple(seeds)), []
     options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
     every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
     for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):

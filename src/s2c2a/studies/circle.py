@@ -11,8 +11,7 @@ from jaxtyping import Float
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.control import NetworkController
-from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.evaluation.report import Row
+from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
 from s2c2a.programs import compiled
@@ -48,13 +47,11 @@ def circle_table(
     arms, under = [load_arm(name) for name in ARMS], jobs.Conditions(Body.simulation(fidelity))
     every = jobs.in_groups(make, [jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, under) for arm in arms])
     rows: list[Row] = []
-    pictures: list[Path] = []
     for arm, runs in zip(arms, every, strict=True):
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
         rows += jobs.score_rows("circle", runs) + jobs.training_rows("circle", trained)
-        pictures += draw_runs(folder, runs)
     save_results(folder, rows, [run for runs in every for run in runs])
-    return rows, pictures
+    return rows, [picture for runs in every for picture in draw_runs(folder, runs)]
 
 
 def tracking_table(
@@ -71,7 +68,7 @@ def tracking_table(
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
         heading = jobs.Heading("controller", arm, trained[0].recipe.name, tuple(one.seed for one in trained))
         for speed in SPEEDS:
-            errors = [track_circle(networks, speed, networks.seed) for networks in trained]
+            errors = [track_circle(networks, speed) for networks in trained]
             ends.append(max(float(one[-200:].mean()) for one in errors))
             task, over_modules = f"circle at {speed:g} of its speed", [one.mean(axis=-1) for one in errors]
             means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
@@ -79,9 +76,7 @@ def tracking_table(
     return rows, ends
 
 
-def track_circle(
-    networks: TrainedNetworks, speed: float, seed: int, steps: int = STEPS
-) -> Float[np.ndarray, "steps modules"]:
+def track_circle(networks: TrainedNetworks, speed: float, steps: int = STEPS) -> Float[np.ndarray, "steps modules"]:
     """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
@@ -90,8 +85,8 @@ def track_circle(
     arm, controller = networks.arm, NetworkController(networks.c2a)
     sense, act = _sense(arm), compiled(NetworkController.act, controller)
     errors = []
-    wanted = recorded_reference(arm, speed, seed, steps)
-    with SimulatedRobot(arm, seed=seed + 1) as robot:
+    wanted = recorded_reference(arm, speed, networks.seed, steps)
+    with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
         sensed = sense(robot.read())
         memory = controller.start(jnp.asarray(sensed))
         for configuration in wanted:

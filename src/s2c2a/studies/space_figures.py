@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,15 +21,9 @@ AXIS_SHARE = 0.22  # length of an end axis that lies flat, as a share of the pat
 POSES_SHOWN, POINTS_PER_MODULE = 8, 16
 HELD_WITHIN = 0.1  # of the arm's length; an end that should move further is not held
 
-Drawn = TypeVar("Drawn")
-
 
 def _panels_figure(
-    named: Mapping[str, Drawn],
-    views: Sequence[View],
-    height: float,
-    draw: Callable[[Axes, Drawn, View], None],
-    path: str | Path,
+    named: Mapping[str, Any], views: Sequence[View], height: float, draw: Callable[..., None], path: str | Path
 ) -> Path:
     """Draw what is named, a column each, all views below each other, each `height` inches high.
 
@@ -67,20 +61,15 @@ def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Pat
     def draw(axes: Axes, trace: Trace, view: View) -> None:
         charts.draw_wanted(axes, trace.wanted_path, view)
         axes.plot(*seen(trace.followed_path, view), color=colours[trace.label], linewidth=1.4, label=trace.label)
-        _draw_end_axes(axes, trace)
+        states = trace.states[:, trace.followed_module]
+        moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
+        starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
+        low, high = padded_limits(states[:, :2])
+        lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
+        axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
+        axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
     return _panels_figure(named_traces, (ABOVE,), 3.4, draw, path)
-
-
-def _draw_end_axes(axes: Axes, trace: Trace) -> None:
-    """The followed end's axis from above, at even steps of time."""
-    states = trace.states[:, trace.followed_module]
-    moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
-    starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
-    low, high = padded_limits(states[:, :2])
-    lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
-    axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
-    axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
 
 def poses_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
@@ -171,7 +160,12 @@ def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: 
 
     def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
         charts.draw_obstacles(axes, runs[0].spheres(0), view)
-        _draw_target(axes, runs[0].wanted_path, view)
+        wanted = runs[0].wanted_path
+        places = wanted[np.isfinite(wanted).all(axis=-1)]
+        if len(places):
+            dashed = (0, (4, 2))
+            axes.plot(*seen(wanted, view), color=WANTED, linewidth=1.2, linestyle=dashed, alpha=0.75, label="wanted")
+            charts.draw_ring(axes, places[-1], view, 12, "target")
         for place, trace in enumerate(runs):
             charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)
         _whole_in_sight(axes, shown, view)
@@ -179,11 +173,3 @@ def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: 
             charts.name_ends(axes)
 
     return _panels_figure(tasks, (ABOVE, SIDE), 2.5, draw, path)
-
-
-def _draw_target(axes: Axes, wanted: Float[np.ndarray, "time 3"], view: View) -> None:
-    """A ring where the target ends, and a thin line of how it goes there."""
-    places = wanted[np.isfinite(wanted).all(axis=-1)]
-    if len(places):
-        axes.plot(*seen(wanted, view), color=WANTED, linewidth=1.2, linestyle=(0, (4, 2)), alpha=0.75, label="wanted")
-        charts.draw_ring(axes, places[-1], view, 12, "target")

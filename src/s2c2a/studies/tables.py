@@ -1,4 +1,7 @@
-"""The paper's tables and figures: which arms, tasks and strategies each is made of, and how it is made."""
+"""The paper's tables and figures: which arms, tasks and strategies each is made of; and the table of ingredients.
+
+What each ingredient of the `best` recipe is worth: left out of it, or alone beside the paper's (docs/recipe.md).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,12 +12,14 @@ from typing import Any
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.evaluation.metrics import tilts_deg
-from s2c2a.evaluation.report import Row
+from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
+from s2c2a.models import ChainOptions
+from s2c2a.planning import Adam, LeastSquares
+from s2c2a.planning.terms import Evenness
 from s2c2a.robots import Body
 from s2c2a.sensing import PAPER_COUPLING, estimator_for
-from s2c2a.strategies import Recipe
+from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
 from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
@@ -99,8 +104,11 @@ def actuation_coupled(arm: ArmSpec) -> ArmSpec:
 
 def _draw_simulation(drawn: Drawn, folder: Path) -> list[Path]:
     """Coordinates of every strategy, on the plain arm and on its variants."""
-    every = [_named(run) for _, runs in drawn for run in runs]
-    return [coordinates_figure(every, folder / "figure-sim2-coordinates.png")]
+    every = [
+        (run, run.job.arm.name.removeprefix("simulated_arm").replace("_", " ")) for _, runs in drawn for run in runs
+    ]
+    traces = [trace_of(run, f"{run.strategy},{variant}" if variant else None) for run, variant in every]
+    return [coordinates_figure(traces, folder / "figure-sim2-coordinates.png")]
 
 
 def _draw_tracking(drawn: Drawn, folder: Path) -> list[Path]:
@@ -141,21 +149,14 @@ def _by_task(runs: Sequence[jobs.Run], label: str | None = None) -> dict[str, Tr
     return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
 
 
-def _named(run: jobs.Run) -> Trace:
-    variant = run.job.arm.name.removeprefix("simulated_arm").replace("_", " ").strip()
-    return trace_of(run, f"{run.strategy}, {variant}" if variant else run.strategy)
-
-
-def _network_errors(
-    make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path
-) -> tuple[list[Row], list[Path]]:
+def _networks(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
     every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
     return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
 
 
 def _workspace(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
     """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
-    rows, recording = sensing_rows("workspace", _TWIN(), seeds, make, recipe)
+    rows, recording = sensing_rows(_TWIN(), seeds, make, recipe)
     arm, true = recording.arm, recording.sensor("configurations")[-1]
     sensed = estimator_for(arm).sensed(recording.readings())[-1]
     bends, said = (tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed))
@@ -197,7 +198,7 @@ TABLES: dict[str, Table] = {
 }
 """Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
 
-OTHERS = {"networks": _network_errors, "workspace": _workspace}
+OTHERS = {"networks": _networks, "workspace": _workspace}
 """Tables of no runs (the same, secs. II-D and III-B): name -> what makes its rows and figures."""
 
 
@@ -241,3 +242,52 @@ def mean_rows(rows: Sequence[Row]) -> list[Row]:
             averaged[name] = None if None in values else sum(values) / len(values)
         means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", **averaged))
     return means
+
+
+INGREDIENT_TASKS = ("circle", "tilt-60", "tilt-0", *HOLDING)
+"""The plain one, those at the edge of what bends can do, and those that hold an end."""
+_BEST, _PAPER = RECIPES["best"], RECIPES["paper"]
+_UNEVEN = tuple(term for term in _BEST.planner.terms if term != Evenness())
+
+VARIANTS: dict[str, Recipe] = {
+    "best": _BEST,
+    "best, no memory at all": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=())),
+    "best, no creep": replace(_BEST, c2s=ChainOptions(creep_times=())),
+    "best, no statics of cables": replace(_BEST, c2s=ChainOptions(statics=False)),
+    "best, no memory, no statics": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=(), statics=False)),
+    "best, the paper's C2S": replace(_BEST, c2s=_PAPER.c2s, c2s_fit=_PAPER.c2s_fit),
+    "best, the paper's planner": replace(_BEST, planner=_PAPER.planner),
+    "best, true slopes": replace(_BEST, planner=replace(_BEST.planner, engaged_slopes=False)),
+    "best, no evenness": replace(_BEST, planner=replace(_BEST.planner, terms=_UNEVEN)),
+    "best, 5 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(5))),
+    "best, 60 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))),
+    "best, no integral correction": replace(_BEST, correction=0.0),
+    "best, the paper's weights": replace(_BEST, axis_weights=()),
+    "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),
+    "best, a network twice as wide": replace(_BEST, c2s=ChainOptions(hidden=128)),
+    "paper": _PAPER,
+    "paper, slower data": replace(_PAPER, speeds=_BEST.speeds),
+    "paper, integral correction": replace(_PAPER, correction=_BEST.correction),
+    "paper, 60 iterations": replace(_PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))),
+    "paper, least squares": replace(_PAPER, planner=_BEST.planner),
+}
+"""Name -> recipe; in the rows the name stands where a strategy's does."""
+
+
+def ingredient_rows(seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm") -> list[Row]:
+    """Six tasks with every variant, once a seed.
+
+    Args:
+        seeds: of data, training and start.
+        make: finds or makes runs.
+        arm: a preset or an arm file.
+    """
+    spec = load_arm(arm)
+    every = jobs.in_groups(
+        make, [jobs.jobs_for(INGREDIENT_TASKS, spec, ("s2c2a",), seeds, recipe) for recipe in VARIANTS.values()]
+    )
+    return [
+        replace(row, strategy=name, paper_mean=None, paper_std=None)
+        for name, runs in zip(VARIANTS, every, strict=True)
+        for row in jobs.score_rows("ingredients", runs)
+    ]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation.metrics import tilts_deg
+from s2c2a.evaluation import tilts_deg
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.viz import charts
 from s2c2a.viz.charts import FRONT, OBSTACLE, Series, new_axes, new_figure, save_figure, seen
@@ -43,14 +43,11 @@ def estimation_figure(times: Series, true_deg: Series, sensed_deg: Series, path:
     figure = new_figure(7.6, 3.4)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "time [s]", "bending angle [deg]")
     axes.plot(times, true_deg, color=WANTED, linewidth=1.7, label="true")
-    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=_sensed_label(np.abs(sensed_deg - true_deg)))
+    off = np.abs(sensed_deg - true_deg)[np.isfinite(sensed_deg - true_deg)]
+    said = f"sensed   {off.mean():.1f}° off on average, {off.max():.1f}° at most" if off.size else "sensed"
+    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=said)
     axes.margins(x=0.01)
     return save_figure(figure, path)
-
-
-def _sensed_label(errors: np.ndarray) -> str:
-    errors = errors[np.isfinite(errors)]
-    return f"sensed   {errors.mean():.1f}° off on average, {errors.max():.1f}° at most" if errors.size else "sensed"
 
 
 def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:

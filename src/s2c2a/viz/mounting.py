@@ -78,7 +78,7 @@ class Surroundings:
 
     Attributes:
         mounting: how the arm stands in the world.
-        spacing: of the grid's lines.
+        spacing: of the grid's lines: 1, 2 or 5 times a power of ten.
         radius: of the grid.
         level: height of the plane in the base frame, below its origin.
         grid: ends of its lines, from rim to rim of a disc, along y and then along x.
@@ -98,7 +98,9 @@ class Surroundings:
     def of(cls, arm: ArmSpec) -> "Surroundings":
         """What is round an arm."""
         mounting, size = Mounting.of(arm), arm.length
-        spacing = _round_above(WIDE * size / CELLS)
+        least = WIDE * size / CELLS
+        rounds = 10.0 ** np.floor(np.log10(least)) * np.array([1, 2, 5, 10])
+        spacing = float(rounds[rounds >= 0.999 * least][0])
         radius = spacing * np.ceil(WIDE * size / spacing)
         level = -LOW * size
         names = {"x": np.array([1.06 * radius, 0.0, level]), "y": np.array([0.0, 1.06 * radius, level])}
@@ -108,9 +110,3 @@ class Surroundings:
         along_y = np.stack(np.broadcast_arrays(places, rim, level), axis=-1).swapaxes(0, 1)
         grid = np.concatenate([along_y, along_y[..., [1, 0, 2]]])
         return cls(mounting, spacing, radius, level, grid, names, None if mounting.upright else fall)
-
-
-def _round_above(value: float) -> float:
-    """The round number (1, 2 or 5 times a power of ten) nearest above."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))

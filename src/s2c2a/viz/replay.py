@@ -60,16 +60,13 @@ def _part(name: str) -> str:
 
 def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
     """All that the page shows, as `json_for_script` takes it."""
-    mesh, colours = ArmMesh(arm), colours_by_label(trace.label for trace in traces)
+    mesh, modules = ArmMesh(arm), module_colours(arm.module_count)
+    colours = colours_by_label(trace.label for trace in traces)
     return {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in summary.items()],
         "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
-        "arm": {
-            "name": arm.name,
-            "lengths": [module.length for module in arm.modules],
-            "colours": module_colours(arm.module_count),
-        },
+        "arm": {"name": arm.name, "lengths": [module.length for module in arm.modules], "colours": modules},
         "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
         "surroundings": vars(Surroundings.of(arm)),
         "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],

@@ -51,12 +51,12 @@ class Trace:
     @cached_property
     def wanted_positions(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should be [m], or NaN."""
-        return self._asked("wanted_positions", self.module_count, 3)
+        return self._asked("wanted_positions", self.episode.arm.module_count, 3)
 
     @cached_property
     def wanted_axes(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should point, unit vectors, or NaN."""
-        return self._asked("wanted_axes", self.module_count, 3)
+        return self._asked("wanted_axes", self.episode.arm.module_count, 3)
 
     @cached_property
     def obstacles(self) -> Float[np.ndarray, "time obstacles 4"]:
@@ -72,11 +72,6 @@ class Trace:
     def _asked(self, name: str, *shape: int) -> np.ndarray:
         asked = self.episode.get(name) is not None
         return self.episode.ran(name) if asked else np.full((len(self.times), *shape), np.nan)
-
-    @property
-    def module_count(self) -> int:
-        """Number of modules."""
-        return self.states.shape[1]
 
     @property
     def followed_module(self) -> int:
@@ -174,8 +169,8 @@ def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """
     check_some(traces)
     for trace in traces:
-        if trace.module_count != arm.module_count:
+        if (count := trace.episode.arm.module_count) != arm.module_count:
             raise S2C2AError(
-                f"trace '{trace.label}' has {trace.module_count} modules and arm '{arm.name}' has {arm.module_count}; "
+                f"trace '{trace.label}' has {count} modules and arm '{arm.name}' has {arm.module_count}; "
                 "draw a trace with the arm that it was recorded on"
             )
