@@ -99,8 +99,7 @@ def check_comparable(arm: ArmSpec) -> None:
 
 def claims_for(arm: ArmSpec) -> tuple[Claim, ...]:
     """Which claims hold an arm to the paper: the siblings of the twin are not held to those of NN_C2S and pcc."""
-    shared = ESTIMATION + WORKSPACE
-    return (*shared, PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else shared
+    return ESTIMATION + WORKSPACE + ((PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else ())
 
 
 def search(arm: ArmSpec, seed: int, evaluations: int, told: Callable[[int, float], None] = lambda *_: None) -> ArmSpec:

@@ -26,7 +26,6 @@ ARMS = ("twin_arm", "simulated_arm")
 STRATEGIES = ("s2c2a", "pcc", "pcc-fitted")
 SPEEDS = (0.2, 1.0, 2.0)
 """Of the circle, as parts of its own speed."""
-STEPS = 1000
 
 
 def circle_table(
@@ -76,7 +75,7 @@ def tracking_table(
     return rows, ends
 
 
-def track_circle(networks: TrainedNetworks, speed: float, steps: int = STEPS) -> Float[np.ndarray, "steps modules"]:
+def track_circle(networks: TrainedNetworks, speed: float, steps: int = 1000) -> Float[np.ndarray, "steps modules"]:
     """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
@@ -107,8 +106,7 @@ def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Flo
     with SimulatedRobot(arm, seed=seed) as robot:
         strategy.start(robot.read())
         for position in path[:steps]:
-            goal = Goal.of(arm.module_count).with_position(position)
-            robot.step(strategy.step(robot.read(), goal))
+            robot.step(strategy.step(robot.read(), Goal.of(arm.module_count).with_position(position)))
             sensed.append(sense(robot.read()))
     return np.array(sensed)
 

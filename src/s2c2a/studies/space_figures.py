@@ -163,8 +163,7 @@ def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: 
         wanted = runs[0].wanted_path
         places = wanted[np.isfinite(wanted).all(axis=-1)]
         if len(places):
-            dashed = (0, (4, 2))
-            axes.plot(*seen(wanted, view), color=WANTED, linewidth=1.2, linestyle=dashed, alpha=0.75, label="wanted")
+            axes.plot(*seen(wanted, view), color=WANTED, lw=1.2, ls=(0, (4, 2)), alpha=0.75, label="wanted")
             charts.draw_ring(axes, places[-1], view, 12, "target")
         for place, trace in enumerate(runs):
             charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)

@@ -138,6 +138,8 @@ def _wanted_azimuth(trace: Trace) -> Series:
 def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     """Draw how the end flees from an obstacle and follows a target that move (figure 14 of the paper).
 
+    Obstacles are dashed where they begin and full where they end.
+
     Args:
         flee: a run with an obstacle that moves, base frame.
         follow: a run with a target that moves, base frame.
@@ -158,7 +160,12 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     _draw_flight(flight, flee, colours)
     charts.draw_errors(chase, [follow], colours, lambda trace: trace.label)
     chase.margins(x=0.01)
-    _draw_obstacles_ways(views[0], flee)
+    charts.draw_obstacles(views[0], flee.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
+    charts.draw_obstacles(views[0], flee.spheres(-1), ABOVE)
+    centres = np.where(standing(flee.obstacles)[..., None], flee.obstacles[..., POSITION], np.nan)
+    for centre in np.moveaxis(centres, 1, 0):
+        views[0].plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
+        charts.draw_ends(views[0], centre, ABOVE, OBSTACLE, order=3)
     charts.draw_wanted(views[1], follow.wanted_path, ABOVE)
     for axes, trace in zip(views, (flee, follow), strict=True):
         charts.draw_run(axes, trace, colours, ABOVE)
@@ -182,20 +189,9 @@ def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
 
 def _nearest_obstacle(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
     """Distance [m] to the obstacle with the least clearance at each time, and its threshold [m]; NaN where none is."""
-    nothing = np.full((len(trace.times), 1, 4), np.nan)
-    obstacles = np.concatenate([nothing, trace.obstacles], axis=1)
+    obstacles = np.concatenate([np.full((len(trace.times), 1, 4), np.nan), trace.obstacles], axis=1)
     distances = np.linalg.norm(trace.followed_path[:, None] - obstacles[..., POSITION], axis=-1)
     clearances = np.where(standing(obstacles) & np.isfinite(distances), distances - obstacles[..., 3], np.inf)
     nearest = (np.arange(len(trace.times)), np.argmin(clearances, axis=1))
     there = np.isfinite(clearances[nearest])
     return np.where(there, distances[nearest], np.nan), np.where(there, obstacles[..., 3][nearest], np.nan)
-
-
-def _draw_obstacles_ways(axes: Axes, trace: Trace) -> None:
-    """Ways of obstacles from above; these are dashed where they begin and full where they end."""
-    charts.draw_obstacles(axes, trace.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
-    charts.draw_obstacles(axes, trace.spheres(-1), ABOVE)
-    centres = np.where(standing(trace.obstacles)[..., None], trace.obstacles[..., POSITION], np.nan)
-    for centre in np.moveaxis(centres, 1, 0):
-        axes.plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
-        charts.draw_ends(axes, centre, ABOVE, OBSTACLE, order=3)

@@ -77,8 +77,7 @@ class SideView:
 
     def at(self, z, across=0.0) -> Float[np.ndarray, "*batch 2"]:
         """Places of points by their height above the base and their place across it [m]."""
-        points = np.stack(np.broadcast_arrays(across, z), axis=-1)
-        return self.origin + points @ self.ways.T / self.per_inch
+        return self.origin + np.stack(np.broadcast_arrays(across, z), axis=-1) @ self.ways.T / self.per_inch
 
 
 def kinds_of_module(arm: ArmSpec) -> dict[str, list[int]]:
@@ -121,9 +120,8 @@ def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
 
 def _axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
     """Bare axes at a place in inches from the upper left corner."""
-    page_width, page_height = figure.get_size_inches()
-    bottom = page_height - top - height
-    axes = figure.add_axes((left / page_width, bottom / page_height, width / page_width, height / page_height))
+    page = np.tile(figure.get_size_inches(), 2)
+    axes = figure.add_axes(tuple(np.array([left, page[1] - top - height, width, height]) / page))
     axes.set_axis_off()
     return axes
 
@@ -255,8 +253,7 @@ def _number_boundaries(axes: Axes, ends: np.ndarray, view: SideView, beside: flo
         x, y = view.at(end) + away
         axes.text(x, y, text, fontsize=8, color=MUTED, ha=ha, va=va)
     for end in ends:
-        tick = view.at(end) + away - np.outer([0.06, 0.16], np.sign(away))
-        axes.plot(*tick.T, color=MUTED, linewidth=0.8)
+        axes.plot(*(view.at(end) + away - np.outer([0.06, 0.16], np.sign(away))).T, color=MUTED, linewidth=0.8)
 
 
 def _draw_gravity(axes: Axes, mounting: Mounting) -> None:

@@ -41,8 +41,7 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: s
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colours = colours_by_label(trace.label for trace in traces)
-    labels = [f"{name} [m]" for name in "xyz"] + ["error [cm]"]
-    over_time = charts.new_time_axes(figure, grid, labels)
+    over_time = charts.new_time_axes(figure, grid, [*(f"{name} [m]" for name in "xyz"), "error [cm]"])
     view, backward = Mounting.of(arm).flat(ABOVE)
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
@@ -59,8 +58,7 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: s
 
 def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
-    wanted = traces[0].wanted_path[:, axis]
-    charts.draw_over_time(axes, traces, wanted, lambda trace: trace.followed_path[:, axis])
+    charts.draw_over_time(axes, traces, traces[0].wanted_path[:, axis], lambda trace: trace.followed_path[:, axis])
 
 
 def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path) -> Path:

@@ -48,11 +48,6 @@ class Mounting:
         word = "lies" if lies else "stands" if up[2] > 0 else "hangs"
         return cls(np.stack([ahead, np.cross(up, ahead), up]), gravity, word if gravity.any() else "floats")
 
-    @property
-    def upright(self) -> bool:
-        """Whether the arm rises from what it is mounted on."""
-        return self.word in ("stands", "floats")
-
     def placed(self, point) -> Float[np.ndarray, "3"]:
         """A point round a standing arm of length one, such as a camera's, as it serves this arm; base frame.
 
@@ -83,7 +78,7 @@ class Surroundings:
         level: height of the plane in the base frame, below its origin.
         grid: ends of its lines, from rim to rim of a disc, along y and then along x.
         names: of the axes in the plane, and where they are written.
-        arrow: tail and tip of gravity's; none where the arm stands.
+        arrow: tail and tip of gravity's; none where the arm rises from what it is mounted on.
     """
 
     mounting: Mounting
@@ -109,4 +104,6 @@ class Surroundings:
         rim = np.outer([-1, 1], np.sqrt(radius**2 - places**2))
         along_y = np.stack(np.broadcast_arrays(places, rim, level), axis=-1).swapaxes(0, 1)
         grid = np.concatenate([along_y, along_y[..., [1, 0, 2]]])
-        return cls(mounting, spacing, radius, level, grid, names, None if mounting.upright else fall)
+        return cls(
+            mounting, spacing, radius, level, grid, names, None if mounting.word in ("stands", "floats") else fall
+        )

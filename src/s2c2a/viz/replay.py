@@ -44,10 +44,22 @@ def replay_page(
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
     """
     check_same_arm(traces, arm)
+    mesh, modules = ArmMesh(arm), module_colours(arm.module_count)
+    colours = colours_by_label(trace.label for trace in traces)
+    data = {
+        "title": title,
+        "summary": [[str(name), str(value)] for name, value in (summary or {}).items()],
+        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
+        "arm": {"name": arm.name, "lengths": [module.length for module in arm.modules], "colours": modules},
+        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
+        "surroundings": vars(Surroundings.of(arm)),
+        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
+    }
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
     page = Template(_part("replay.html")).substitute(
         title=html.escape(title),
         style=_part("page/style.css"),
-        data=json_for_script(run_data(traces, arm, title, summary or {})),
+        data=text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"),  # whatever strings it holds
         scripts="\n".join(_part(f"page/{name}.js") for name in SCRIPTS),
     )
     return save_whole(page.encode("utf-8"), path)
@@ -56,31 +68,6 @@ def replay_page(
 def _part(name: str) -> str:
     """A file of the page, as it ships with the package."""
     return resources.files("s2c2a.viz").joinpath(name).read_text(encoding="utf-8")
-
-
-def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
-    """All that the page shows, as `json_for_script` takes it."""
-    mesh, modules = ArmMesh(arm), module_colours(arm.module_count)
-    colours = colours_by_label(trace.label for trace in traces)
-    return {
-        "title": title,
-        "summary": [[str(name), str(value)] for name, value in summary.items()],
-        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
-        "arm": {"name": arm.name, "lengths": [module.length for module in arm.modules], "colours": modules},
-        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
-        "surroundings": vars(Surroundings.of(arm)),
-        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
-    }
-
-
-def json_for_script(data) -> str:
-    """Compact JSON, arrays as lists, that can stand inside a script element, whatever strings it holds.
-
-    Raises:
-        ValueError: a number is NaN or infinite.
-    """
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def _plain(value):

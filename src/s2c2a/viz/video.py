@@ -132,11 +132,9 @@ class Studio:
 
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
-    pictures = [frame.quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames]
-    content = BytesIO()
-    pictures[0].save(
-        content, "GIF", save_all=True, append_images=pictures[1:], duration=round(1000 * seconds), loop=0, optimize=True
-    )
+    first, *others = (frame.quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames)
+    content, pause = BytesIO(), round(1000 * seconds)
+    first.save(content, "GIF", save_all=True, append_images=others, duration=pause, loop=0, optimize=True)
     return save_whole(content.getvalue(), path)
 
 
