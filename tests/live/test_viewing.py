@@ -43,7 +43,7 @@ def run(drawn, label: str, turn: float) -> Trace:
     return drawn(label, 0.1 * np.arange(50), states, wanted_positions=wanted)
 
 
-def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown):
+def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown, drawn):
     page = view_runs([run(drawn, "best", 0.0), run(drawn, "paper", 1.5)], twin, 0)
     tab = shown(page)
     tab.page.get_by_text("cm from the target").wait_for()

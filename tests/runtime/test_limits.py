@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.runtime import CommandLimits
+from s2c2a.runtime.limits import TURN
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -85,7 +86,7 @@ def test_whatever_is_asked_no_step_is_larger_than_a_limit(make_arm, kind, seed):
     assert np.isfinite(commands).all()
     assert (commands >= geometry.action_low - room).all()
     assert (commands <= geometry.action_high + room).all()
-    turn = arm.acceleration_limit_deg or arm.step_limit_deg
+    turn = arm.acceleration_limit_deg or TURN * arm.step_limit_deg
     for change, turned in zip(changes[1:], np.diff(changes, axis=0), strict=True):
         assert size_deg(change, geometry).max() <= arm.step_limit_deg * SLACK
         assert size_deg(turned, geometry).max() <= turn * SLACK
@@ -190,7 +191,7 @@ def test_the_way_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
     """Also where it begins in the middle of a mad drive."""
     arm, limits, geometry = built(make_arm, kind)
     commands, changes = followed(limits, asked_madly(geometry, seed, 15))
-    last, change, turn = commands[-1], changes[-1], arm.acceleration_limit_deg or arm.step_limit_deg
+    last, change, turn = commands[-1], changes[-1], arm.acceleration_limit_deg or TURN * arm.step_limit_deg
     most = 20 + 4 * np.sqrt(300.0 / min(turn, arm.step_limit_deg)) + 2 * 150.0 / arm.step_limit_deg
     for _ in range(int(most)):
         command = limits.towards_rest(last, change)
@@ -212,6 +213,6 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
 
 def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
     own, others = CommandLimits.of(twin), CommandLimits.with_steps(twin, 8.0, 2.0)
-    np.testing.assert_allclose(own.step, own.turn)
+    np.testing.assert_allclose(TURN * own.step, own.turn)
     np.testing.assert_allclose(others.step, 2.0 * own.step)
     np.testing.assert_allclose(others.turn, 0.5 * own.step)

@@ -130,7 +130,7 @@ class ArmSpec(_Frozen):
         0.01, 90, "deg", "largest change of a plan and of a command, per module and step", 4.0
     )
     acceleration_limit_deg: Number | None = _between(
-        0.001, 180, "deg", "largest change of that change; as large if none", None
+        0.001, 180, "deg", "largest change of that change; 1.5 times as large if none", None
     )
     motor: Motor = Motor()
     modules: tuple[Module, ...] = Field(

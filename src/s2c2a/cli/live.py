@@ -82,11 +82,10 @@ def running_page(
     """
     from s2c2a.arm import load_arm
     from s2c2a.live.process import ControlProcess
-    from s2c2a.robots import Body
 
     spec = load_arm(arm)
     with ExitStack() as ends:
-        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or Body.simulation(), **options)
+        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or body_for("sim", ()), **options)
         control = ControlProcess(spec, build)
         ends.callback(control.stop)
         from s2c2a.live.page import LivePage  # imported while the other process imports its part

@@ -4,8 +4,8 @@ It never waits for the page: it reads the latest request and leaves a frozen sna
 process of its own besides (`ControlProcess`).
 """
 
-import queue
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -59,11 +59,12 @@ class ArmControl(Control):
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         driver, faults = strategies[self._name](), self._disturbances.spoilt
         self._loop = Loop(robot, driver, WallClock(), patience=patience, faults=faults)
-        self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._orders: deque[Callable[[], None]] = deque()
         self._stopping, self._opened = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
-        self._played, self._place = "", 0.0
-        self._before: Goal | None = None
+        self._played: str | None = None
+        self._place = 0.0
+        self._before = self._nothing = Goal.of(self.arm.module_count)
         self._expected = straight(robot.arm)
 
     @property
@@ -73,13 +74,13 @@ class ArmControl(Control):
 
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`."""
-        self._orders.put(partial(getattr(self, f"_{name}"), *arguments))
+        self._orders.append(partial(getattr(self, f"_{name}"), *arguments))
 
     def use(self, name: str) -> None:
         """See `Control`; it is built at once, in the thread of whoever asks."""
         if name not in self._builders:
             raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
-        self._orders.put(partial(self._change_strategy, self._builders[name](), name))
+        self._orders.append(partial(self._change_strategy, self._builders[name](), name))
 
     def prepare(self) -> None:
         """Make every task; in the thread of whoever asks."""
@@ -118,9 +119,8 @@ class ArmControl(Control):
     def _tick(self) -> None:
         """One control step; a body or strategy that fails stops the arm, not the thread: somebody can reset."""
         try:
-            with suppress(queue.Empty):
-                while True:
-                    self._orders.get_nowait()()
+            while self._orders:
+                self._orders.popleft()()
             request = self.request
             self._disturbances.apply(request)
             ask = Ask(self._goal(request), request.driven and not request.stopped, request.driven)
@@ -137,7 +137,7 @@ class ArmControl(Control):
         """The arm at rest, the task at its start."""
         self._loop.open()
         self._disturbances.begin()
-        self._played, self._place = "", 0.0
+        self._played, self._place = None, 0.0
 
     def _change_strategy(self, strategy: AnyStrategy, name: str) -> None:
         self._loop.use(strategy)
@@ -150,8 +150,8 @@ class ArmControl(Control):
 
     def _goal(self, request: Request) -> Goal:
         """What is asked in this step."""
-        if (request.task or "") != self._played:
-            self._played, self._place = request.task or "", 0.0
+        if request.task != self._played:
+            self._played, self._place = request.task, 0.0
         task = self._task
         goal = goal_of(request, self.arm.module_count, task.goals[int(self._place)] if task else None)
         if request.playing and self._loop.phase.stage is Stage.RUN and not request.stopped:
@@ -164,28 +164,14 @@ class ArmControl(Control):
 
     def _publish(self, step: Step) -> None:
         """Show what came of the last step: this one's reading, beside what the last one was to lead to."""
-        states = step.reading.get("states")
-        states = self._expected if states is None else states
-        aimed = self._before if self._before is not None and step.stage in (Stage.RUN, Stage.HOLD) else None
-        error, clearance = judged(aimed or Goal.of(self.arm.module_count), states[-1, POSITION])
-        self._before = step.goal if step.stage is Stage.RUN else None
+        states = step.reading.sensors.get("states", self._expected)
+        aimed = self._before if step.stage in (Stage.RUN, Stage.HOLD) else self._nothing
+        error, clearance = judged(aimed, states[-1, POSITION])
+        self._before = step.goal if step.stage is Stage.RUN and step.goal is not None else self._nothing
         self._expected = step.told.get("expected", self._expected if step.told else states)
-        task = self._task
-        self._show(
-            Snapshot(
-                step=step,
-                stage=step.stage,
-                states=np.array(states),
-                expected=np.array(self._expected),
-                error=error,
-                clearance=clearance,
-                task_step=int(self._place),
-                task_steps=len(task.goals) if task else 0,
-                strategy=self._name,
-                compiled=compilations(),
-                fault=step.fault,
-            )
-        )
+        where = (np.array(states), np.array(self._expected), error, clearance)
+        of_task = (int(self._place), len(self._task.goals) if self._task else 0)
+        self._show(Snapshot(step, step.stage, *where, *of_task, self._name, compilations(), step.fault))
 
 
 def arm_control(

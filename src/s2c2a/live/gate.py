@@ -17,6 +17,7 @@ import time
 import urllib.request
 from collections import Counter, deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, suppress
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from unittest.mock import patch
 from websockets import Headers
 from websockets.asyncio import server
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.asyncio.server import Server, ServerConnection
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
@@ -93,13 +94,13 @@ class Gate:
         self.port, self.refused = port, Counter[str]()
         self._behind, self._secret, self._open, self._on_stop = behind, secret, 0, on_stop
         self._page = _page_of(behind, b"" if on_stop is None else STOP_BUTTON.read_bytes())
-        self._ready, self._fault = threading.Event(), ""
-        self._closing = asyncio.Event()
-        self._thread = threading.Thread(target=self._run, name="gate", daemon=True)
+        self._closing, opened = asyncio.Event(), Future[tuple[int, asyncio.AbstractEventLoop]]()
+        self._thread = threading.Thread(target=asyncio.run, args=(self._serve(opened),), name="gate", daemon=True)
         self._thread.start()
-        self._ready.wait(10.0)
-        if self._fault or not self._ready.is_set():
-            raise S2C2AError(f"no way in: {self._fault or 'the gate did not open within 10 s'}")
+        try:
+            self.port, self._loop = opened.result(10.0)
+        except OSError as error:  # a timeout is one, without words
+            raise S2C2AError(f"no way in: {str(error) or 'the gate did not open within 10 s'}") from error
         self.address = f"http://{HOST}:{self.port}"
 
     def close(self) -> None:
@@ -108,27 +109,17 @@ class Gate:
             self._loop.call_soon_threadsafe(self._closing.set)
         self._thread.join(3.0)
 
-    def _run(self) -> None:
-        try:
-            asyncio.run(self._serve())
-        except OSError as error:
-            self._fault = str(error)
-        finally:
-            self._ready.set()
-
-    async def _serve(self) -> None:
-        async with await self._bound() as bound:
-            self.port, self._loop = bound.sockets[0].getsockname()[1], asyncio.get_running_loop()
-            self._ready.set()
-            await self._closing.wait()
-
-    async def _bound(self) -> Server:
-        """The server, on the first free port."""
+    async def _serve(self, opened: "Future[tuple[int, asyncio.AbstractEventLoop]]") -> None:
+        """Serve on the first free port until the door closes; told on which one, and in which loop."""
         asked: dict[str, Any] = {"process_request": self._admit, "select_subprotocol": _viser_protocol}
         for port in range(self.port, self.port + TRIED_PORTS):
             with suppress(OSError):
-                return await server.serve(self._pass_on, HOST, port, **asked, **_TO_BROWSERS)
-        raise OSError(f"no free port from {self.port} to {self.port + TRIED_PORTS - 1}; choose another --port")
+                async with server.serve(self._pass_on, HOST, port, **asked, **_TO_BROWSERS) as bound:
+                    opened.set_result((bound.sockets[0].getsockname()[1], asyncio.get_running_loop()))
+                    await self._closing.wait()
+                    return
+        last = self.port + TRIED_PORTS - 1
+        opened.set_exception(OSError(f"no free port from {self.port} to {last}; choose another --port"))
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for the page; let a websocket through only where it comes from that page."""
@@ -141,7 +132,10 @@ class Gate:
             return None
         if path == STOP and self._on_stop is not None:
             return connection.respond(*((200, "stopped\n") if self._on_stop() else (503, "nobody hears\n")))
-        return self._page_response("gzip" in headers.get("Accept-Encoding", ""))
+        packed = "gzip" in headers.get("Accept-Encoding", "")
+        body = self._page if packed else gzip.decompress(self._page)
+        more = {"Content-Length": str(len(body))} | ({"Content-Encoding": "gzip"} if packed else {})
+        return Response(200, "OK", Headers(_HEADERS | more), body)
 
     def _objection(self, headers: Headers, path: str) -> str:
         """Why a request is refused, or nothing.
@@ -160,17 +154,11 @@ class Gate:
         }
         return next((reason for reason in true if true[reason]), "")
 
-    def _page_response(self, packed: bool) -> Response:
-        body = self._page if packed else gzip.decompress(self._page)
-        more = {"Content-Length": str(len(body))} | ({"Content-Encoding": "gzip"} if packed else {})
-        return Response(200, "OK", Headers(_HEADERS | more), body)
-
     async def _pass_on(self, browser: ServerConnection) -> None:
         """Both ways until either side ends."""
         self._open += 1
-        form: dict[str, Any] = {"origin": Origin(self._secret)} | _TO_VISER
-        if browser.subprotocol:
-            form["subprotocols"] = [browser.subprotocol]
+        said = [browser.subprotocol] if browser.subprotocol else None
+        form: dict[str, Any] = {"origin": Origin(self._secret), "subprotocols": said} | _TO_VISER
         try:
             async with connect(f"ws://{HOST}:{self._behind}", **form) as viser:
                 outwards = asyncio.create_task(_outwards(viser, browser))

@@ -32,18 +32,15 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
         axis_weights=np.float32(factors.axis) * goal.axis_weights,
         change_weight=np.float32(factors.change) * goal.change_weight,
     )
-    own = np.asarray(goal.thresholds) > 0
-    centres = [*np.asarray(goal.obstacles)[own], *(one.centre for one in request.obstacles)]
-    thresholds = [*np.asarray(goal.thresholds)[own], *(one.threshold for one in request.obstacles)]
-    return goal.with_obstacles(np.reshape(centres, (-1, 3)), thresholds, float(factors.obstacle * goal.obstacle_weight))
+    added = [(*one.centre, one.threshold) for one in request.obstacles]
+    spheres = np.reshape([*goal.obstacles_in_use(), *added], (-1, 4))
+    return goal.with_obstacles(spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight))
 
 
 def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
     """How far the tip is from where the goal wants it, and least from a threshold [m]; NaN and infinite without."""
-    asked = float(np.asarray(goal.position_weights)[-1]) > 0
-    error = float(np.linalg.norm(tip - np.asarray(goal.positions[-1]))) if asked else float("nan")
-    spheres = np.column_stack([goal.obstacles, goal.thresholds])[None]
-    return error, float(clearances(tip[None, None], spheres)[0]) / 100.0
+    error = float(np.linalg.norm(tip - goal.wanted_positions()[-1]))
+    return error, float(clearances(tip[None, None], goal.obstacles_in_use()[None])[0]) / 100.0
 
 
 @runtime_checkable
@@ -91,13 +88,12 @@ class Disturbances:
         said, geometry = dict(reading.sensors), self._geometry
         mixed = (1 - coupling) * np.eye(len(self._leak)) + coupling * self._leak
         if "cables" in said:
-            cables = self._mixed_cables(said["cables"], mixed) if coupling else said["cables"]
             scale = noise * np.abs(geometry.action_scale)[:, None]
-            said["cables"] = cables + scale * self._random.normal(size=cables.shape)
+            shaken = scale * self._random.normal(size=said["cables"].shape)
+            said["cables"] = self._mixed_cables(said["cables"], mixed) + shaken
         if "configurations" in said:
-            configurations = mixed @ said["configurations"] if coupling else said["configurations"]
-            tilt = noise * geometry.bend_limits[:, None] * self._random.normal(size=configurations.shape)
-            said["configurations"] = unit(configurations + tilt)
+            tilt = noise * geometry.bend_limits[:, None] * self._random.normal(size=said["configurations"].shape)
+            said["configurations"] = unit(mixed @ said["configurations"] + tilt)
         return Reading(reading.time, said)
 
     def _mixed_cables(self, cables: np.ndarray, mixed: np.ndarray) -> np.ndarray:

@@ -7,12 +7,12 @@ from contextlib import suppress
 from typing import Annotated, Literal, TypeAlias, TypeGuard
 
 import msgspec
+from msgspec.msgpack import Decoder
 
 MOST_BYTES = 16_384
 Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]  # neither infinite nor NaN
 Pair: TypeAlias = tuple[Number, Number]
 Three: TypeAlias = tuple[Number, Number, Number]
-Four: TypeAlias = tuple[Number, Number, Number, Number]
 Value: TypeAlias = bool | int | Number | str | list[Number]
 
 
@@ -23,7 +23,7 @@ class _Said(msgspec.Struct, tag_field="type", tag=True, forbid_unknown_fields=Tr
 class ViewerCameraMessage(_Said, frozen=True):
     """Where a browser looks from."""
 
-    wxyz: Four
+    wxyz: tuple[Number, Number, Number, Number]
     position: Three
     fov: Number
     near: Number
@@ -34,15 +34,11 @@ class ViewerCameraMessage(_Said, frozen=True):
     up_direction: Three
 
 
-class _NewValue(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    value: Value
-
-
 class GuiUpdateMessage(_Said, frozen=True):
     """A new value of one part of a panel."""
 
     uuid: str
-    updates: _NewValue
+    updates: Annotated[dict[Literal["value"], Value], msgspec.Meta(min_length=1)]
 
 
 class SceneNodeDragMessage(_Said, frozen=True):
@@ -60,9 +56,7 @@ class SceneNodeDragMessage(_Said, frozen=True):
     owner: str = ""
 
 
-_DECODER: msgspec.msgpack.Decoder = msgspec.msgpack.Decoder(
-    ViewerCameraMessage | GuiUpdateMessage | SceneNodeDragMessage
-)
+_DECODER: Decoder = Decoder(ViewerCameraMessage | GuiUpdateMessage | SceneNodeDragMessage)
 
 
 def is_sound(message: str | bytes) -> TypeGuard[bytes]:

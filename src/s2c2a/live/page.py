@@ -7,38 +7,28 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.live.panel import CLOUD, GHOST, TRAILS, Desk, Panel
+from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Point, point
-from s2c2a.live.session import Session
+from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
-from s2c2a.spaces import AXIS, POSITION, Stage, States
+from s2c2a.spaces import POSITION, Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 LEAST_GAP = 0.005  # m; a target less far out of reach is within it
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
-VIEWER = "by somebody who looks at this page"
 
 
-class Survey(NamedTuple):
-    """Where an arm can be.
-
-    Attributes:
-        cloud: ends of the modules [m], shape (modules, points, 3).
-        gap: how far out of the tip's reach a point is [m].
-    """
-
-    cloud: Float[np.ndarray, "modules points 3"]
-    gap: Callable[[Point], float]
+Survey = tuple[Float[np.ndarray, "modules points 3"], Callable[[Point], float]]
+"""Where an arm can be: ends of its modules [m], and how far out of the tip's reach a point is [m]."""
 
 
 class LivePage(Window):
@@ -64,24 +54,22 @@ class LivePage(Window):
         super().__init__(control.arm)
         self._control, self._survey, gui = control, survey, self.server.gui
         self.session, self._panels = Session(self._session_changed), dict[int, Panel]()
-        self._view = dict.fromkeys((GHOST, TRAILS, CLOUD), True)
-        self._desk = Desk(control, self.session, Recorder(control, runs), self._view, self._tell)
+        self._recorder = Recorder(control, runs)
         self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)
         self.scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
         with gui.add_folder("Plots", order=20, expand_by_default=False):
             self._plots = Plots(gui, self.arm)
         self._trail: deque[np.ndarray] = deque(maxlen=round(TRAIL * self.arm.control_rate))
-        self._before: Snapshot | None = None
-        self._shown: Snapshot | None = None
+        self._steps: deque[Snapshot] = deque(maxlen=2)
         self._gap, self._gap_at = 0.0, lambda where: 0.0  # while nobody knows
         self.frames, self._changing = 0, threading.Lock()
         self.server.on_client_connect(self._joined)
         self.server.on_client_disconnect(self._left)
         self.every(self._draw)
-        self.open(port, lambda: control.halt(VIEWER))
+        self.open(port, lambda: control.halt("by somebody who looks at this page"))
 
     async def _joined(self, client: viser.ClientHandle) -> None:
-        self._panels[client.client_id] = Panel(client, self._desk)
+        self._panels[client.client_id] = Panel(client, self._control, self.session, self._recorder, self._tell)
         self.session.join(client.client_id)
 
     async def _left(self, client: viser.ClientHandle) -> None:
@@ -122,54 +110,54 @@ class LivePage(Window):
             self._control.ask(obstacles=(*own[:number], replace(own[number], centre=where), *own[number + 1 :]))
 
     def _look_round(self) -> None:
-        found = self._survey() if self._survey is not None else None
-        if found is not None and not self.closing.is_set():
-            self.scene.draw_cloud(found.cloud)
-            self._gap_at = lru_cache(maxsize=1)(found.gap)
+        if self._survey is not None:
+            cloud, gap = self._survey()
+            if not self.closing.is_set():
+                self.scene.draw_cloud(cloud)
+                self._gap_at = lru_cache(maxsize=1)(gap)
 
     def _draw(self, _passed: float) -> None:
         """One frame."""
-        latest, shown = self._control.latest, self._shown
+        latest = self._control.latest
         if latest is None:
             return
-        if shown is None or latest.step is not shown.step:
-            self._before, self._shown = shown or latest, latest
-            self._plots.add(latest)
-            self._draw_trails(latest)
-            self.scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
-        if shown is None:
+        if not self._steps:
             threading.Thread(target=self._look_round, daemon=True).start()
             if self.session.present:
                 self._session_changed()
+        if not self._steps or latest.step is not self._steps[-1].step:
+            self._steps.append(latest)
+            self._plots.add(latest)
+            self._draw_trails(latest)
+            self.scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
         self._draw_arm(latest)
         self._draw_asked(latest)
-        if shown is None or self.frames % PLOT_EVERY == 0:
+        if self.frames % PLOT_EVERY == 0:
             self._say(latest)
         self.frames += 1
 
     def _draw_trails(self, latest: Snapshot) -> None:
         self._trail.append(np.array([latest.states[-1, POSITION], _wanted(latest)[0]]))
-        points = np.array(self._trail) if self._view[TRAILS] else np.zeros((0, 2, 3))
+        points = np.array(self._trail) if self.session.view[TRAILS] else np.zeros((0, 2, 3))
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("wanted", points[:, 1])
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Between the last two states, as far as time has come; it stands where nothing comes any more."""
-        share = (time.perf_counter() - latest.step.moment) / self.arm.control_period
-        if share > 1.5 or self._before is None:
+        share, before = (time.perf_counter() - latest.step.moment) / self.arm.control_period, self._steps[0]
+        if share > 1.5:
             return
-        share = float(np.clip(share, 0.0, 1.0))
-        self.scene.draw_arm(between(self._before.states, latest.states, share))
-        expected = between(self._before.expected, latest.expected, share)
-        self.scene.draw_ghost(expected if self._view[GHOST] else None, latest.states)
+        share = min(max(share, 0.0), 1.0)
+        self.scene.draw_arm((1 - share) * before.states + share * latest.states)
+        expected = (1 - share) * before.expected + share * latest.expected
+        self.scene.draw_ghost(expected if self.session.view[GHOST] else None, latest.states)
 
     def _draw_asked(self, latest: Snapshot) -> None:
         request, goal = self._control.request, latest.step.goal
         position, axis, spheres = request.target, request.axis, np.zeros((0, 4))
         if request.task is not None and goal is not None:
             position, axis = _wanted(latest)
-            spheres = np.column_stack([goal.obstacles, goal.thresholds])
-            spheres = spheres[spheres[:, 3] > 0]
+            spheres = goal.obstacles_in_use()
             spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]  # the driver's come after the task's
         self._gap = self._gap_at(point(position)) if position is not None and np.isfinite(position).all() else 0.0
         self.scene.draw_target(position, axis, self._gap)
@@ -178,7 +166,7 @@ class LivePage(Window):
     def _say(self, latest: Snapshot) -> None:
         """What is shown now and then only: plots, words, buttons."""
         self._plots.draw()
-        self.scene.show_cloud(self._view[CLOUD])
+        self.scene.show_cloud(self.session.view[CLOUD])
         self._status.content = self._status_of(latest)
         for panel in list(self._panels.values()):
             panel.follow()
@@ -196,19 +184,12 @@ class LivePage(Window):
             f"clearance {100 * latest.clearance:.1f} cm": np.isfinite(latest.clearance),
             f"step {latest.task_step + 1} of {latest.task_steps}": latest.task_steps and not latest.finished,
             "task finished": latest.finished,
-            "recording": self._desk.recorder.running,
+            "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > LEAST_GAP,
-            "nothing watches this arm: drawn as its model expects it": not latest.watched,
+            "nothing watches this arm: drawn as its model expects it": "states" not in latest.step.reading.sensors,
             f"**{latest.fault}**": latest.fault,
         }
         return f"{head}\n\n{' · '.join(text for text, shown in said.items() if shown)}"
-
-
-def between(before: States, after: States, share: float) -> States:
-    """States on the way from one to the next, axes of unit length."""
-    states = (1 - share) * before + share * after
-    states[:, AXIS] /= np.maximum(np.linalg.norm(states[:, AXIS], axis=-1, keepdims=True), 1e-9)
-    return states
 
 
 def _wanted(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
@@ -216,5 +197,4 @@ def _wanted(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
     goal = snapshot.step.goal
     if goal is None:
         return np.full((2, 3), np.nan)
-    asked = np.array([goal.position_weights[-1], goal.axis_weights[-1]], float)[:, None] > 0
-    return np.where(asked, np.array([goal.positions[-1], goal.axes[-1]], float), np.nan)
+    return np.array([goal.wanted_positions()[-1], goal.wanted_axes()[-1]], float)

@@ -6,11 +6,11 @@ Stop is not here: the gate gives one to everybody who looks at the page.
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
-import viser
+from viser import ClientHandle, GuiButtonHandle, GuiSliderHandle, Icon
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.recorder import Recorder
@@ -24,7 +24,6 @@ DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # of the arm's length
 BESIDE = 0.35  # of the arm's length: how far from the tip a new obstacle appears
 COUPLED = 3  # modules of the paper's arm, whose sensors leak
-GHOST, TRAILS, CLOUD = "Planned arm", "Trails", "Workspace"  # what can be shown beside the arm
 OBSTACLES = "Drag an obstacle: the arm gives way. It moves in the plane of the screen; turn the view for another."
 YOU_DRIVE = "You drive. Drag the violet ball: the arm follows."
 HINTS = {
@@ -38,38 +37,30 @@ HINTS = {
 }
 
 
-@dataclass(frozen=True)
-class Desk:
-    """What panels work on.
-
-    Attributes:
-        control: moves the arm.
-        session: says who drives.
-        recorder: keeps what happens.
-        view: what is shown beside the arm, by its label.
-        tell: says something to all browsers.
-    """
-
-    control: Control
-    session: Session
-    recorder: Recorder
-    view: dict[str, bool]
-    tell: Callable[[str], None]
-
-
 class Panel:
     """The panel of one browser; built anew when its part changes."""
 
-    def __init__(self, client: viser.ClientHandle, desk: Desk):
-        """An empty panel."""
-        self._me, self._gui, self._desk, self._control = client.client_id, client.gui, desk, desk.control
+    def __init__(
+        self, client: ClientHandle, control: Control, session: Session, recorder: Recorder, tell: Callable[[str], None]
+    ):
+        """An empty panel.
+
+        Args:
+            client: the browser.
+            control: moves the arm.
+            session: says who drives.
+            recorder: keeps what happens.
+            tell: says something to all browsers.
+        """
+        self._me, self._gui = client.client_id, client.gui
+        self._control, self._session, self._recorder, self._tell = control, session, recorder, tell
         self._role: tuple | None = None
         self._building = threading.Lock()
         self._followers: list[Callable[[Request], None]] = []
 
     def refresh(self) -> None:
         """Build what this browser may do now, if that has changed."""
-        driver = self._desk.session.driver
+        driver = self._session.driver
         role = (driver == self._me, driver is None)
         with self._building:
             if role == self._role:
@@ -92,8 +83,8 @@ class Panel:
 
     def _build_watcher(self, free: bool) -> None:
         label = "Take the handle" if free else "Somebody else drives"
-        take = self._gui.add_button(label, disabled=not free, color="blue", icon=viser.Icon.HAND_GRAB, order=10)
-        self._react(take.on_click, lambda _: self._desk.session.take(self._me), anybody=True)
+        take = self._gui.add_button(label, disabled=not free, color="blue", icon=Icon.HAND_GRAB, order=10)
+        self._react(take.on_click, lambda _: self._session.take(self._me), anybody=True)
 
     def _build_driver(self) -> None:
         go_on = self._button("Go on", lambda: self._control.ask(stopped=False), color="green", order=-1)
@@ -116,7 +107,9 @@ class Panel:
         of_drag = [pointed, self._button("Target to the tip", self._target_to_tip)]
 
         def follow(request: Request) -> None:
-            hint.content = hint_for(request.task)
+            kind = next((said for start, said in HINTS.items() if (request.task or "").startswith(start)), "")
+            asked = f"*{request.task}*{kind}. The arm goes to its start; Play begins it."
+            hint.content = YOU_DRIVE if request.task is None else asked
             play.label = "Pause" if request.playing and not self._latest.finished else "Play"
             for part in (*of_task, *of_drag):
                 part.visible = (request.task is not None) == (part in of_task)
@@ -145,7 +138,7 @@ class Panel:
             """Clear of the tip, as far from whoever looks from where the page begins, each on another side."""
             own = control.request.obstacles
             if len(own) >= MOST_OBSTACLES:
-                return self._desk.tell(f"{MOST_OBSTACLES} obstacles are the most")
+                return self._tell(f"{MOST_OBSTACLES} obstacles are the most")
             away = BESIDE * size * (1 + len(own) // 2) * (-1) ** len(own)
             place = point(self._latest.states[-1, POSITION] + away * across_the_screen(control.arm))
             control.ask(obstacles=(*own, Obstacle(place, sound_value(threshold) / 100)))
@@ -167,9 +160,9 @@ class Panel:
             self._slider(knob)
 
         def change(name: str) -> None:
-            self._desk.tell(f"{name}: preparing …")
+            self._tell(f"{name}: preparing …")
             self._control.use(name)
-            self._desk.tell(f"{name} drives")
+            self._tell(f"{name} drives")
 
         self._changed(chosen, change, slow=True)
 
@@ -185,19 +178,19 @@ class Panel:
         self._button("No faults", clear)
 
     def _build_more(self) -> None:
-        recorder, view = self._desk.recorder, self._desk.view
+        recorder, view = self._recorder, self._session.view
         record = self._button("Record", self._record, slow=True)
         self._followers.append(lambda _: setattr(record, "label", "Stop recording" if recorder.running else "Record"))
         self._button("Reset the arm", self._control.reset)
-        self._button("Let others drive", lambda: self._desk.session.give(self._me))
+        self._button("Let others drive", lambda: self._session.give(self._me))
         for label, shown in view.items():
             self._changed(self._gui.add_checkbox(label, shown), partial(view.__setitem__, label))
 
     def _record(self) -> None:
-        if not self._desk.recorder.running:
-            return self._desk.recorder.start()
-        folder = self._desk.recorder.stop()
-        self._desk.tell(f"written; look at it with: s2c2a view {folder}" if folder else "too short to keep")
+        if not self._recorder.running:
+            return self._recorder.start()
+        folder = self._recorder.stop()
+        self._tell(f"written; look at it with: s2c2a view {folder}" if folder else "too short to keep")
 
     @property
     def _latest(self) -> Snapshot:
@@ -207,12 +200,12 @@ class Panel:
     def _target_to_tip(self) -> None:
         self._control.ask(target=tuple(self._latest.states[-1, POSITION]), axis=None)
 
-    def _button(self, label: str, act: Callable[[], Any], slow: bool = False, **looks: Any) -> viser.GuiButtonHandle:
+    def _button(self, label: str, act: Callable[[], Any], slow: bool = False, **looks: Any) -> GuiButtonHandle:
         button = self._gui.add_button(label, **({"color": "gray"} | looks))
         self._react(button.on_click, lambda _: act(), slow)
         return button
 
-    def _slider(self, knob: Knob) -> viser.GuiSliderHandle:
+    def _slider(self, knob: Knob) -> GuiSliderHandle:
         slider = self._gui.add_slider(knob.label, knob.low, knob.high, knob.step, knob.shown(self._control.request))
         self._changed(slider, lambda value: self._control.ask(**knob.change(self._control.request, value)))
         return slider
@@ -225,18 +218,12 @@ class Panel:
 
         def allowed(event: Any) -> None:
             try:
-                if anybody or self._desk.session.drives(self._me):
+                if anybody or self._session.drives(self._me):
                     act(event)
             except S2C2AError as error:
-                self._desk.tell(str(error))
+                self._tell(str(error))
 
         async def in_order(event: Any) -> None:
             allowed(event)
 
         register(allowed if slow else in_order)
-
-
-def hint_for(task: str | None) -> str:
-    """What there is to do."""
-    kind = next((said for start, said in HINTS.items() if (task or "").startswith(start)), "")
-    return YOU_DRIVE if task is None else f"*{task}*{kind}. The arm goes to its start; Play begins it."

@@ -9,12 +9,11 @@ from viser import GuiApi, GuiUplotHandle, uplot
 from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
 from s2c2a.spaces import AXIS
-from s2c2a.viz.colours import TARGET, module_colours
+from s2c2a.viz.colours import MUTED, REAL, TARGET, module_colours
 
 SHOWN = 20.0  # s
 HEIGHT = 124  # pixels
 MOST_NAMED = 6  # modules whose names are written under a chart
-CLEARANCE_COLOUR, TIME_COLOUR = "#5b6675", "#1f5fc4"
 
 
 class Plots:
@@ -23,7 +22,6 @@ class Plots:
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
         self._rows: deque[list[np.ndarray]] = deque(maxlen=round(SHOWN * arm.control_rate))
-        self._period = arm.control_period
         modules = {f"module {k + 1}": colour for k, colour in enumerate(module_colours(arm.module_count))}
         cables = {f"{name}, {k + 1}": colour for name, colour in modules.items() for k in range(arm.cable_count)}
         unit, self._scale = unit_of_cables(arm)
@@ -32,10 +30,10 @@ class Plots:
             add_chart(gui, title, lines, legend=lines is modules and len(modules) <= MOST_NAMED, across=across)
             for title, lines in (
                 ("tip from its target [cm]", {"error": TARGET}),
-                ("clearance of the tip [cm]", {"clearance": CLEARANCE_COLOUR}),
+                ("clearance of the tip [cm]", {"clearance": MUTED}),
                 ("bend of the modules [deg]", modules),
                 (f"cables [{unit}]", cables),
-                ("sense, plan, act [ms]", {"tick": TIME_COLOUR}),
+                ("sense, plan, act [ms]", {"tick": REAL}),
             )
         ]
 
@@ -45,13 +43,11 @@ class Plots:
         bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
         self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
         values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
-        values = [snapshot.step.number * self._period, *values, 1e3 * snapshot.step.tick_time]
+        values = [snapshot.step.moment, *values, 1e3 * snapshot.step.tick_time]
         self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 
     def draw(self) -> None:
-        """Send the charts what is new."""
-        if len(self._rows) < 2:
-            return
+        """Send the charts what is new, after the first `add`."""
         (seconds,), *parts = (np.transpose(part) for part in zip(*self._rows, strict=True))
         for chart, part in zip(self._charts, parts, strict=True):
             chart.data = (seconds - seconds[-1], *part)

@@ -62,7 +62,6 @@ class ControlProcess(Control):
         """
         super().__init__()
         self.arm, self.limits = arm, RequestLimits.of(arm, ())
-        self.strategies: tuple[str, ...] = ()
         self._fault, self._heard = "", time.perf_counter()
         self._ready, self._stopping = threading.Event(), threading.Event()
         self._using, self._used = threading.Lock(), queue.SimpleQueue[str]()
@@ -79,15 +78,15 @@ class ControlProcess(Control):
     @property
     def latest(self) -> Snapshot | None:
         """The latest snapshot, None before the first; it says so where none has come for too long."""
-        latest = self._latest
-        if latest is None or latest.stage is Stage.FAULT or not self._silent():
+        latest, missing = self._latest, self._missing()
+        if latest is None or not missing or self._stopping.is_set():
             return latest
-        return replace(latest, stage=Stage.FAULT, fault=MISSED)
+        return replace(latest, stage=Stage.FAULT, fault=missing)
 
     @property
     def answers(self) -> bool:
         """See `Control`."""
-        return self._process.is_alive() and not self._silent()
+        return not self._missing()
 
     def wait_until_ready(self, timeout: float = 600.0) -> None:
         """Return when the arm is open and moved.
@@ -109,7 +108,7 @@ class ControlProcess(Control):
 
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`; nothing is said to one that does not answer, but to stop: the pipe would fill up."""
-        if self._silent() and name != "stop":
+        if self._missing() and name != "stop":
             return
         with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
             self._pipe.send((name, arguments))
@@ -125,8 +124,6 @@ class ControlProcess(Control):
             self._check_alive()
             self.order("use", name)
             said = self._used.get()
-            if said == ENDED:
-                self._used.put(ENDED)  # for whoever asks next
             if said:
                 raise S2C2AError(said)
 
@@ -134,20 +131,23 @@ class ControlProcess(Control):
         """See `Control`; a process that does not hear is ended."""
         self._stopping.set()
         self.order("stop")
-        ends = (self._process.terminate, self._process.kill)
-        if self._latest is None:  # nothing to lead to rest, and it may still be compiling
-            ends[0]()
-        for end in ends:
+        self._process.join(0.0 if self._latest is None else PATIENCE)  # without one, it may still be compiling
+        for end in (self._process.terminate, self._process.kill):  # nothing happens to one that has ended
+            end()
             self._process.join(PATIENCE)
-            if self._process.is_alive():
-                end()
-        self._process.join(PATIENCE)
         self._listener.join(PATIENCE)
         self._pipe.close()
 
+    def _missing(self) -> str:
+        """Why nobody answers, or nothing."""
+        quiet = time.perf_counter() - self._heard
+        if not self._process.is_alive():
+            return ENDED
+        return MISSED if self._latest is not None and quiet > MOST_MISSED + 2 * self.arm.control_period else ""
+
     def _check_alive(self) -> None:
-        if not self.answers:
-            raise S2C2AError(MISSED if self._process.is_alive() else ENDED)
+        if missing := self._missing():
+            raise S2C2AError(missing)
 
     def _live(self) -> None:
         """Say again what is asked, until this side stops: a sign of life, and news for one that did not answer."""
@@ -155,22 +155,16 @@ class ControlProcess(Control):
             if self._latest is not None:  # before that nobody empties the pipe
                 self.ask()
 
-    def _silent(self) -> bool:
-        quiet = time.perf_counter() - self._heard
-        return self._latest is not None and quiet > MOST_MISSED + 2 * self.arm.control_period
-
     def _listen(self) -> None:
         """Fetch what comes until the process ends."""
         try:
             while (said := self._fetched()) is not None:
-                self._heard = time.perf_counter()
                 self._take(said)
         finally:
             self._fault = self._fault or ENDED
+            self._process.join(PATIENCE)  # whoever asks next finds it ended
             self._used.put(ENDED)
             self._ready.set()
-            if self._latest is not None and not self._stopping.is_set():
-                self._show(replace(self._latest, stage=Stage.FAULT, fault=ENDED))
 
     def _fetched(self) -> Any:
         """What comes next; None when nothing will."""
@@ -180,13 +174,13 @@ class ControlProcess(Control):
 
     def _take(self, said: Any) -> None:
         """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
+        self._heard = time.perf_counter()
         match said:
             case Snapshot():
                 self._show(said)
                 self._ready.set()
             case S2C2AError():
-                self._fault = str(said)
-                self._ready.set()
+                self._fault = str(said)  # and the end comes at once
             case tuple():
                 self.limits, self.strategies = said
             case _ if said == SILENT:  # it was stopped over there: here, too, until somebody says go on
@@ -208,24 +202,20 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
     passing = threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True)
     passing.start()
     try:
-        _run(build(), pipe, said)
+        control = build()
+        said.put((control.limits, control.strategies))
+        control.watch(partial(_leave, said))
+        try:
+            control.start()
+            _go_first()
+            threading.Thread(target=control.prepare, daemon=True).start()
+            _obey(control, pipe, said)
+        finally:  # whatever that is, the arm goes to rest
+            control.stop()
     except S2C2AError as error:
         said.put(error)
     said.put(None)
     passing.join(PATIENCE)
-
-
-def _run(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
-    """Run while it is wanted; in the end, whatever that is, lead the arm to rest."""
-    said.put((control.limits, control.strategies))
-    control.watch(partial(_leave, said))
-    control.start()
-    try:
-        _go_first()
-        threading.Thread(target=control.prepare, daemon=True).start()
-        _obey(control, pipe, said)
-    finally:
-        control.stop()
 
 
 def _go_first() -> None:

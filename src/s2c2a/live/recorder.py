@@ -55,7 +55,6 @@ class Recorder:
             return None
         arm, made_with = self._control.arm, versions()
         folder = self._folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
-        folder.mkdir(parents=True, exist_ok=True)
         options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": made_with}
         save_whole(json.dumps(options, indent=1, default=str) + "\n", folder / "options.json")
         save_arm(arm, folder / "arm.toml", overwrite=True)

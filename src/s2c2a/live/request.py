@@ -3,10 +3,9 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 
@@ -25,8 +24,7 @@ class Obstacle:
     threshold: float
 
 
-@dataclass(frozen=True)
-class Weights:
+class Weights(NamedTuple):
     """What the losses' weights are multiplied by."""
 
     position: float = 1.0
@@ -35,7 +33,7 @@ class Weights:
     change: float = 1.0
 
 
-FACTORED = tuple(vars(Weights()))
+UNCHANGED = Weights()
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Request:
     playing: bool = False
     speed: float = 1.0
     obstacles: tuple[Obstacle, ...] = ()
-    weights: Weights = Weights()
+    weights: Weights = UNCHANGED
     payload: float = 0.0
     push: Point = (0.0, 0.0, 0.0)
     coupling: float = 0.0
@@ -110,22 +108,22 @@ class RequestLimits:
     def _rules(self) -> dict[str, Callable[[Any], Any]]:
         numbers = {"speed": SPEEDS, "payload": (0.0, self.payload), "coupling": (0.0, 1.0), "noise": (0.0, self.noise)}
         return {
-            **{name: partial(_number, low=low, high=high) for name, (low, high) in numbers.items()},
+            **{name: partial(_sound, low=low, high=high) for name, (low, high) in numbers.items()},
             **dict.fromkeys(("driven", "stopped", "playing"), bool),
             "target": lambda value: None if value is None else self._inside(value),
             "axis": lambda value: None if value is None else _unit(value),
             "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],  # where there is one
             "obstacles": lambda value: tuple(self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]),
-            "weights": lambda value: Weights(*(_number(getattr(value, name), *FACTORS) for name in FACTORED)),
-            "push": lambda value: point(_vector(value, self.push)),
+            "weights": lambda value: Weights(*_sound(value, *FACTORS, shape=(4,))),
+            "push": lambda value: point(_sound(value, -self.push, self.push, (3,))),
         }
 
     def _obstacle(self, value: Any) -> Obstacle:
-        return Obstacle(self._inside(value.centre), _number(value.threshold, 0.01, self.reach / 4))
+        return Obstacle(self._inside(value.centre), _sound(value.threshold, 0.01, self.reach / 4))
 
     def _inside(self, value: Any) -> Point:
         """The point, drawn to the sphere around the base if it is outside of it."""
-        vector = _vector(value)
+        vector = np.array(_sound(value, shape=(3,)))
         return point(vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9)))
 
 
@@ -139,7 +137,7 @@ class Knob:
         high: where it ends; one that ends where it begins is not shown.
         step: of the slider.
         name: of what it changes in the request.
-        part: of that: a field of weights, a place in a vector.
+        place: of that, where it is several numbers.
         scale: how many of its units are one of the request's.
     """
 
@@ -148,31 +146,24 @@ class Knob:
     high: float
     step: float
     name: str
-    part: str | int | None = None
+    place: int | None = None
     scale: float = 1.0
 
     def shown(self, request: Request) -> float:
         """The request's number in the slider's unit, within its ends whoever has asked for it."""
         whole = getattr(request, self.name)
-        if isinstance(self.part, int):
-            whole = whole[self.part]
-        elif self.part is not None:
-            whole = getattr(whole, self.part)
-        return float(np.clip(self.scale * whole, self.low, self.high))
+        number = whole if self.place is None else whole[self.place]
+        return float(np.clip(self.scale * number, self.low, self.high))
 
     def change(self, request: Request, shown: float) -> dict[str, Any]:
         """What to ask for when the slider shows a number."""
-        whole, number = getattr(request, self.name), shown / self.scale
-        if isinstance(self.part, int):
-            return {self.name: (*whole[: self.part], number, *whole[self.part + 1 :])}
-        return {self.name: number if self.part is None else replace(whole, **{self.part: number})}
+        whole, number, place = getattr(request, self.name), shown / self.scale, self.place
+        return {self.name: number if place is None else (*whole[:place], number, *whole[place + 1 :])}
 
 
 SPEED = Knob("Speed", 0.25, 3.0, 0.25, "speed")
-WEIGHTS = tuple(
-    Knob(label, 0.0, 4.0, 0.1, "weights", name)
-    for name, label in zip(FACTORED, ("target μp", "direction μo", "obstacles μob", "change μd"), strict=True)
-)
+FACTORED = ("target μp", "direction μo", "obstacles μob", "change μd")
+WEIGHTS = tuple(Knob(label, 0.0, 4.0, 0.1, "weights", place) for place, label in enumerate(FACTORED))
 
 
 def faults(limits: RequestLimits, couples: bool) -> tuple[Knob, ...]:
@@ -192,26 +183,18 @@ def point(values: Iterable[Any]) -> Point:
     return x, y, z
 
 
-def _sound(value: Any, low: float, high: float, shape: tuple[int, ...] = ()) -> np.ndarray:
-    """Finite numbers of this shape, brought within their limits."""
+def _sound(value: Any, low: float = -1e6, high: float = 1e6, shape: tuple[int, ...] = ()) -> Any:
+    """Finite numbers of this shape, brought within their limits, as Python's own."""
     if isinstance(value, str | bytes | bool):
         raise TypeError("numbers are needed")
     numbers = np.asarray(value, dtype=float)
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise ValueError(f"finite numbers of shape {shape} are needed")
-    return np.clip(numbers, low, high)
-
-
-def _number(value: Any, low: float, high: float) -> float:
-    return float(_sound(value, low, high))
-
-
-def _vector(value: Any, most: float = 1e6) -> Float[np.ndarray, "3"]:
-    return _sound(value, -most, most, (3,))
+    return np.clip(numbers, low, high).tolist()
 
 
 def _unit(value: Any) -> Point:
-    vector = _vector(value)
+    vector = np.array(_sound(value, shape=(3,)))
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
         raise ValueError("a direction is needed")

@@ -31,7 +31,6 @@ ARROW = 0.22  # length of the target's axis, the same
 LINE = 0.0012  # half the width of a grid's line, the same
 TRAIL_THICK, TRAIL_POINTS = 0.004, 90
 SUN = (1.0, -1.4, 2.0)
-NO_SHADOW: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 
 Wanted = Sequence[float] | np.ndarray | None
 """A place or direction; None or NaN where nothing is wanted."""
@@ -51,21 +50,19 @@ class ArmScene:
         vertices = self._mesh.vertices(straight(arm))
         self._pieces: list[MeshHandle] = []
         for number, (piece, corners) in enumerate(zip(self._mesh.pieces, vertices, strict=True)):
-            look: dict[str, Any] = {"flat_shading": piece.name in ("discs", "base")}
-            look["cast_shadow"] = piece.name != "cables"
-            self._pieces.append(_mesh(scene, f"/arm/{number}", corners, piece.faces, piece.colour, **look))
+            flat = piece.name in ("discs", "base")
+            self._pieces.append(_mesh(scene, f"/arm/{number}", corners, piece.faces, piece.colour, flat_shading=flat))
         outline, faces = self._mesh.outline(vertices), self._mesh.outline_faces
-        look = {"visible": False, **NO_SHADOW}
-        self._shadow = _mesh(scene, "/shadow", outline, faces, SHADOW, side="double", **look)
-        self._ghost = _mesh(scene, "/ghost", outline, faces, GHOST, opacity=0.22, **look)
+        self._shadow = _mesh(scene, "/shadow", outline, faces, SHADOW, side="double", visible=False)
+        self._ghost = _mesh(scene, "/ghost", outline, faces, GHOST, opacity=0.22, visible=False)
         colours = {"real": REAL, "wanted": TARGET, "axis": TARGET, "push": FAR_TARGET}
         corners, faces = np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)), tube_faces(1, TRAIL_POINTS, THREAD_SIDES)
-        line = partial(_mesh, scene, vertices=corners, faces=faces, **look)
+        line = partial(_mesh, scene, vertices=corners, faces=faces, visible=False)
         self._threads = {name: line(name=f"/trails/{name}", colour=colour) for name, colour in colours.items()}
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
         self._payload = _ball(scene, "/payload", 1.0, INK)
-        self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center", font_screen_scale=1.0)
+        self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center")
         numbers, names = range(MOST_OBSTACLES), ("/obstacles", "/task_obstacles")
         self._spheres, self._asked = ([_Sphere(scene, f"{name}/{k}", self._level) for k in numbers] for name in names)
 
@@ -91,16 +88,15 @@ class ArmScene:
         place, direction = _known(position), _known(axis)
         self._target.visible = place is not None
         self._far.visible = far = place is not None and gap > 0.005
-        self._pointer.visible = self._threads["axis"].visible = place is not None and direction is not None
+        self._pointer.visible = place is not None and direction is not None
         if place is None:
-            return
+            return self._lay("axis")
         self._target.position, self._target.color = place, rgb(FAR_TARGET if far else TARGET)
         if far:
             self._far.text = f"{100 * gap:.1f} cm out of reach"
             self._far.position = place + 0.05 * self._size * self._up
-        if direction is not None:
-            self._pointer.position = end = place + ARROW * self._size * direction
-            self._lay("axis", np.array([place, end]))
+        self._pointer.position = end = place + ARROW * self._size * (0.0 if direction is None else direction)
+        self._lay("axis", *(() if direction is None else (place, end)))
 
     def draw_load(self, tip: Float[np.ndarray, "3"], request: Request, limits: RequestLimits) -> None:
         """Show the payload under the tip, and the push as a line that ends at the tip; both as large as they are."""
@@ -109,9 +105,7 @@ class ArmScene:
             radius = BALL * self._size * (request.payload / limits.payload) ** (1 / 3)
             self._payload.scale, self._payload.position = radius, tip - 1.4 * radius * self._up
         push = np.array(request.push)
-        self._threads["push"].visible = bool(push.any())
-        if push.any():
-            self._lay("push", np.array([tip - 0.4 * self._size * push / limits.push, tip]))
+        self._lay("push", *((tip - 0.4 * self._size * push / limits.push, tip) if push.any() else ()))
 
     def draw_obstacles(self, own: Sequence[Obstacle], asked: Spheres, tip: Float[np.ndarray, "3"]) -> None:
         """Show the driver's obstacles and the task's (centres, thresholds [m]), coloured by how near the tip is."""
@@ -123,10 +117,7 @@ class ArmScene:
     def draw_trail(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
         """Show the way of the `real` or the `wanted` tip since it was last NaN."""
         gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
-        stretch = points[gaps[-1] + 1 if len(gaps) else 0 :]
-        self._threads[name].visible = len(stretch) > 1
-        if len(stretch) > 1:
-            self._lay(name, stretch)
+        self._lay(name, *points[gaps[-1] + 1 if len(gaps) else 0 :])
 
     def draw_cloud(self, points: Float[np.ndarray, "modules points 3"]) -> None:
         """Show where the modules' ends can be, in the modules' colours."""
@@ -146,10 +137,13 @@ class ArmScene:
         for number, sphere in enumerate(self._spheres):
             _follow_drags(sphere.threshold, partial(obstacle, number))
 
-    def _lay(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
-        """Lay a thread along points, whatever their number."""
+    def _lay(self, name: str, *points: Float[np.ndarray, "3"]) -> None:
+        """Lay a thread along points, whatever their number; hide it where there are not two."""
+        self._threads[name].visible = len(points) > 1
+        if len(points) < 2:
+            return
         places, own = np.linspace(0, len(points) - 1, TRAIL_POINTS), np.arange(len(points))
-        line = np.stack([np.interp(places, own, along) for along in points.T], axis=-1)
+        line = np.stack([np.interp(places, own, along) for along in np.transpose(points)], axis=-1)
         self._threads[name].vertices = threads(line[None], TRAIL_THICK * self._size)
 
 
@@ -194,7 +188,7 @@ def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
 
 
 def _ball(scene: SceneApi, name: str, radius: float, colour: str, **looks: Any) -> IcosphereHandle:
-    return scene.add_icosphere(name, radius, color=rgb(colour), **{"visible": False, **NO_SHADOW, **looks})
+    return scene.add_icosphere(name, radius, color=rgb(colour), **{"visible": False, **looks})
 
 
 def _mesh(scene: SceneApi, name: str, vertices, faces, colour: str, **looks: Any) -> MeshHandle:
@@ -210,10 +204,9 @@ def _lay_ground(scene: SceneApi, arm: ArmSpec) -> Surroundings:
     scene.set_up_direction(around.mounting.turn[2])
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=False)
-    sky: dict[str, Any] = {"sky_color": (255, 255, 255), "ground_color": (190, 198, 210), "intensity": 1.6}
-    scene.add_light_hemisphere("/lights/sky", **sky)
-    sun: dict[str, Any] = {"color": (255, 250, 240), "intensity": 2.0, "position": tuple(SUN @ around.mounting.turn)}
-    scene.add_light_directional("/lights/sun", cast_shadow=False, **sun)
+    scene.add_light_hemisphere("/lights/sky", ground_color=(190, 198, 210), intensity=1.6)
+    above = tuple(SUN @ around.mounting.turn)
+    scene.add_light_directional("/lights/sun", color=(255, 250, 240), intensity=2.0, position=above)
     scene.world_axes.visible = False
     _lay_floor(scene, around.grid, LINE * size)
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
@@ -221,7 +214,7 @@ def _lay_ground(scene: SceneApi, arm: ArmSpec) -> Surroundings:
         scene.add_label(f"/base_frame/{name}", name, position=place, font_screen_scale=0.8)
     if around.arrow is not None:
         line = np.linspace(around.arrow[0], around.arrow[1], 12)
-        _mesh(scene, "/gravity/line", threads(line[None], 0.006 * size), tube_faces(1, 12, 3), INK, **NO_SHADOW)
+        _mesh(scene, "/gravity/line", threads(line[None], 0.006 * size), tube_faces(1, 12, 3), INK)
         _ball(scene, "/gravity/end", 0.018 * size, INK, position=around.arrow[1], visible=True)
         scene.add_label("/gravity/word", "gravity", position=around.arrow[0], font_screen_scale=0.8)
     return around
@@ -234,5 +227,4 @@ def _lay_floor(scene: SceneApi, grid: Float[np.ndarray, "lines 2 3"], half: floa
         aside = half * np.cross((0.0, 0.0, 1.0), np.sign(lines[:, 1] - lines[:, 0]))[:, None]
         corners = np.stack([lines - aside, lines + aside], axis=2).reshape(-1, 3)
         faces = np.array([(0, 2, 1), (1, 2, 3)]) + 4 * np.arange(len(lines))[:, None, None]
-        flat = {"flat_shading": True, "side": "double", **NO_SHADOW}
-        _mesh(scene, f"/floor/{name}", corners, faces.reshape(-1, 3), colour, **flat)
+        _mesh(scene, f"/floor/{name}", corners, faces.reshape(-1, 3), colour, flat_shading=True, side="double")

@@ -18,8 +18,6 @@ from s2c2a.live.request import Request, RequestLimits
 from s2c2a.runtime import Step
 from s2c2a.spaces import Stage, States
 
-Watcher = Callable[["Snapshot"], None]
-
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -56,11 +54,6 @@ class Snapshot:
         """Whether the task that is played is at its last step."""
         return 0 < self.task_steps <= self.task_step + 1
 
-    @property
-    def watched(self) -> bool:
-        """Whether the states are what somebody sees of the arm, not what its model expects."""
-        return "states" in self.step.reading.sensors
-
 
 class Control(ABC):
     """What moves the arm as the latest request says, here or in another process.
@@ -75,14 +68,14 @@ class Control(ABC):
 
     arm: ArmSpec
     limits: RequestLimits
-    strategies: tuple[str, ...]
+    strategies: tuple[str, ...] = ()
     halted_by: str = ""
 
     def __init__(self) -> None:
         """Nothing asked, nothing known, nobody watching."""
         self._lock = threading.RLock()
         self.request = Request()
-        self._watchers: list[Watcher] = []
+        self._watchers: list[Callable[[Snapshot], None]] = []
         self._latest: Snapshot | None = None
 
     @property
@@ -121,7 +114,7 @@ class Control(ABC):
         """Back to the task's first step."""
         self.order("move_on", -math.inf)
 
-    def watch(self, watcher: Watcher) -> Callable[[], None]:
+    def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
         self._watchers.append(watcher)
         return partial(self._watchers.remove, watcher)

@@ -90,13 +90,6 @@ def _scrub(window: Window, traces: Sequence[Trace], label: str, ghosts: bool) ->
     beside = gui.add_dropdown("Ghost", ("none", *names), initial_value=[*names, "none"][len(names) > 1], visible=ghosts)
     moment = gui.add_slider("Time [s]", 0.0, _length(traces[0]), 0.05, 0.0)
     play, said = gui.add_button("Pause", color="blue"), gui.add_markdown("")
-    come: list[int] = []
-
-    @window.server.on_client_connect
-    async def _(client: viser.ClientHandle) -> None:
-        come.append(client.client_id)
-        if len(come) == 1:
-            moment.value = 0.0  # type: ignore[misc] # viser hides the setter from type checkers
 
     @play.on_click
     async def _(_event: viser.GuiEvent) -> None:
@@ -105,9 +98,9 @@ def _scrub(window: Window, traces: Sequence[Trace], label: str, ghosts: bool) ->
     def draw(passed: float) -> None:
         trace, now = names[sound_value(shown)], sound_value(moment)
         moment.max = end = _length(trace)
-        if play.label == "Pause":
+        if play.label == "Pause" and window.server.get_clients():  # it begins when somebody comes
             now = 0.0 if now >= end else min(now + passed, end)
-            moment.value = now  # type: ignore[misc]
+            moment.value = now  # type: ignore[misc] # viser hides the setter from type checkers
         said.content = _draw_moment(window, trace, names.get(sound_value(beside)) if ghosts else None, now)
 
     window.every(draw)

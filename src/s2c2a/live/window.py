@@ -47,8 +47,7 @@ class Window:
         self.arm, self._secret = arm, f"gate://{secrets.token_hex(16)}"  # an origin that no page can have
         with only_with(self._secret), redirect_stdout(io.StringIO()):
             self.server = viser.ViserServer(host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False)
-        theme: dict[str, Any] = {"show_logo": False, "show_share_button": False, "brand_color": BRAND}
-        self.server.gui.configure_theme(control_width="medium", **theme)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         self.server.initial_camera.position, self.server.initial_camera.look_at = camera_of(arm)
         self.server.initial_camera.fov = np.deg2rad(40)
         self.server.on_client_connect(self._look_upright)

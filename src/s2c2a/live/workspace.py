@@ -33,9 +33,8 @@ def arcs(arm: ArmSpec, bends: Bends) -> States:
 
 def survey(arm: ArmSpec) -> Survey:
     """Cloud and gaps; what tells gaps is compiled here."""
-    found = Survey(workspace(arm), lambda position: float(reach_gaps(arm, np.array([position]))[0]))
-    found.gap((0.0, 0.0, arm.length))
-    return found
+    reach_gaps(arm, np.array([(0.0, 0.0, arm.length)]))
+    return workspace(arm), lambda position: float(reach_gaps(arm, np.array([position]))[0])
 
 
 _states = jax.jit(states_from_bends)

@@ -10,6 +10,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
+TURN = 1.5
+"""Acceleration limit of an arm that states none, in step limits: plans of the paper's recipe turn round so fast."""
 PerModule = Float[np.ndarray, "modules 1"]
 
 
@@ -32,9 +34,9 @@ class CommandLimits:
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "CommandLimits":
-        """The arm's own; unless it says otherwise, it may reach its largest rate in one step, and turn round in two."""
+        """The arm's own; unless it says otherwise, it reaches its largest rate in one step, and turns round in two."""
         step = arm.step_limit_deg
-        return cls.with_steps(arm, step, step if arm.acceleration_limit_deg is None else arm.acceleration_limit_deg)
+        return cls.with_steps(arm, step, arm.acceleration_limit_deg or TURN * step)
 
     @classmethod
     def with_steps(cls, arm: ArmSpec, step_deg: float, turn_deg: float) -> "CommandLimits":

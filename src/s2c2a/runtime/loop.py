@@ -182,7 +182,7 @@ class Loop:
             with suppress(Exception):  # a body that fails on the way to rest is closed all the same
                 while not (self._robot.own_time or self._at_rest()):
                     self._wait()
-                    self._send(self._limits.towards_rest(self._command, self._change))
+                    self._send(self._next_to_rest())
         finally:
             self._robot.close()
 
@@ -218,13 +218,18 @@ class Loop:
         """The command that the stage asks for, before its limits."""
         stage = self.phase.stage
         if stage is Stage.RELEASE:
-            return self._limits.towards_rest(self._command, self._change)
+            return self._next_to_rest()
         if stage not in (Stage.RUN, Stage.HOLD) or fault:
+            self._before = self._command  # nobody's plan, which would have jumped here
             return self._command
         if stage is Stage.RUN and starts:
             self.driver.start(reading)
         goal = ask.goal if stage is Stage.RUN else None
         return self.driver.step(reading, self._nothing if goal is None else goal)
+
+    def _next_to_rest(self) -> Actions:
+        self._before = self._command
+        return self._limits.towards_rest(self._command, self._change)
 
     def _send(self, wanted: Actions) -> Actions:
         """Send a command within its limits, and let the body's own time pass; what was really sent."""
