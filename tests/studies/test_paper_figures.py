@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import states_from_bends
 from s2c2a.studies.space_figures import (
     _even,
     _held_place,
-    arc_lengths,
     obstacles_figure,
     plan_view_figure,
     poses_figure,
@@ -176,15 +174,6 @@ def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):
     obstacles = np.tile([[0.3, 0.0, 0.0, 0.1], [0.5, 0.0, 0.0, 0.4], [0.01, 0.0, 0.0, -1.0]], (200, 1, 1))
     distances, thresholds = _nearest_obstacle(make_trace(states=states, obstacles=obstacles))
     np.testing.assert_allclose([distances, thresholds], np.tile([[0.5], [0.4]], 200))
-
-
-def test_arcs_are_as_long_as_the_modules_of_an_arm_that_bends_evenly_or_not_at_all(make_trace):
-    lengths = np.full(3, 0.2)
-    np.testing.assert_allclose(arc_lengths(make_trace().states), lengths, rtol=1e-3)
-    bent = np.asarray(states_from_bends(np.tile([1.5, 0.0], (4, 3, 1)), lengths), float)
-    np.testing.assert_allclose(arc_lengths(bent), lengths, rtol=1e-3)
-    straight = np.array([[[0, 0, z, 0, 0, 1] for z in (0.2, 0.4, 0.6)]], dtype=float)
-    np.testing.assert_allclose(arc_lengths(straight), lengths)
 
 
 @pytest.mark.parametrize("width", [5.0, 7.6])

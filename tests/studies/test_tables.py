@@ -13,13 +13,12 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.evaluation.report import Row, load_rows
+from s2c2a.evaluation.report import Row, load_rows, rows_beside, save_table, table_lines
 from s2c2a.jobs import STRATEGIES, Run, jobs_for
 from s2c2a.jobs.rows import score_rows, tick_rows
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import recipe_named
 from s2c2a.studies.calibration import estimation_errors_deg, sensing_rows
-from s2c2a.studies.table_files import rows_beside, save_table, table_lines
 from s2c2a.studies.tables import TABLES, actuation_coupled, make_table, mean_rows, sensing_coupled
 from s2c2a.tasks import TASKS
 
@@ -245,7 +244,7 @@ def test_sensing_rows_hold_both_workspaces_and_every_modules_errors():
         return [off_by(np.array([2.0, 3.0, 4.0]) + seed, seed) for seed in seeds]
 
     recipe = recipe_named("best")
-    rows, first = sensing_rows("workspace", TWIN, [0, 2], make, recipe)
+    rows, first = sensing_rows(TWIN, [0, 2], make, recipe)
     np.testing.assert_array_equal(first.actions, off_by(np.array([2.0, 3.0, 4.0])).actions)
     assert asked == [(name, seed, recipe.speeds) for name in ("staged", "motor") for seed in (0, 2)]
     found = {(row.strategy, row.metric): row for row in rows}

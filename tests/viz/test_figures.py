@@ -25,7 +25,7 @@ def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path, dra
 
 def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path, **_: drawn.append(figure))
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
     errors = [figure.axes[3] for figure in drawn]
@@ -64,7 +64,7 @@ def place_in(axes, point) -> np.ndarray:
 )
 def test_a_recording_is_drawn_as_its_arm_is_mounted(make_arm, make_trace, tmp_path, monkeypatch, gravity, way):
     figures = []
-    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path, **_: figures.append(figure))
     recording_figure(make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png")
     side, above = figures[0].axes
     for axes, expected in ((side, way), (above, (way[0], 0))):

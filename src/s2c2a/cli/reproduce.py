@@ -30,15 +30,16 @@ def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
     def command(
         recipe: RecipeName = "best", seeds: int = 5, beside: Path | None = None, work: Work = ALL_CORES
     ) -> None:
+        from s2c2a.evaluation import report
         from s2c2a.strategies import RECIPES
-        from s2c2a.studies import table_files, tables
+        from s2c2a.studies import tables
 
         numbers, chosen = _given(seeds, recipe)
         options = {"tables": names, "recipe": recipe if recipe in RECIPES else asdict(chosen), "seeds": seeds}
         with making(f"{name}-{chosen.name}", options, work, go_on=True) as (place, make):
             for table in names:
                 rows, figures = tables.make_table(table, place, numbers, make, chosen)
-                written = table_files.save_table(table, rows, place, table_files.rows_beside(beside, table))
+                written = report.save_table(table, rows, place, report.rows_beside(beside, table))
                 print_results(f"{table}, recipe {chosen.name}, {seeds} seeds", rows, figures, place)
                 print(f"table: {written} (.csv, .tex, .json beside it)")
 
@@ -79,8 +80,8 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
         arm: a preset or an arm file.
         work: where results go, and who works.
     """
-    from s2c2a.studies.ingredients import ingredient_rows
-    from s2c2a.studies.table_files import save_across
+    from s2c2a.evaluation.report import save_across
+    from s2c2a.studies.tables import ingredient_rows
 
     numbers, _ = _given(seeds)
     with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (place, make):
@@ -184,6 +185,6 @@ def calibration(
         if (value := mean.get(claim.quantity)) is not None:
             held = f"± {claim.tolerance:.0%}", "yes" if claim.holds(value) else "NO"
             rows.append((claim.quantity, f"{value:.2f} {claim.unit}", f"{claim.paper:g}", *held))
-    for name, top in studied.LARGEST.items():
-        rows.append((f"largest {name}", f"{mean[f'largest {name}']:.1f} deg", f"{top:g}", "", "reported"))
+    for name, claim in zip(("I", "II", "III"), studied.LARGEST, strict=True):
+        rows.append((f"largest {name}", f"{mean[claim.quantity]:.1f} deg", f"{claim.paper:g}", "", "reported"))
     print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)

@@ -1,13 +1,30 @@
-"""Metrics as functions of arrays: one number for every control step (docs/protocol.md)."""
+"""Metrics as functions of arrays, one number for every control step, and how runs are scored (docs/protocol.md).
+
+From a run to its scores: which metric, over which steps, summed up how.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from s2c2a.episodes import Episode
+from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION
+from s2c2a.tasks import Score, Task
+
+LAST_STEPS = 10
+REACHED = {"paper": 5.0}
+REACHED_OTHERWISE = 3.0
+"""The mean of the last ten steps counts as reached below this [cm]; the paper's recipe is allowed more."""
+FAR = 0.08  # m beyond its threshold an obstacle is far
+RECOVERED = 3.0  # cm
 
 States = Float[np.ndarray, "steps modules 6"]
 Wanted = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
+Of = Callable[[Episode, Task, Score], PerStep]
 
 
 def position_errors(states: States, wanted: Wanted, module: int = -1) -> PerStep:
@@ -90,3 +107,134 @@ def recovery_time(errors: PerStep, inside: Bool[np.ndarray, " steps"], near: flo
     if len(apart) and apart[-1] == len(errors) - entries[-1] - 1:
         return float("inf")
     return period * (apart[-1] + 1 if len(apart) else 0)
+
+
+def _mean(values: PerStep) -> float:
+    """NaN where no step counts, as on an arm that reaches none of a path."""
+    counting = values[~np.isnan(values)]
+    return counting.mean() if len(counting) else np.nan
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric of the protocol.
+
+    Attributes:
+        unit: of its values.
+        of: (episode, task, score) -> a value for every control step after its action, NaN where none counts.
+        summed_up: values of the steps that count -> one number for the run.
+        rises: whether more is better.
+    """
+
+    unit: str
+    of: Of
+    summed_up: Callable[[PerStep], float] = _mean
+    rises: bool = False
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One score of one run.
+
+    Attributes:
+        score: what was scored.
+        unit: of the values.
+        values: one for every control step, NaN where none counts.
+        value: the run's number.
+        averaged: whether it is the mean of the values, so that their spread has a meaning.
+    """
+
+    score: Score
+    unit: str
+    values: PerStep
+    value: float
+    averaged: bool
+
+
+def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
+    """Score a run by what its task asks for.
+
+    Args:
+        episode: what happened.
+        task: what was asked.
+        recipe: its name; the protocol lets the paper's recipe end further from a target and still count as there.
+
+    Raises:
+        S2C2AError: the episode holds no true states, or is not of as many steps as the task.
+    """
+    if "states" not in episode.sensors:
+        raise S2C2AError("this episode holds no true states; a run needs them to be scored")
+    steps = len(episode.after("states"))
+    if steps != len(task.goals):
+        raise S2C2AError(f"this episode has {steps} steps, and '{task.name}' has {len(task.goals)}")
+    return [_scored(episode, task, score, recipe) for score in task.scores]
+
+
+def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
+    metric = METRICS[score.metric]
+    values = metric.of(episode, task, score)
+    if score.steps is not None and score.metric != "recovery":
+        values = np.where(score.steps, values, np.nan)
+    value = float(metric.summed_up(values))
+    if score.metric == "reached":
+        value = float(value <= REACHED.get(recipe, REACHED_OTHERWISE))
+    return Scored(score, metric.unit, values, value, averaged=metric.summed_up is _mean)
+
+
+def _of_states(function, wanted: str) -> Of:
+    return lambda episode, task, score: function(episode.after("states"), getattr(task, wanted)(), score.module)
+
+
+def _clearance(points: Callable[[Episode], np.ndarray]) -> Of:
+    return lambda episode, task, _: clearances(points(episode), task.obstacles())
+
+
+def _tips(episode: Episode) -> Float[np.ndarray, "steps 3"]:
+    return episode.after("states")[:, -1, POSITION]
+
+
+def _lines(episode: Episode) -> Float[np.ndarray, "steps moments points 3"]:
+    """The true centre line between control steps too, the tip last; else the modules' ends, as one moment [m]."""
+    watched = "centre_line" in episode.sensors
+    return episode.after("centre_line") if watched else episode.after("states")[:, None, :, POSITION]
+
+
+def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
+    """The one number of the run at the last step, so that it can be shown beside the others.
+
+    The score's steps are those whose target is within reach.
+    """
+    errors = position_errors(episode.after("states"), task.wanted_positions())
+    period = float(np.diff(episode.times()[:2])[0])
+    values = np.full(len(errors), np.nan)
+    inside = np.ones(len(errors), bool) if score.steps is None else score.steps
+    values[-1] = recovery_time(errors, inside, RECOVERED, period)
+    return values
+
+
+def _stillness(episode: Episode, task: Task, _: Score) -> PerStep:
+    return stray(_tips(episode), task.obstacles(), FAR)
+
+
+def _last_mean(values: PerStep) -> float:
+    return np.mean(values[-LAST_STEPS:])
+
+
+_position = _of_states(position_errors, "wanted_positions")
+
+METRICS = {
+    "position": Metric("cm", _position),
+    "constraint": Metric("cm", _position),
+    "tilt": Metric("deg", _of_states(tilt_errors_deg, "wanted_axes")),
+    "azimuth": Metric("deg", _of_states(azimuth_errors_deg, "wanted_axes")),
+    "orientation": Metric("deg", _of_states(orientation_errors_deg, "wanted_axes")),
+    "end distance": Metric("cm", _position, _last_mean),
+    "reached": Metric("of runs", _position, _last_mean, rises=True),
+    "clearance": Metric("cm", _clearance(lambda episode: _lines(episode)[:, :, -1]), np.nanmin, rises=True),
+    "clearance at steps": Metric("cm", _clearance(lambda episode: _tips(episode)[:, None]), np.nanmin, rises=True),
+    "clearance of the arm": Metric("cm", _clearance(_lines), np.nanmin, rises=True),
+    "path length": Metric("cm", lambda episode, *_: step_lengths(_tips(episode)), np.sum),
+    "stillness": Metric("cm", _stillness, np.nanmax),
+    "recovery": Metric("s", _recovery, lambda values: values[-1]),
+}
+"""Metrics by name (docs/protocol.md)."""

@@ -83,7 +83,7 @@ def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Pa
 def trace_of(run: Run, label: str | None = None) -> Trace:
     """What viz draws of a run, under the strategy's name unless another is given."""
     trace = Trace(run.episode, label or run.strategy)
-    followed = (trace.followed_module, trace.followed_module - trace.module_count)
+    followed = (trace.followed_module, trace.followed_module - trace.episode.arm.module_count)
     scores = run.job.task.scores
     of_it = (score.steps for score in scores if score.metric == "position" and score.module in followed)
     return replace(trace, counted=next(of_it, None))

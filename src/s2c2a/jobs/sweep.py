@@ -18,8 +18,8 @@ from optuna.trial import FrozenTrial, TrialState
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
-from s2c2a.evaluation.scoring import METRICS
 from s2c2a.jobs.artifacts import Cache, NetworksArtifact
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.making import Make, in_groups, made, try_all

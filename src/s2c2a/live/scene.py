@@ -46,7 +46,7 @@ class ArmScene:
         """Lay everything out, the arm straight."""
         self._scene, self._mesh, self._size = scene, ArmMesh(arm), arm.length
         around = _lay_ground(scene, arm)
-        self._up, self._level = around.mounting.turn[2], around.level if around.mounting.upright else None
+        self._up, self._level = around.mounting.turn[2], around.level if around.arrow is None else None
         vertices = self._mesh.vertices(straight(arm))
         self._pieces: list[MeshHandle] = []
         for number, (piece, corners) in enumerate(zip(self._mesh.pieces, vertices, strict=True)):

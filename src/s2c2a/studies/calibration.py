@@ -15,9 +15,7 @@ from scipy.optimize import minimize
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
-from s2c2a.evaluation import position_errors, rollout
-from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.evaluation.report import Row
+from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
@@ -40,17 +38,16 @@ class Claim:
         return abs(value / self.paper - 1.0) <= self.tolerance
 
 
-ESTIMATION = tuple(
-    Claim(f"estimation error {name}, mean", angle, 0.25, "deg")
-    for name, angle in zip(("I", "II", "III"), (2.6, 5.1, 8.9), strict=True)
-)
-WORKSPACE = tuple(
-    Claim(f"workspace {axis}", extent, 0.15, "m") for axis, extent in zip("xyz", (0.92, 0.92, 0.39), strict=True)
-)
+def _claims(quantity: str, papers: dict[str, float], tolerance: float, unit: str) -> tuple[Claim, ...]:
+    return tuple(Claim(quantity.format(name), paper, tolerance, unit) for name, paper in papers.items())
+
+
+ESTIMATION = _claims("estimation error {}, mean", {"I": 2.6, "II": 5.1, "III": 8.9}, 0.25, "deg")
+LARGEST = _claims("estimation error {}, largest", {"I": 8.8, "II": 19.6, "III": 36.3}, np.inf, "deg")
+"""Reported, not tuned."""
+WORKSPACE = _claims("workspace {}", {"x": 0.92, "y": 0.92, "z": 0.39}, 0.15, "m")
 PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
-LARGEST = {"I": 8.8, "II": 19.6, "III": 36.3}
-"""Largest estimation errors of the paper [deg]: reported, not tuned."""
 EXTENTS = {"staged": tuple(claim.paper for claim in WORKSPACE), "motor": (0.87, 0.87, 0.34)}
 """Babbling -> extent of the tip's workspace that the paper prints [m]."""
 
@@ -61,10 +58,11 @@ def measure(arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool) -> dict
         recording = made(RecordingArtifact(arm, CollectOptions(seed=seed)), Cache(Path(folder)))
     values = measured(recording)
     if with_pcc:
-        values[PCC_CIRCLE.quantity] = _pcc_on_circle(arm, seed)
+        strategy, task = pcc_strategy(arm, recipe_named("paper").planner), task_named("circle", arm)
+        run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
+        values[PCC_CIRCLE.quantity] = float(position_errors(run.after("states"), task.wanted_positions()).mean())
     if with_network:
-        networks = train_s2c2a(recording, recipe_named("paper"), seed)
-        values[C2S_ERROR.quantity] = networks.percent["C2S"][0]
+        values[C2S_ERROR.quantity] = train_s2c2a(recording, recipe_named("paper"), seed).percent["C2S"][0]
     return values
 
 
@@ -79,22 +77,15 @@ def measured(recording: Recording) -> dict[str, float]:
     """Estimation errors, their largest ones [deg], and the extent of the tip's workspace [m]."""
     angles = estimation_errors_deg(recording)
     extents = np.ptp(recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0)
-    values = {claim.quantity: float(mean) for claim, mean in zip(ESTIMATION, angles.mean(axis=(0, 1)), strict=True)}
-    values |= {claim.quantity: float(extent) for claim, extent in zip(WORKSPACE, extents, strict=True)}
-    return values | {f"largest {name}": float(top) for name, top in zip(LARGEST, angles.max(axis=(0, 1)), strict=True)}
+    every = np.concatenate([angles.mean(axis=(0, 1)), extents, angles.max(axis=(0, 1))])
+    claims = ESTIMATION + WORKSPACE + LARGEST
+    return {claim.quantity: float(value) for claim, value in zip(claims, every, strict=True)}
 
 
 def estimation_errors_deg(recording: Recording) -> np.ndarray:
     """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
     sensed = estimator_for(recording.arm).sensed(recording.readings())
     return angles_deg(recording.sensor("configurations"), sensed)
-
-
-def _pcc_on_circle(arm: ArmSpec, seed: int) -> float:
-    strategy = pcc_strategy(arm, recipe_named("paper").planner)
-    task = task_named("circle", arm)
-    run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
-    return float(position_errors(run.after("states"), task.wanted_positions()).mean())
 
 
 def check_comparable(arm: ArmSpec) -> None:
@@ -108,8 +99,7 @@ def check_comparable(arm: ArmSpec) -> None:
 
 def claims_for(arm: ArmSpec) -> tuple[Claim, ...]:
     """Which claims hold an arm to the paper: the siblings of the twin are not held to those of NN_C2S and pcc."""
-    shared = ESTIMATION + WORKSPACE
-    return (*shared, PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else shared
+    return ESTIMATION + WORKSPACE + ((PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else ())
 
 
 def search(arm: ArmSpec, seed: int, evaluations: int, told: Callable[[int, float], None] = lambda *_: None) -> ArmSpec:
@@ -153,23 +143,18 @@ def _digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def sensing_rows(
-    experiment: str, arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe
-) -> tuple[list[Row], Recording]:
+def sensing_rows(arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe) -> tuple[list[Row], Recording]:
     """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
-    heading, rows = Heading(experiment, arm, recipe.name, tuple(seeds)), []
+    heading, rows = Heading("workspace", arm, recipe.name, tuple(seeds)), []
     options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
     every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
     for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
         values = [measured(recording) for recording in recordings]
-        source = f"{babbling} babbling"
-        printed = [
-            (source, claim.quantity, claim.quantity, "m", wide) for claim, wide in zip(WORKSPACE, extents, strict=True)
-        ]
-        for claim, (name, top) in zip(ESTIMATION, LARGEST.items(), strict=True) if babbling == "staged" else ():
-            printed.append(("sensors", claim.quantity, claim.quantity, "deg", claim.paper))
-            printed.append(("sensors", f"estimation error {name}, largest", f"largest {name}", "deg", top))
-        for strategy, metric, quantity, unit, paper in printed:
-            each = [one[quantity] for one in values]
-            rows.append(heading.row("data", strategy, metric, unit, each, paper_mean=paper))
+        printed = [(f"{babbling} babbling", claim, wide) for claim, wide in zip(WORKSPACE, extents, strict=True)]
+        if babbling == "staged":
+            errors = (claim for both in zip(ESTIMATION, LARGEST, strict=True) for claim in both)
+            printed += [("sensors", claim, claim.paper) for claim in errors]
+        for source, claim, paper in printed:
+            each = [one[claim.quantity] for one in values]
+            rows.append(heading.row("data", source, claim.quantity, claim.unit, each, paper_mean=paper))
     return rows, every[0][0]

@@ -11,8 +11,7 @@ from jaxtyping import Float
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.control import NetworkController
-from s2c2a.evaluation.metrics import angles_deg
-from s2c2a.evaluation.report import Row
+from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
 from s2c2a.programs import compiled
@@ -27,7 +26,6 @@ ARMS = ("twin_arm", "simulated_arm")
 STRATEGIES = ("s2c2a", "pcc", "pcc-fitted")
 SPEEDS = (0.2, 1.0, 2.0)
 """Of the circle, as parts of its own speed."""
-STEPS = 1000
 
 
 def circle_table(
@@ -48,13 +46,11 @@ def circle_table(
     arms, under = [load_arm(name) for name in ARMS], jobs.Conditions(Body.simulation(fidelity))
     every = jobs.in_groups(make, [jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, under) for arm in arms])
     rows: list[Row] = []
-    pictures: list[Path] = []
     for arm, runs in zip(arms, every, strict=True):
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
         rows += jobs.score_rows("circle", runs) + jobs.training_rows("circle", trained)
-        pictures += draw_runs(folder, runs)
     save_results(folder, rows, [run for runs in every for run in runs])
-    return rows, pictures
+    return rows, [picture for runs in every for picture in draw_runs(folder, runs)]
 
 
 def tracking_table(
@@ -63,30 +59,23 @@ def tracking_table(
     """Let C2A follow references alone: a low held-out error proves nothing.
 
     Returns:
-        Rows of every arm and speed; and for each the mean of the last 200 steps of the worst seed [deg].
+        Rows of every arm and speed, of means over steps and modules and of spreads over steps [deg]; and for each the
+        mean of the last 200 steps of the worst seed [deg].
     """
     rows, ends = [], []
     for arm in arms:
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
         heading = jobs.Heading("controller", arm, trained[0].recipe.name, tuple(one.seed for one in trained))
         for speed in SPEEDS:
-            errors = [track_circle(networks, speed, networks.seed) for networks in trained]
+            errors = [track_circle(networks, speed) for networks in trained]
             ends.append(max(float(one[-200:].mean()) for one in errors))
-            rows.append(tracking_row(heading, speed, errors))
+            task, over_modules = f"circle at {speed:g} of its speed", [one.mean(axis=-1) for one in errors]
+            means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
+            rows.append(heading.row(task, "C2A", "configuration error", "deg", means, spreads, **heading.modes))
     return rows, ends
 
 
-def tracking_row(heading: jobs.Heading, speed: float, errors: Sequence[Float[np.ndarray, "steps modules"]]) -> Row:
-    """Mean over steps and modules [deg], and the spread over steps, from the errors of each seed."""
-    over_modules = [one.mean(axis=-1) for one in errors]
-    means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
-    task = f"circle at {speed:g} of its speed"
-    return heading.row(task, "C2A", "configuration error", "deg", means, spreads, **heading.modes)
-
-
-def track_circle(
-    networks: TrainedNetworks, speed: float, seed: int, steps: int = STEPS
-) -> Float[np.ndarray, "steps modules"]:
+def track_circle(networks: TrainedNetworks, speed: float, steps: int = 1000) -> Float[np.ndarray, "steps modules"]:
     """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
@@ -95,8 +84,8 @@ def track_circle(
     arm, controller = networks.arm, NetworkController(networks.c2a)
     sense, act = _sense(arm), compiled(NetworkController.act, controller)
     errors = []
-    wanted = recorded_reference(arm, speed, seed, steps)
-    with SimulatedRobot(arm, seed=seed + 1) as robot:
+    wanted = recorded_reference(arm, speed, networks.seed, steps)
+    with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
         sensed = sense(robot.read())
         memory = controller.start(jnp.asarray(sensed))
         for configuration in wanted:
@@ -117,8 +106,7 @@ def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Flo
     with SimulatedRobot(arm, seed=seed) as robot:
         strategy.start(robot.read())
         for position in path[:steps]:
-            goal = Goal.of(arm.module_count).with_position(position)
-            robot.step(strategy.step(robot.read(), goal))
+            robot.step(strategy.step(robot.read(), Goal.of(arm.module_count).with_position(position)))
             sensed.append(sense(robot.read()))
     return np.array(sensed)
 

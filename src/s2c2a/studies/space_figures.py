@@ -1,9 +1,8 @@
 """Figures that answer those of the paper in space: a panel for each task (Chen et al. 2025, figures 10 to 13)."""
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -22,15 +21,9 @@ AXIS_SHARE = 0.22  # length of an end axis that lies flat, as a share of the pat
 POSES_SHOWN, POINTS_PER_MODULE = 8, 16
 HELD_WITHIN = 0.1  # of the arm's length; an end that should move further is not held
 
-Drawn = TypeVar("Drawn")
-
 
 def _panels_figure(
-    named: Mapping[str, Drawn],
-    views: Sequence[View],
-    height: float,
-    draw: Callable[[Axes, Drawn, View], None],
-    path: str | os.PathLike,
+    named: Mapping[str, Any], views: Sequence[View], height: float, draw: Callable[..., None], path: str | Path
 ) -> Path:
     """Draw what is named, a column each, all views below each other, each `height` inches high.
 
@@ -48,11 +41,10 @@ def _panels_figure(
             axes = charts.view_axes(figure, grid[rows * band + row, column], view)
             draw(axes, one, view)
             charts.headline(axes, f"{name}, {charts.NAMES[view]}" if rows > 1 else name)
-    charts.legend(figure)
     return charts.save_figure(figure, path)
 
 
-def plan_view_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> Path:
+def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
     """Draw wanted and true paths from above, and where the end axis points (figure 10 of the paper).
 
     A short line from the path is the end axis at that moment as seen from above: the longer, the flatter the axis lies.
@@ -69,23 +61,18 @@ def plan_view_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike)
     def draw(axes: Axes, trace: Trace, view: View) -> None:
         charts.draw_wanted(axes, trace.wanted_path, view)
         axes.plot(*seen(trace.followed_path, view), color=colours[trace.label], linewidth=1.4, label=trace.label)
-        _draw_end_axes(axes, trace)
+        states = trace.states[:, trace.followed_module]
+        moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
+        starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
+        low, high = padded_limits(states[:, :2])
+        lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
+        axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
+        axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
     return _panels_figure(named_traces, (ABOVE,), 3.4, draw, path)
 
 
-def _draw_end_axes(axes: Axes, trace: Trace) -> None:
-    """The followed end's axis from above, at even steps of time."""
-    states = trace.states[:, trace.followed_module]
-    moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
-    starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
-    low, high = padded_limits(states[:, :2])
-    lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
-    axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
-    axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
-
-
-def poses_figure(named_traces: Mapping[str, Trace], path: str | os.PathLike) -> Path:
+def poses_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
     """Draw the arm's shape at eight moments from the side and from above, later ones darker (figure 11 of the paper).
 
     Base module blue, end module red; a disc marks the end that should stay where it is.
@@ -114,29 +101,24 @@ def _whole_in_sight(axes: Axes, points: Iterable[Float[np.ndarray, "*batch 3"]],
 
 
 def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
-    """The arm at moments when all of it was seen."""
+    """The arm at moments when all of it was seen, a colour and a dot at the end for each module."""
     whole = np.isfinite(trace.states).all(axis=(1, 2))
     if not whole.any():
         charts.say_nothing_here(axes, "the arm was never seen")
         return
-    lengths = arc_lengths(trace.states[whole])
+    arm = trace.episode.arm
+    lengths = np.array([module.length for module in arm.modules])
     lines = centre_line(trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE)
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
-        _draw_pose(axes, line, view, alpha)
-    held = _held_place(trace.wanted_positions, lengths.sum())
+        for module, colour in enumerate(module_colours(arm.module_count)):
+            part = line[module * POINTS_PER_MODULE : (module + 1) * POINTS_PER_MODULE + 1]
+            axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
+            axes.plot(*seen(part[-1], view), "o", color=colour, markersize=4.5, alpha=alpha, markeredgewidth=0)
+            axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
+    held = _held_place(trace.wanted_positions, arm.length)
     if held is not None:
         charts.draw_ring(axes, held, view, 15, "held end")
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
-
-
-def _draw_pose(axes: Axes, line: Float[np.ndarray, "points 3"], view: View, alpha: float) -> None:
-    """One shape, a colour and a dot at the end for each module."""
-    count = (len(line) - 1) // POINTS_PER_MODULE
-    for module, colour in enumerate(module_colours(count)):
-        part = line[module * POINTS_PER_MODULE : (module + 1) * POINTS_PER_MODULE + 1]
-        axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
-        axes.plot(*seen(part[-1], view), "o", color=colour, markersize=4.5, alpha=alpha, markeredgewidth=0)
-        axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
 
 
 def _held_place(wanted: Float[np.ndarray, "time modules 3"], length: float) -> Float[np.ndarray, " 3"] | None:
@@ -155,7 +137,7 @@ def _even(there: np.ndarray, count: int) -> np.ndarray:
     return steps[np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))] if len(steps) else steps
 
 
-def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: str | os.PathLike) -> Path:
+def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: str | Path) -> Path:
     """Draw ways past obstacles to a target, from above and from the side (figures 12 and 13 of the paper).
 
     A disc round an obstacle is its threshold at the start; all panels show the same part of space.
@@ -178,7 +160,11 @@ def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: 
 
     def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
         charts.draw_obstacles(axes, runs[0].spheres(0), view)
-        _draw_target(axes, runs[0].wanted_path, view)
+        wanted = runs[0].wanted_path
+        places = wanted[np.isfinite(wanted).all(axis=-1)]
+        if len(places):
+            axes.plot(*seen(wanted, view), color=WANTED, lw=1.2, ls=(0, (4, 2)), alpha=0.75, label="wanted")
+            charts.draw_ring(axes, places[-1], view, 12, "target")
         for place, trace in enumerate(runs):
             charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)
         _whole_in_sight(axes, shown, view)
@@ -186,28 +172,3 @@ def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: 
             charts.name_ends(axes)
 
     return _panels_figure(tasks, (ABOVE, SIDE), 2.5, draw, path)
-
-
-def _draw_target(axes: Axes, wanted: Float[np.ndarray, "time 3"], view: View) -> None:
-    """A ring where the target ends, and a thin line of how it goes there."""
-    places = wanted[np.isfinite(wanted).all(axis=-1)]
-    if len(places):
-        axes.plot(*seen(wanted, view), color=WANTED, linewidth=1.2, linestyle=(0, (4, 2)), alpha=0.75, label="wanted")
-        charts.draw_ring(axes, places[-1], view, 12, "target")
-
-
-def arc_lengths(states: Float[np.ndarray, "time modules 6"]) -> Float[np.ndarray, " modules"]:
-    """How long modules must be [m] to end where they do, each taken for an arc; the median over time.
-
-    An arc over the chord d that turns by the angle a between the axes at its ends is d (a/2) / sin(a/2) long: exact for
-    a constant bend, whatever its angle. For drawing runs of which the arm is not known.
-
-    Args:
-        states: end positions [m] and end axes, shape (time, modules, 6), base frame, all finite.
-    """
-    base = np.broadcast_to(np.eye(6)[-1], (len(states), 1, 6))  # in the middle, its axis z
-    starts = np.concatenate([base, states[:, :-1]], axis=1)
-    chords = np.linalg.norm(states[..., POSITION] - starts[..., POSITION], axis=-1)
-    half_chords = np.linalg.norm(states[..., AXIS] - starts[..., AXIS], axis=-1) / 2  # of the unit circle: sin(a/2)
-    halves = np.arcsin(np.clip(half_chords, 0.0, 1.0))
-    return np.median(chords / np.sinc(halves / np.pi), axis=0)

@@ -1,4 +1,7 @@
-"""The paper's tables and figures: which arms, tasks and strategies each is made of, and how it is made."""
+"""The paper's tables and figures: which arms, tasks and strategies each is made of; and the table of ingredients.
+
+What each ingredient of the `best` recipe is worth: left out of it, or alone beside the paper's (docs/recipe.md).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,13 +12,14 @@ from typing import Any
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.evaluation.metrics import tilts_deg
-from s2c2a.evaluation.report import Row
-from s2c2a.jobs import Conditions, Make, Run
+from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
+from s2c2a.models import ChainOptions
+from s2c2a.planning import Adam, LeastSquares
+from s2c2a.planning.terms import Evenness
 from s2c2a.robots import Body
 from s2c2a.sensing import PAPER_COUPLING, estimator_for
-from s2c2a.strategies import Recipe
+from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
 from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
@@ -29,9 +33,8 @@ HOLDING = ("hold-base", "hold-middle", "hold-end")
 AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
 
-Drawn = Sequence[tuple[str, list[Run]]]
+Drawn = Sequence[tuple[str, list[jobs.Run]]]
 """What is special about some runs, and these, of the first seed."""
-More = Callable[[Make, Sequence[int], Recipe, Path], tuple[list[Row], list[Path]]]
 
 
 @dataclass(frozen=True)
@@ -49,14 +52,10 @@ class Block:
     arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     strategies: tuple[str, ...] = ("s2c2a",)
-    conditions: Conditions = jobs.SIMULATED_FAST
+    conditions: jobs.Conditions = jobs.SIMULATED_FAST
     said: str = ""
 
-    def jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[jobs.Job]:
-        """What is to be run."""
-        return jobs.jobs_for(self.tasks, self.arm(), self.strategies, seeds, recipe, self.conditions)
-
-    def rows(self, table: str, runs: Sequence[Run]) -> list[Row]:
+    def rows(self, table: str, runs: Sequence[jobs.Run]) -> list[Row]:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.said}" if self.said else table
         own = jobs.score_rows(experiment, runs)
@@ -67,17 +66,15 @@ class Block:
 
 @dataclass(frozen=True)
 class Table:
-    """What a table is made of.
+    """What a table of runs is made of.
 
     Attributes:
         blocks: its runs.
         draw: figures of these into a folder.
-        more: what else it has: its rows and figures.
     """
 
-    blocks: tuple[Block, ...] = ()
-    draw: Callable[[Drawn, Path], list[Path]] = lambda drawn, folder: []
-    more: More = lambda make, seeds, recipe, folder: ([], [])
+    blocks: tuple[Block, ...]
+    draw: Callable[[Drawn, Path], list[Path]]
 
 
 def sensing_coupled(arm: ArmSpec) -> ArmSpec:
@@ -107,8 +104,11 @@ def actuation_coupled(arm: ArmSpec) -> ArmSpec:
 
 def _draw_simulation(drawn: Drawn, folder: Path) -> list[Path]:
     """Coordinates of every strategy, on the plain arm and on its variants."""
-    every = [_named(run) for _, runs in drawn for run in runs]
-    return [coordinates_figure(every, folder / "figure-sim2-coordinates.png")]
+    every = [
+        (run, run.job.arm.name.removeprefix("simulated_arm").replace("_", " ")) for _, runs in drawn for run in runs
+    ]
+    traces = [trace_of(run, f"{run.strategy},{variant}" if variant else None) for run, variant in every]
+    return [coordinates_figure(traces, folder / "figure-sim2-coordinates.png")]
 
 
 def _draw_tracking(drawn: Drawn, folder: Path) -> list[Path]:
@@ -136,36 +136,27 @@ def _draw_interaction(drawn: Drawn, folder: Path) -> list[Path]:
 
 def _draw_obstacles(drawn: Drawn, folder: Path) -> list[Path]:
     """Ways past obstacles, with either guard."""
-    overlaid: dict[str, list[Trace]] = {}
-    for said, runs in drawn:
-        for task, trace in _by_task(runs, said or "tip guarded").items():
-            overlaid.setdefault(task, []).append(trace)
-    reach = {task: traces for task, traces in overlaid.items() if task.startswith("reach")}
-    risk = {task: traces for task, traces in overlaid.items() if task.startswith("risk")}
+    guarded = [_by_task(runs, said or "tip guarded") for said, runs in drawn]
+    ways = {task: [traces[task] for traces in guarded if task in traces] for task in AVOIDING}
     return [
-        obstacles_figure(reach, folder / "figure-12-obstacles.png"),
-        obstacles_figure(risk, folder / "figure-13-risk.png"),
+        obstacles_figure({task: ways[task] for task in AVOIDING[:3]}, folder / "figure-12-obstacles.png"),
+        obstacles_figure({task: ways[task] for task in AVOIDING[3:]}, folder / "figure-13-risk.png"),
     ]
 
 
-def _by_task(runs: Sequence[Run], label: str | None = None) -> dict[str, Trace]:
+def _by_task(runs: Sequence[jobs.Run], label: str | None = None) -> dict[str, Trace]:
     """Ours, by task."""
     return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
 
 
-def _named(run: Run) -> Trace:
-    variant = run.job.arm.name.removeprefix("simulated_arm").replace("_", " ").strip()
-    return trace_of(run, f"{run.strategy}, {variant}" if variant else run.strategy)
-
-
-def _network_errors(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+def _networks(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
     every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
     return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
 
 
-def _workspace(make: Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+def _workspace(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
     """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
-    rows, recording = sensing_rows("workspace", _TWIN(), seeds, make, recipe)
+    rows, recording = sensing_rows(_TWIN(), seeds, make, recipe)
     arm, true = recording.arm, recording.sensor("configurations")[-1]
     sensed = estimator_for(arm).sensed(recording.readings())[-1]
     bends, said = (tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed))
@@ -191,7 +182,7 @@ TABLES: dict[str, Table] = {
         (
             Block(_TWIN, TRACKING, COMPARED),
             *(Block(partial(load_arm, name), TRACKING, said="other hysteresis") for name in SIBLINGS),
-            Block(_TWIN, ("circle",), COMPARED, Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
+            Block(_TWIN, ("circle",), COMPARED, jobs.Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
         ),
         _draw_tracking,
     ),
@@ -199,19 +190,20 @@ TABLES: dict[str, Table] = {
     "obstacles": Table(
         (
             Block(_TWIN, AVOIDING),
-            Block(_TWIN, AVOIDING[1:], conditions=Conditions(guard="arm"), said="whole arm guarded"),
+            Block(_TWIN, AVOIDING[1:], conditions=jobs.Conditions(guard="arm"), said="whole arm guarded"),
         ),
         _draw_obstacles,
     ),
     "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
-    "networks": Table(more=_network_errors),
-    "workspace": Table(more=_workspace),
 }
-"""Name -> what it is made of (Chen et al. 2025, secs. II-D, III-B and IV)."""
+"""Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
+
+OTHERS = {"networks": _networks, "workspace": _workspace}
+"""Tables of no runs (the same, secs. II-D and III-B): name -> what makes its rows and figures."""
 
 
 def make_table(
-    name: str, folder: Path, seeds: Sequence[int], make: Make, recipe: Recipe
+    name: str, folder: Path, seeds: Sequence[int], make: jobs.Make, recipe: Recipe
 ) -> tuple[list[Row], list[Path]]:
     """Make one table, from nothing or from where an earlier attempt was cut short, and draw its figures.
 
@@ -228,16 +220,15 @@ def make_table(
     Raises:
         S2C2AError: no such table.
     """
+    if name in OTHERS:
+        return OTHERS[name](make, seeds, recipe, folder)
     if name not in TABLES:
-        raise S2C2AError(f"no table '{name}'; choose one of {', '.join(TABLES)}, or all")
-    table = TABLES[name]
-    every = jobs.in_groups(make, [block.jobs(seeds, recipe) for block in table.blocks])
-    rows = [row for block, runs in zip(table.blocks, every, strict=True) for row in block.rows(name, runs)]
-    folder.mkdir(parents=True, exist_ok=True)
-    first = [[run for run in runs if run.seed == runs[0].seed] for runs in every]
-    figures = table.draw([(block.said, runs) for block, runs in zip(table.blocks, first, strict=True)], folder)
-    more_rows, more_figures = table.more(make, seeds, recipe, folder)
-    return rows + more_rows, figures + more_figures
+        raise S2C2AError(f"no table '{name}'; choose one of {', '.join([*TABLES, *OTHERS])}, or all")
+    blocks = TABLES[name].blocks
+    asked = [jobs.jobs_for(one.tasks, one.arm(), one.strategies, seeds, recipe, one.conditions) for one in blocks]
+    made = list(zip(blocks, jobs.in_groups(make, asked), strict=True))
+    drawn = [(block.said, [run for run in runs if run.seed == runs[0].seed]) for block, runs in made]
+    return [row for block, runs in made for row in block.rows(name, runs)], TABLES[name].draw(drawn, folder)
 
 
 def mean_rows(rows: Sequence[Row]) -> list[Row]:
@@ -245,14 +236,58 @@ def mean_rows(rows: Sequence[Row]) -> list[Row]:
     means = []
     for strategy, metric in dict.fromkeys((row.strategy, row.metric) for row in rows if row.task in TILTS):
         mine = [row for row in rows if row.task in TILTS and (row.strategy, row.metric) == (strategy, metric)]
-        averaged: dict[str, Any] = {
-            name: _mean([getattr(row, name) for row in mine])
-            for name in ("mean", "std_steps", "paper_mean", "paper_std")
-        }
-        means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", std_seeds=None, **averaged))
+        averaged: dict[str, Any] = {"std_seeds": None}
+        for name in ("mean", "std_steps", "paper_mean", "paper_std"):
+            values = [getattr(row, name) for row in mine]
+            averaged[name] = None if None in values else sum(values) / len(values)
+        means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", **averaged))
     return means
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if len(known) == len(values) else None
+INGREDIENT_TASKS = ("circle", "tilt-60", "tilt-0", *HOLDING)
+"""The plain one, those at the edge of what bends can do, and those that hold an end."""
+_BEST, _PAPER = RECIPES["best"], RECIPES["paper"]
+_UNEVEN = tuple(term for term in _BEST.planner.terms if term != Evenness())
+
+VARIANTS: dict[str, Recipe] = {
+    "best": _BEST,
+    "best, no memory at all": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=())),
+    "best, no creep": replace(_BEST, c2s=ChainOptions(creep_times=())),
+    "best, no statics of cables": replace(_BEST, c2s=ChainOptions(statics=False)),
+    "best, no memory, no statics": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=(), statics=False)),
+    "best, the paper's C2S": replace(_BEST, c2s=_PAPER.c2s, c2s_fit=_PAPER.c2s_fit),
+    "best, the paper's planner": replace(_BEST, planner=_PAPER.planner),
+    "best, true slopes": replace(_BEST, planner=replace(_BEST.planner, engaged_slopes=False)),
+    "best, no evenness": replace(_BEST, planner=replace(_BEST.planner, terms=_UNEVEN)),
+    "best, 5 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(5))),
+    "best, 60 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))),
+    "best, no integral correction": replace(_BEST, correction=0.0),
+    "best, the paper's weights": replace(_BEST, axis_weights=()),
+    "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),
+    "best, a network twice as wide": replace(_BEST, c2s=ChainOptions(hidden=128)),
+    "paper": _PAPER,
+    "paper, slower data": replace(_PAPER, speeds=_BEST.speeds),
+    "paper, integral correction": replace(_PAPER, correction=_BEST.correction),
+    "paper, 60 iterations": replace(_PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))),
+    "paper, least squares": replace(_PAPER, planner=_BEST.planner),
+}
+"""Name -> recipe; in the rows the name stands where a strategy's does."""
+
+
+def ingredient_rows(seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm") -> list[Row]:
+    """Six tasks with every variant, once a seed.
+
+    Args:
+        seeds: of data, training and start.
+        make: finds or makes runs.
+        arm: a preset or an arm file.
+    """
+    spec = load_arm(arm)
+    every = jobs.in_groups(
+        make, [jobs.jobs_for(INGREDIENT_TASKS, spec, ("s2c2a",), seeds, recipe) for recipe in VARIANTS.values()]
+    )
+    return [
+        replace(row, strategy=name, paper_mean=None, paper_std=None)
+        for name, runs in zip(VARIANTS, every, strict=True)
+        for row in jobs.score_rows("ingredients", runs)
+    ]

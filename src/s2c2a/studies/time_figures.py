@@ -1,6 +1,5 @@
 """Figures that answer those of the paper over time (Chen et al. 2025, figures 4, 6, 8 and 14)."""
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation.metrics import tilts_deg
+from s2c2a.evaluation import tilts_deg
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.viz import charts
-from s2c2a.viz.charts import FRONT, OBSTACLE, legend, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.charts import FRONT, OBSTACLE, Series, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colours import WANTED, colours_by_label
 from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
@@ -25,12 +24,7 @@ UPRIGHT_DEG = 3.0  # an axis nearer to the vertical than this has no azimuth wor
 LEAST_SPAN_DEG = 4.0
 
 
-def estimation_figure(
-    times: Float[np.ndarray, " time"],
-    true_deg: Float[np.ndarray, " time"],
-    sensed_deg: Float[np.ndarray, " time"],
-    path: str | os.PathLike,
-) -> Path:
+def estimation_figure(times: Series, true_deg: Series, sensed_deg: Series, path: str | Path) -> Path:
     """Draw one module's bending angle as it was and as its cables said (figure 4 of the paper).
 
     Args:
@@ -49,18 +43,14 @@ def estimation_figure(
     figure = new_figure(7.6, 3.4)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "time [s]", "bending angle [deg]")
     axes.plot(times, true_deg, color=WANTED, linewidth=1.7, label="true")
-    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=_sensed_label(np.abs(sensed_deg - true_deg)))
+    off = np.abs(sensed_deg - true_deg)[np.isfinite(sensed_deg - true_deg)]
+    said = f"sensed   {off.mean():.1f}° off on average, {off.max():.1f}° at most" if off.size else "sensed"
+    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=said)
     axes.margins(x=0.01)
-    legend(figure)
     return save_figure(figure, path)
 
 
-def _sensed_label(errors: np.ndarray) -> str:
-    errors = errors[np.isfinite(errors)]
-    return f"sensed   {errors.mean():.1f}° off on average, {errors.max():.1f}° at most" if errors.size else "sensed"
-
-
-def coordinates_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path:
+def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     """Draw x, y and z of the followed end over time, a line for each strategy (figure 6, and that of the simulation).
 
     Args:
@@ -73,12 +63,11 @@ def coordinates_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
     check_told_apart(traces)
     figure = _stacked(5.8, [f"{name} [m]" for name in "xyz"])
     for axis, axes in enumerate(figure.axes):
-        draw_coordinate(axes, traces, colours_by_label(trace.label for trace in traces), axis)
-    legend(figure)
+        draw_coordinate(axes, traces, axis)
     return save_figure(figure, path)
 
 
-def orientation_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path:
+def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     """Draw tilt and azimuth [deg] of the end axis over time, wanted and true (figure 8 of the paper).
 
     Tilt is the angle to the z axis of the base frame, azimuth the angle from x to the axis as seen from above; it is
@@ -95,12 +84,10 @@ def orientation_figure(traces: Sequence[Trace], path: str | os.PathLike) -> Path
     figure = _stacked(4.8, ["tilt [deg]", "azimuth [deg]"])
     tilts, azimuths = figure.axes
     module = traces[0].pointing_module
-    wanted = traces[0].wanted_axes[:, module]
-    wanted_azimuth = _unwrapped(_azimuth_deg(wanted))
-    _draw_angles(tilts, traces, tilts_deg(wanted), lambda trace: tilts_deg(trace.states[:, module, AXIS]))
+    wanted = tilts_deg(traces[0].wanted_axes[:, module])
+    _draw_angles(tilts, traces, wanted, lambda trace: tilts_deg(trace.states[:, module, AXIS]))
     azimuths.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 3, 4.5, 9, 10]))  # 30, 45 or 90 deg
-    _draw_angles(azimuths, traces, wanted_azimuth, _azimuth_like_wanted)
-    legend(figure)
+    _draw_angles(azimuths, traces, _wanted_azimuth(traces[0]), _azimuth_like_wanted)
     return save_figure(figure, path)
 
 
@@ -113,8 +100,7 @@ def _stacked(height: float, labels: Sequence[str]) -> Figure:
 
 def _draw_angles(axes: Axes, traces: Sequence[Trace], wanted: np.ndarray, angles: Callable) -> None:
     """Angles [deg] over time; the first trace in front."""
-    colours = colours_by_label(trace.label for trace in traces)
-    charts.draw_over_time(axes, traces, colours, wanted, angles, _named_axis_error, LEAST_SPAN_DEG)
+    charts.draw_over_time(axes, traces, wanted, angles, _named_axis_error, LEAST_SPAN_DEG)
     if not any(np.isfinite(one).any() for one in (wanted, *map(angles, traces))):
         charts.say_nothing_here(axes, "nothing to see: upright all the time")
 
@@ -124,15 +110,15 @@ def _named_axis_error(trace: Trace) -> str:
     return charts.named(trace.label, np.rad2deg(trace.axis_errors), "°", 1)
 
 
-def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, " time"]:
+def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Series:
     """Between -180 and 180 deg; NaN where the axis is nearly vertical."""
     azimuth = np.rad2deg(np.arctan2(axes[:, 1], axes[:, 0]))
     return np.where(np.abs(tilts_deg(axes) - 90.0) < 90.0 - UPRIGHT_DEG, azimuth, np.nan)
 
 
-def _azimuth_like_wanted(trace: Trace) -> Float[np.ndarray, " time"]:
+def _azimuth_like_wanted(trace: Trace) -> Series:
     """The true azimuth, in whichever turn is nearest to the wanted one; broken where it would leap across the chart."""
-    wanted = _unwrapped(_azimuth_deg(trace.wanted_axes[:, trace.pointing_module]))
+    wanted = _wanted_azimuth(trace)
     known = np.isfinite(wanted)
     near = np.interp(trace.times, trace.times[known], wanted[known]) if known.any() else np.zeros_like(wanted)
     azimuth = _azimuth_deg(trace.states[:, trace.pointing_module, AXIS])
@@ -141,16 +127,18 @@ def _azimuth_like_wanted(trace: Trace) -> Float[np.ndarray, " time"]:
     return np.where(leaps, np.nan, azimuth)
 
 
-def _unwrapped(angles_deg: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+def _wanted_azimuth(trace: Trace) -> Series:
     """Without leaps of a whole turn, across gaps too."""
-    unwrapped = angles_deg.copy()
-    known = np.isfinite(angles_deg)
-    unwrapped[known] = np.unwrap(angles_deg[known], period=360.0)
-    return unwrapped
+    azimuth = _azimuth_deg(trace.wanted_axes[:, trace.pointing_module])
+    known = np.isfinite(azimuth)
+    azimuth[known] = np.unwrap(azimuth[known], period=360.0)
+    return azimuth
 
 
-def interaction_figure(flee: Trace, follow: Trace, path: str | os.PathLike) -> Path:
+def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     """Draw how the end flees from an obstacle and follows a target that move (figure 14 of the paper).
+
+    Obstacles are dashed where they begin and full where they end.
 
     Args:
         flee: a run with an obstacle that moves, base frame.
@@ -172,13 +160,17 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | os.PathLike) -> P
     _draw_flight(flight, flee, colours)
     charts.draw_errors(chase, [follow], colours, lambda trace: trace.label)
     chase.margins(x=0.01)
-    _draw_obstacles_ways(views[0], flee)
+    charts.draw_obstacles(views[0], flee.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
+    charts.draw_obstacles(views[0], flee.spheres(-1), ABOVE)
+    centres = np.where(standing(flee.obstacles)[..., None], flee.obstacles[..., POSITION], np.nan)
+    for centre in np.moveaxis(centres, 1, 0):
+        views[0].plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
+        charts.draw_ends(views[0], centre, ABOVE, OBSTACLE, order=3)
     charts.draw_wanted(views[1], follow.wanted_path, ABOVE)
     for axes, trace in zip(views, (flee, follow), strict=True):
         charts.draw_run(axes, trace, colours, ABOVE)
     charts.name_ends(views[1])
     figure.align_ylabels([flight, chase])
-    legend(figure)
     return save_figure(figure, path)
 
 
@@ -197,20 +189,9 @@ def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
 
 def _nearest_obstacle(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
     """Distance [m] to the obstacle with the least clearance at each time, and its threshold [m]; NaN where none is."""
-    nothing = np.full((len(trace.times), 1, 4), np.nan)
-    obstacles = np.concatenate([nothing, trace.obstacles], axis=1)
+    obstacles = np.concatenate([np.full((len(trace.times), 1, 4), np.nan), trace.obstacles], axis=1)
     distances = np.linalg.norm(trace.followed_path[:, None] - obstacles[..., POSITION], axis=-1)
     clearances = np.where(standing(obstacles) & np.isfinite(distances), distances - obstacles[..., 3], np.inf)
     nearest = (np.arange(len(trace.times)), np.argmin(clearances, axis=1))
     there = np.isfinite(clearances[nearest])
     return np.where(there, distances[nearest], np.nan), np.where(there, obstacles[..., 3][nearest], np.nan)
-
-
-def _draw_obstacles_ways(axes: Axes, trace: Trace) -> None:
-    """Ways of obstacles from above; these are dashed where they begin and full where they end."""
-    charts.draw_obstacles(axes, trace.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2)))
-    charts.draw_obstacles(axes, trace.spheres(-1), ABOVE)
-    centres = np.where(standing(trace.obstacles)[..., None], trace.obstacles[..., POSITION], np.nan)
-    for centre in np.moveaxis(centres, 1, 0):
-        axes.plot(*seen(centre, ABOVE), color=OBSTACLE, linewidth=1.2, linestyle=(0, (1, 1.5)), label="obstacle")
-        charts.draw_ends(axes, centre, ABOVE, OBSTACLE, order=3)

@@ -10,13 +10,9 @@ from s2c2a.viz.mesh import centre_line
 from s2c2a.viz.replay import replay_page
 from s2c2a.viz.trace import Trace
 
-_NEED_MATPLOTLIB = {
-    "arm_figure": "arm_drawing",
-    "learning_curves": "figures",
-    "recording_figure": "figures",
-    "run_figure": "figures",
-    "trials_figure": "figures",
-}
+_NEED_MATPLOTLIB = {"arm_figure": "arm_drawing"} | dict.fromkeys(
+    ("learning_curves", "recording_figure", "run_figure", "trials_figure"), "figures"
+)
 
 
 def __getattr__(name: str):

@@ -1,7 +1,6 @@
 """How charts look: type, lines and frames; runs over time, or seen along an axis of the base frame; files of them."""
 
 import io
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from matplotlib.patches import Circle
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import FAINT, INK, MUTED, WANTED
+from s2c2a.viz.colours import FAINT, INK, MUTED, WANTED, colours_by_label
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace
 
@@ -30,6 +29,7 @@ STANDING = 1e-6  # m; a target that moves less stands still
 LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
 HANDLE_WIDTH, LETTER_WIDTH = 0.6, 0.066  # inches, in a legend
 
+Series = Float[np.ndarray, " time"]
 Colours = Mapping[str, str]
 """Label of a trace -> its colour."""
 
@@ -57,10 +57,8 @@ def new_time_axes(figure: Figure, grid: GridSpec, y_labels: Sequence[str]) -> li
     """Axes over one time axis [s], from top to bottom in a grid's first column; only the last ones number it."""
     axes: list[Axes] = []
     for row, label in enumerate(y_labels):
-        axes.append(new_axes(figure, grid[row, 0], "", label, sharex=axes[0] if axes else None))
-    for one in axes[:-1]:
-        one.tick_params(labelbottom=False)
-    axes[-1].set_xlabel("time [s]", color=INK, fontsize=9)
+        axes.append(new_axes(figure, grid[row, 0], "time [s]", label, sharex=axes[0] if axes else None))
+        axes[-1].label_outer()
     axes[-1].margins(x=0.01)
     figure.align_ylabels(axes)
     return axes
@@ -188,16 +186,11 @@ def draw_lines(axes: Axes, traces: Sequence[Trace], colours: Colours, shown: Cal
 
 
 def draw_over_time(
-    axes: Axes,
-    traces: Sequence[Trace],
-    colours: Colours,
-    wanted: Float[np.ndarray, " time"],
-    values: Callable[[Trace], np.ndarray],
-    name: Callable[[Trace], str] = named_error,
-    least_span: float = LEAST_SPAN,
+    axes: Axes, traces: Sequence[Trace], wanted: Series, values: Callable, name=named_error, least_span=LEAST_SPAN
 ) -> None:
     """What each trace did over time, its `values`, and below it what was wanted of the first; all of it in sight."""
     axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
+    colours = colours_by_label(trace.label for trace in traces)
     draw_lines(axes, traces, colours, lambda trace: (trace.times, values(trace)), name)
     axes.set_ylim(*padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span))
 
@@ -212,8 +205,8 @@ def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Colours, name=name
         say_nothing_here(axes, "no position is asked for")
 
 
-def save_figure(figure: Figure, path: str | os.PathLike) -> Path:
-    """Write a figure in the format that the file's name ends in: png, pdf or svg.
+def save_figure(figure: Figure, path: str | Path, **options) -> Path:
+    """Write a figure, with its legend, in the format that the file's name ends in: png, pdf or svg.
 
     Raises:
         S2C2AError: the name ends in something else, or the file cannot be written.
@@ -221,6 +214,7 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> Path:
     ending = Path(path).suffix.lower().removeprefix(".")
     if ending not in FIGURE_FORMATS:
         raise S2C2AError(f"{path}: a figure's name ends in .{', .'.join(FIGURE_FORMATS)}, not in '.{ending}'")
+    legend(figure, **options)
     content = io.BytesIO()
     figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)
     return save_whole(content.getvalue(), path)

@@ -23,8 +23,7 @@ _OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7
 
 def rgb(colour: str) -> tuple[int, int, int]:
     """A colour as three numbers of 0 to 255."""
-    red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
-    return red, green, blue
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def darker(colour: str) -> str:

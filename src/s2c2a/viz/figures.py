@@ -1,6 +1,5 @@
 """Figures of runs, recordings, training and searches, set as in the paper (Chen et al. 2025, figures 3 and 6)."""
 
-import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,18 +12,18 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.viz import charts
-from s2c2a.viz.charts import headline, legend, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colours import INK, MUTED, WANTED, colours_by_label, module_colours
-from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, View
+from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
 POINTS_SHOWN = 60_000
 COLUMNS = 3  # of what a search tried
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.5, "alpha": 0.75, "markeredgewidth": 0}
-CLOUD: dict[str, Any] = {"marker": ".", "markersize": 1.6, "linestyle": "none", "alpha": 0.55, "markeredgewidth": 0}
+CLOUD: dict[str, Any] = DOT | {"marker": ".", "markersize": 1.6, "alpha": 0.55, "rasterized": True}
 
 
-def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, title: str | None = None) -> Path:
+def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: str | None = None) -> Path:
     """Draw where the followed module's end was and should have been, seen along each axis and from above.
 
     Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm] runs along the same time axis.
@@ -42,35 +41,27 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | os.PathLike, t
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colours = colours_by_label(trace.label for trace in traces)
-    labels = [f"{name} [m]" for name in "xyz"] + ["error [cm]"]
-    over_time = charts.new_time_axes(figure, grid, labels)
+    over_time = charts.new_time_axes(figure, grid, [*(f"{name} [m]" for name in "xyz"), "error [cm]"])
     view, backward = Mounting.of(arm).flat(ABOVE)
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
-        draw_coordinate(axes, traces, colours, axis)
+        draw_coordinate(axes, traces, axis)
     charts.draw_errors(over_time[3], traces, colours)
-    _draw_from_above(above, traces, colours, view)
+    charts.draw_wanted(above, traces[0].wanted_path, view)
+    charts.draw_lines(above, traces, colours, lambda trace: seen(trace.followed_path, view))
+    charts.draw_obstacles(above, traces[0].spheres(0), view)
+    above.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
+    headline(above, "from above")
     headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
-    legend(figure)
     return save_figure(figure, path)
 
 
-def draw_coordinate(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, axis: int) -> None:
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
-    wanted = traces[0].wanted_path[:, axis]
-    charts.draw_over_time(axes, traces, colours, wanted, lambda trace: trace.followed_path[:, axis])
+    charts.draw_over_time(axes, traces, traces[0].wanted_path[:, axis], lambda trace: trace.followed_path[:, axis])
 
 
-def _draw_from_above(axes: Axes, traces: Sequence[Trace], colours: charts.Colours, view: View) -> None:
-    """Paths at equal scale, obstacles as they stand at the start, the base as a cross."""
-    charts.draw_wanted(axes, traces[0].wanted_path, view)
-    charts.draw_lines(axes, traces, colours, lambda trace: seen(trace.followed_path, view))
-    charts.draw_obstacles(axes, traces[0].spheres(0), view)
-    axes.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
-    headline(axes, "from above")
-
-
-def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | os.PathLike) -> Path:
+def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path) -> Path:
     """Draw the workspace that a recording covers, a colour for each module (figure 3 of the paper).
 
     Args:
@@ -91,22 +82,16 @@ def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpe
     titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
     for place, (view, title) in zip((grid[0], grid[1]), titles.items(), strict=True):
         near, backward = Mounting.of(arm).flat(view)
-        _draw_cloud(charts.view_axes(figure, place, near, backward), shown, near, title)
-    legend(figure, markerscale=7)
-    return save_figure(figure, path)
+        axes, count = charts.view_axes(figure, place, near, backward), states.shape[1]
+        for module, colour in enumerate(module_colours(count)):  # inner ones in front, for their clouds are small
+            look = {"color": colour, "zorder": 2 + count - module, "label": f"module {module + 1}", **CLOUD}
+            axes.plot(*seen(shown[:, module], near), **look)
+        axes.plot(0, 0, "+", color=INK, markersize=9, zorder=3 + count)
+        headline(axes, title)
+    return save_figure(figure, path, markerscale=7)
 
 
-def _draw_cloud(axes: Axes, states: np.ndarray, view: View, title: str) -> None:
-    """End positions seen along one axis; inner modules in front, for their clouds are small."""
-    count = states.shape[1]
-    for module, colour in enumerate(module_colours(count)):
-        name, order = f"module {module + 1}", 2 + count - module
-        axes.plot(*seen(states[:, module], view), color=colour, zorder=order, label=name, rasterized=True, **CLOUD)
-    axes.plot(0, 0, "+", color=INK, markersize=9, zorder=3 + count)
-    headline(axes, title)
-
-
-def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | os.PathLike) -> Path:
+def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -> Path:
     """Draw how the losses fell: training thin and dashed, validation solid, its least value marked.
 
     Args:
@@ -122,11 +107,14 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | os.Path
     figure = new_figure(7.6, 4.6)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
     for name, colour in colours_by_label(tables).items():
-        _draw_curve(axes, name, tables[name], colour)
+        epochs, train, validation = tables[name].T
+        axes.plot(epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8)
+        best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
+        axes.plot(epochs, validation, color=colour, linewidth=1.7, label=f"{name}   least {validation[best]:.3g}")
+        axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
-    legend(figure)
     return save_figure(figure, path)
 
 
@@ -142,21 +130,13 @@ def _curve_table(name: str, rows: Iterable[Mapping]) -> Float[np.ndarray, "epoch
     return np.array(table)
 
 
-def _draw_curve(axes: Axes, name: str, table: np.ndarray, colour: str) -> None:
-    epochs, train, validation = table.T
-    axes.plot(epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8)
-    best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
-    axes.plot(epochs, validation, color=colour, linewidth=1.7, label=f"{name}   least {validation[best]:.3g}")
-    axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)
-
-
 def trials_figure(
     numbers: Sequence[int],
     scores: Float[np.ndarray, " trials"],
     values: Mapping[str, Float[np.ndarray, " trials"]],
     label: str,
     logarithmic: Collection[str],
-    path: str | os.PathLike,
+    path: str | Path,
     rises: bool = False,
 ) -> Path:
     """Draw scores over trials with the best so far, then over each value that was tried; the best trial is red.

@@ -114,11 +114,10 @@ class ArmMesh:
         self.sections = np.concatenate(runs)
         tubes = list(pairwise(np.cumsum([0, *map(len, runs)]).tolist()))
         eyes = [_cable_outlines(module.cable_angles_deg) for module in arm.modules]
-        between = [Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE)] if count > 1 else []
         self.pieces = (
             *(Piece("module", colours[k], [tubes[k]], _CIRCLE) for k in range(count)),
             *(Piece("cables", darker(colours[k]), [tubes[k]], eyes[k], CABLE_LIFT * radii[k]) for k in range(count)),
-            *between,
+            *([Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE)] if count > 1 else []),
             Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]),
             Piece("base", BASE, [tubes[-1]], _CIRCLE),
         )
@@ -131,10 +130,7 @@ class ArmMesh:
         centres = np.einsum("sk,skx->sx", self.sections[:, 1:5], ends)
         z, x = (unit((1 - share) * frames[module, axis] + share * frames[module + 1, axis]) for axis in (3, 1))
         axes = self.sections[:, 6, None, None] * np.stack([x, np.cross(z, x)], axis=1)
-        return [
-            np.concatenate([_corners(piece, slice(*tube), centres, axes) for tube in piece.tubes])
-            for piece in self.pieces
-        ]
+        return [_corners(piece, centres, axes) for piece in self.pieces]
 
     def outline(self, vertices: Sequence[Vertices]) -> Vertices:
         """The whole body in one, for ghosts and shadows: base to tip, with a quarter of the corners."""
@@ -191,8 +187,10 @@ def _sections(module: int, length: float, places) -> Float[np.ndarray, "sections
     return np.stack([np.full(len(places), module), start, slope, end, end_slope, share, radius], axis=-1)
 
 
-def _corners(piece: Piece, tube: slice, centres: np.ndarray, axes: np.ndarray) -> Vertices:
-    return (centres[tube, None] + piece.outlines[:, None] @ axes[tube]).reshape(-1, 3)
+def _corners(piece: Piece, centres: np.ndarray, axes: np.ndarray) -> Vertices:
+    tubes = (slice(*tube) for tube in piece.tubes)
+    every = [(centres[tube, None] + piece.outlines[:, None] @ axes[tube]).reshape(-1, 3) for tube in tubes]
+    return np.concatenate(every)
 
 
 def unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:

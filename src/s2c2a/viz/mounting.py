@@ -48,11 +48,6 @@ class Mounting:
         word = "lies" if lies else "stands" if up[2] > 0 else "hangs"
         return cls(np.stack([ahead, np.cross(up, ahead), up]), gravity, word if gravity.any() else "floats")
 
-    @property
-    def upright(self) -> bool:
-        """Whether the arm rises from what it is mounted on."""
-        return self.word in ("stands", "floats")
-
     def placed(self, point) -> Float[np.ndarray, "3"]:
         """A point round a standing arm of length one, such as a camera's, as it serves this arm; base frame.
 
@@ -78,12 +73,12 @@ class Surroundings:
 
     Attributes:
         mounting: how the arm stands in the world.
-        spacing: of the grid's lines.
+        spacing: of the grid's lines: 1, 2 or 5 times a power of ten.
         radius: of the grid.
         level: height of the plane in the base frame, below its origin.
-        grid: ends of its lines.
+        grid: ends of its lines, from rim to rim of a disc, along y and then along x.
         names: of the axes in the plane, and where they are written.
-        arrow: tail and tip of gravity's; none where the arm stands.
+        arrow: tail and tip of gravity's; none where the arm rises from what it is mounted on.
     """
 
     mounting: Mounting
@@ -98,25 +93,17 @@ class Surroundings:
     def of(cls, arm: ArmSpec) -> "Surroundings":
         """What is round an arm."""
         mounting, size = Mounting.of(arm), arm.length
-        spacing = _round_above(WIDE * size / CELLS)
+        least = WIDE * size / CELLS
+        rounds = 10.0 ** np.floor(np.log10(least)) * np.array([1, 2, 5, 10])
+        spacing = float(rounds[rounds >= 0.999 * least][0])
         radius = spacing * np.ceil(WIDE * size / spacing)
         level = -LOW * size
         names = {"x": np.array([1.06 * radius, 0.0, level]), "y": np.array([0.0, 1.06 * radius, level])}
         fall = size * (mounting.placed(ARROW) + np.outer([0.0, FALL], mounting.gravity))
-        grid = _grid(spacing, radius, level)
-        return cls(mounting, spacing, radius, level, grid, names, None if mounting.upright else fall)
-
-
-def _grid(spacing: float, radius: float, level: float) -> Float[np.ndarray, "lines 2 3"]:
-    """Lines along y, then along x, from rim to rim of a disc."""
-    places = spacing * np.arange(1 - round(radius / spacing), round(radius / spacing))
-    halves = np.sqrt(radius**2 - places**2)
-    ends = [np.stack([places, side * halves, np.full_like(places, level)], axis=-1) for side in (-1, 1)]
-    along_y = np.stack(ends, axis=1)
-    return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
-
-
-def _round_above(value: float) -> float:
-    """The round number (1, 2 or 5 times a power of ten) nearest above."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
+        places = spacing * np.arange(1 - round(radius / spacing), round(radius / spacing))
+        rim = np.outer([-1, 1], np.sqrt(radius**2 - places**2))
+        along_y = np.stack(np.broadcast_arrays(places, rim, level), axis=-1).swapaxes(0, 1)
+        grid = np.concatenate([along_y, along_y[..., [1, 0, 2]]])
+        return cls(
+            mounting, spacing, radius, level, grid, names, None if mounting.word in ("stands", "floats") else fall
+        )

@@ -6,7 +6,6 @@ microradians, their mean in metres; NaN travels as null.
 
 import html
 import json
-import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -27,11 +26,7 @@ PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for
 
 
 def replay_page(
-    traces: Sequence[Trace],
-    arm: ArmSpec,
-    title: str,
-    path: str | os.PathLike,
-    summary: Mapping[str, str] | None = None,
+    traces: Sequence[Trace], arm: ArmSpec, title: str, path: str | Path, summary: Mapping[str, str] | None = None
 ) -> Path:
     """Write a page on which the runs can be watched: arm, paths, targets, obstacles, error.
 
@@ -49,10 +44,22 @@ def replay_page(
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
     """
     check_same_arm(traces, arm)
+    mesh, modules = ArmMesh(arm), module_colours(arm.module_count)
+    colours = colours_by_label(trace.label for trace in traces)
+    data = {
+        "title": title,
+        "summary": [[str(name), str(value)] for name, value in (summary or {}).items()],
+        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
+        "arm": {"name": arm.name, "lengths": [module.length for module in arm.modules], "colours": modules},
+        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
+        "surroundings": vars(Surroundings.of(arm)),
+        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
+    }
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
     page = Template(_part("replay.html")).substitute(
         title=html.escape(title),
         style=_part("page/style.css"),
-        data=json_for_script(run_data(traces, arm, title, summary or {})),
+        data=text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"),  # whatever strings it holds
         scripts="\n".join(_part(f"page/{name}.js") for name in SCRIPTS),
     )
     return save_whole(page.encode("utf-8"), path)
@@ -63,41 +70,13 @@ def _part(name: str) -> str:
     return resources.files("s2c2a.viz").joinpath(name).read_text(encoding="utf-8")
 
 
-def run_data(traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]) -> dict:
-    """All that the page shows, as `json_for_script` takes it."""
-    mesh, colours = ArmMesh(arm), colours_by_label(trace.label for trace in traces)
-    return {
-        "title": title,
-        "summary": [[str(name), str(value)] for name, value in summary.items()],
-        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
-        "arm": {
-            "name": arm.name,
-            "lengths": [module.length for module in arm.modules],
-            "colours": module_colours(arm.module_count),
-        },
-        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
-        "surroundings": vars(Surroundings.of(arm)),
-        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
-    }
-
-
-def json_for_script(data) -> str:
-    """Compact JSON, arrays as lists, that can stand inside a script element, whatever strings it holds.
-
-    Raises:
-        ValueError: a number is NaN or infinite.
-    """
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
 def _plain(value):
     """Arrays as lists to a hundredth of a millimetre, and what is made of plain values as those."""
     return value.round(5).tolist() if isinstance(value, np.ndarray | np.generic) else vars(value)
 
 
 def _trace_data(trace: Trace, colour: str) -> dict:
-    frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
+    frames, obstacles = frames_of(trace.states)[:, 1:, [0, 1, 3]], trace.obstacles
     return {
         "label": trace.label,
         "colour": colour,
@@ -106,7 +85,7 @@ def _trace_data(trace: Trace, colour: str) -> dict:
         "frames": _points(frames.reshape(trace.times.size, -1)),  # (time, modules * 9): position, x axis, z axis
         "wanted": _asked(trace.wanted_positions),
         "axes": _asked(trace.wanted_axes),
-        "obstacles": _whole(_without_repeats(trace.obstacles)),
+        "obstacles": _whole(obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles),
         "errors": _whole(trace.position_errors, PER_ERROR),
         "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
         "uncounted": [[round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans],
@@ -123,11 +102,6 @@ def _asked(wanted: np.ndarray) -> dict[str, list]:
 def _points(values: np.ndarray) -> list:
     """Rows of whole numbers, null for a row that is not wholly finite."""
     return [None if None in row else row for row in _whole(values)]
-
-
-def _without_repeats(obstacles: np.ndarray) -> np.ndarray:
-    """One step only, where the obstacles stand still."""
-    return obstacles[:1] if np.array_equal(obstacles, np.broadcast_to(obstacles[:1], obstacles.shape)) else obstacles
 
 
 def _whole(values: np.ndarray, per_unit: int = PER_UNIT) -> list:

@@ -41,43 +41,37 @@ class Trace:
     @cached_property
     def times(self) -> Float[np.ndarray, " time"]:
         """Of the steps [s]."""
-        return self.episode.ran("time") if self._ends_with_its_run else self.episode.times()
+        return self.episode["time"][self._read]
 
     @cached_property
     def states(self) -> Float[np.ndarray, "time modules 6"]:
         """End position [m] and end axis of every module."""
-        episode = self.episode
-        return episode.ran("sensor.states") if self._ends_with_its_run else episode.after("states")
+        return self.episode.sensor("states")[self._read]
 
     @cached_property
     def wanted_positions(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should be [m], or NaN."""
-        return self._asked("wanted_positions", (self.module_count, 3))
+        return self._asked("wanted_positions", self.episode.arm.module_count, 3)
 
     @cached_property
     def wanted_axes(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should point, unit vectors, or NaN."""
-        return self._asked("wanted_axes", (self.module_count, 3))
+        return self._asked("wanted_axes", self.episode.arm.module_count, 3)
 
     @cached_property
     def obstacles(self) -> Float[np.ndarray, "time obstacles 4"]:
         """Centre and radius of spheres [m]; a radius that is not positive or a NaN says that there is none."""
-        return self._asked("obstacles", (0, 4))
+        return self._asked("obstacles", 0, 4)
 
     @property
-    def _ends_with_its_run(self) -> bool:
-        """Whether nothing was read after the last action; then states are those before each."""
-        return bool(self.episode.running[-1] + 1 >= len(self.episode))
+    def _read(self) -> np.ndarray:
+        """Numbers of the readings after each action; before each where nothing was read after the last."""
+        running = self.episode.running
+        return running + (running[-1] + 1 < len(self.episode))
 
-    def _asked(self, name: str, otherwise: tuple[int, ...]) -> np.ndarray:
-        if self.episode.get(name) is not None:
-            return self.episode.ran(name)
-        return np.full((len(self.times), *otherwise), np.nan)
-
-    @property
-    def module_count(self) -> int:
-        """Number of modules."""
-        return self.states.shape[1]
+    def _asked(self, name: str, *shape: int) -> np.ndarray:
+        asked = self.episode.get(name) is not None
+        return self.episode.ran(name) if asked else np.full((len(self.times), *shape), np.nan)
 
     @property
     def followed_module(self) -> int:
@@ -175,8 +169,8 @@ def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """
     check_some(traces)
     for trace in traces:
-        if trace.module_count != arm.module_count:
+        if (count := trace.episode.arm.module_count) != arm.module_count:
             raise S2C2AError(
-                f"trace '{trace.label}' has {trace.module_count} modules and arm '{arm.name}' has {arm.module_count}; "
+                f"trace '{trace.label}' has {count} modules and arm '{arm.name}' has {arm.module_count}; "
                 "draw a trace with the arm that it was recorded on"
             )

@@ -73,7 +73,10 @@ class Studio:
             self._dot(np.array(centre), self._scale * radius / self.places(np.array(centre))[2] / FINER, BALL, OBSTACLE)
         if np.isfinite(trace.states[step]).all():
             self._paint_arm(trace.states[step])
-        self._paint_target(trace, step)
+        axis, end = trace.wanted_axes[step, trace.pointing_module], trace.wanted_path[step]
+        self._line(np.stack([end, end + ARROW * self._size * axis]), TARGET)
+        for size, colour in ((8, BACKGROUND), (6, TARGET)):
+            self._dot(end, size, colour, INK)
         said = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
         self._paint.text((16, FINER * SIZE[1] - 44), said, MUTED, font_size=26)
         return canvas.resize(SIZE, Image.Resampling.LANCZOS)
@@ -114,12 +117,6 @@ class Studio:
         bright = 0.68 + 0.36 * np.clip(normals @ self._light, 0.0, 1.0)
         return np.clip(bright[:, None] * rgb(colour), 0, 255).astype(int)
 
-    def _paint_target(self, trace: Trace, step: int) -> None:
-        axis, end = trace.wanted_axes[step, trace.pointing_module], trace.wanted_path[step]
-        self._line(np.stack([end, end + ARROW * self._size * axis]), TARGET)
-        for radius, colour in ((8, BACKGROUND), (6, TARGET)):
-            self._dot(end, radius, colour, INK)
-
     def _line(self, points: Float[np.ndarray, "points 3"], colour: str, width: int = 2 * FINER) -> None:
         known = points[np.isfinite(points).all(axis=-1)]
         if len(known) > 1:
@@ -135,11 +132,9 @@ class Studio:
 
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
-    pictures = [frame.quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames]
-    content = BytesIO()
-    pictures[0].save(
-        content, "GIF", save_all=True, append_images=pictures[1:], duration=round(1000 * seconds), loop=0, optimize=True
-    )
+    first, *others = (frame.quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames)
+    content, pause = BytesIO(), round(1000 * seconds)
+    first.save(content, "GIF", save_all=True, append_images=others, duration=pause, loop=0, optimize=True)
     return save_whole(content.getvalue(), path)
 
 
