@@ -148,14 +148,14 @@ def test_thinking_takes_time_and_the_robot_none_of_it(run):
 
 
 def test_the_way_back_to_rest_is_in_the_episode_no_faster_than_the_step_limit(run, robot, twin):
-    """In even steps from the last action to neutral, one more to turn round, and one reading at rest."""
+    """In steps from the last action to neutral, the first one short since it turns round, and one reading at rest."""
     np.testing.assert_array_equal(run["actions"], robot.sent)
     way_back = np.array(robot.sent[STEPS - 1 :])
     np.testing.assert_allclose(way_back[-1], robot.geometry.action_neutral, atol=1e-15)
     turns = np.rad2deg(np.abs(np.diff(way_back, axis=0)) / robot.geometry.cable_radii[:, None])
     assert turns.max() <= twin.step_limit_deg + 1e-9
     bent = np.rad2deg(np.abs(way_back[0] / robot.geometry.cable_radii[:, None]).max())
-    assert len(way_back) - 1 == np.ceil(bent / twin.step_limit_deg) + 2
+    assert len(way_back) - 1 == np.ceil(bent / twin.step_limit_deg) + 1
     assert list(run["stage"]) == [Stage.RUN] * STEPS + [Stage.RELEASE] * (len(way_back) - 2) + [Stage.IDLE]
 
 
