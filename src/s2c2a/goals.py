@@ -99,7 +99,7 @@ class Goal(NamedTuple):
     def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
         """The same with other values of one module, by field."""
         count = len(self.positions)
-        if not -count <= module < count or module != int(module):
+        if not isinstance(module, int | np.integer) or not -count <= module < count:
             raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
         changed = {name: np.array(getattr(self, name)) for name in values}
         for name, value in values.items():

@@ -271,7 +271,7 @@ def test_after_a_failure_every_tick_says_why_until_the_arm_is_opened_again(loop,
     puppet.before_send = lambda number: None
     with pytest.raises(S2C2AError, match="torn off"):
         loop.tick(Ask())
-    assert loop.to_rest() == []
+    assert list(loop.to_rest()) == []
     loop.open()
     assert loop.tick(Ask()).stage is RUN
 
@@ -290,7 +290,7 @@ def test_another_driver_begins_when_the_arm_next_runs_from_rest(loop, actor, twi
         loop.tick(Ask())
     other = type(actor)(twin)
     loop.use(other)
-    loop.to_rest()
+    list(loop.to_rest())
     loop.tick(Ask())
     assert (len(actor.steps), len(other.starts), len(other.steps)) == (4, 1, 1)
 

@@ -12,6 +12,7 @@ import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
 from s2c2a.cli.work import RobotName, RobotOptions, body_for, require
+from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
@@ -55,9 +56,10 @@ def live(
     require("live", "viser", "websockets", "msgspec")
     body, said = body_for(robot, robot_option, fidelity), partial(print, flush=True)
     options = {"weights": weights, "guard": guard, "seed": seed, "release_after": release_after, "model": model}
-    with running_page(arm, body, port, out, said, **options):
+    with running_page(arm, body, port, out, said, **options) as (control, _):
         wait_for_interrupt()
-    print(f"{arm} has ended, at rest.")
+    latest = control.latest
+    print(f"{arm} has ended{', at rest' if latest and latest.stage is Stage.IDLE else '; look whether it is at rest'}.")
 
 
 def wait_for_interrupt() -> None:

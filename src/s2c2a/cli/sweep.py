@@ -8,9 +8,9 @@ import tyro
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, GuardName, RecipeName, print_table, progress_bar
-from s2c2a.cli.work import ALL_CORES, Work, executor_for, require
+from s2c2a.cli.work import ALL_CORES, RobotName, RobotOptions, Work, body_for, executor_for, require
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import Body
+from s2c2a.executors import Serial
 
 SHOWN = 10
 
@@ -26,6 +26,8 @@ def sweep(
     trials: int = 32,
     seeds: int = 1,
     metric: str | None = None,
+    robot: RobotName = "sim",
+    robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
     guard: GuardName = "tip",
@@ -46,6 +48,9 @@ def sweep(
         trials: how many in all.
         seeds: of data, training and start in each trial, from zero; their mean counts.
         metric: of the tasks; the first one of the first task if not stated.
+        robot: what is driven: the simulated arm, or a class of your own, one trial after the other; networks are
+            trained on the simulated arm's recordings.
+        robot_option: what that class takes.
         fidelity: of the simulation that is driven.
         payload: mass at the tip [kg].
         guard: what keeps out of obstacles: the tip, or the whole arm.
@@ -65,12 +70,13 @@ def sweep(
         raise S2C2AError("no task to judge by; name at least one, such as circle")
     asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
     varied, judged = varied_from(vary, chosen), metric or asked[0].scores[0].metric
-    under = jobs.Conditions(Body.simulation(fidelity, payload), guard)
+    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard)
     plan = searching.Sweep(spec, asked, chosen, varied, numbers, judged, batch, seed, under)
     options: dict = {"tasks": tasks, "vary": vary, "arm": spec.model_dump(mode="json"), "recipe": asdict(chosen)}
     options |= {"seeds": numbers, "metric": judged, "conditions": asdict(under), "seed": seed, "batch": batch}
     options["optuna"] = version("optuna")
-    with executor_for(work.jobs, work.cluster) as executor, progress_bar() as progress:
+    workers = executor_for(work.jobs, work.cluster) if under.body.simulated else Serial()
+    with workers as executor, progress_bar() as progress:
         label = f"sweep-{asked[0].name}-{spec.name}"
         place = open_run_folder(work.out, label, options, work.overwrite, go_on=True)
         cache = jobs.Cache(runs_in=place / "runs")

@@ -162,7 +162,8 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
         ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, options.speeds
     )
     robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
-    with Loop(robot, _Player(arm, tuple(robot.sensors), actions), limits=_limits(arm, options)) as loop:
+    limits = _limits(arm, options) if robot.own_time else None  # one of metal keeps its own, whatever babbles
+    with Loop(robot, _Player(arm, tuple(robot.sensors), actions), limits=limits) as loop:
         steps = []
         for _ in actions:
             steps.append(loop.tick(Ask()))

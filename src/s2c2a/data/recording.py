@@ -17,7 +17,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.spaces import Reading
 
 LARGEST = 1e6
-"""A number of a sensor, or an action in parts of the arm's range, beyond this is no measurement."""
+"""A number of a sensor, or an action [m or N], beyond this is no measurement."""
 
 
 @dataclass(frozen=True, eq=False)

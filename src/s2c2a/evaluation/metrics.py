@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
@@ -168,6 +169,21 @@ def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
     if steps != len(task.goals):
         raise S2C2AError(f"this episode has {steps} steps, and '{task.name}' has {len(task.goals)}")
     return [_scored(episode, task, score, recipe) for score in task.scores]
+
+
+def check_scores(task: Task, arm: ArmSpec) -> None:
+    """Refuse a task that cannot be scored, before anything moves for it.
+
+    Raises:
+        TargetError: no such metric or module, or not a truth for every step.
+    """
+    for score in task.scores:
+        if score.metric not in METRICS:
+            raise TargetError(f"'{task.name}' has the score '{score.metric}'; take one of {', '.join(METRICS)}")
+        if not -arm.module_count <= score.module < arm.module_count:
+            raise TargetError(f"'{task.name}' scores module {score.module}; '{arm.name}' has {arm.module_count}")
+        if score.steps is not None and np.shape(score.steps) != (len(task.goals),):
+            raise TargetError(f"'{task.name}' counts {np.shape(score.steps)} steps, and has {len(task.goals)}")
 
 
 def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:

@@ -38,8 +38,8 @@ def rollout(
             while steps[-1].stage is Stage.START:
                 steps.append(loop.tick(Ask(goal)))
             if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
-                loop.to_rest()
+                steps += loop.to_rest()
                 raise S2C2AError(f"step {number} of '{task.name}': {steps[-1].fault}; the arm was led to rest")
             progress(number, len(task.goals))
-        steps += loop.to_rest() or [loop.tick(Ask(asked=False))]
+        steps += loop.to_rest()
         return episode_of(steps, robot.arm, strategy=strategy.name, task=task.name, late_steps=loop.late_steps)

@@ -17,7 +17,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks, LSTMArtifact, NetworksArtifact, digest_of
 from s2c2a.planning import Guard
 from s2c2a.progress import Progress
-from s2c2a.robots import Body
+from s2c2a.robots import Body, Robot
 from s2c2a.strategies import AnyStrategy, Recipe
 from s2c2a.tasks import Task, task_named
 
@@ -53,7 +53,7 @@ class Run:
     Attributes:
         job: what was run.
         episode: what happened.
-        scores: what its task is scored by.
+        scores: what its task is scored by; none where nobody watched the arm.
     """
 
     job: "Job"
@@ -122,16 +122,25 @@ class Job(Artifact[Run]):
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
         strategy = STRATEGIES[self.strategy][1](self, *(need.load(cache) for need in self.needs))
-        body, watched = self.conditions.body, self.task.obstacles().size > 0
-        robot = body.make(self.arm, seed=self.seed, jitter=START_JITTER, watched=watched)
-        done = evaluation.rollout(robot, strategy, self.asked, partial(progress, str(self)))
-        made = {"strategy": self.strategy, "seed": self.seed, "recipe": self.recipe.name, "body": str(body)}
+        done = evaluation.rollout(self.robot(), strategy, self.asked, partial(progress, str(self)))
+        body = str(self.conditions.body)
+        made = {"strategy": self.strategy, "seed": self.seed, "recipe": self.recipe.name, "body": body}
         episodes.save_episodes([done.with_options(**made, versions=versions.versions())], self.path(cache))
 
+    def robot(self) -> Robot:
+        """The body, not open yet.
+
+        Raises:
+            S2C2AError: it cannot be.
+        """
+        watched = self.task.obstacles().size > 0
+        return self.conditions.body.make(self.arm, seed=self.seed, jitter=START_JITTER, watched=watched)
+
     def load(self, cache: Cache) -> Run:
-        """See `Artifact`."""
+        """See `Artifact`; what nobody watched has no scores."""
         episode = episodes.load_episodes(self.path(cache))[0][0]
-        return Run(self, episode, evaluation.score_run(episode, self.asked, self.recipe.name))
+        watched = "states" in episode.sensors
+        return Run(self, episode, evaluation.score_run(episode, self.asked, self.recipe.name) if watched else [])
 
     def __str__(self) -> str:
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
@@ -185,8 +194,10 @@ def jobs_for(
     """A job for every seed, strategy and task, in this order; see `Job`.
 
     Raises:
-        S2C2AError: no such task or strategy.
+        S2C2AError: no such task or strategy, or a task whose scores cannot be.
     """
     asked = [task if isinstance(task, Task) else task_named(task, arm) for task in dict.fromkeys(tasks)]
+    for task in asked:
+        evaluation.check_scores(task, arm)
     every = product(seeds, dict.fromkeys(strategies), asked)
     return [Job(task, arm, strategy, recipe, seed, conditions, weights) for seed, strategy, task in every]

@@ -57,7 +57,7 @@ run_all = make_all
 def check_robots(jobs: Sequence[Job]) -> None:
     """Raise S2C2AError where a job's robot cannot be."""
     for one in {(id(job.arm), job.conditions): job for job in jobs}.values():
-        one.conditions.body.make(one.arm)
+        one.robot()
 
 
 Make = Callable[[Sequence[Artifact[Any]]], list[Any]]

@@ -68,13 +68,15 @@ def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Pa
     """Draw the first seed's runs of one arm: a figure, a replay page, and, if asked for, a video of the first run.
 
     Returns:
-        These files. The episodes go beside them.
+        These files, none where nobody watched the arm. The episodes go beside them.
     """
     first = [run for run in runs if run.seed == runs[0].seed]
-    traces, job = [trace_of(run) for run in first], first[0].job
+    traces, job = [trace_of(run) for run in first if "states" in run.episode.sensors], first[0].job
     title = f"{first[0].task} with {job.arm.name}"
     summary = {"recipe": job.recipe.name, "simulation": job.conditions.fidelity, "seed": str(job.seed)}
     save_episodes([run.episode for run in first], folder / f"{job.arm.name}{ENDING}", summary)
+    if not traces:  # nobody watched
+        return []
     figure = run_figure(traces, job.arm, folder / f"{job.arm.name}.png", title)
     page = replay_page(traces, job.arm, title, folder / f"{job.arm.name}.html", summary)
     return [figure, page, *([save_video(traces[0], job.arm, folder / job.arm.name)] if video else ())]

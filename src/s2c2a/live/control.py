@@ -33,7 +33,7 @@ from s2c2a.tasks import TASKS, Task, task_named
 Strategies = Mapping[str, Callable[[], AnyStrategy]]
 Tasks = Mapping[str, Callable[[], Task]]
 """By name, and made when first asked for, as strategies are."""
-LATER = ("circle", "follow")  # tasks that take a second to make: they solve for what is within reach
+LATER = ("follow",)  # a task that takes a second to make: it solves for what is within reach
 
 
 class ArmControl(Control):
@@ -80,7 +80,9 @@ class ArmControl(Control):
         """See `Control`; it is built at once, in the thread of whoever asks."""
         if name not in self._builders:
             raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
-        self._orders.append(partial(self._change_strategy, self._builders[name](), name))
+        strategy = self._builders[name]()
+        self._loop.needed_by(strategy)  # refused here, and the arm goes on
+        self._orders.append(partial(self._change_strategy, strategy, name))
 
     def prepare(self) -> None:
         """Make every task; in the thread of whoever asks."""
@@ -97,11 +99,10 @@ class ArmControl(Control):
         if not self._opened.wait(timeout) or self._loop.phase.stage is Stage.FAULT:
             raise S2C2AError(f"the arm did not open: {self._loop.fault or f'nothing within {timeout:g} s'}")
 
-    def stop(self, timeout: float = 10.0) -> None:
-        """See `Control`."""
+    def stop(self) -> None:
+        """See `Control`; one that does nothing any more on its way is left."""
         self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout)
+        self.wait_for_rest(self._thread)
 
     def _run(self) -> None:
         try:
@@ -165,6 +166,8 @@ class ArmControl(Control):
     def _publish(self, step: Step) -> None:
         """Show what came of the last step: this one's reading, beside what the last one was to lead to."""
         states = step.reading.sensors.get("states", self._expected)
+        if np.shape(states) != self._expected.shape:  # nobody has checked what nobody needs
+            states = self._expected
         aimed = self._before if step.stage in (Stage.RUN, Stage.HOLD) else self._nothing
         error, clearance = judged(aimed, states[-1, POSITION])
         self._before = step.goal if step.stage is Stage.RUN and step.goal is not None else self._nothing

@@ -28,7 +28,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import compute_on_one_thread
 from s2c2a.live.request import Request, RequestLimits
-from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ MISSED = "the control process does not answer"
 MOST_MISSED = 1.5  # s, and two control periods, without a snapshot
 TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
 MOST_WAITING = 1000  # snapshots that nobody has fetched yet
-PATIENCE = 5.0  # s for what is left to say in the end
 HEARTBEAT, SILENCE = 0.25, 1.5  # s between the page's signs of life, and without any until the arm is stopped
 OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
 SILENT = "the page was silent"
@@ -131,7 +130,8 @@ class ControlProcess(Control):
         """See `Control`; a process that does not hear is ended."""
         self._stopping.set()
         self.order("stop")
-        self._process.join(0.0 if self._latest is None else PATIENCE)  # without one, it may still be compiling
+        if self._latest is not None:  # else it may still be compiling
+            self.wait_for_rest(self._process)
         for end in (self._process.terminate, self._process.kill):  # nothing happens to one that has ended
             end()
             self._process.join(PATIENCE)

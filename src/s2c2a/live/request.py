@@ -25,7 +25,7 @@ class Obstacle:
 
 
 class Weights(NamedTuple):
-    """What the losses' weights are multiplied by."""
+    """What the terms' weights are multiplied by."""
 
     position: float = 1.0
     axis: float = 1.0
@@ -49,7 +49,7 @@ class Request:
         playing: whether the task goes on.
         speed: of the task; one is the protocol's.
         obstacles: added by the driver, beside the task's own.
-        weights: factors of the losses.
+        weights: factors of the terms.
         payload: at the tip [kg].
         push: force at the tip [N], base frame.
         coupling: part of the paper's leak between the modules' sensors (eq. (11)), 0 to 1.

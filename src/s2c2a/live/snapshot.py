@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.runtime import Step
 from s2c2a.spaces import Stage, States
+
+PATIENCE = 5.0  # s for what is left to do in the end
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,13 @@ class Control(ABC):
     @abstractmethod
     def stop(self) -> None:
         """Lead the arm to rest, close it, and end."""
+
+    def wait_for_rest(self, mover: threading.Thread | BaseProcess) -> None:
+        """Wait until what moves the arm ends, as long as it goes on: an arm is led to rest in its own time."""
+        before: object = self
+        while mover.is_alive() and self._latest is not before:
+            before = self._latest
+            mover.join(PATIENCE)
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot

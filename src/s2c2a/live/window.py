@@ -67,7 +67,10 @@ class Window:
 
         def again() -> None:
             for passed in frames(FRAME, self.closing):
-                act(passed)
+                try:
+                    act(passed)
+                except Exception as error:  # the next frame may be drawn again; it is told once
+                    warnings.warn(f"a frame could not be drawn: {error!r}", stacklevel=1)
 
         self._drawing = threading.Thread(target=again, name="scene", daemon=True)
         self._drawing.start()

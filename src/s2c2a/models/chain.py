@@ -33,7 +33,7 @@ AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 
-class Body(FromArm):
+class Trunk(FromArm):
     """Lengths and cables.
 
     Attributes:
@@ -47,7 +47,7 @@ class Body(FromArm):
     inverses: Float[Array, "modules 2 cables"]
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> "Body":
+    def of(cls, arm: ArmSpec) -> "Trunk":
         """The numbers of an arm."""
         geometry = ArmGeometry.of(arm)
         arrays = geometry.lengths, geometry.cable_matrices, geometry.bend_matrices
@@ -77,7 +77,7 @@ class ChainC2S(ForwardModel):
         engaged: whether slopes are those of taut cables that follow their motors.
     """
 
-    body: Body
+    body: Trunk
     hysteresis: Hysteresis
     log_stiffness: Float[Array, " modules"]
     tautness: Float[Array, " modules"]
@@ -162,7 +162,9 @@ class ChainOptions(ForwardOptions):
         hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares))))
         stiffness = jnp.full(modules, np.log(FIRST_STIFFNESS))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
-        return ChainC2S(Body.of(arm), hysteresis, stiffness, jnp.zeros(modules), jnp.eye(2 * modules), network, statics)
+        return ChainC2S(
+            Trunk.of(arm), hysteresis, stiffness, jnp.zeros(modules), jnp.eye(2 * modules), network, statics
+        )
 
     def train(
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet

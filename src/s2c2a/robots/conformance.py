@@ -104,11 +104,12 @@ def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     _expect(np.shape(sent) == geometry.action_neutral.shape, f"send() returned {sent!r}, not what was really sent")
     if not robot.own_time:
         return "returns what was really sent (limits are not tried on a real body: look at `checked_action`)"
-    beyond = geometry.action_high + 10 * np.abs(geometry.action_scale)[:, None]
-    limited = np.asarray(robot.send(beyond))
-    robot.send(geometry.action_neutral)
-    room = 0.02 * np.abs(geometry.action_scale)[:, None]
-    _expect(bool((limited <= geometry.action_high + room).all()), "send() of a far too large action was not limited")
+    scale = np.abs(geometry.action_scale)[:, None]
+    for beyond in (geometry.action_high + 10 * scale, geometry.action_low - 10 * scale):
+        limited = np.asarray(robot.send(beyond))
+        robot.send(geometry.action_neutral)
+        inside = (limited >= geometry.action_low - 0.02 * scale) & (limited <= geometry.action_high + 0.02 * scale)
+        _expect(bool(inside.all()), "send() of a far too large action was not limited")
     return "keeps the arm's limits"
 
 

@@ -6,7 +6,7 @@ believed is held, then led to rest (`stages`).
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, Literal, Protocol, Self
 
@@ -104,6 +104,16 @@ class Loop:
         Raises:
             S2C2AError: as above.
         """
+        needed = self.needed_by(driver)
+        self.driver = driver
+        self._check = ReadingCheck(self._robot.sensors, needed, self.arm.control_period)
+
+    def needed_by(self, driver: Driver) -> list[str]:
+        """Names of the sensors that have to be sound for something that decides.
+
+        Raises:
+            S2C2AError: as above.
+        """
         theirs, ours = ((arm.module_count, arm.cable_count) for arm in (driver.arm, self.arm))
         if theirs != ours:
             raise S2C2AError(f"made for {theirs} modules and cables each, and '{self.arm.name}' has {ours}")
@@ -114,8 +124,7 @@ class Loop:
                 f"{', '.join(lacking)} is needed, and this body says {', '.join(sensors) or 'nothing'}; "
                 "change `sensing` in the arm file, or the body"
             )
-        self.driver = driver
-        self._check = ReadingCheck(sensors, needed, self.arm.control_period)
+        return needed
 
     def open(self) -> None:
         """Open the body, at rest; called again, it begins anew."""
@@ -167,13 +176,11 @@ class Loop:
         """Lead the arm to rest, no faster than its limits; needs no reading, and takes its time."""
         self.phase = released(self.phase)
 
-    def to_rest(self) -> list[Step]:
-        """Release, and tick until the arm is at rest; the steps that it took."""
+    def to_rest(self) -> Iterator[Step]:
+        """Release, and tick until the arm is at rest; the steps that it takes."""
         self.release()
-        steps = []
         while self.phase.stage is Stage.RELEASE:
-            steps.append(self.tick(Ask(asked=False)))
-        return steps
+            yield self.tick(Ask(asked=False))
 
     def close(self) -> None:
         """Lead an arm of metal to rest as far as that goes, whatever it reads, and close it; on every path out."""

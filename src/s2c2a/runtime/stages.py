@@ -88,7 +88,7 @@ def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Pat
         at_rest: whether the last command was the neutral one.
         patience: before the arm is led to rest.
     """
-    unsound = max(phase.unsound - MADE_GOOD, 0.0) if sound else phase.unsound + 1.0
+    unsound = max(phase.unsound - MADE_GOOD, 0.0) if sound else min(phase.unsound, patience.unsound) + 1.0
     alone = phase.alone + 1 if phase.stage is Stage.HOLD and not ask.attended else 0
     impatient = unsound > patience.unsound
     give_up = impatient or alone > patience.alone
@@ -96,7 +96,7 @@ def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Pat
     if phase.stage in (Stage.IDLE, Stage.START):
         stage = _first_stage(ask.asked, sound, impatient)
     spoiled = stage in (Stage.RELEASE, Stage.FAULT) and (phase.spoiled or impatient)
-    return Phase(stage, unsound, alone, spoiled)
+    return Phase(stage, 0.0 if stage is Stage.IDLE else unsound, alone, spoiled)
 
 
 def _first_stage(asked: bool, sound: bool, impatient: bool) -> Stage:

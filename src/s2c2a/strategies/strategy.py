@@ -4,11 +4,11 @@ They have PCC in the planner, inverse PCC behind it, and no feedback.
 """
 
 import operator
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller, InversePCC
@@ -22,6 +22,7 @@ from s2c2a.sensing import EncoderEstimator, Estimator
 from s2c2a.spaces import Actions, Reading
 
 Carried = TypeVar("Carried")
+Sensed = Float[Array, "modules 3"]
 
 
 class AnyStrategy(Driver, Protocol):
@@ -48,6 +49,7 @@ class Strategy:
         self.name, self.arm, self.sensors = name, arm, estimator.sensors
         self._estimator, self._planner = estimator, planner
         self._plan: Plan | None = None
+        self._memory: Any = None
         self._sense = compiled(operator.call, estimator)
         self._start_control = compiled(type(controller).start, controller)
         self._act = compiled(type(controller).act, controller)
@@ -60,9 +62,7 @@ class Strategy:
         Raises:
             StrategyError: the sensors gave no finite numbers.
         """
-        self._sensed = self._sensed_in(reading)
-        self._plan = self._planner.start(self._sensed)
-        self._memory = self._start_control(self._sensed)
+        self._begin(self._sensed_in(reading))
 
     def step(self, reading: Reading, goal: Goal) -> Actions:
         """The action of one control step.
@@ -78,10 +78,7 @@ class Strategy:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
         last = started(self._plan, "call start(reading) with the arm at rest first")
-        self._sensed = self._sensed_in(reading)
-        self._plan = self._planner.plan(last, self._sensed, goal)
-        action, self._memory = self._act(self._plan.configurations, self._sensed, self._memory)
-        return np.asarray(action, dtype=np.float64)
+        return self._action(last, self._sensed_in(reading), goal)
 
     def sent(self, action: Actions) -> None:
         """An action was sent in place of the last one, which a limit did not allow."""
@@ -106,15 +103,25 @@ class Strategy:
             raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
         return sensed
 
+    def _begin(self, sensed: Sensed) -> None:
+        self._sensed, self._plan = sensed, self._planner.start(sensed)
+        self._memory = self._start_control(sensed)
+
+    def _action(self, last: Plan, sensed: Sensed, goal: Goal) -> Actions:
+        self._sensed, self._plan = sensed, self._planner.plan(last, sensed, goal)
+        action, self._memory = self._act(self._plan.configurations, sensed, self._memory)
+        return np.asarray(action, dtype=np.float64)
+
     def _warm_up(self) -> None:
-        """Compile; what the sensors say does not matter, and of sensors that are not known here nothing is said."""
-        straight = np.tile([0.0, 0.0, 1.0], (self.arm.module_count, 1))
-        known = {"cables": np.zeros((self.arm.module_count, self.arm.cable_count)), "configurations": straight}
-        if set(self.sensors) <= set(known):
-            self.start(Reading(0.0, known))
-            self.step(Reading(0.0, known), Goal.of(self.arm.module_count))
-            self.sent(known["cables"])
-            self.told()
+        """Compile all; of a sensor of the user's, whose shape is not known here, only the estimator is left."""
+        straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (self.arm.module_count, 1))
+        cables = np.zeros((self.arm.module_count, self.arm.cable_count))
+        known = {"cables": cables, "configurations": np.asarray(straight)}
+        sensed = self._sensed_in(Reading(0.0, known)) if set(self.sensors) <= set(known) else straight
+        self._begin(sensed)
+        self._action(started(self._plan, ""), sensed, Goal.of(self.arm.module_count))
+        self.sent(cables)
+        self.told()
         self._plan = None
 
 

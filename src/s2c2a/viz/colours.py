@@ -39,7 +39,7 @@ def module_colours(count: int) -> list[str]:
 
 
 def colours_by_label(labels: Iterable[str]) -> dict[str, str]:
-    """A colour for each controller: its own where it has one, else the first that no other one uses."""
+    """A colour for each strategy: its own where it has one, else the first that no other one uses."""
     own = {label: _CONTROLLERS.get(label.lower()) for label in labels}
     others = cycle([colour for colour in _OTHERS if colour not in own.values()] or _OTHERS)
     return {label: colour or next(others) for label, colour in own.items()}

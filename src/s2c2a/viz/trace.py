@@ -37,6 +37,8 @@ class Trace:
         """Refuse what has nothing to draw."""
         if "states" not in self.episode.sensors or not len(self.episode.running):
             raise S2C2AError(f"'{self.label}' holds no true states of a run, so there is nothing to draw")
+        if self.counted is not None and (self.counted.shape, self.counted.dtype) != (self.times.shape, bool):
+            raise S2C2AError(f"'{self.label}': counted is of shape {self.counted.shape}, not a truth for every step")
 
     @cached_property
     def times(self) -> Float[np.ndarray, " time"]:

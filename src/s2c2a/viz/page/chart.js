@@ -1,4 +1,4 @@
-// The error of every controller over time, with a cursor.
+// The error of every strategy over time, with a cursor.
 
 const EDGE = { left: 30, right: 6, top: 8, bottom: 22 };
 

@@ -1,4 +1,4 @@
-// Puts the page together: one state (time, chosen controller, camera), drawn anew whenever it changes.
+// Puts the page together: one state (time, chosen strategy, camera), drawn anew whenever it changes.
 
 const run = readRun(JSON.parse(byId("run").textContent));
 run.chosen = 0;

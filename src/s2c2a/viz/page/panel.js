@@ -1,4 +1,4 @@
-// The words round the scene: controllers with their errors, legend, summary. Text from users is only ever set as text.
+// The words round the scene: strategies with their errors, legend, summary. Text from users is only ever set as text.
 
 const element = (name, options = {}, ...children) => {
   const made = Object.assign(document.createElement(name), options);
@@ -9,7 +9,7 @@ const byId = (id) => document.getElementById(id);
 const inCentimetres = (error) => (error === null ? "–" : `${(100 * error).toFixed(2)} cm`);
 const inDegrees = (angle) => (angle === null ? "" : `axis ${((angle * 180) / Math.PI).toFixed(1)}°`);
 
-// A button for each controller; pressing one shows its arm.
+// A button for each strategy; pressing one shows its arm.
 class TraceList {
   constructor(run, choose) {
     this.rows = run.traces.map((trace, k) => {

@@ -43,7 +43,7 @@ function paintShadow(context, camera, body, level) {
   }
 }
 
-// Another controller's arm: its outline on the screen, see-through.
+// Another strategy's arm: its outline on the screen, see-through.
 function paintGhost(context, camera, body, colour) {
   const places = body.map(({ position, radius }) => ({ ...camera.project(position), radius }));
   const left = [],
