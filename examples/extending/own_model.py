@@ -3,11 +3,7 @@
     s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
     s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
 
-where own_model.toml is any recipe whose part [c2s] names this one and gives its numbers:
-
-    [c2s]
-    model = "own_model.py:ArcsOptions"
-    hidden = 32
+Beside this file lies own_model.toml, the recipe `paper` whose part [c2s] names this model and gives its numbers.
 """
 
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ GOOD_FOR = {
     "equinox": "networks",
     "optax": "training, planning",
     "safetensors": "strategies",
-    "scipy": "tasks, reference",
+    "scipy": "simulation, tasks",
     "matplotlib": "figures",
     "viser": "live page (extra live)",
     "distributed": "clusters (extra cluster)",
