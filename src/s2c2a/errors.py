@@ -24,6 +24,10 @@ class StrategyError(S2C2AError):
     """A strategy file is damaged, or was trained for another arm."""
 
 
+class ForeignCodeError(StrategyError):
+    """A file of somebody's names code that the user has not asked for."""
+
+
 class TargetError(S2C2AError):
     """A target or an obstacle is not a finite number of the right shape."""
 

@@ -170,7 +170,7 @@ FAULTS = {
     _DeclaresFlatConfigurations: "'configurations' is of another shape",
     _KeepsItsStatesToItself: r"readings lack \['states'\]",
     _SaysWhatItDoesNotDeclare: r"hold \['flex'\], against what `sensors` declares",
-    _DeclaresNothing: "declares no sensors",
+    _DeclaresNothing: "declares no sensors by name",
     _ReadsBeyondItsOwnRange: "'states' lies outside of its own plausible numbers",
     _ReportsAnotherAction: "returned another",
     _ReportsNothing: "send",

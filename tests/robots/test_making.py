@@ -109,7 +109,7 @@ def test_options_whose_kind_cannot_be_told_are_given_as_they_were_written(own, t
 
 
 def test_what_a_body_raises_itself_is_not_hidden(own, twin):
-    with pytest.raises(ValueError, match="no motors on this bus"):
+    with pytest.raises(S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"):
         Body(f"{own}Refusing", ()).make(twin)
 
 

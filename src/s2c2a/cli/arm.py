@@ -117,5 +117,5 @@ def check_body(robot: RobotName = "sim", arm: Arm = "twin_arm", robot_option: Ro
 
     body = body_for(robot, robot_option)
     for kept in check_robot(body.seeded(load_arm(arm), 0)):
-        print(f"ok: it {kept}")
+        print(f"ok: {kept}")
     print(f"{body} keeps its promises")

@@ -12,6 +12,13 @@ from s2c2a.cli.renamed import check_renamed
 from s2c2a.errors import S2C2AError
 
 FAULT = 2  # exit code
+GOES_ON = {
+    "collect": "; what was whole is kept, and `collect` goes on with --resume",
+    "run": "; what was whole is kept, and the same goes on where --out names its folder",
+    "sweep": "; what was whole is kept: say the same again to go on",
+    "reproduce": "; what was whole is kept: say the same again to go on",
+}
+"""Verb -> what becomes of what was interrupted."""
 
 app = SubcommandApp()
 app.command(reproduce.demo)
@@ -30,10 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             check_renamed(sys.argv[1:] if arguments is None else arguments)
             app.cli(prog="s2c2a", description="Plan and control modular soft robot arms.", args=arguments)
     except (S2C2AError, OSError) as error:  # the latter: a place that cannot be read or written, named in the error
-        advice = "; check the path and its permissions" if isinstance(error, OSError) else ""
+        advice = "; check the path and its permissions" if isinstance(error, OSError) and error.filename else ""
         print(f"s2c2a: {error}{advice}", file=sys.stderr)
         sys.exit(FAULT)
     except KeyboardInterrupt:
-        going_on = "`reproduce`, `sweep` and `run` go on there, and `collect` goes on with --resume"
-        print(f"\ns2c2a: interrupted; what was whole is kept: {going_on}", file=sys.stderr)
+        verb = next(iter(sys.argv[1:] if arguments is None else arguments), "")
+        print(f"\ns2c2a: interrupted{GOES_ON.get(verb, '')}", file=sys.stderr)
         sys.exit(INTERRUPTED)

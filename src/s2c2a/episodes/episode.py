@@ -94,8 +94,8 @@ class Episode:
 
     @property
     def sensors(self) -> list[str]:
-        """Names of the sensors."""
-        return [name.removeprefix(SENSOR) for name in self.columns if name.startswith(SENSOR)]
+        """Names of the sensors, sorted."""
+        return sorted(name.removeprefix(SENSOR) for name in self.columns if name.startswith(SENSOR))
 
     @property
     def running(self) -> np.ndarray:

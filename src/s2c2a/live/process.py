@@ -195,7 +195,6 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
     """What the process does: build, run, hear orders until the other end says stop or is gone."""
     for name in vars(signal).keys() & OTHERS_SIGNALS:  # not every system has all
         signal.signal(vars(signal)[name], signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     sys.setswitchinterval(TURN)
     compute_on_one_thread()
     said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
@@ -205,6 +204,7 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         control = build()
         said.put((control.limits, control.strategies))
         control.watch(partial(_leave, said))
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # before there is nothing to lead to rest
         try:
             control.start()
             _go_first()

@@ -4,7 +4,7 @@ import sys
 from hashlib import blake2b
 from pathlib import Path
 
-from s2c2a.errors import StrategyError
+from s2c2a.errors import ForeignCodeError, StrategyError
 from s2c2a.extensions import found
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 
@@ -28,11 +28,11 @@ def model_known(name: str) -> type[ForwardOptions]:
     """The same for a name from a file that somebody else may have made: nothing is imported for it.
 
     Raises:
-        StrategyError: of none that the user has asked for, or imported.
+        ForeignCodeError: of none that the user has asked for, or imported.
     """
     known = {name_of(kind): kind for kind in _below(ForwardOptions)}  # type: ignore[type-abstract]
     if name not in known:
-        raise StrategyError(
+        raise ForeignCodeError(
             f"its forward model is '{name}', code that does not come with the package, and none is run because a file "
             "says so; if you trust it, name it with --model module:Name or file.py:Name, or import it in Python"
         )

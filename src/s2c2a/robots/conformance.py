@@ -1,14 +1,14 @@
 """A check that anyone can run on a new body, in simulation or (gently) on hardware."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots.robot import Robot
-from s2c2a.spaces import POSITION, Actions
+from s2c2a.spaces import POSITION, Actions, Reading
 
 GENTLE = 0.05  # of the full bend
 SETTLING = 1.0  # s
@@ -25,27 +25,37 @@ def check_robot(robot: Robot) -> list[str]:
     Raises:
         S2C2AError: a promise is broken; the message says which.
     """
-    robot.close()  # before it was opened
-    with robot:
-        geometry = ArmGeometry.of(robot.arm)
-        kept = [check(robot, geometry) for check in CHECKS]
-    robot.close()
-    robot.close()
-    return [*kept, "closes, more than once, and before it was opened"]
+    try:
+        robot.close()  # before it was opened
+        try:
+            first = robot.open()
+            _expect(isinstance(first, Reading), f"open() returned {first!r}, not the first reading")
+            geometry = ArmGeometry.of(robot.arm)
+            kept = [check(robot, geometry) for check in CHECKS]
+        finally:
+            robot.close()
+        robot.close()
+    except S2C2AError:
+        raise
+    except Exception as error:
+        raise S2C2AError(f"the robot breaks a promise: it raised {error!r}; see s2c2a.robots.Robot") from error
+    return [*kept, "close() can be called more than once, and before open()"]
 
 
 def _check_reading(robot: Robot, geometry: ArmGeometry) -> str:
     reading, declared = robot.read(), robot.sensors
-    _expect(bool(declared), "it declares no sensors")
+    _expect(isinstance(declared, Mapping) and len(declared) > 0, f"it declares no sensors by name: {declared!r}")
+    _expect(isinstance(reading, Reading), f"read() returned {reading!r}, not a Reading")
     missing, extra = sorted(set(declared) - set(reading.sensors)), sorted(set(reading.sensors) - set(declared))
     _expect(not missing and not extra, f"readings lack {missing} and hold {extra}, against what `sensors` declares")
     for name, sensor in declared.items():
-        values = np.asarray(reading[name])
+        values = reading[name]
+        _expect(isinstance(values, np.ndarray), f"'{name}' is {values!r}, no array")
         _expect(values.shape == sensor.shape, f"'{name}' has shape {values.shape}, declared as {sensor.shape}")
         _expect(bool(np.isfinite(values).all()), f"'{name}' is not finite")
         inside = (values >= sensor.low) & (values <= sensor.high)
         _expect(bool(inside.all()), f"'{name}' lies outside of its own plausible numbers")
-    return f"says {', '.join(declared)}, as declared"
+    return f"it says {', '.join(declared)}, as declared"
 
 
 def _check_named(robot: Robot, geometry: ArmGeometry) -> str:
@@ -76,7 +86,7 @@ def _check_moves(robot: Robot, geometry: ArmGeometry) -> str:
         way = after["states"][-1, POSITION] - before["states"][-1, POSITION]
         _expect(way[0] > 0 and way[0] > 2 * abs(way[1]), f"sent towards +x, the tip went {way.round(4)} m")
     _lead(robot, geometry.action_neutral + towards_x, geometry.action_neutral)
-    return "moves where it is sent"
+    return "it moves where it is sent"
 
 
 def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
@@ -103,14 +113,14 @@ def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     sent = robot.send(geometry.action_neutral + 1e-9)
     _expect(np.shape(sent) == geometry.action_neutral.shape, f"send() returned {sent!r}, not what was really sent")
     if not robot.own_time:
-        return "returns what was really sent (limits are not tried on a real body: look at `checked_action`)"
+        return "send() returns what was really sent (limits are not tried on a real body: look at `checked_action`)"
     scale = np.abs(geometry.action_scale)[:, None]
     for beyond in (geometry.action_high + 10 * scale, geometry.action_low - 10 * scale):
         limited = np.asarray(robot.send(beyond))
         robot.send(geometry.action_neutral)
         inside = (limited >= geometry.action_low - 0.02 * scale) & (limited <= geometry.action_high + 0.02 * scale)
         _expect(bool(inside.all()), "send() of a far too large action was not limited")
-    return "keeps the arm's limits"
+    return "it keeps the arm's limits"
 
 
 def _check_refuses(robot: Robot, geometry: ArmGeometry) -> str:
@@ -123,7 +133,7 @@ def _check_refuses(robot: Robot, geometry: ArmGeometry) -> str:
         except Exception as error:
             _expect(False, f"send() of {name} raised {error!r}; it must raise ActionError")
         _expect(False, f"send() took {name}; it must raise ActionError before anything moves")
-    return "refuses what is no action, before anything moves"
+    return "it refuses what is no action, before anything moves"
 
 
 CHECKS = (_check_reading, _check_named, _check_refuses, _check_prompt, _check_clock, _check_moves, _check_limits)

@@ -65,7 +65,7 @@ class Body:
             offered: what its class is given where it takes it, such as a seed.
 
         Raises:
-            S2C2AError: no such class, an option that it does not take, or whatever it raises itself.
+            S2C2AError: no such class, an option that it does not take, or it cannot be made.
         """
         kind = robot_class(self.name)
         taken = _parameters(kind)
@@ -75,7 +75,12 @@ class Body:
             if one.default is one.empty and name not in offers | chosen:
                 raise S2C2AError(f"{kind.__name__} needs {name}; say --robot-option {name}=...")
         make: Callable[..., Robot] = kind
-        return make(arm, **offers | chosen)
+        try:
+            return make(arm, **offers | chosen)
+        except (S2C2AError, OSError):
+            raise
+        except Exception as error:  # others may have written it
+            raise S2C2AError(f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
 
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
         """The same with a seed, where its class takes one: what makes a robot for every episode."""

@@ -5,9 +5,11 @@ that reaches the body is limited in value, rate and acceleration (`CommandLimits
 believed is held, then led to rest (`stages`).
 """
 
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any, Literal, Protocol, Self
 
 import numpy as np
@@ -183,15 +185,19 @@ class Loop:
             yield self.tick(Ask(asked=False))
 
     def close(self) -> None:
-        """Lead an arm of metal to rest as far as that goes, whatever it reads, and close it; on every path out."""
+        """Lead an arm of metal to rest as far as that goes, whatever it reads, and close it; on every path out.
+
+        A second interrupt does not leave it bent: none is heard meanwhile.
+        """
         self._due = self._clock.now()
-        try:
-            with suppress(Exception):  # a body that fails on the way to rest is closed all the same
-                while not (self._robot.own_time or self._at_rest()):
-                    self._wait()
-                    self._send(self._next_to_rest())
-        finally:
-            self._robot.close()
+        with _deaf_to_interrupts():
+            try:
+                with suppress(Exception):  # a body that fails on the way to rest is closed all the same
+                    while not (self._robot.own_time or self._at_rest()):
+                        self._wait()
+                        self._send(self._next_to_rest())
+            finally:
+                self._robot.close()
 
     def __enter__(self) -> Self:
         try:
@@ -245,3 +251,15 @@ class Loop:
         sent = np.asarray(self._robot.send(command), dtype=float)
         self._robot.advance(self.arm.control_period)
         return sent
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():  # others hear none
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

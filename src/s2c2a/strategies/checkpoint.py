@@ -22,7 +22,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import ForeignCodeError, S2C2AError, StrategyError
 from s2c2a.files import save_whole
 from s2c2a.training import FromArm
 
@@ -102,6 +102,8 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
     """Whatever is wrong with a file's content becomes a StrategyError."""
     try:
         yield
+    except ForeignCodeError as error:
+        raise ForeignCodeError(f"{path}: {error}") from error
     except (*_FOREIGN, S2C2AError) as error:
         raise StrategyError(f"{path} is no strategy file, or damaged: {error}; train it anew") from error
 

@@ -160,7 +160,11 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
         recipe = recipe_in(written | {"name": Path(path).stem}, model_named)
         recipe.planner.made()  # now, not after the training
         return recipe
-    except (ValidationError, S2C2AError) as error:
+    except ValidationError as error:
+        places = ((".".join(map(str, fault["loc"])), fault["msg"]) for fault in error.errors(include_url=False))
+        said = "; ".join(f"{place}: {message}" for place, message in places)
+        raise StrategyError(f"{path}: {said}; with a line such as based_on = 'best' a file need not say all") from error
+    except S2C2AError as error:
         raise StrategyError(f"{path} holds no recipe: {error}") from error
 
 
