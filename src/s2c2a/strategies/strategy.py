@@ -47,7 +47,8 @@ class Strategy:
     def __init__(self, name: str, arm: ArmSpec, estimator: Estimator, planner: Planner, controller: Controller):
         """Put the parts together and compile them."""
         self.name, self.arm, self.sensors = name, arm, estimator.sensors
-        self._estimator, self._planner = estimator, planner
+        self._planner = planner
+        self._inputs = estimator.inputs  # Equinox takes as long to look a method up as sensing does
         self._plan: Plan | None = None
         self._memory: Any = None
         self._sense = compiled(operator.call, estimator)
@@ -98,7 +99,7 @@ class Strategy:
         return {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations), "expected": expected}
 
     def _sensed_in(self, reading: Reading):
-        sensed = self._sense(self._estimator.inputs(reading))
+        sensed = self._sense(self._inputs(reading))
         if not np.isfinite(np.asarray(sensed)).all():  # it would stay in what planner and controller remember
             raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
         return sensed
