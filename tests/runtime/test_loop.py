@@ -1,5 +1,8 @@
 """The loop on a body and a driver of a few lines: its pace, its stages, its limits, and to rest on every way out."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
@@ -221,6 +224,21 @@ def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(puppet,
     assert sizes_of(puppet)[0].max() <= 1 + 1e-9
     assert np.diff(puppet.moments).min() == pytest.approx(0.1, abs=0.1 + 1e-9)
     assert np.median(np.diff(puppet.moments[-6:])) == pytest.approx(0.1)
+
+
+def test_interrupts_on_the_way_to_rest_do_not_leave_the_arm_bent(puppet, actor, clock):
+    def again(number):
+        if number == 8:
+            puppet.before_send = lambda sent: os.kill(os.getpid(), signal.SIGINT)
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    actor.before_step = again
+    with pytest.raises(KeyboardInterrupt), Loop(puppet, actor, clock) as loop:
+        ticked(loop, 20)
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
+    assert at_rest(puppet)
+    assert puppet.notes == ["open", "close"]
 
 
 def test_an_error_beside_the_loop_leads_it_to_rest_too(puppet, actor, clock):

@@ -115,6 +115,11 @@ def test_a_fault_that_comes_again_and_again_is_not():
     assert stages[-1] is RELEASE
 
 
+def test_what_a_sensor_did_while_the_arm_was_at_rest_is_forgotten():
+    stages = [phase.stage for phase in walked([*[UNSOUND_NOT_ASKED] * 60, ASKED, ASKED, UNSOUND, ASKED])]
+    assert stages[60:] == [RUN, RUN, HOLD, RUN]
+
+
 def test_a_release_that_turns_unsound_on_its_way_ends_in_a_fault():
     way = [*[UNSOUND] * 4, Situation(asked=False, at_rest=True)]
     assert walked(way, Phase(RELEASE))[-1].stage is FAULT
