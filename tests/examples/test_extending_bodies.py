@@ -11,6 +11,7 @@ from s2c2a.arm import ArmSpec, save_arm
 from s2c2a.cli.main import main
 from s2c2a.cli.work import body_for
 from s2c2a.data import load_recording
+from s2c2a.episodes import load_episodes
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
 from s2c2a.robots.making import robot_class
@@ -140,3 +141,29 @@ def test_flex_strips_say_how_modules_bend(twin):
         reading = robot.read()
     sensed = np.asarray(estimator_for(arm)(reading.sensors))
     np.testing.assert_allclose(sensed, reading["configurations"], atol=0.03)
+
+
+BLIND = """
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Reading
+
+class Blind(SimulatedRobot):
+    @property
+    def sensors(self):
+        return {"cables": super().sensors["cables"]}
+
+    def read(self):
+        reading = super().read()
+        return Reading(reading.time, {"cables": reading["cables"]})
+"""
+
+
+def test_a_run_that_nobody_watched_is_kept_without_scores(tmp_path, capsys):
+    (tmp_path / "blind.py").write_text(BLIND)
+    (tmp_path / "way.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
+    robot = ["--robot", f"{tmp_path / 'blind.py'}:Blind"]
+    main(["run", str(tmp_path / "way.csv"), "--strategy", "pcc", *robot, "--out", str(tmp_path / "run")])
+    assert "all of it" in capsys.readouterr().out
+    assert json.loads((tmp_path / "run" / "results.json").read_text()) == []
+    (run,), _ = load_episodes(tmp_path / "run" / "twin_arm.episodes")
+    assert len(run.ran("actions")) == 10

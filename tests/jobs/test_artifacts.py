@@ -8,10 +8,12 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.goals import Goal
 from s2c2a.jobs import Cache, Conditions, NetworksArtifact, RecordingArtifact, jobs_for, made, run_all
 from s2c2a.robots import Body
 from s2c2a.strategies import recipe_named
+from s2c2a.tasks import Score, Task
 
 ARMS = Path(__file__).parents[2] / "examples" / "arms"
 TWIN = load_arm("twin_arm")
@@ -102,6 +104,20 @@ def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
     ]
     assert len({one.path(cache) for one in [job, *others]}) == 7
     assert replace(job).path(cache) == job.path(cache)
+
+
+@pytest.mark.parametrize(
+    ("score", "said"),
+    [
+        (Score("positoin"), "positoin"),
+        (Score("position", module=3), "module 3"),
+        (Score("tilt", steps=[True]), "steps"),
+    ],
+)
+def test_a_task_that_cannot_be_scored_is_refused_before_anything_moves(twin, score, said):
+    task = Task("mine", (Goal.of(3),) * 4, (score,))
+    with pytest.raises(TargetError, match=said):
+        jobs_for([task], twin, ["pcc"], [0], recipe_named("best"))
 
 
 def test_what_cannot_be_run_is_refused_by_name_before_anything_is_made(waypoints, cache):
