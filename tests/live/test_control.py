@@ -6,6 +6,7 @@ import numpy as np
 
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import SimulationError
+from s2c2a.live.page import LivePage
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Obstacle
 from s2c2a.spaces import POSITION, Stage
@@ -102,6 +103,15 @@ def test_what_is_recorded_can_be_read_back(control, tmp_path):
     assert {"sensed", "planned", "expected", "sensor.cables", "sensor.states"} <= set(episode.columns)
     assert (folder / "twin_arm.html").stat().st_size > 10_000
     assert recorder.stop() is None
+
+
+def test_what_is_being_recorded_when_the_page_closes_is_written(control, tmp_path):
+    page = LivePage(control, 0, tmp_path / "runs")
+    page._recorder.start()
+    time.sleep(0.8)
+    page.close()
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert len(load_episodes(folder / "twin_arm.episodes")[0][0]) >= 2
 
 
 def test_an_arm_that_nobody_drives_any_more_holds_then_goes_to_rest(control):

@@ -68,6 +68,13 @@ class LivePage(Window):
         self.every(self._draw)
         self.open(port, lambda: control.halt("by somebody who looks at this page"))
 
+    def close(self) -> None:
+        """See `Window`; what is being recorded is written."""
+        try:
+            self._recorder.stop()
+        finally:
+            super().close()
+
     async def _joined(self, client: viser.ClientHandle) -> None:
         self._panels[client.client_id] = Panel(client, self._control, self.session, self._recorder, self._tell)
         self.session.join(client.client_id)
