@@ -61,7 +61,7 @@ class Recorder:
         steps, strategy = [one.step for one in kept], kept[-1].strategy
         episode = episode_of(steps, arm, verb="live", strategy=strategy, versions=made_with)
         save_episodes([episode], folder / f"{arm.name}{ENDING}")
-        if "states" in episode.sensors:  # else there is nothing to draw
+        if "states" in episode.sensors and len(episode.running):  # else there is nothing to draw
             replay_page([Trace(episode, strategy)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
         return folder
 
