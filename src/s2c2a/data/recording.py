@@ -34,6 +34,11 @@ class Recording:
     options: Mapping[str, Any]
     episodes: tuple[Episode, ...]
 
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each episode; logs with gaps have them of different lengths, and arrays of all repeat the last."""
+        return tuple(map(len, self.episodes))
+
     @cached_property
     def time(self) -> Float[np.ndarray, "episodes samples"]:
         """[s], since each episode began."""

@@ -1,5 +1,6 @@
 """From recordings to samples for the networks, split by stretches of time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -32,36 +33,69 @@ class Split:
 
 SHORTEST_EPISODE = 50
 """Samples without which the shortest stretch has no whole window."""
+WHOLE = (0, 0, 0, 0, 1, 0, 2)
+"""Which part shorter episodes are of, in turn."""
+
+Lengths = Sequence[int] | None
+Stretch = tuple[int, slice]
 
 
-def stretches(samples: int) -> list[slice]:
-    """Training, validation and test stretch of an episode of so many samples.
+def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
+    """Training, validation and test stretches of episodes of so many samples: which episode, and which samples.
+
+    Long episodes are cut; shorter ones, as logs with gaps have them, are of one part as a whole.
 
     Raises:
-        RecordingError: the episode is too short to be split.
+        RecordingError: a part would stay empty.
     """
-    if samples < SHORTEST_EPISODE:
-        raise RecordingError(f"episodes of {samples} samples cannot be split; collect at least {SHORTEST_EPISODE} each")
-    edges = np.rint(np.cumsum([0.0, *SHARES]) * samples).astype(int)
-    return [slice(start, stop) for start, stop in pairwise(edges)]
+    parts: list[list[Stretch]] = [[], [], []]
+    short = 0
+    for episode, samples in enumerate(lengths):
+        if samples < SHORTEST_EPISODE:
+            parts[WHOLE[short % len(WHOLE)]].append((episode, slice(0, samples)))
+            short += 1
+            continue
+        edges = np.rint(np.cumsum([0.0, *SHARES]) * samples).astype(int)
+        for part, (start, stop) in zip(parts, pairwise(edges), strict=True):
+            part.append((episode, slice(start, stop)))
+    if not all(parts):
+        raise RecordingError(
+            f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; collect at least "
+            f"{SHORTEST_EPISODE} each, or {len(WHOLE)} shorter ones"
+        )
+    return parts
 
 
 def forward_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     states: Float[np.ndarray, "episodes samples modules 6"],
+    lengths: Lengths = None,
 ) -> Split:
-    """Samples for C2S: sensed configuration in, true state of the same moment out."""
-    parts = [
-        Samples({"configurations": _merge(configurations[:, part])}, _merge(states[:, part]))
-        for part in stretches(configurations.shape[1])
-    ]
-    return Split(*parts)
+    """Samples for C2S: sensed configuration in, true state of the same moment out, where any of it is known.
+
+    Args:
+        configurations: as they were sensed.
+        states: true ones; NaN where they are not known.
+        lengths: samples of each episode, where they differ; what is behind them counts nothing.
+    """
+    return Split(*(_known(configurations, states, part) for part in stretches(_all(configurations, lengths))))
+
+
+def _known(configurations: np.ndarray, states: np.ndarray, part: list[Stretch]) -> Samples:
+    inputs, targets = (np.concatenate([values[place] for place in part]) for values in (configurations, states))
+    known = np.isfinite(targets).any(axis=(1, 2))
+    return Samples({"configurations": inputs[known].astype(np.float32)}, targets[known].astype(np.float32))
+
+
+def _all(values: np.ndarray, lengths: Lengths) -> Sequence[int]:
+    return [values.shape[1]] * len(values) if lengths is None else lengths
 
 
 def controller_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     actions: Float[np.ndarray, "episodes samples modules cables"],
     neutral: Float[np.ndarray, "modules cables"],
+    lengths: Lengths = None,
 ) -> Split:
     """Samples for C2A (Chen et al. 2025, eq. (8)): C_{t+1}; C_t to C_{t-3}; A_{t-1} to A_{t-5} in, A_t out.
 
@@ -70,7 +104,10 @@ def controller_samples(
     """
     ages = range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1)
     return Split(
-        *(_windows("configurations", *pair, *ages, axis=-2) for pair in _from_rest(configurations, actions, neutral))
+        *(
+            _windows("configurations", part, *ages, axis=-2)
+            for part in _from_rest(configurations, actions, neutral, _all(actions, lengths))
+        )
     )
 
 
@@ -89,30 +126,42 @@ def lstm_samples(
         neutral: the action at rest [m or N].
     """
     ages = range(ACTION_HISTORY - 1, -1, -1), range(ACTION_HISTORY, 0, -1)
-    return Split(*(_windows("positions", *pair, *ages, axis=2) for pair in _from_rest(positions, actions, neutral)))
+    parts = _from_rest(positions, actions, neutral, _all(actions, None))
+    return Split(*(_windows("positions", part, *ages, axis=1) for part in parts))
 
 
-def _from_rest(sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """What was sensed and sent in every stretch, rest put before the first one."""
-    rest = np.broadcast_to(neutral, (len(actions), ACTION_HISTORY, *neutral.shape))
-    still = np.repeat(sensed[:, :1], ACTION_HISTORY, axis=1)
-    first, *later = stretches(actions.shape[1])
-    beginning = np.concatenate([still, sensed[:, first]], axis=1), np.concatenate([rest, actions[:, first]], axis=1)
-    return [beginning, *((sensed[:, part], actions[:, part]) for part in later)]
+def _from_rest(
+    sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray, lengths: Sequence[int]
+) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+    """What was sensed and sent in every stretch of every part, rest put before those that begin an episode."""
+    rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
+
+    def part(episode: int, stretch: slice) -> tuple[np.ndarray, np.ndarray]:
+        felt, sent = sensed[episode, stretch], actions[episode, stretch]
+        if stretch.start:
+            return felt, sent
+        still = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
+        return np.concatenate([still, felt]), np.concatenate([rest, sent])
+
+    return [[part(*stretch) for stretch in every] for every in stretches(lengths)]
 
 
 def _windows(
-    name: str, sensed: np.ndarray, actions: np.ndarray, sensed_ages: range, action_ages: range, axis: int
+    name: str, parts: list[tuple[np.ndarray, np.ndarray]], sensed_ages: range, action_ages: range, axis: int
 ) -> Samples:
     """All windows with a whole history behind them and one sensed moment after them; ages [steps] get an axis."""
-    steps = np.arange(ACTION_HISTORY, sensed.shape[1] - 1)
+    rows = [_windows_of(name, *part, sensed_ages, action_ages, axis) for part in parts]
+    keys = rows[0].inputs
+    inputs = {key: np.concatenate([row.inputs[key] for row in rows]).astype(np.float32) for key in keys}
+    return Samples(inputs, np.concatenate([row.targets for row in rows]).astype(np.float32))
+
+
+def _windows_of(name: str, sensed: np.ndarray, actions: np.ndarray, sensed_ages, action_ages, axis: int) -> Samples:
+    """Those of one stretch."""
+    steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
     inputs = {
-        "wanted": sensed[:, steps + 1],
-        name: np.stack([sensed[:, steps - age] for age in sensed_ages], axis),
-        "actions": np.stack([actions[:, steps - age] for age in action_ages], axis),
+        "wanted": sensed[steps + 1],
+        name: np.stack([sensed[steps - age] for age in sensed_ages], axis),
+        "actions": np.stack([actions[steps - age] for age in action_ages], axis),
     }
-    return Samples({key: _merge(values) for key, values in inputs.items()}, _merge(actions[:, steps]))
-
-
-def _merge(values: np.ndarray) -> np.ndarray:
-    return values.reshape(-1, *values.shape[2:]).astype(np.float32)
+    return Samples(inputs, actions[steps])

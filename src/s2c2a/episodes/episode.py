@@ -128,15 +128,16 @@ class Episode:
 
 
 def stacked(episodes: Iterable[Episode], name: str) -> np.ndarray:
-    """A column of episodes as one array, shape (episodes, steps, ...).
+    """A column of episodes as one array, shape (episodes, steps, ...); shorter ones stay at their last row.
 
     Raises:
-        RecordingError: one has no such column, or they are of different lengths.
+        RecordingError: one has no such column, or rows are of different shapes.
     """
     values = [episode[name] for episode in episodes]
-    if len({one.shape for one in values}) != 1:
+    if len({one.shape[1:] for one in values}) != 1:
         raise RecordingError(f"'{name}' has shapes {sorted({one.shape for one in values})} in these episodes, not one")
-    return np.stack(values)
+    longest = max(map(len, values))
+    return np.stack([np.concatenate([one, np.repeat(one[-1:], longest - len(one), axis=0)]) for one in values])
 
 
 def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:

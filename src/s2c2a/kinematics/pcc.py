@@ -81,6 +81,17 @@ class ForwardModel(eqx.Module):
     def for_planning(self) -> "ForwardModel":
         """The same predictions, with slopes that lead a planner where the true ones are zero or jump."""
 
+    def near(self, configurations: Float[Array, "modules 3"], memory: Memory) -> "ForwardModel":
+        """The same within a step of these configurations, where that is cheaper; of most models, the model itself."""
+        return self
+
+    def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+        """Distance of ends from where they are said to be that must be expected [m], shape (*batch, modules).
+
+        Zero of models that do not know.
+        """
+        return jnp.zeros(configurations.shape[:-1])
+
 
 class MemorylessModel(ForwardModel):
     """A forward model whose memory is empty, as in the paper."""

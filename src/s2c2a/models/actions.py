@@ -97,7 +97,7 @@ class C2AOptions(Size):
             TrainingError: too few samples, or the loss is not finite.
         """
         network_key, fit_key = jax.random.split(key)
-        split = controller_samples(data.sensed, data.actions, ArmGeometry.of(data.arm).action_neutral)
+        split = controller_samples(data.sensed, data.actions, ArmGeometry.of(data.arm).action_neutral, data.lengths)
         scaling = Scaling.of(split.training.inputs["wanted"])
         model = replace(self.untrained(data.arm, network_key), configuration_scaling=scaling)
         return _trained(model, _configurations_in, split, -2, history_noise, fit, fit_key, progress)

@@ -14,7 +14,7 @@ from s2c2a.data import forward_samples
 from s2c2a.kinematics.pcc import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
-from s2c2a.training.trained import Trained, TrainingData, train
+from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class C2SOptions(Size, ForwardOptions):
     def train(self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet) -> Trained[C2S]:
         """See `ForwardOptions`; each sample by itself."""
         network_key, fit_key = jax.random.split(key)
-        split = forward_samples(data.sensed, data.states)
+        split = forward_samples(data.sensed, data.states, data.lengths)
         model = replace(
             self.untrained(data.arm, network_key),
             configuration_scaling=Scaling.of(split.training.inputs["configurations"]),
@@ -101,7 +101,7 @@ def _answer(model: C2S, batch: Batch) -> Array:
 
 
 def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-    return jnp.mean(((_answer(model, batch) - batch["targets"]) / model.state_scaling.half_range) ** 2)
+    return jnp.mean((known_error(_answer(model, batch), batch["targets"]) / model.state_scaling.half_range) ** 2)
 
 
 def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
@@ -110,6 +110,6 @@ def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
     x, y and z have one scale [m], so that spheres stay spheres.
     """
     positions = states[..., :3].reshape(-1, 3)
-    centre = (positions.min(axis=0) + positions.max(axis=0)) / 2
-    half = [float(np.ptp(positions, axis=0).max() / 2)] * 3 + [1.0] * 3
+    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
+    centre, half = (low + high) / 2, [float((high - low).max() / 2)] * 3 + [1.0] * 3
     return Scaling(jnp.array([*centre, 0.0, 0.0, 0.0], dtype=jnp.float32), jnp.array(half, dtype=jnp.float32))

@@ -20,7 +20,7 @@ from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators, bend_at_rest
 from s2c2a.training.fit import Batch, FitOptions, FromArm, Progress, check_limits, quiet
-from s2c2a.training.trained import Trained, TrainingData, train
+from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 BEND_UNIT = 0.5  # rad; inputs of the network are about one
 MOMENT_UNIT, BEND_CORRECTION_UNIT = 1.0, 0.2  # rad; an output of one
@@ -179,10 +179,12 @@ class ChainOptions(ForwardOptions):
         unit = LENGTH_UNIT * data.arm.length
 
         def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-            error = _answer(model, batch) - batch["targets"]
+            error = known_error(answer(model, batch), batch["targets"])
             return jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
 
-        return train(_with_fitted_hysteresis(model, split.training), loss, _answer, split, fit, fit_key, progress)
+        if np.isfinite(split.training.targets).all():
+            model = _with_fitted_hysteresis(model, split.training)
+        return train(model, loss, answer, split, fit, fit_key, progress)
 
     def _quiet_network(self, features: int, outputs: int, key: PRNGKeyArray) -> eqx.nn.MLP:
         network = eqx.nn.MLP(features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key)
@@ -196,22 +198,30 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
     return arm.actuation == "displacement" and arm.sensing == "encoders" and arm.sensing_coupling is None
 
 
-def _answer(model: ChainC2S, batch: Batch) -> Array:
+def answer(model: ForwardModel, batch: Batch) -> Array:
+    """States for inputs that the hysteresis weighs."""
     return model.states(batch["configurations"])
 
 
-def samples_along(model: ChainC2S, data: TrainingData) -> Split:
-    """`forward_samples` with what the hysteresis weighs in place of configurations, its memory carried along."""
+def inputs_along(model: ChainC2S, data: TrainingData) -> Float[np.ndarray, "episodes samples modules inputs cables"]:
+    """What the hysteresis weighs at every sample, its memory carried along each episode."""
 
     @jax.jit
-    def along(configurations: Float[Array, "samples episodes modules 3"]) -> Array:
+    def along(displacements: Float[Array, "samples episodes modules cables"]) -> Array:
         def step(memory, now):
-            return model.observe(now, memory), model.hysteresis.inputs(model.body.displacements(now), memory)
+            return model.hysteresis.advance(now, memory), model.hysteresis.inputs(now, memory)
 
-        return jax.lax.scan(step, model.start(configurations[0]), configurations)[1]
+        return jax.lax.scan(step, model.hysteresis.start(displacements[0]), displacements)[1]
 
-    inputs = np.moveaxis(np.asarray(along(jnp.asarray(np.moveaxis(data.sensed, 1, 0), dtype=jnp.float32))), 0, 1)
-    return forward_samples(inputs, data.states)
+    moved = data.displacements
+    if moved is None:
+        moved = np.asarray(model.body.displacements(jnp.asarray(data.sensed, dtype=jnp.float32)))
+    return np.moveaxis(np.asarray(along(jnp.asarray(np.moveaxis(moved, 1, 0), dtype=jnp.float32))), 0, 1)
+
+
+def samples_along(model: ChainC2S, data: TrainingData) -> Split:
+    """`forward_samples` with what the hysteresis weighs in place of configurations."""
+    return forward_samples(inputs_along(model, data), data.states, data.lengths)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

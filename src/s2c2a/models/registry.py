@@ -6,9 +6,9 @@ from pathlib import Path
 
 from s2c2a.errors import ForeignCodeError, StrategyError
 from s2c2a.extensions import found
-from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
+from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
 
-MODELS: dict[str, type[ForwardOptions]] = {"bilstm": C2SOptions, "chain": ChainOptions}
+MODELS: dict[str, type[ForwardOptions]] = {"bilstm": C2SOptions, "chain": ChainOptions, "local": LocalOptions}
 
 
 def model_named(name: str) -> type[ForwardOptions]:

@@ -18,7 +18,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data.babbling import SPEEDS
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.files import read_text, save_whole, toml_in
-from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, ForwardOptions
+from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS, code_of, model_named, name_of
 from s2c2a.planning import BEST, PAPER, PlannerOptions
 from s2c2a.sensing import DirectionEstimator, Estimator, estimator_for
@@ -107,7 +107,7 @@ _DECAYING = FitOptions(learning_rate=2e-3, most_epochs=60, patience=60, epochs_p
 RECIPES = {
     "best": Recipe(
         "best",
-        c2s=ChainOptions(),
+        c2s=LocalOptions(),
         c2a=C2AOptions(layers=2, hidden=32),
         c2s_fit=_DECAYING,
         c2a_fit=_DECAYING,

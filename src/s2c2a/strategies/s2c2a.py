@@ -11,7 +11,7 @@ from importlib import resources
 import jax
 import numpy as np
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
@@ -22,6 +22,8 @@ from s2c2a.strategies.trained import TrainedNetworks, arm_of_strategy, load_stra
 from s2c2a.training import TrainingData
 
 FOLDER = resources.files("s2c2a.strategies").joinpath("weights")
+TOGETHER = 0.05
+"""Of all motion of the cables; less is noise."""
 NetworkProgress = Callable[[str, int, int, float], None]
 
 
@@ -42,17 +44,30 @@ def train_s2c2a(
     """
     recording.check_complete()
     states = recording.sensor("states")
-    if not np.isfinite(states).all():
+    if not np.isfinite(states).any():
         raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
     arm = recording.arm
     sensed = recipe.estimator(arm).sensed(recording.readings())
     if not np.isfinite(sensed).all():
         raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
-    data = TrainingData(arm, sensed, recording.actions, states)
+    data = TrainingData(arm, sensed, recording.actions, states, recording.lengths, moved_together(recording))
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
     control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
     return TrainedNetworks.of(arm, recipe, seed, {"C2S": forward, "C2A": control})
+
+
+def moved_together(recording: Recording) -> np.ndarray | None:
+    """Displacements of the cables over their radius [rad], where they tell more than bends: all pulled, or let go.
+
+    None where they were driven as bends, as they are here, or were not measured.
+    """
+    arm = recording.arm
+    if arm.actuation != "displacement" or arm.sensing != "encoders" or "cables" not in recording.sensors:
+        return None
+    moved = recording.sensor("cables") / ArmGeometry.of(arm).cable_radii[:, None]
+    together = moved.mean(axis=-1).std()
+    return moved if together > TOGETHER * moved.std() else None
 
 
 def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip") -> Strategy:

@@ -21,13 +21,18 @@ class TrainingData:
         arm: the arm.
         sensed: configurations as they were sensed.
         actions: as really sent [m or N].
-        states: true ones of the same moments [m, 1], base frame.
+        states: true ones of the same moments [m, 1], base frame; NaN where they are not known.
+        lengths: samples of each episode, where they differ; what is behind them counts nothing.
+        displacements: of the cables, in parts of their radius [rad], where they also moved together, which no
+            configuration says.
     """
 
     arm: ArmSpec
     sensed: Float[np.ndarray, "episodes samples modules 3"]
     actions: Float[np.ndarray, "episodes samples modules cables"]
     states: Float[np.ndarray, "episodes samples modules 6"]
+    lengths: tuple[int, ...] | None = None
+    displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,14 +71,25 @@ def train(
     Raises:
         TrainingError: too few samples, or the loss is not finite.
     """
-    result = fit(model, loss, _batch(split.training), _batch(split.validation), options, key, progress)
-    predicted = np.asarray(eqx.filter_jit(answer)(result.network, _batch(split.test)))
+    result = fit(model, loss, as_batch(split.training), as_batch(split.validation), options, key, progress)
+    return tried(result, answer, split)
+
+
+def tried(result: FitResult[Network], answer: Callable[[Network, Batch], Array], split: Split) -> Trained[Network]:
+    """A fitted model and how well it does on what was held out."""
+    predicted = np.asarray(eqx.filter_jit(answer)(result.network, as_batch(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
     percent = percent_error(predicted, split.test.targets, full_ranges(np.concatenate(targets)))
     return Trained(result.network, result.curve, percent)
 
 
-def _batch(samples: Samples) -> Batch:
+def known_error(answer: Array, targets: Array) -> Array:
+    """What an answer is wrong by, nothing where the truth is not known (NaN)."""
+    known = jnp.isfinite(targets)
+    return jnp.where(known, answer - jnp.where(known, targets, 0.0), 0.0)
+
+
+def as_batch(samples: Samples) -> Batch:
     """Inputs and targets together, as the training loop takes them."""
     return {name: jnp.asarray(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
 
@@ -83,12 +99,16 @@ def percent_error(
     true: Float[np.ndarray, "samples modules outputs"],
     ranges: Float[np.ndarray, "modules outputs"],
 ) -> tuple[float, float]:
-    """Mean and standard deviation of |error| over samples and outputs, in percent of each output's full range."""
-    percent = 100.0 * np.abs(predicted - true) / ranges
+    """Mean and standard deviation of |error| over samples and known outputs, in percent of each one's full range."""
+    percent = (100.0 * np.abs(predicted - true) / ranges)[np.isfinite(true)]
     return float(percent.mean()), float(percent.std())
 
 
 def full_ranges(values: Float[np.ndarray, "samples modules outputs"]) -> Float[np.ndarray, "modules outputs"]:
-    """Largest less smallest value of every output; one for an output that never changes."""
-    ranges = np.ptp(values, axis=0)
+    """Largest less smallest value of every output; one for an output that never changes, or is not known."""
+    low, high = (
+        edge(values, axis=0, initial=sign * np.inf, where=np.isfinite(values))
+        for edge, sign in ((np.min, 1), (np.max, -1))
+    )
+    ranges = high - low
     return np.where(ranges > 0, ranges, 1.0)

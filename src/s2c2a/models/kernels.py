@@ -1,0 +1,233 @@
+"""A local model: what data near a point say, with how much they do not say.
+
+Regression with a Matern kernel whose length differs from feature to feature, beside a linear part that goes on where
+there are no data, on a fixed number of points that stand for all (Rasmussen and Williams, Gaussian Processes for
+Machine Learning, 2006, secs. 4.2, 5.4 and 8.3.3: subset of regressors). Lengths maximise the likelihood of some of
+the samples; the rest is linear algebra.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float
+
+from s2c2a.training.fit import Fixed
+
+SAMPLES_OF_LIKELIHOOD = 700
+STEPS, LEARNING_RATE = 60, 0.1  # of Adam, on logarithms
+LEAST_NOISE = 1e-4  # of the targets' variance
+FIRST_LINEAR = 0.05  # standard deviation of slopes before anything is seen
+FIRST_NOISE = 0.01
+WIDE = 2.0  # standard deviations
+
+
+class Kernels(Fixed):
+    """A function of features that was fitted once, and the deviation to expect of it.
+
+    Attributes:
+        centre: of the features, shape (features,).
+        rates: one over the length of each feature; zero where it says nothing, shape (features,).
+        points: centred and scaled features that stand for all samples, shape (points, features).
+        weights: of the kernel at each point, shape (points, outputs).
+        slopes: of the linear part in scaled features, shape (features, outputs).
+        constant: shape (outputs,).
+        doubt_points: those by which deviations are told, shape (few, features).
+        doubt: what is known there, shape (few, few): the inverse of the kernel, less that of kernel and data.
+        spread: of a target before anything is seen, per root of variance one.
+    """
+
+    centre: Float[Array, " features"]
+    rates: Float[Array, " features"]
+    points: Float[Array, "points features"]
+    weights: Float[Array, "points outputs"]
+    slopes: Float[Array, "features outputs"]
+    constant: Float[Array, " outputs"]
+    doubt_points: Float[Array, "few features"]
+    doubt: Float[Array, "few few"]
+    spread: Float[Array, ""]
+
+    @classmethod
+    def silent(cls, features: int, outputs: int, points: int, few: int) -> "Kernels":
+        """One that says nothing, and knows it."""
+        zeros = jnp.zeros
+        shapes = (features,), (features,), (points, features), (points, outputs), (features, outputs), (outputs,)
+        return cls(*map(zeros, (*shapes, (few, features), (few, few), ())))
+
+    def scaled(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
+        """As distances are taken."""
+        return (features - self.centre) * self.rates
+
+    def __call__(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch outputs"]:
+        """What the data say, shape (*batch, outputs)."""
+        place = self.scaled(features)
+        return matern(place, self.points) @ self.weights + place @ self.slopes + self.constant
+
+    def deviation(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch"]:
+        """Standard deviation to expect of an output, in its unit."""
+        near = matern(self.scaled(features), self.doubt_points)
+        known = jnp.sum((near @ self.doubt) * near, axis=-1)
+        return self.spread * jnp.sqrt(jnp.maximum(1.0 - known, 1e-4))
+
+
+def matern(places: Float[Array, "*batch features"], points: Float[Array, "points features"]) -> Array:
+    """(1 + d + d^2 / 3) exp(-d) with d = sqrt(5) |x - z|, shape (*batch, points); slope zero at zero."""
+    squared = jnp.sum(places**2, axis=-1)[..., None] + jnp.sum(points**2, axis=-1) - 2.0 * places @ points.T
+    distance = jnp.sqrt(5.0 * jnp.maximum(squared, 1e-9))
+    return (1.0 + distance + distance**2 / 3.0) * jnp.exp(-distance)
+
+
+@dataclass(frozen=True)
+class KernelSizes:
+    """How much a local model holds.
+
+    Attributes:
+        points: that stand for all samples.
+        few: of them, by which deviations are told.
+    """
+
+    points: int = 768
+    few: int = 128
+
+
+def fitted_kernels(
+    features: Float[np.ndarray, "samples features"],
+    targets: Float[np.ndarray, "samples outputs"],
+    kinds: Float[np.ndarray, "features kinds"],
+    sizes: KernelSizes,
+    seed: int = 0,
+) -> Kernels:
+    """Fit a local model.
+
+    Args:
+        features: of samples, in order of time.
+        targets: what to say there, in units alike; outputs unknown in any sample are left at zero.
+        kinds: groups of features that share a factor of their lengths, as sums of one-hot rows.
+        sizes: how much to hold.
+        seed: of the choice of samples.
+    """
+    known = np.isfinite(targets).any(axis=0)
+    whole = np.isfinite(targets[:, known]).all(axis=1) & np.isfinite(features).all(axis=1)
+    x, y = features[whole].astype(np.float64), targets[whole][:, known].astype(np.float64)
+    outputs = targets.shape[1]
+    if len(x) < 2 * sizes.few or not known.any():
+        return Kernels.silent(features.shape[1], outputs, sizes.points, sizes.few)
+    centre, width, mean = x.mean(axis=0), x.std(axis=0), y.mean(axis=0)
+    spread = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
+    rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
+    chosen = np.random.default_rng(seed).permutation(len(x))[:SAMPLES_OF_LIKELIHOOD]
+    scaled = (x - centre) * rates
+    found = _lengths(scaled[chosen], (y[chosen] - mean) / spread, kinds)
+    rates = rates * found.rates
+    return _solved(x, (y - mean) / spread, centre, rates, found, sizes).in_units(mean, spread, known)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the likelihood says: rates of scaled features, and variances of kernel, slopes and noise."""
+
+    rates: np.ndarray
+    kernel: float
+    linear: float
+    noise: float
+
+
+def _lengths(x: np.ndarray, y: np.ndarray, kinds: np.ndarray) -> _Found:
+    """Those under which the samples are likeliest, by gradient steps on logarithms."""
+    begun = {
+        "kinds": jnp.zeros(kinds.shape[1]),
+        "all": jnp.asarray(-0.5 * np.log(max(1, np.count_nonzero(x.std(axis=0))))),
+        "kernel": jnp.zeros(()),
+        "linear": jnp.asarray(2.0 * np.log(FIRST_LINEAR)),
+        "noise": jnp.asarray(np.log(FIRST_NOISE)),
+    }
+    optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
+    best = _likeliest(begun, *(jnp.asarray(part, jnp.float32) for part in (x, y, kinds)), optimiser)
+    rates = np.exp(np.asarray(best["all"] + kinds @ best["kinds"], np.float64))
+    kernel, linear, noise = (float(jnp.exp(best[name])) for name in ("kernel", "linear", "noise"))
+    return _Found(rates, kernel, linear, noise + LEAST_NOISE)
+
+
+@partial(jax.jit, static_argnums=4)
+def _likeliest(begun: dict, x: Array, y: Array, kinds: Array, optimiser: Any) -> dict:
+    def step(carry, _):
+        numbers, state = carry
+        gradient = jax.grad(_unlikelihood)(numbers, x, y, kinds)
+        updates, state = optimiser.update(gradient, state)
+        return (optax.apply_updates(numbers, updates), state), None
+
+    return jax.lax.scan(step, (begun, optimiser.init(begun)), None, STEPS)[0][0]
+
+
+def _unlikelihood(numbers: dict, x: Array, y: Array, kinds: Array) -> Array:
+    """Minus the logarithm of the likelihood of the samples, per sample and output."""
+    place = x * jnp.exp(numbers["all"] + kinds @ numbers["kinds"])
+    covariance = jnp.exp(numbers["kernel"]) * matern(place, place) + jnp.exp(numbers["linear"]) * x @ x.T
+    noise = jnp.exp(numbers["noise"]) + LEAST_NOISE
+    root = jnp.linalg.cholesky(covariance + (noise + 1e-5) * jnp.eye(len(x)))
+    explained = jax.scipy.linalg.solve_triangular(root, y, lower=True)
+    return jnp.sum(explained**2) / (2.0 * y.size) + jnp.sum(jnp.log(jnp.diag(root))) / len(x)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A local model of targets with mean zero and variance one."""
+
+    kernels: Kernels
+
+    def in_units(self, mean: np.ndarray, spread: float, known: np.ndarray) -> Kernels:
+        """The same in the targets' own units, zero where they are not known."""
+        kernels, places = self.kernels, np.flatnonzero(known)
+
+        def put(values: Array, offset=0.0):
+            full = np.zeros((*values.shape[:-1], len(known)), np.float32)
+            full[..., places] = np.asarray(values) * spread + offset
+            return jnp.asarray(full)
+
+        return eqx.tree_at(
+            lambda k: (k.weights, k.slopes, k.constant, k.spread),
+            kernels,
+            (put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean), kernels.spread * spread),
+        )
+
+
+def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> _Solved:
+    """Weights of evenly drawn points, and slopes, that all samples ask for."""
+    place = (x - centre) * rates
+    points = place[np.unique(np.linspace(0, len(place) - 1, sizes.points).astype(int))]
+    slope = np.sqrt(found.linear / found.kernel) / np.where(rates > 0, found.rates, 1.0)
+    scale = np.where(rates > 0, slope, 0.0)
+    prior = _matern(points, points)
+    basis = np.hstack([_matern(place, points), place * scale])
+    cost = np.zeros((basis.shape[1],) * 2)
+    cost[: len(points), : len(points)] = prior
+    cost[len(points) :, len(points) :] = np.eye(place.shape[1])
+    ratio = found.noise / found.kernel
+    weights = np.linalg.solve(basis.T @ basis + ratio * cost + 1e-9 * np.eye(len(cost)), basis.T @ y)
+    few = points[np.linspace(0, len(points) - 1, sizes.few).astype(int)]
+    doubt = _doubt(place, few, ratio)
+    padded = np.zeros((sizes.points, x.shape[1]))
+    padded[: len(points)] = points
+    kernel_weights = np.zeros((sizes.points, y.shape[1]))
+    kernel_weights[: len(points)] = weights[: len(points)]
+    slopes = scale[:, None] * weights[len(points) :]
+    numbers = centre, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), few, doubt, np.sqrt(found.kernel)
+    return _Solved(Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers)))
+
+
+def _doubt(place: np.ndarray, few: np.ndarray, ratio: float) -> np.ndarray:
+    prior = _matern(few, few) + 1e-6 * np.eye(len(few))
+    seen = _matern(place, few)
+    return np.linalg.inv(prior) - np.linalg.inv(prior + seen.T @ seen / ratio)
+
+
+def _matern(places: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The same in double precision."""
+    squared = (places**2).sum(1)[:, None] + (points**2).sum(1) - 2.0 * places @ points.T
+    distance = np.sqrt(5.0 * np.maximum(squared, 1e-9))
+    return (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)

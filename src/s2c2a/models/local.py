@@ -1,0 +1,214 @@
+"""The forward model of the `best` recipe: the chain, and what data near a configuration say beside it.
+
+The chain's structure goes on where there are no data; where there are, a local model (`Kernels`) tells what the chain
+leaves out, and how far off both may be. It sees what the cables carry, remember and change.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data.windows import Samples
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
+from s2c2a.models.cables import HysteresisMemory
+from s2c2a.models.chain import ChainC2S, ChainOptions, answer, samples_along
+from s2c2a.models.kernels import Kernels, KernelSizes, fitted_kernels
+from s2c2a.training.fit import FitOptions, Progress, check_limits, quiet
+from s2c2a.training.trained import Trained, TrainingData, tried
+
+UNIT, AXIS_UNIT = 0.4, 1.0  # an error of one: in parts of the arm's length, and of axes
+NEARBY = 0.2  # rad; how far slopes are believed
+EVERY_OTHER = slice(1, None, 2)  # of the plays
+
+
+class Tangent(NamedTuple):
+    """What the local model says near a configuration.
+
+    Attributes:
+        bends: there [rad], shape (modules, 2).
+        said: outputs there, the deviation last, shape (outputs + 1,).
+        slopes: of them, shape (outputs + 1, modules, 2).
+    """
+
+    bends: Float[Array, "modules 2"]
+    said: Float[Array, " outputs"]
+    slopes: Float[Array, "outputs modules 2"]
+
+    def at(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch outputs"]:
+        """Along the slopes, as far as they are believed."""
+        away = limit_lengths(bends_from_configurations(configurations) - self.bends, NEARBY)
+        return self.said + jnp.einsum("omk,...mk->...o", self.slopes, away)
+
+
+class LocalC2S(ForwardModel):
+    """A chain and a local model.
+
+    Attributes:
+        chain: hysteresis, statics, arcs.
+        kernels: what it leaves out, in units.
+        share: of the chain in what is said: one, or zero where the local model does better alone.
+        calibration: true errors over those expected, shape (modules,).
+        unit: of positions [m].
+        tangent: what takes the kernels' place near a configuration.
+    """
+
+    chain: ChainC2S
+    kernels: Kernels
+    share: Float[Array, ""]
+    calibration: Float[Array, " modules"]
+    unit: float = eqx.field(static=True)
+    tangent: Tangent | None = None
+
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
+        """See `ForwardModel`."""
+        return self.chain.start(sensed)
+
+    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> HysteresisMemory:
+        """See `ForwardModel`."""
+        return self.chain.observe(sensed, memory)
+
+    def for_planning(self) -> "LocalC2S":
+        """See `ForwardModel`."""
+        return replace(self, chain=self.chain.for_planning())
+
+    def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "LocalC2S":
+        """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
+        bends = bends_from_configurations(configurations)
+
+        def said(bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
+            moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
+            features = self.features(self.chain.hysteresis.inputs(moved, memory))
+            both = jnp.append(self.kernels(features), self.kernels.deviation(features))
+            return both, both
+
+        slopes, value = jax.jacfwd(said, has_aux=True)(bends)
+        return replace(self, tangent=Tangent(bends, value, slopes))
+
+    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        inputs = self.chain.hysteresis.inputs(self.chain.body.displacements(configurations), memory)
+        if self.tangent is None:
+            return self.states(inputs)
+        return self._put_together(self.chain.states(inputs), self.tangent.at(configurations)[..., :-1])
+
+    def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+        """See `ForwardModel`."""
+        if self.tangent is not None:
+            expected = jnp.maximum(self.tangent.at(configurations)[..., -1], 0.0)
+        else:
+            moved = self.chain.body.displacements(configurations)
+            expected = self.kernels.deviation(self.features(self.chain.hysteresis.inputs(moved, memory)))
+        return self.unit * self.calibration * expected[..., None]
+
+    def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
+        """States for what the hysteresis weighs."""
+        return self._put_together(self.chain.states(inputs), self.kernels(self.features(inputs)))
+
+    def features(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch features"]:
+        """What the local model sees: bends that cables stand for, and how far they moved together.
+
+        Now, after some of the plays, and how far the last reading and the slow filters are from now.
+        """
+        plays = len(self.chain.hysteresis.operators.widths)
+        now, felt, before = inputs[..., :1, :], inputs[..., 1 : plays + 1, :], inputs[..., plays + 1 :, :]
+        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], before - now], axis=-2)
+        bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, seen)
+        together = jnp.mean(seen, axis=-1, keepdims=True)
+        return jnp.concatenate([bends, together], axis=-1).reshape(*seen.shape[:-3], -1)
+
+    def _put_together(self, states: Float[Array, "*batch modules 6"], said: Float[Array, "*batch outputs"]) -> Array:
+        """Positions and axes of the chain, and what is said beside them."""
+        beside = said.reshape(*said.shape[:-1], -1, 6)
+        positions = self.share * states[..., :3] + self.unit * beside[..., :3]
+        axes = self.share * states[..., 3:] + AXIS_UNIT * beside[..., 3:]
+        return jnp.concatenate([positions, axes / jnp.linalg.norm(axes, axis=-1, keepdims=True)], axis=-1)
+
+
+@dataclass(frozen=True)
+class LocalOptions(ChainOptions):
+    """The chain's, and how much the local model holds.
+
+    Attributes:
+        points: that stand for all samples.
+        few: of them, by which deviations are told.
+    """
+
+    play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.02, 0.03, 0.04, 0.052, 0.067, 0.09, 0.13)
+    creep_times: tuple[float, ...] = (0.2, 1.0, 3.0, 10.0)
+    points: int = 768
+    few: int = 128
+    model: str = field(default="local", kw_only=True)
+
+    def __post_init__(self):
+        """Refuse what cannot be built."""
+        super().__post_init__()
+        check_limits(self, points=(8, 10_000), few=(4, 1000))
+
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:
+        """The chain before training, and a local model that says nothing."""
+        chain, modules = super().untrained(arm, key), arm.module_count
+        kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points, min(self.few, self.points))
+        return LocalC2S(chain, kernels, jnp.ones(()), jnp.zeros(modules), UNIT * arm.length)
+
+    def train(
+        self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[LocalC2S]:
+        """See `ForwardOptions`: the chain first, then what it leaves out."""
+        chain = ChainOptions(self.hidden, self.depth, self.play_widths, self.creep_times, self.statics)
+        result = chain.train(data, fit, key, progress)
+        blank = replace(self.untrained(data.arm, key), chain=result.network)
+        split = samples_along(result.network, data)
+        model = min(self._candidates(blank, split.training), key=lambda one: _loss(one, split.validation))
+        return tried(replace(result, network=_calibrated(model, split.validation)), answer, split)
+
+    def _candidates(self, blank: LocalC2S, samples: Samples) -> list[LocalC2S]:
+        """The chain alone; with a local model beside it; a local model alone."""
+        inputs = jnp.asarray(samples.inputs["configurations"])
+        features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
+        kinds, sizes = self._kinds(samples.targets.shape[1]), KernelSizes(self.points, min(self.few, self.points))
+
+        def beside(share: float) -> LocalC2S:
+            left = samples.targets - share * chained
+            left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
+            kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, sizes)
+            return replace(blank, kernels=kernels, share=jnp.asarray(share))
+
+        return [blank, beside(1.0), beside(0.0)]
+
+    def _kinds(self, modules: int) -> Float[np.ndarray, "features kinds"]:
+        """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
+        places = 3 * modules
+        seen = 2 + len(self.play_widths[EVERY_OTHER]) + len(self.creep_times)
+        module, kind, axis = np.unravel_index(np.arange(places * seen), (modules, seen, 3))
+        return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
+
+
+def _errors(model: LocalC2S, samples: Samples) -> tuple[Array, Array]:
+    """Distances of ends from where they were said to be [m], and those to expect, shape (samples, modules)."""
+
+    @eqx.filter_jit
+    def look(model: LocalC2S, inputs: Array) -> tuple[Array, Array]:
+        expected = model.unit * model.kernels.deviation(model.features(inputs))
+        return model.states(inputs), expected
+
+    states, expected = look(model, jnp.asarray(samples.inputs["configurations"]))
+    distances = np.linalg.norm(np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1)
+    return distances, np.broadcast_to(np.asarray(expected)[:, None], distances.shape)
+
+
+def _loss(model: LocalC2S, samples: Samples) -> float:
+    return float(np.nanmean(_errors(model, samples)[0] ** 2))
+
+
+def _calibrated(model: LocalC2S, samples: Samples) -> LocalC2S:
+    """Deviations as large, in the root of their mean square, as errors were on samples held out."""
+    distances, expected = _errors(model, samples)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratios = np.sqrt(np.nanmean(distances**2, axis=0) / np.mean(expected**2, axis=0))
+    return replace(model, calibration=jnp.asarray(np.where(np.isfinite(ratios), ratios, 0.0), jnp.float32))
