@@ -1,5 +1,6 @@
 """Targets that an arm can really reach, or not, found on its simulated body and kept like all that takes time."""
 
+import hashlib
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -22,7 +23,7 @@ from s2c2a.studies.true_reach import Reached, TrueReach
 from s2c2a.tasks import Task, task_named
 
 EVERY = 5  # steps of a task from search to search; between them what was moved is moved in proportion
-KEPT = 0.002  # m: a goal that the arm misses by less stays where it is
+KEPT = 0.003  # m: a goal that the arm misses by less stays where it is
 HOLD = 5.0  # s
 BEYOND = 0.3  # of the arm's length: how far outside of a reachable point a target out of reach is
 ROOT = 1 / 3  # of the arm's length up: where outside is away from
@@ -61,14 +62,20 @@ class _Found(Artifact[Made]):
         """What is made of it."""
 
     @property
+    @abstractmethod
+    def asked(self) -> tuple:
+        """All that it depends on beside the arm."""
+
+    @property
     def file(self) -> str:
         """See `Artifact`."""
-        asked = {key: value for key, value in vars(self).items() if key != "arm"}
-        return f"{self.arm.name}-targets-{digest_of(type(self).__name__, arm_to_toml(self.arm), asked)}.safetensors"
+        return f"{self.arm.name}-targets-{digest_of('targets', arm_to_toml(self.arm), *self.asked)}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        save_whole(save(self.search(TrueReach(self.arm), progress)), self.path(cache))
+        found = self.search(TrueReach(self.arm), progress)
+        rows = {name: np.ascontiguousarray(values) for name, values in found.items()}  # the format asks for it
+        save_whole(save(rows), self.path(cache))
 
     def load(self, cache: Cache) -> Made:
         """See `Artifact`."""
@@ -87,6 +94,14 @@ class ReachableTask(_Found[Task]):
     """
 
     name: str
+
+    @property
+    def asked(self) -> tuple:
+        """See `_Found`; waypoints can change under one name."""
+        parts = (
+            np.ascontiguousarray(part).tobytes() for goal in task_named(self.name, self.arm).goals for part in goal
+        )
+        return self.name, hashlib.sha256(b"".join(parts)).hexdigest()
 
     def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
         """See `_Found`: what goals are moved by."""
@@ -122,6 +137,11 @@ class HeldTargets(_Found[Held]):
 
     count: int
     beyond: bool = False
+
+    @property
+    def asked(self) -> tuple:
+        """See `_Found`."""
+        return self.count, self.beyond
 
     def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
         """See `_Found`: where they are [m], and how near the arm gets [m]."""

@@ -25,8 +25,9 @@ DAMPING_TIME, TIME_STEP = 0.3, 0.02  # s, near to critical
 STEPS, STEPS_NEARBY = 300, 80  # from straight to rest, and from one shape to a near one
 AT_ONCE = 64  # arms that settle in one call
 HOMING = 2.0  # standard deviations
-TRIES, PROBE, DAMPING = 12, 0.02, 1e-4  # of a search: iterations, finite differences, Levenberg and Marquardt
-SAMPLES, STARTS = 512, 2  # actions that are known, and how many of them a search begins from
+TRIES, PROBE, ENOUGH = 12, 0.02, 2e-5  # of a search: most iterations, finite differences, least gain [m]
+DAMPINGS, LUCK = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (0.01, 0.02, 0.03, 0.05, 0.1)  # steps tried: damped, and random ones
+SAMPLES, STARTS = 512, 3  # actions that are known, and how many of them a search begins from
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 AXIS_LENGTH = 0.1  # of the arm: what an error of one radian counts for
 
@@ -132,29 +133,33 @@ class TrueReach:
         return replace(one, miss=float(self._miss(one.states[None], goal)[0]))
 
     def _descended(self, start: Reached, goal: Goal) -> Reached:
-        """Damped least squares within the discs, slopes by finite differences."""
-        best, damping = start, DAMPING
+        """Damped least squares within the discs, slopes by finite differences, and some luck where those fail."""
+        best, random = start, np.random.default_rng([self._seed, 4])
         for _ in range(TRIES):
-            moved = self._stepped(best, goal, damping)
-            if best.miss - moved.miss < 1e-5:
-                damping *= 30.0
-                if moved.miss >= best.miss and damping > 1e3 * DAMPING:
-                    break
-            best = min(best, moved, key=_by_miss)
-        return best
+            probes = best.shares + PROBE * np.eye(best.shares.size).reshape(-1, *best.shares.shape)
+            missing = self._missing(best.states[None], goal)[0]
+            slopes = (self._missing(self._settled(probes, best.physics)[0], goal) - missing).T / PROBE
+            steps = [_damped_step(slopes, missing, damping) for damping in DAMPINGS]
+            steps += [size * random.normal(size=best.shares.size) for size in LUCK]
+            moved = min(self._tried(best, np.array(steps), goal), key=_by_miss)
+            if best.miss - moved.miss < ENOUGH:
+                break
+            best = moved
+        return min(best, moved, key=_by_miss)
 
-    def _stepped(self, at: Reached, goal: Goal, damping: float) -> Reached:
-        probes = at.shares + PROBE * np.eye(at.shares.size).reshape(-1, *at.shares.shape)
-        missing = self._missing(at.states[None], goal)[0]
-        slopes = (self._missing(self._settled(probes, at.physics)[0], goal) - missing).T / PROBE
-        step = np.linalg.solve(slopes.T @ slopes + damping * np.eye(len(probes)), slopes.T @ missing)
-        shares = self._within(at.shares - step.reshape(at.shares.shape))
-        (states,), (physics,) = self._settled(shares[None], at.physics)
-        return Reached(shares, states, physics, float(self._miss(states[None], goal)[0]))
+    def _tried(self, at: Reached, steps: np.ndarray, goal: Goal) -> list[Reached]:
+        """Where steps from a shape lead, shape (steps, shares)."""
+        shares = self._within(at.shares + steps.reshape(-1, *at.shares.shape))
+        states, physics = self._settled(shares, at.physics)
+        return [Reached(*one) for one in zip(shares, states, physics, self._miss(states, goal), strict=True)]
 
     def _within(self, shares: Shares) -> Shares:
         sizes = np.linalg.norm(shares, axis=-1, keepdims=True)
         return shares * np.minimum(1.0, self.most[:, None] / np.maximum(sizes, 1e-12))
+
+
+def _damped_step(slopes: np.ndarray, missing: np.ndarray, damping: float) -> np.ndarray:
+    return -np.linalg.solve(slopes.T @ slopes + damping * np.eye(slopes.shape[1]), slopes.T @ missing)
 
 
 def _by_miss(one: Reached) -> float:

@@ -1,6 +1,7 @@
 """Arms that nobody modelled: drawn ones through data, training and tasks, for every strategy.
 
-Whether any strategy runs away from targets that are held, too. Recordings are of the arm when it is young, runs of the same arm aged (docs/protocol.md).
+Whether any strategy runs away from targets that are held is tried, too. Recordings are of the arm when it is young,
+runs of the same arm aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
