@@ -76,7 +76,7 @@ def test_an_axis_is_sought_beside_a_position(reach):
     asked = reach.states(reach.random_shares(1, np.random.default_rng(8)))[0]
     goal = Goal.of(3).with_position(asked[1, POSITION], module=1).with_axis(asked[1, AXIS], module=1)
     found = reach.nearest(goal).states
-    assert np.linalg.norm(found[1, POSITION] - asked[1, POSITION]) < 2e-3
+    assert np.linalg.norm(found[1, POSITION] - asked[1, POSITION]) < KEPT
     assert found[1, AXIS] @ asked[1, AXIS] > np.cos(np.deg2rad(2.0))
 
 

@@ -42,7 +42,7 @@ def drawn_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
     if strength == 0:
         return base.model_copy(update=name)
     random, described = np.random.default_rng([seed, 7]), base.model_dump()
-    pulls = _pulls_at_full_bend(base)
+    pulls = np.cumsum(_pulls_at_full_bend(base)[::-1])[::-1]  # of all cables through a module, its own and outer ones
     for module, table, pull in zip(base.modules, described["modules"], pulls, strict=True):
         table["flaws"] = _flaws(module, random, strength, pull)
         table["cable"] |= _losses(module, random, strength, base.actuation)
@@ -53,7 +53,7 @@ def drawn_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
 
 
 def _flaws(module: Module, random: Random, strength: float, pull: float) -> dict[str, Any]:
-    """Of one module, whose cables together pull so much at full bend [N]."""
+    """Of one module, through which cables together pull so much with all modules at full bend [N]."""
     cables = len(module.cable_angles_deg)
     either, within = _either(random, strength), _within(random, strength)
     table = {
