@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
+from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -32,11 +33,13 @@ def import_(
         arm: take this arm, whose cables are matched with those found, in place of the one that is found.
         overwrite: replace the recording and the arm file if they exist.
     """
-    from s2c2a.logs import import_logs, load_map, save_imported
+    from s2c2a.logs import arm_file_of, import_logs, load_map, save_imported
 
+    if out.suffix != ENDING:
+        raise S2C2AError(f"{out}: recordings end in {ENDING}; say --out {out.with_suffix(ENDING).name}")
     if not logs:
         raise S2C2AError("say which logs to import: s2c2a import LOG... --map FILE --out FILE")
-    there = [path for path in (out, out.with_suffix(".toml")) if path.exists()]
+    there = [path for path in (out, arm_file_of(out)) if path.exists()]
     if there and not overwrite:
         raise S2C2AError(f"{there[0]} exists; choose another name, or say --overwrite")
     told = load_map(map)

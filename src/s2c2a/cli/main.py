@@ -24,7 +24,7 @@ app = SubcommandApp()
 app.command(reproduce.demo)
 for verb in (live.live, view.view, collect.collect, train.train, run.run, sweep.sweep, bench.bench, doctor.doctor):
     app.command(verb)
-app.command(import_.import_, name="import")
+app.command(name="import")(import_.import_)
 app.command(arm.app, name="arm", help="Explain, check, describe, draw or copy an arm file.")
 app.command(arm.robot_app, name="robot", help="Check a body.")
 app.command(reproduce.app, name="reproduce", help="Make the project's tables again, from nothing.")

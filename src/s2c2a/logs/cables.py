@@ -17,7 +17,7 @@ from s2c2a.logs.tendons import Guess, Wiring
 STIFFNESS = 0.2  # of the arm over that of its cables, before anything is known
 MOST_TRIED = 4  # ways of making modules that are fitted, for each idea of what the cables do
 BETTER = 0.98  # a cost below this share of another one is better
-TRIAL, TRIED_ROWS = 15, 150  # rounds and rows of a fit that only compares
+FIRST, TRIAL, TRIED_ROWS = 5, 15, 150  # rounds of first and of further comparisons, and their rows
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,12 @@ def found_cables(seen: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, l
     trials = list(_trials(seen, few, start, told))
     if not trials:
         raise LogError(
-            f"no {told.arm.modules} modules can be made of {len(told.drives)} drives: each module needs as many cables, "
-            "without a gap of 179 deg; say module and positive of each drive in the map"
+            f"no {told.arm.modules} modules can be made of {len(told.drives)} drives: each needs as many cables, and "
+            "no gap of 179 deg; say module and positive of each drive in the map"
         )
-    fit, motors = min(trials, key=lambda trial: trial[0].cost)
+    best = sorted(trials, key=lambda trial: trial[0].cost)[:MOST_TRIED]
+    further = [(fitted(few, fit.guess, fit.wiring, TRIAL), motors) for fit, motors in best]
+    fit, motors = min(further, key=lambda trial: trial[0].cost)
     fit, motors = _exchanged(few, fit, motors, told)
     fit, motors, doubts = _signed(few, fit, motors, told)
     return fitted(seen, fit.guess, fit.wiring, errors=True), motors, doubts
@@ -81,12 +83,16 @@ def found_cables(seen: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, l
 def _trials(seen: Seen, few: Seen, start: Guess, told: LogMap) -> Iterator[tuple[Fit, Motors]]:
     """Fits from several first ideas."""
     couplings = [False, True] if told.arm.coupled_cables is None else [told.arm.coupled_cables]
+    tried = set()
     for effects in _effects_of(seen, told):
         for modules, signs in likely_groups(effects, told, MOST_TRIED):
+            if (modules.tobytes(), signs.tobytes()) in tried:
+                continue
+            tried.add((modules.tobytes(), signs.tobytes()))
             for coupled in couplings:
                 motors = Motors(modules, signs, coupled)
                 guess = _first_numbers(effects, motors, start, told, seen)
-                yield fitted(few, guess, wiring_of(motors, told), TRIAL), motors
+                yield fitted(few, guess, wiring_of(motors, told), FIRST), motors
 
 
 def _effects_of(seen: Seen, told: LogMap) -> Iterator[np.ndarray]:
@@ -194,7 +200,7 @@ def angles_deg(fit: Fit, motors: Motors, told: LogMap) -> list[np.ndarray]:
 
 
 def _signed(seen: Seen, fit: Fit, motors: Motors, told: LogMap) -> tuple[Fit, Motors, list[str]]:
-    """Turn all unknown signs of a module round, with its angles, where that explains more; say where it says nothing."""
+    """Turn unknown signs of a module round, with its angles, where that explains more; say where it says nothing."""
     doubts = []
     for module in range(told.arm.modules):
         here = motors.modules == module

@@ -11,7 +11,8 @@ from s2c2a.arm.geometry import per_module
 from s2c2a.logs.cables import Motors
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.fitting import Fit
-from s2c2a.logs.map import LogMap
+from s2c2a.logs.map import KnownArm, LogMap
+from s2c2a.logs.tendons import Guess
 
 MARGIN_DEG = 5.0
 
@@ -61,20 +62,12 @@ def layout_of(fit: Fit, motors: Motors, told: LogMap) -> Layout:
     )
     gains = np.exp(fit.guess.gain + fit.guess.gains)[wiring.drive][order]
     mean = np.exp(np.log(gains).mean(axis=1))
-    free = told.drives[0].unit == "free"
-    tension = told.drives[0].unit == "N"
-    if tension or told.arm.cable_radius is not None:
-        radii = np.full(told.arm.modules, told.arm.cable_radius or 0.01)
-    else:
-        radii = np.clip(1 / mean, 0.0015, 0.3)
-    size = (mean * radii)[:, None] if free else np.ones((len(mean), 1))
-    return Layout(
-        wiring.drive[order],
-        (1.0 if tension else -1.0) * wiring.sign[order] * size,
-        angles[order],
-        radii,
-        gains / mean[:, None],
-    )
+    tension, free = (told.drives[0].unit == unit for unit in ("N", "free"))
+    stated = told.arm.cable_radius
+    radii = np.full(told.arm.modules, stated or 0.01) if stated or tension else np.clip(1 / mean, 0.0015, 0.3)
+    size = gains * radii[:, None] if free else np.ones_like(gains)
+    way = (1.0 if tension else -1.0) * wiring.sign[order]
+    return Layout(wiring.drive[order], way * size, angles[order], radii, gains / mean[:, None])
 
 
 def matched(layout: Layout, arm: ArmSpec) -> Layout:
@@ -116,55 +109,55 @@ def _order(found: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 def arm_text(fit: Fit, motors: Motors, layout: Layout, told: LogMap, bends: np.ndarray, residual: float) -> str:
     """The arm file: TOML, loadable, with standard deviations as remarks."""
-    arm = told.arm
-    largest = np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), 0.995, axis=0)) + MARGIN_DEG
-    limits = [float(np.clip(arm.bend_limit_deg or limit, 1, 150)) for limit in largest]
+    arm, source = told.arm, f" ({told.source.name})" if told.source.name else ""
+    limits = np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), 0.995, axis=0)) + MARGIN_DEG
     lines = [
-        f"# Found in a log{f' ({told.source.name})' if told.source.name else ''}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
-        "# Behind +- stands one standard deviation; what is marked as a guess was neither stated nor found.",
-        f'name = "{arm.name}"',
-        f"description = {_quoted(arm.description or 'Found in a log.')}",
-        f'actuation = "{"tension" if told.drives[0].unit == "N" else "displacement"}"',
+        f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
+        "# Behind +- stands one standard deviation. What is a guess was neither stated nor found.",
+        f"name = {quoted(arm.name)}",
+        f"description = {quoted(arm.description or 'Found in a log.')}",
+        f"actuation = {quoted('tension' if told.drives[0].unit == 'N' else 'displacement')}",
         f"coupled_cables = {str(motors.coupled).lower()}",
-        f"gravity_direction = [{', '.join(f'{float(one)}' for one in arm.gravity_direction)}]",
+        f"gravity_direction = {[float(one) for one in arm.gravity_direction]}",
         f"control_rate = {float(arm.control_rate)}",
     ]
-    for module in range(arm.modules):
-        lines += _module_lines(module, fit, layout, told, limits[module])
-    return "\n".join(lines) + "\n"
+    modules = [_module_lines(module, fit, layout, told, float(limits[module])) for module in range(arm.modules)]
+    return "\n".join([*lines, *(line for module in modules for line in module)]) + "\n"
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """As TOML writes it."""
     return tomli_w.dumps({"text": text}).removeprefix("text = ").strip()
 
 
 def _module_lines(module: int, fit: Fit, layout: Layout, told: LogMap, limit: float) -> list[str]:
-    arm, errors = told.arm, fit.errors
-    lengths = np.exp(fit.guess.lengths)
-    drives = layout.drive[module]
-    off = np.rad2deg(errors.angles[drives]) if errors else np.zeros(len(drives))
-    names = [told.drives[drive].measured or told.drives[drive].commanded for drive in drives]
-    spread = float(np.sqrt(np.mean(errors.gains[drives] ** 2) / len(drives))) if errors else 0.0
-    stated = arm.length is not None or arm.lengths is not None
-    length = f"length = {lengths[module]:.5f}  # " + (
-        "stated" if stated else f"+- {lengths[module] * errors.lengths[module]:.5f}" if errors else ""
-    )
-    radius = f"cable_radius = {layout.radii[module]:.5f}  # " + (
-        "stated" if arm.cable_radius is not None else f"+- {layout.radii[module] * spread:.5f}"
-    )
+    arm, length, drives = told.arm, float(np.exp(fit.guess.lengths[module])), layout.drive[module]
+    off = fit.errors or Guess(*(np.full_like(part, np.nan) for part in fit.guess))
+    names = [told.drives[drive].measured or told.drives[drive].commanded or "" for drive in drives]
+    spread = layout.radii[module] * np.sqrt(off.gain**2 + np.mean(off.gains[drives] ** 2) / len(drives))
+    gains = zip(layout.gains[module], off.gains[drives], strict=True)
     return [
         "",
         "[[modules]]",
-        length,
-        radius,
-        f"# +- {', '.join(f'{one:.1f}' for one in off)} deg; driven by {', '.join(map(str, names))}",
-        f"# gains over their mean: {', '.join(f'{one:.3f} +- {two:.3f}' for one, two in zip(layout.gains[module], errors.gains[drives] if errors else drives, strict=True))}",
+        f"length = {length:.5f}  # {_or_stated(length * off.lengths[module], arm.length or arm.lengths)}",
+        f"cable_radius = {layout.radii[module]:.5f}  # {_or_stated(spread, arm.cable_radius)}",
         f"cable_angles_deg = [{', '.join(f'{one:.2f}' for one in layout.angles_deg[module])}]",
-        f"mass = {arm.mass}  # {_known(arm, 'mass')}",
-        f"bending_stiffness = {arm.bending_stiffness}  # {_known(arm, 'bending_stiffness')}",
-        f"bend_limit_deg = {limit:.1f}  # {'stated' if arm.bend_limit_deg else 'as far as was seen'}",
+        f"# angles +- {', '.join(f'{one:.1f}' for one in np.rad2deg(off.angles[drives]))} deg",
+        f"# driven by {quoted(', '.join(names))[1:-1]}",
+        f"# gains over their mean: {', '.join(f'{one:.3f} +- {error:.3f}' for one, error in gains)}",
+        *_plain_lines(arm, limit),
     ]
 
 
-def _known(arm, key: str) -> str:
-    return "stated" if key in arm.model_fields_set else "a guess"
+def _plain_lines(arm: KnownArm, limit: float) -> list[str]:
+    """What a log does not tell."""
+    known = {key: "stated" if key in arm.model_fields_set else "a guess" for key in ("mass", "bending_stiffness")}
+    lines = [f"{key} = {float(getattr(arm, key))}  # {how}" for key, how in known.items()]
+    if arm.bend_limit_deg is not None:
+        return [*lines, f"bend_limit_deg = {float(arm.bend_limit_deg)}  # stated"]
+    seen = float(np.clip(limit, 1.0, 150.0))
+    return [*lines, f"bend_limit_deg = {seen:.1f}  # {MARGIN_DEG:.0f} more than was seen"]
+
+
+def _or_stated(spread: float, stated: object) -> str:
+    return f"+- {spread:.5f}" if stated is None else "stated"

@@ -1,5 +1,6 @@
 """Where the base frame is in the frame of the file, from rest and motion: a first idea, for the fit to begin with."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +63,7 @@ def first_registration(positions: Float[np.ndarray, "rows ends 3"], told: LogMap
 
 
 def _along(positions: Float[np.ndarray, "rows ends 3"], told: LogMap) -> Float[np.ndarray, "3"]:
-    """From the innermost end outwards; of a tip alone, across the shell that it moves on, which its base lies inside."""
+    """From the innermost end outwards; of a tip alone, across the shell that it moves on, away from the inside."""
     tip = positions[:, -1][np.isfinite(positions[:, -1]).all(axis=1)]
     inner = np.array(told.frame.base) if told.frame.base else np.nanmedian(positions[:, 0], axis=0)
     if told.frame.base or positions.shape[1] > 1:
@@ -97,9 +98,7 @@ def _lengths(tip: np.ndarray, rest: np.ndarray, z: np.ndarray, told: LogMap) -> 
 def _between(heights: dict[int, float], modules: int) -> np.ndarray:
     """Lengths of modules from heights of some ends: even between two of them, and as the mean elsewhere."""
     known = sorted(heights)
-    slopes = {
-        one: (heights[after] - heights[one]) / (after - one) for one, after in zip(known, known[1:], strict=False)
-    }
+    slopes = {one: (heights[after] - heights[one]) / (after - one) for one, after in pairwise(known)}
     lengths = [
         next((slope for one, slope in slopes.items() if one < module <= known[known.index(one) + 1]), np.nan)
         for module in range(modules)

@@ -11,7 +11,8 @@ from s2c2a.logs.map import LogMap
 
 MOST_GROUPINGS = 20_000
 OPEN = 179.0  # deg between neighbouring cables: such a module cannot bend every way
-UNEVEN = 1.0  # what a gap of a whole turn more than even weighs, against a factor e in how far motors go
+UNEVEN = 5.0  # what a gap of a whole turn more than even weighs, against a factor e in how far motors go
+FAR = 0.25  # a motor that is further off than this has not moved enough to be told
 
 Grouping = tuple[tuple[int, ...], ...]
 
@@ -27,13 +28,14 @@ def likely_groups(
         most: how many.
     """
     reach = _reaches(effects)
-    scored = []
+    scored: list[tuple[float, int, tuple[Grouping, list[int], list[Sequence[int]]]]] = []
     for grouping in islice(_groupings(told), MOST_GROUPINGS):
         ways = [_best_way(group, effects[:, -1], reach, told) for group in grouping]
         if all(way is not None for way in ways):
-            ordered = _outwards(grouping, reach, told)
-            scored.append((sum(way[0] for way in ways), len(scored), grouping, ordered, [way[1] for way in ways]))  # type: ignore[index]
-    return [_as_arrays(*found, len(told.drives)) for _, _, *found in sorted(scored)[:most]]
+            cost = sum(way[0] for way in ways if way)
+            signs = [way[1] for way in ways if way]
+            scored.append((cost, len(scored), (grouping, _outwards(grouping, reach, told), signs)))
+    return [_as_arrays(*found, len(told.drives)) for *_, found in sorted(scored)[:most]]
 
 
 def _reaches(effects: np.ndarray) -> np.ndarray:
@@ -66,7 +68,9 @@ def _agree(group: Sequence[int], told: LogMap) -> bool:
     return len({told.drives[drive].module for drive in group} - {None}) <= 1
 
 
-def _best_way(group: Sequence[int], tip: np.ndarray, reach: np.ndarray, told: LogMap):
+def _best_way(
+    group: Sequence[int], tip: np.ndarray, reach: np.ndarray, told: LogMap
+) -> tuple[float, Sequence[int]] | None:
     """How unlikely a module of these motors is, with its likeliest signs; None where it cannot bend every way."""
     ways = {"pulls": (1,), "releases": (-1,), "unknown": (1, -1)}
     tried = []
@@ -77,7 +81,8 @@ def _best_way(group: Sequence[int], tip: np.ndarray, reach: np.ndarray, told: Lo
     if gap >= OPEN:
         return None
     even = 360.0 / sum(len(told.drives[drive].cables) for drive in group)
-    return float(np.var(reach[list(group)]) + UNEVEN * ((gap - even) / 360.0) ** 2), signs
+    apart = np.minimum((reach[list(group)] - np.median(reach[list(group)])) ** 2, FAR)
+    return float(apart.mean() + UNEVEN * ((gap - even) / 360.0) ** 2), signs
 
 
 def _angles(group: Sequence[int], signs: Sequence[int], tip: np.ndarray, told: LogMap) -> list[float]:

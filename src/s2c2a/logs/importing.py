@@ -100,9 +100,18 @@ def _about_z(states: np.ndarray, turn: float) -> np.ndarray:
 
 
 def save_imported(imported: Imported, path: str | os.PathLike, options: dict[str, Any]) -> Path:
-    """Write the recording, and the arm file beside it; says where that is."""
+    """Write the recording, and the arm file beside it; says where that is.
+
+    Raises:
+        S2C2AError: one of them cannot be written.
+    """
     save_episodes(imported.episodes, path, options | _said(imported))
-    return save_whole(imported.text, Path(path).with_suffix(".toml"), LogError)
+    return save_whole(imported.text, arm_file_of(path), LogError)
+
+
+def arm_file_of(path: str | os.PathLike) -> Path:
+    """Where the arm file of a recording stands."""
+    return Path(path).with_suffix(".arm.toml")
 
 
 def _said(imported: Imported) -> dict[str, Any]:
@@ -152,7 +161,7 @@ def _spread(told: LogMap) -> dict[str, float]:
     return {
         "angles": 2.0,
         "gain": 3.0,
-        "gains": 0.7 if told.drives[0].unit == "free" else 0.1,
+        "gains": 0.3 if told.drives[0].unit == "free" else 0.1,
         "offsets": 0.1,
         "lengths": 0.002 if stated else 0.2,
         "stiffness": 2.0,

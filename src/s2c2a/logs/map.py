@@ -26,35 +26,45 @@ class _Frozen(BaseModel):
 class Source(_Frozen):
     """Where a log comes from; kept with what is made of it."""
 
-    name: str = Field("", max_length=LONGEST, description="whose arm, which session")
-    address: str = Field("", max_length=LONGEST, description="where the log can be had")
-    commit: str = Field("", max_length=LONGEST, description="its version there")
-    licence: str = Field("", max_length=LONGEST, description="under which it may be used")
+    name: str = Field(default="", max_length=LONGEST, description="whose arm, which session")
+    address: str = Field(default="", max_length=LONGEST, description="where the log can be had")
+    commit: str = Field(default="", max_length=LONGEST, description="its version there")
+    licence: str = Field(default="", max_length=LONGEST, description="under which it may be used")
 
 
 class Rows(_Frozen):
     """How rows follow each other, and where episodes end."""
 
     kind: Literal["timed", "steps"] = Field(
-        "timed", description="moments in time, resampled to the control rate; or settled poses, one control step each"
+        default="timed",
+        description="moments in time, resampled to the control rate; or settled poses, one control step each",
     )
-    time: Column | None = Field(None, description="column of the time; if none, rows follow at `rate`")
-    unit: Literal["s", "ms", "us", "ns", "min"] = Field("s", description="of that column")
-    rate: Number | None = Field(None, gt=0, le=1e5, description="rows a second where no column says the time [Hz]")
+    time: Column | None = Field(default=None, description="column of the time; if none, rows follow at `rate`")
+    unit: Literal["s", "ms", "us", "ns", "min"] | Number = Field(
+        default="s", description="of that column, or how many seconds"
+    )
+    rate: Number | None = Field(
+        default=None, gt=0, le=1e5, description="rows a second where no column says the time [Hz]"
+    )
     longest_gap: Number | None = Field(
-        None, gt=0, le=1e6, description="beyond this nothing is interpolated and an episode ends; found if none [s]"
+        default=None,
+        gt=0,
+        le=1e6,
+        description="beyond this nothing is interpolated and an episode ends; found if none [s]",
     )
-    label: Column | None = Field(None, description="column of text whose changes end an episode")
+    label: Column | None = Field(default=None, description="column of text whose changes end an episode")
     commands: Literal["settled", "sent"] | None = Field(
-        None,
+        default=None,
         description='whether a row was measured after its command had settled, or before it is sent; "settled" for '
         'steps, "sent" for timed rows if none',
     )
-    shortest: int = Field(8, ge=2, le=100_000, description="steps that an episode has at least; others are left out")
-    first_row: int = Field(0, ge=0, description="rows left out at the beginning")
-    rows: int | None = Field(None, ge=1, description="rows taken from there; all if none")
-    skip_lines: int = Field(0, ge=0, le=1000, description="lines above the header")
-    broken_rows: Literal["refuse", "gap"] = Field("refuse", description="what a row that cannot be read is")
+    shortest: int = Field(
+        default=8, ge=2, le=100_000, description="steps that an episode has at least; others are left out"
+    )
+    first_row: int = Field(default=0, ge=0, description="rows left out at the beginning")
+    rows: int | None = Field(default=None, ge=1, description="rows taken from there; all if none")
+    skip_lines: int = Field(default=0, ge=0, le=1000, description="lines above the header")
+    broken_rows: Literal["refuse", "gap"] = Field(default="refuse", description="what a row that cannot be read is")
 
     @model_validator(mode="after")
     def _tells_time(self):
@@ -67,31 +77,37 @@ class Join(_Frozen):
     """Several files of one session, rows matched by a key."""
 
     key: Column = Field(description="column that every file has")
-    files: int = Field(2, ge=2, le=16, description="how many files, in the order of the command, make a session")
+    files: int = Field(
+        default=2, ge=2, le=16, description="how many files, in the order of the command, make a session"
+    )
 
 
 class Pulled(_Frozen):
     """A cable that a motor pulls."""
 
-    turn_deg: Number = Field(0.0, ge=-360, le=360, description="how far round from the motor's direction [deg]")
-    sign: Literal[-1, 1] = Field(1, description="-1 where it is let go while the motor pulls")
+    turn_deg: Number = Field(default=0.0, ge=-360, le=360, description="how far round from the motor's direction [deg]")
+    sign: Literal[-1, 1] = Field(default=1, description="-1 where it is let go while the motor pulls")
 
 
 class Drive(_Frozen):
     """A motor's column, and the cables on it."""
 
-    commanded: Column | None = Field(None, description="column of what it was told")
-    measured: Column | None = Field(None, description="column of what its encoder or sensor said")
+    commanded: Column | None = Field(default=None, description="column of what it was told")
+    measured: Column | None = Field(default=None, description="column of what its encoder or sensor said")
     unit: Literal["mm", "m", "ticks", "deg", "rad", "turns", "N", "free"] = Field(
         description="of both columns; free: bends in proportion, the factor is found"
     )
     positive: Literal["pulls", "releases", "unknown"] = Field(
-        "unknown", description="what a larger number does to the cable; found if unknown"
+        default="unknown", description="what a larger number does to the cable; found if unknown"
     )
-    offset: Number = Field(0.0, description="the column's number at rest, in its unit")
-    module: Part | None = Field(None, description="that its cables end at, from 0 at the base; found if none")
-    angle_deg: Number | None = Field(None, ge=-3600, le=3600, description="where its cable is; found if none [deg]")
-    cables: tuple[Pulled, ...] = Field((Pulled(),), min_length=1, max_length=8, description="one, or a pair, or more")
+    offset: Number = Field(default=0.0, description="the column's number at rest, in its unit")
+    module: Part | None = Field(default=None, description="that its cables end at, from 0 at the base; found if none")
+    angle_deg: Number | None = Field(
+        default=None, ge=-3600, le=3600, description="where its cable is; found if none [deg]"
+    )
+    cables: tuple[Pulled, ...] = Field(
+        default=(Pulled(),), min_length=1, max_length=8, description="one, or a pair, or more"
+    )
 
     @model_validator(mode="after")
     def _has_a_column(self):
@@ -103,21 +119,21 @@ class Drive(_Frozen):
 class End(_Frozen):
     """The end of a module, as something outside saw it."""
 
-    module: Part | None = Field(None, description="from 0 at the base; the last one if none")
+    module: Part | None = Field(default=None, description="from 0 at the base; the last one if none")
     position: tuple[Column, Column, Column] = Field(description="columns of x, y, z")
     unit: Literal["mm", "cm", "m", "in"] = Field(description="of the position")
-    axis: tuple[Column, Column, Column] | None = Field(None, description="columns of a vector along the arm")
-    quaternion: tuple[Column, Column, Column, Column] | None = Field(None, description="columns of a rotation")
-    order: Literal["xyzw", "wxyz"] | None = Field(None, description="of the quaternion's columns")
-    euler: tuple[Column, Column, Column] | None = Field(None, description="columns of three turns")
+    axis: tuple[Column, Column, Column] | None = Field(default=None, description="columns of a vector along the arm")
+    quaternion: tuple[Column, Column, Column, Column] | None = Field(default=None, description="columns of a rotation")
+    order: Literal["xyzw", "wxyz"] | None = Field(default=None, description="of the quaternion's columns")
+    euler: tuple[Column, Column, Column] | None = Field(default=None, description="columns of three turns")
     sequence: str | None = Field(
-        None,
+        default=None,
         pattern=r"^([xyz]{3}|[XYZ]{3})$",
         description='of the turns: "xyz" about fixed axes, "XYZ" about turned ones',
     )
-    euler_unit: Literal["deg", "rad"] = Field("deg", description="of the turns")
+    euler_unit: Literal["deg", "rad"] = Field(default="deg", description="of the turns")
     along: str | Three = Field(
-        "z", description='which way of the tracked body points along the arm: "z", "-y", or a vector'
+        default="z", description='which way of the tracked body points along the arm: "z", "-y", or a vector'
     )
 
     @model_validator(mode="after")
@@ -136,13 +152,13 @@ class Frame(_Frozen):
     """The frame in which positions were measured."""
 
     along: Annotated[str, Field(pattern=SIGNED_AXIS)] | Three | None = Field(
-        None,
+        default=None,
         description='its direction from the base to the tip of the straight arm: "z", "-y", a vector; found if none',
     )
     x: Annotated[str, Field(pattern=SIGNED_AXIS)] | Three | None = Field(
-        None, description="its direction that shall be x of the base frame; one across the arm if none"
+        default=None, description="its direction that shall be x of the base frame; one across the arm if none"
     )
-    base: Three | None = Field(None, description="where the base is in it, in metres; found if none")
+    base: Three | None = Field(default=None, description="where the base is in it, in metres; found if none")
 
 
 class KnownArm(_Frozen):

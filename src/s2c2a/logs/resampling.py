@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def _check_rising(times: np.ndarray) -> None:
 def _resampled(part: Session, period: float, limit: float) -> Session:
     moments = part.time[0] + period * np.arange(int((part.time[-1] - part.time[0]) / period + 1e-9) + 1)
     after = np.searchsorted(part.time, moments, side="right").clip(1, len(part) - 1)
-    columns = {
+    columns: dict[str, Any] = {
         name: interpolated(part.time, getattr(part, name), moments, limit)
         for name in ("commanded", "measured", "positions", "axes")
     }

@@ -56,7 +56,8 @@ def session_of(tables: Sequence[Table], told: LogMap) -> Session:
     table = _part(_joined(tables, told.join.key) if told.join else tables[0], told)
     if missing := (told.numbers - set(table.numbers)) | (told.words - set(table.words)):
         raise LogError(f"{table.path} lacks columns that the map names: {listed(sorted(missing))}")
-    turn = SECONDS[told.rows.unit]
+    unit = told.rows.unit
+    turn = SECONDS[unit] if isinstance(unit, str) else unit
     number = np.arange(len(table), dtype=float)
     time = (
         table.numbers[told.rows.time] * turn if told.rows.time else number / (told.rows.rate or told.arm.control_rate)

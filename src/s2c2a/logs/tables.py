@@ -41,8 +41,9 @@ class Table:
 
     def rows(self, chosen: np.ndarray) -> "Table":
         """Some of the rows."""
-        parts = ({name: column[chosen] for name, column in kind.items()} for kind in (self.numbers, self.words))
-        return Table(self.path, *parts, self.broken)
+        numbers = {name: column[chosen] for name, column in self.numbers.items()}
+        words = {name: column[chosen] for name, column in self.words.items()}
+        return Table(self.path, numbers, words, self.broken)
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,9 @@ def _of_text(path: str | os.PathLike, asked: Asked) -> Table:
     for _ in range(asked.skip):
         lines.readline()
     separator = _separator(lines)
-    rows = _Rows(path, csv.reader(_without_remarks(lines), delimiter=separator), separator, asked)
+    rows = _Rows(
+        path, csv.reader(_without_remarks(lines), delimiter=separator, skipinitialspace=True), separator, asked
+    )
     names, first = rows.header()
     return rows.read(names, first)
 

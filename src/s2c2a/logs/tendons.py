@@ -4,12 +4,12 @@ Bends b of all modules settle where the energy is least,
 
 $$ \tfrac12 b^T K b + \tfrac12 \sum_c \max(0, p_c - a_c \cdot b)^2, \qquad p_c = g_c x_c - o_c, $$
 
-with a cable's pull p (the bend [rad] that it asks for), its direction a on the modules that it runs through, and a slack
-cable asking for nothing; K holds the arm's own stiffness and gravity, over that of the cables. Ends follow by PCC.
+with a cable's pull p (the bend [rad] that it asks for) and its direction a on the modules that it runs through; a slack
+cable asks for nothing; K holds the arm's own stiffness and gravity, over that of the cables. Ends follow by PCC.
 On an arm driven by tension, K b = sum of a_c p_c.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,8 @@ from jaxtyping import Array, Float
 
 from s2c2a.kinematics import states_from_bends
 
+Numbers = Any
+"""Of NumPy, or traced by JAX."""
 SETTLED = 8  # rounds in which cables become slack or taut
 
 
@@ -52,25 +54,25 @@ class Guess(NamedTuple):
         base: where the base is [m], frame of the file.
     """
 
-    angles: np.ndarray
-    gain: np.ndarray
-    gains: np.ndarray
-    offsets: np.ndarray
-    lengths: np.ndarray
-    stiffness: np.ndarray
-    gravity: np.ndarray
-    tilt: np.ndarray
-    base: np.ndarray
+    angles: Numbers
+    gain: Numbers
+    gains: Numbers
+    offsets: Numbers
+    lengths: Numbers
+    stiffness: Numbers
+    gravity: Numbers
+    tilt: Numbers
+    base: Numbers
 
 
-def directions(guess: Guess, wiring: Wiring) -> Float[Array, "cables modules*2"]:
+def directions(guess: Guess, wiring: Wiring) -> Numbers:
     """What each cable's length says of the bends."""
     angle = guess.angles[wiring.drive] + wiring.turn
     way = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     return (wiring.reach[:, :, None] * way[:, None, :]).reshape(len(angle), -1)
 
 
-def stiffness_of(guess: Guess) -> Float[Array, "modules*2 modules*2"]:
+def stiffness_of(guess: Guess) -> Numbers:
     """K: the arm's own, the same for all modules, and gravity's on an even chain."""
     modules = len(guess.lengths)
     inner = jnp.exp(guess.stiffness) * jnp.eye(modules) + guess.gravity * jnp.asarray(gravity_shape(modules))
@@ -86,7 +88,7 @@ def gravity_shape(modules: int, points: int = 20) -> Float[np.ndarray, "modules 
 
 
 def settled_bends(
-    guess: Guess, wiring: Wiring, columns: Float[Array, "rows drives"], tension: bool
+    guess: Guess, wiring: Wiring, columns: Float[Array | np.ndarray, "rows drives"], tension: bool
 ) -> Float[Array, "rows modules 2"]:
     """Bends [rad] at which the arm rests, differentiable: which cables are slack is found first, then held."""
     ways, own = directions(guess, wiring), stiffness_of(guess)
@@ -114,7 +116,7 @@ def _held(taut, ways, own, pulls):
     return jnp.linalg.solve(whole, ((taut * pulls) @ ways)[..., None])[..., 0]
 
 
-def turned(tilt: Float[Array, "2"]) -> Float[Array, "3 3"]:
+def turned(tilt: Numbers) -> Float[Array, "3 3"]:
     """A small rotation about x and y, as a Cayley transform."""
     across = jnp.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]) * tilt[1]
     across = across + jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]) * tilt[0]
