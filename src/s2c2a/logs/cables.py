@@ -11,11 +11,12 @@ from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.fitting import Fit, Seen, fitted
 from s2c2a.logs.groups import likely_groups
-from s2c2a.logs.map import LogMap
+from s2c2a.logs.map import Drive, LogMap
 from s2c2a.logs.tendons import Guess, Wiring
 
 STIFFNESS = 0.2  # of the arm over that of its cables, before anything is known
 MOST_TRIED = 4  # ways of making modules that are fitted, for each idea of what the cables do
+HOPELESS = 1.3  # a cost above so many times another one after the first rounds is not followed
 BETTER = 0.98  # a cost below this share of another one is better
 FIRST, TRIAL, TRIED_ROWS = 5, 15, 150  # rounds of first and of further comparisons, and their rows
 
@@ -85,7 +86,7 @@ def _trials(seen: Seen, few: Seen, start: Guess, told: LogMap) -> Iterator[tuple
     couplings = [False, True] if told.arm.coupled_cables is None else [told.arm.coupled_cables]
     tried = set()
     for effects in _effects_of(seen, told):
-        for modules, signs in likely_groups(effects, told, MOST_TRIED):
+        for modules, signs in likely_groups(effects, seen.columns, told, MOST_TRIED):
             if (modules.tobytes(), signs.tobytes()) in tried:
                 continue
             tried.add((modules.tobytes(), signs.tobytes()))
@@ -158,7 +159,9 @@ def _exchanged(seen: Seen, fit: Fit, motors: Motors, told: LogMap) -> tuple[Fit,
         tried = False
         for modules in list(_exchanges(fit, motors, told)):
             trial = replace(motors, modules=modules)
-            again = fitted(seen, fit.guess, wiring_of(trial, told), TRIAL)
+            again = fitted(seen, fit.guess, wiring_of(trial, told), FIRST)
+            if again.cost < HOPELESS * fit.cost:
+                again = fitted(seen, again.guess, again.wiring, TRIAL)
             if again.cost < BETTER * fit.cost and _can_be_built(again, trial, told):
                 fit, motors, tried = again, trial, True
                 break
@@ -199,12 +202,19 @@ def angles_deg(fit: Fit, motors: Motors, told: LogMap) -> list[np.ndarray]:
     return [angles[motors.modules[wiring.drive] == module] for module in range(told.arm.modules)]
 
 
+def _even(drive: Drive) -> bool:
+    """Whether a motor turned round is the same motor at the opposite angle, as with a pair of cables."""
+    cables = {(round(cable.turn_deg) % 360, cable.sign) for cable in drive.cables}
+    return cables == {((turn + 180) % 360, -sign) for turn, sign in cables}
+
+
 def _signed(seen: Seen, fit: Fit, motors: Motors, told: LogMap) -> tuple[Fit, Motors, list[str]]:
     """Turn unknown signs of a module round, with its angles, where that explains more; say where it says nothing."""
     doubts = []
     for module in range(told.arm.modules):
         here = motors.modules == module
-        if any(told.drives[drive].positive != "unknown" for drive in np.flatnonzero(here)):
+        drives = [told.drives[drive] for drive in np.flatnonzero(here)]
+        if any(drive.positive != "unknown" for drive in drives) or all(map(_even, drives)):
             continue
         trial = replace(motors, signs=np.where(here, -motors.signs, motors.signs))
         turned = fit.guess._replace(angles=fit.guess.angles + np.pi * here)

@@ -12,30 +12,37 @@ from s2c2a.logs.map import LogMap
 MOST_GROUPINGS = 20_000
 OPEN = 179.0  # deg between neighbouring cables: such a module cannot bend every way
 UNEVEN = 5.0  # what a gap of a whole turn more than even weighs, against a factor e in how far motors go
+DEPENDENT = 1e-3  # least eigenvalue of correlations
 FAR = 0.25  # a motor that is further off than this has not moved enough to be told
 
 Grouping = tuple[tuple[int, ...], ...]
 
 
 def likely_groups(
-    effects: Float[np.ndarray, "drives ends 2"], told: LogMap, most: int
+    effects: Float[np.ndarray, "drives ends 2"], columns: Float[np.ndarray, "rows drives"], told: LogMap, most: int
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The likeliest modules and signs of all motors, best first.
 
     Args:
         effects: how far ends go across the arm for a unit of each column, innermost end first.
+        columns: what they did.
         told: the map; what it states holds.
         most: how many.
     """
-    reach = _reaches(effects)
+    reach, alike = _reaches(effects), np.nan_to_num(np.corrcoef(columns.T)).reshape(len(told.drives), -1)
     scored: list[tuple[float, int, tuple[Grouping, list[int], list[Sequence[int]]]]] = []
     for grouping in islice(_groupings(told), MOST_GROUPINGS):
         ways = [_best_way(group, effects[:, -1], reach, told) for group in grouping]
         if all(way is not None for way in ways):
-            cost = sum(way[0] for way in ways if way)
+            cost = sum(way[0] for way in ways if way) + sum(not _dependent(alike, group) for group in grouping)
             signs = [way[1] for way in ways if way]
             scored.append((cost, len(scored), (grouping, _outwards(grouping, reach, told), signs)))
     return [_as_arrays(*found, len(told.drives)) for *_, found in sorted(scored)[:most]]
+
+
+def _dependent(alike: np.ndarray, group: Sequence[int]) -> bool:
+    """Whether a column follows from the others: what a controller does to the three cables of a bend in a plane."""
+    return len(group) > 2 and bool(np.linalg.eigvalsh(alike[np.ix_(group, group)])[0] < DEPENDENT)
 
 
 def _reaches(effects: np.ndarray) -> np.ndarray:

@@ -71,7 +71,8 @@ def _check_rising(times: np.ndarray) -> None:
 
 
 def _resampled(part: Session, period: float, limit: float) -> Session:
-    moments = part.time[0] + period * np.arange(int((part.time[-1] - part.time[0]) / period + 1e-9) + 1)
+    moments = part.time[0] + period * np.arange(int((part.time[-1] - part.time[0]) / period + 1e-6) + 1)
+    moments = np.minimum(moments, part.time[-1])  # rounded up, the last one would lie behind the end
     after = np.searchsorted(part.time, moments, side="right").clip(1, len(part) - 1)
     columns: dict[str, Any] = {
         name: interpolated(part.time, getattr(part, name), moments, limit)
