@@ -39,9 +39,9 @@ def recorded(path: Path, arm: ArmSpec, samples: int = 250) -> Recording:
     )
 
 
-def written(folder: Path, recording: Recording, tip_alone: bool, seed: int = 0) -> Written:
+def written(folder: Path, recording: Recording, tip_alone: bool, signs_stated: bool = False) -> Written:
     """The recording as a stranger's CSV."""
-    random, arm = np.random.default_rng(seed), recording.arm
+    random, arm = np.random.default_rng(0), recording.arm
     count = arm.module_count * arm.cable_count
     order, signs = random.permutation(count), random.choice([-1, 1], count)
     modules = [arm.module_count - 1] if tip_alone else list(range(arm.module_count))
@@ -55,10 +55,10 @@ def written(folder: Path, recording: Recording, tip_alone: bool, seed: int = 0) 
     names += [f"{axis}{module}" for module in modules for axis in "xyz"]
     values = np.concatenate([time[:, None], commands, cables, seen], axis=1)
     np.savetxt(folder / "log.csv", values, "%.7g", ",", header=",".join(names), comments="")
-    return Written(folder / "log.csv", _map(arm, modules), order, signs, arm)
+    return Written(folder / "log.csv", _map(arm, modules, signs if signs_stated else 0 * signs), order, signs, arm)
 
 
-def _map(arm: ArmSpec, modules: list[int]) -> str:
+def _map(arm: ArmSpec, modules: list[int], signs: np.ndarray) -> str:
     x, z = (FRAME.apply(axis).tolist() for axis in np.eye(3)[[0, 2]])
     lines = [
         f'[rows]\nkind = "timed"\ntime = "t"\n[arm]\nname = "found"\nmodules = {arm.module_count}\ncontrol_rate = 10'
@@ -66,6 +66,7 @@ def _map(arm: ArmSpec, modules: list[int]) -> str:
     lines += [f"length = {arm.length}\ncoupled_cables = false\n[frame]\nx = {x}\nalong = {z}"]
     for number in range(arm.module_count * arm.cable_count):
         lines += [f'[[drives]]\ncommanded = "c{number}"\nmeasured = "m{number}"\nunit = "mm"']
+        lines += [f'positive = "{("unknown", "releases", "pulls")[signs[number]]}"']
     for module in modules:
         lines += [f'[[ends]]\nmodule = {module}\nposition = ["x{module}", "y{module}", "z{module}"]\nunit = "m"']
     return "\n".join(lines) + "\n"

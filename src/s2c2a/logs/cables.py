@@ -17,8 +17,10 @@ from s2c2a.logs.tendons import Guess, Wiring
 STIFFNESS = 0.2  # of the arm over that of its cables, before anything is known
 MOST_TRIED = 4  # ways of making modules that are fitted, for each idea of what the cables do
 HOPELESS = 1.3  # a cost above so many times another one after the first rounds is not followed
+UNEVEN_DEG = 60.0  # more than an even gap between cables: as unlikely as twice the cost
+SURE = 0.8  # the same, of signs: the model errs by more than the little that slack cables tell
 BETTER = 0.98  # a cost below this share of another one is better
-FIRST, TRIAL, TRIED_ROWS = 5, 15, 150  # rounds of first and of further comparisons, and their rows
+FIRST, TRIAL = 5, 15  # rounds of first and of further comparisons
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,12 @@ def wiring_of(motors: Motors, told: LogMap) -> Wiring:
     )
 
 
-def found_cables(seen: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, list[str]]:
+def found_cables(seen: Seen, few: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, list[str]]:
     """Fit angles, gains, frame and lengths, and find what the map leaves open: modules, signs, coupling.
 
     Args:
         seen: rows of all sessions.
+        few: those of them that are fitted.
         start: frame and lengths as registered; its angles and gains are replaced.
         told: the map.
 
@@ -66,7 +69,6 @@ def found_cables(seen: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, l
     Raises:
         LogError: no assignment gives every module cables that bend it every way.
     """
-    few = thinned(seen, TRIED_ROWS)
     trials = list(_trials(seen, few, start, told))
     if not trials:
         raise LogError(
@@ -78,7 +80,7 @@ def found_cables(seen: Seen, start: Guess, told: LogMap) -> tuple[Fit, Motors, l
     fit, motors = min(further, key=lambda trial: trial[0].cost)
     fit, motors = _exchanged(few, fit, motors, told)
     fit, motors, doubts = _signed(few, fit, motors, told)
-    return fitted(seen, fit.guess, fit.wiring, errors=True), motors, doubts
+    return fitted(few, fit.guess, fit.wiring, errors=True), motors, doubts
 
 
 def _trials(seen: Seen, few: Seen, start: Guess, told: LogMap) -> Iterator[tuple[Fit, Motors]]:
@@ -219,8 +221,18 @@ def _signed(seen: Seen, fit: Fit, motors: Motors, told: LogMap) -> tuple[Fit, Mo
         trial = replace(motors, signs=np.where(here, -motors.signs, motors.signs))
         turned = fit.guess._replace(angles=fit.guess.angles + np.pi * here)
         again = fitted(seen, turned, wiring_of(trial, told), TRIAL)
-        if BETTER < again.cost / fit.cost < 1 / BETTER:
-            doubts.append(f"module {module}: whether larger numbers pull or let go (the other way explains as much)")
-        if again.cost < fit.cost:
+        ratio = _unlikely(again, trial, module) / _unlikely(fit, motors, module)
+        if SURE < ratio < 1 / SURE:
+            doubts.append(
+                f"module {module}: whether larger numbers pull or let go (the other way explains about as much)"
+            )
+        if ratio < 1:
             fit, motors = again, trial
     return fit, motors, doubts
+
+
+def _unlikely(fit: Fit, motors: Motors, module: int) -> float:
+    """A fit's cost, more where the cables of a module stand unevenly: of wrong signs, slack cables make them do so."""
+    wiring = fit.wiring
+    angles = np.rad2deg(fit.guess.angles[wiring.drive] + wiring.turn)[motors.modules[wiring.drive] == module]
+    return fit.cost * (1 + ((largest_gap_deg(angles) - 360 / len(angles)) / UNEVEN_DEG) ** 2)

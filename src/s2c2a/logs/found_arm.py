@@ -15,6 +15,7 @@ from s2c2a.logs.map import KnownArm, LogMap
 from s2c2a.logs.tendons import Guess
 
 MARGIN_DEG = 5.0
+MOST_OFF_DEG = 60.0
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,13 @@ def layout_of(fit: Fit, motors: Motors, told: LogMap) -> Layout:
     return Layout(wiring.drive[order], way * size, angles[order], radii, gains / mean[:, None])
 
 
-def matched(layout: Layout, arm: ArmSpec) -> Layout:
-    """The layout in the order of a stated arm's cables, its x turned so that angles fit best.
+def matched(layout: Layout, arm: ArmSpec, turned: bool) -> Layout:
+    """The layout in the order of a stated arm's cables.
+
+    Args:
+        layout: as it was found.
+        arm: that was stated.
+        turned: whether x may be turned so that angles fit best; not where the map says where x is.
 
     Raises:
         LogError: the arm has other modules or cables, or its cables stand elsewhere.
@@ -79,24 +85,21 @@ def matched(layout: Layout, arm: ArmSpec) -> Layout:
     angles = per_module(arm, "cable_angles_deg")
     if angles.shape != layout.angles_deg.shape:
         raise LogError(f"'{arm.name}' has (modules, cables) {angles.shape}, the map tells of {layout.angles_deg.shape}")
-    turns = (angles[0, 0] - layout.angles_deg[0]) % 360.0
+    turns = (angles[0, 0] - layout.angles_deg[0]) % 360.0 if turned else np.zeros(1)
     orders = [_order(layout.angles_deg + turn, angles) for turn in turns]
-    apart = [
-        np.take_along_axis(layout.angles_deg + turn, order, 1) - angles
-        for turn, order in zip(turns, orders, strict=True)
-    ]
-    apart = [(one + 180.0) % 360.0 - 180.0 for one in apart]
-    best = int(np.argmin([np.mean((one - one.mean()) ** 2) for one in apart]))
-    rest = apart[best] - apart[best].mean()
-    if np.abs(rest).max() > 60.0:
-        raise LogError(
-            f"cables of '{arm.name}' stand up to {np.abs(rest).max():.0f} deg from those found; check its angles"
-        )
-    kept = {
-        name: np.take_along_axis(getattr(layout, name), orders[best], 1)
-        for name in ("drive", "factor", "gains", "angles_deg")
-    }
-    return replace(layout, **kept, turn=float(np.deg2rad(turns[best] - apart[best].mean())))
+    apart = [_apart(layout, turn, order, angles) for turn, order in zip(turns, orders, strict=True)]
+    best = int(np.argmin([one.var() for one in apart]))
+    more = apart[best].mean() if turned else 0.0
+    if (worst := float(np.abs(apart[best] - more).max())) > MOST_OFF_DEG:
+        raise LogError(f"cables of '{arm.name}' stand up to {worst:.0f} deg from those found; check its angles")
+    names = ("drive", "factor", "gains", "angles_deg")
+    kept = {name: np.take_along_axis(getattr(layout, name), orders[best], 1) for name in names}
+    return replace(layout, **kept, turn=float(np.deg2rad(turns[best] - more)))
+
+
+def _apart(layout: Layout, turn: float, order: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """How far cables are from where they shall be [deg]."""
+    return (np.take_along_axis(layout.angles_deg + turn, order, 1) - angles + 180.0) % 360.0 - 180.0
 
 
 def _order(found: np.ndarray, angles: np.ndarray) -> np.ndarray:

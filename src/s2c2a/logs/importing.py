@@ -23,7 +23,7 @@ from s2c2a.logs.session import Session, session_of
 from s2c2a.logs.tables import Asked, read_table
 from s2c2a.logs.tendons import Guess, turned
 
-MOST_FITTED = 400  # rows that the fit takes, evenly spread
+MOST_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
 
 
@@ -76,7 +76,7 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
             f"nothing is left: no {told.rows.shortest} steps follow each other; see rows.longest_gap and rows.label"
         )
     seen, frame = _seen(parts, told)
-    fit, motors, doubts = found_cables(thinned(seen, MOST_FITTED), _start(frame, told), told)
+    fit, motors, doubts = found_cables(seen, thinned(seen, MOST_FITTED), _start(frame, told), told)
     layout = layout_of(fit, motors, told)
     bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)
     in_base = _in_base(seen.states, seen.frame, fit.guess)
@@ -85,7 +85,7 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     if arm is None:
         arm = arm_from_toml(text, "the arm that was found")
     else:
-        text, layout = arm_to_toml(arm), matched(layout, arm)
+        text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
     episodes = _episodes(parts, _about_z(in_base, layout.turn), arm, layout, told)
     names = tuple(drive.measured or drive.commanded or "" for drive in told.drives)
     broken, rows = sum(one.broken for one in sessions), sum(map(len, sessions))

@@ -22,7 +22,7 @@ def completed(
     """
     states = np.array(states, float)
     before, position, axis = -1, np.zeros(3), UP
-    for module in np.flatnonzero(np.isfinite(states[:, POSITION]).all(axis=1)):
+    for module in map(int, np.flatnonzero(np.isfinite(states[:, POSITION]).all(axis=1))):
         way = states[module, POSITION] - position
         for inner in range(before + 1, module + 1):
             point, tangent = _on_arc(way, axis, (inner - before) / (module - before))
