@@ -119,10 +119,14 @@ class ArmScene:
         gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
         self._lay(name, *points[gaps[-1] + 1 if len(gaps) else 0 :])
 
-    def draw_cloud(self, points: Float[np.ndarray, "modules points 3"]) -> None:
-        """Show where the modules' ends can be, in the modules' colours."""
+    def draw_cloud(
+        self, points: Sequence[Float[np.ndarray, "points 3"]] | Float[np.ndarray, "modules points 3"]
+    ) -> None:
+        """Show where the modules' ends can be, in the modules' colours; nothing of a module without points."""
         size = 0.004 * self._size
         for number, (cloud, colour) in enumerate(zip(points, module_colours(len(points)), strict=True)):
+            if not len(cloud):
+                continue
             pale = np.array([int(value + PALE * (255 - value)) for value in rgb(colour)])
             self._scene.add_point_cloud(f"/workspace/{number}", cloud, pale, point_size=size, point_shape="circle")
 

@@ -5,16 +5,19 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 import numpy as np
 import viser
+from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
+from s2c2a.live.snapshot import straight
 from s2c2a.live.window import Window, sound_value
 from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
+from s2c2a.viz.partial import completed
 
 MOST_POINTS = 1500  # of a recording's cloud, a module
 CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}
@@ -67,12 +70,16 @@ def view_recording(episodes: Sequence[Episode], port: int) -> Window:
     arm = episodes[0].arm
     traces = [Trace(episode, f"episode {number + 1}") for number, episode in enumerate(episodes)]
     ends = np.concatenate([trace.states[..., POSITION] for trace in traces])  # (samples, modules, 3)
-    ends = ends[np.isfinite(ends).all(axis=(1, 2))]
-    kept = np.linspace(0, len(ends) - 1, min(len(ends), MOST_POINTS)).astype(int)
     window = Window(arm)
     _scrub(window, traces, "Show", ghosts=False)
-    window.scene.draw_cloud(np.swapaxes(ends[kept], 0, 1))
+    window.scene.draw_cloud([_some_known(module) for module in np.moveaxis(ends, 1, 0)])
     return window.open(port)
+
+
+def _some_known(points: Float[np.ndarray, "samples 3"]) -> Float[np.ndarray, "points 3"]:
+    """Of those that were seen, so many that they can be drawn."""
+    known = points[np.isfinite(points).all(axis=1)]
+    return known[np.linspace(0, len(known) - 1, min(len(known), MOST_POINTS)).astype(int)]
 
 
 def view_runs(traces: Sequence[Trace], arm: ArmSpec, port: int) -> Window:
@@ -114,15 +121,23 @@ def _length(trace: Trace) -> float:
 def _draw_moment(window: Window, trace: Trace, other: Trace | None, moment: float) -> str:
     """One run as the arm, another one as its ghost; says how far the first is from its target."""
     step, scene = _step_at(trace, moment), window.scene
-    states = np.nan_to_num(trace.states[step])
+    states = drawable(trace.states[: step + 1], trace.episode.arm)
     scene.draw_arm(states)
-    scene.draw_ghost(None if other is None else np.nan_to_num(other.states[_step_at(other, moment)]), states)
+    scene.draw_ghost(
+        None if other is None else drawable(other.states[: _step_at(other, moment) + 1], other.episode.arm), states
+    )
     scene.draw_target(trace.wanted_path[step], trace.wanted_axes[step, trace.pointing_module])
     scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])
     scene.draw_trail("real", trace.followed_path[: step + 1])
     scene.draw_trail("wanted", trace.wanted_path)
     error = trace.position_errors[step]
     return f"**{trace.label}**" + (f" · {100 * error:.2f} cm from the target" if np.isfinite(error) else "")
+
+
+def drawable(states: Float[np.ndarray, "steps modules 6"], arm: ArmSpec) -> States:
+    """The last of them of which an end was seen, what was not seen of it completed; straight where none was."""
+    seen = np.flatnonzero(np.isfinite(states[..., POSITION]).all(axis=-1).any(axis=-1))
+    return completed(states[seen[-1]], ArmGeometry.of(arm).lengths) if len(seen) else straight(arm)
 
 
 def _step_at(trace: Trace, moment: float) -> int:

@@ -1,0 +1,10 @@
+"""What goes wrong with logs and maps, and how large they may be."""
+
+from s2c2a.errors import S2C2AError
+
+MOST_BYTES, MOST_ROWS, MOST_COLUMNS = 400_000_000, 2_000_000, 4096
+"""Of a log: bytes when unpacked, rows, columns."""
+
+
+class LogError(S2C2AError):
+    """A log, or the map that says what it holds, cannot be used."""

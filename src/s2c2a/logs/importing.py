@@ -1,0 +1,214 @@
+"""From logs and a map to a recording and an arm."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
+from s2c2a.episodes import Episode, save_episodes
+from s2c2a.files import save_whole
+from s2c2a.logs.cables import STIFFNESS, Motors, found_cables, thinned
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.fitting import Fit, Seen, predicted_states
+from s2c2a.logs.found_arm import Layout, arm_text, layout_of, matched
+from s2c2a.logs.frames import Registration, first_registration
+from s2c2a.logs.map import LogMap
+from s2c2a.logs.resampling import stretches
+from s2c2a.logs.resampling import told as commands_of
+from s2c2a.logs.session import Session, session_of
+from s2c2a.logs.tables import Asked, read_table
+from s2c2a.logs.tendons import Guess, turned
+
+MOST_FITTED = 200  # rows that the fit takes, evenly spread
+FREE = 3.0
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What came of logs.
+
+    Attributes:
+        arm: that was found, or was stated.
+        text: of its arm file, with what is uncertain beside each number.
+        episodes: in the base frame.
+        names: of the drives: their columns.
+        layout: where each drive went.
+        fit: of the model that frame and cables were found with.
+        motors: what that assumes.
+        residual: rms distance of the model's ends from those seen [m].
+        doubts: what could not be told apart.
+        broken: rows that could not be read.
+        rows: that were read.
+    """
+
+    arm: ArmSpec
+    text: str
+    episodes: tuple[Episode, ...]
+    names: tuple[str, ...]
+    layout: Layout
+    fit: Fit
+    motors: Motors
+    residual: float
+    doubts: tuple[str, ...]
+    broken: int
+    rows: int
+
+
+def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec | None = None) -> Imported:
+    """Read logs and find frame and cables.
+
+    Args:
+        paths: files; each is a session, or as many as the map joins are.
+        told: the map.
+        arm: take this one in place of the one that is found; its cables are matched with those found.
+
+    Raises:
+        LogError: a file cannot be used, or says too little.
+    """
+    sessions = _sessions(paths, told)
+    parts = [part for session in sessions for part in stretches(session, told.rows, 1 / told.arm.control_rate)]
+    if not parts:
+        raise LogError(
+            f"nothing is left: no {told.rows.shortest} steps follow each other; see rows.longest_gap and rows.label"
+        )
+    seen, frame = _seen(parts, told)
+    fit, motors, doubts = found_cables(seen, thinned(seen, MOST_FITTED), _start(frame, told), told)
+    layout = layout_of(fit, motors, told)
+    bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)
+    in_base = _in_base(seen.states, seen.frame, fit.guess)
+    residual = float(np.sqrt(np.nanmean(np.sum((states - in_base)[..., :3] ** 2, axis=-1))))
+    text = arm_text(fit, motors, layout, told, bends, residual)
+    if arm is None:
+        arm = arm_from_toml(text, "the arm that was found")
+    else:
+        text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
+    episodes = _episodes(parts, _about_z(in_base, layout.turn), arm, layout, told)
+    names = tuple(drive.measured or drive.commanded or "" for drive in told.drives)
+    broken, rows = sum(one.broken for one in sessions), sum(map(len, sessions))
+    return Imported(arm, text, episodes, names, layout, fit, motors, residual, tuple(doubts), broken, rows)
+
+
+def _about_z(states: np.ndarray, turn: float) -> np.ndarray:
+    """States in a base frame whose x is turned back by so much."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return (states.reshape(*states.shape[:-1], 2, 3) @ rotation.T).reshape(states.shape)
+
+
+def save_imported(imported: Imported, path: str | os.PathLike, options: dict[str, Any]) -> Path:
+    """Write the recording, and the arm file beside it; says where that is.
+
+    Raises:
+        S2C2AError: one of them cannot be written.
+    """
+    save_episodes(imported.episodes, path, options | _said(imported))
+    return save_whole(imported.text, arm_file_of(path), LogError)
+
+
+def arm_file_of(path: str | os.PathLike) -> Path:
+    """Where the arm file of a recording stands."""
+    return Path(path).with_suffix(".arm.toml")
+
+
+def _said(imported: Imported) -> dict[str, Any]:
+    return {
+        "babbling": "imported log",
+        "body": "a log",
+        "episodes": len(imported.episodes),
+        "residual_mm": round(1e3 * imported.residual, 2),
+    }
+
+
+def _sessions(paths: Sequence[str | os.PathLike], told: LogMap) -> list[Session]:
+    each = told.join.files if told.join else 1
+    if not paths or len(paths) % each:
+        raise LogError(f"{len(paths)} files; the map joins {each} to a session, so give a multiple of that")
+    asked = Asked(told.numbers, told.words, told.rows.skip_lines, told.rows.broken_rows == "gap")
+    tables = [read_table(path, asked) for path in paths]
+    return [session_of(tables[begin : begin + each], told) for begin in range(0, len(tables), each)]
+
+
+def _seen(parts: Sequence[Session], told: LogMap) -> tuple[Seen, Registration]:
+    columns = np.concatenate([_in_effect(part, told) for part in parts])
+    positions = np.concatenate([part.positions for part in parts])
+    axes = np.concatenate([part.axes for part in parts])
+    states = np.full((len(columns), told.arm.modules, 6), np.nan)
+    states[:, told.end_modules] = np.concatenate([positions, axes], axis=-1)
+    frame = first_registration(positions, told)
+    return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), frame.lengths.sum()), frame
+
+
+def _in_effect(part: Session, told: LogMap) -> np.ndarray:
+    """What the drives held while the row was measured."""
+    commands = commands_of(part)
+    if not settled(told):
+        commands = np.concatenate([commands[:1], commands[:-1]])
+    return np.where(np.isfinite(part.measured), part.measured, commands)
+
+
+def settled(told: LogMap) -> bool:
+    """Whether a row was measured after its command."""
+    return (told.rows.commands or ("settled" if told.rows.kind == "steps" else "sent")) == "settled"
+
+
+def _spread(told: LogMap) -> dict[str, float]:
+    """How far numbers may be from what is known of them."""
+    stated = told.arm.length is not None or told.arm.lengths is not None
+    return {
+        "angles": 2.0,
+        "gain": 3.0,
+        "gains": 0.3 if told.drives[0].unit == "free" else 0.1,
+        "offsets": 0.1,
+        "lengths": 0.002 if stated else 0.2,
+        "stiffness": 2.0,
+        "gravity": 0.3 if any(told.arm.gravity_direction) else 1e-6,
+        "tilt": 0.1,
+        "base": 0.002 if told.frame.base is not None else 0.1,
+    }
+
+
+def _start(frame: Registration, told: LogMap) -> Guess:
+    nothing = np.zeros(len(told.drives))
+    return Guess(
+        nothing,
+        np.array(0.0),
+        nothing,
+        nothing,
+        np.log(frame.lengths),
+        np.array(np.log(STIFFNESS)),
+        np.array(0.0),
+        np.zeros(2),
+        frame.base,
+    )
+
+
+def _in_base(states: np.ndarray, frame: np.ndarray, guess: Guess) -> np.ndarray:
+    rotation = frame @ np.asarray(turned(guess.tilt))
+    return np.concatenate([(states[..., :3] - guess.base) @ rotation, states[..., 3:] @ rotation], axis=-1)
+
+
+def _episodes(
+    parts: Sequence[Session], states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap
+) -> tuple[Episode, ...]:
+    edges = np.cumsum([len(part) for part in parts])[:-1]
+    return tuple(
+        _episode(part, own, arm, layout, told) for part, own in zip(parts, np.split(states, edges), strict=True)
+    )
+
+
+def _episode(part: Session, states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap) -> Episode:
+    """What was sent at a step is what is in effect at the next one where rows were measured after their command."""
+    commands = commands_of(part)
+    sent = np.concatenate([commands[1:], commands[-1:]]) if settled(told) else commands
+    columns = {
+        "time": part.time - part.time[0],
+        "actions": layout.cables(sent),
+        "sensor.cables": layout.cables(_in_effect(part, told)),
+        "sensor.states": states,
+    }
+    label = str(part.labels[0])
+    return Episode(arm, columns, {"label": label} if label else {})

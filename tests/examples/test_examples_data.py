@@ -1,0 +1,55 @@
+"""The pieces of real recordings are imported by the command line, with the maps beside them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.main import main
+from s2c2a.data import load_recording
+from s2c2a.live.viewing import drawable
+from s2c2a.logs import load_map
+
+DATA = Path(__file__).parents[2] / "examples" / "data"
+MAPS = sorted(DATA.glob("*/*.toml"))
+SERVOS = {"4": 0, "3": 0, "9": 0, "5": 1, "2": 1, "8": 1, "6": 2, "1": 2, "7": 2}
+
+
+@pytest.fixture
+def short_map(tmp_path):
+    """The map of opencr_v4 for its first rows, with the modules stated, which is quicker."""
+    text = (DATA / "opencr_v4" / "map.toml").read_text().replace("[rows]", "[rows]\nrows = 300", 1)
+    text = text.replace("modules = 3", "modules = 3\ncoupled_cables = true")
+    for servo, module in SERVOS.items():
+        text = text.replace(f'"servo_{servo}_mm"', f'"servo_{servo}_mm"\nmodule = {module}')
+    path = tmp_path / "short.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("path", MAPS, ids=lambda path: path.stem)
+def test_every_map_is_sound_and_says_source_and_licence(path):
+    source = load_map(path).source
+    assert all([source.name, source.address, source.commit, source.licence])
+    assert (DATA / path.parent.name / "LICENSE").is_file()
+
+
+def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
+    out = tmp_path / "opencr.episodes"
+    command = ["import", str(DATA / "opencr_v4" / "train.csv.gz"), "--map", str(short_map), "--out", str(out)]
+    main(command)
+    said = capsys.readouterr().out
+    assert "1 episodes of 300 steps" in said
+    assert "end of module 2 in 100.0 % of steps, its axis in 0.0 %" in said
+    recording = load_recording(out)
+    assert recording.arm == load_arm(tmp_path / "opencr.arm.toml")
+    assert recording.options["licence"] == "MIT"
+    assert recording.options["residual_mm"] < 8
+    states = recording.episodes[0].sensor("states")
+    assert np.isfinite(states[:, 2, :3]).all()
+    assert np.isnan(states[:, :2]).all()
+    assert np.isfinite(drawable(states, recording.arm)).all()
+    with pytest.raises(SystemExit):
+        main(command)
+    assert "--overwrite" in capsys.readouterr().err

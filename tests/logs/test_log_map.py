@@ -1,0 +1,58 @@
+"""Maps: what they may say, and faults told by the key."""
+
+import pytest
+
+from s2c2a.logs import map_from_toml
+from s2c2a.logs.errors import LogError
+
+SOUND = """
+[rows]
+kind = "steps"
+[arm]
+name = "mine"
+modules = 1
+control_rate = 10
+[[drives]]
+commanded = "m1"
+unit = "mm"
+[[ends]]
+position = ["x", "y", "z"]
+unit = "mm"
+"""
+
+
+def test_a_short_map_is_enough():
+    told = map_from_toml(SOUND)
+    assert told.end_modules == [0]
+    assert told.numbers == {"m1", "x", "y", "z"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('commanded = "m1"', 'comanded = "m1"', "drives.0.comanded: no such key; did you mean commanded"),
+        ('commanded = "m1"', "", "drives.0: name a column"),
+        ('unit = "mm"\n[[ends', 'unit = "ticks"\n[[ends', "arm.pulley_radius"),
+        ('unit = "mm"\n[[ends', 'unit = "free"\n[[ends', "arm.cable_radius"),
+        ('kind = "steps"', 'kind = "timed"', "rows: timed rows need"),
+        ("modules = 1", "modules = 99", "arm.modules"),
+        ('position = ["x", "y", "z"]', 'position = ["x", "y"]', "ends.0.position"),
+        ('position = ["x"', 'quaternion = ["a", "b", "c", "d"]\nposition = ["x"', "order"),
+        ('position = ["x"', 'euler = ["a", "b", "c"]\nposition = ["x"', "sequence"),
+        ('position = ["x"', 'euler = ["a", "b", "c"]\nsequence = "xYz"\nposition = ["x"', "ends.0.sequence"),
+        ('position = ["x"', 'module = 1\nposition = ["x"', "ends name a module beyond"),
+        ("control_rate = 10", "", "arm.control_rate: this key is missing"),
+        ("control_rate = 10", "control_rate = 10\nlength = nan", "arm.length"),
+        ("[rows]", "[rows", "not valid TOML"),
+    ],
+)
+def test_a_fault_names_its_key(old, new, said):
+    assert old in SOUND
+    with pytest.raises(LogError, match=said.replace(".", r"\.")):
+        map_from_toml(SOUND.replace(old, new, 1))
+
+
+def test_two_ends_of_one_module_are_refused():
+    end = '[[ends]]\nposition = ["u", "v", "w"]\nunit = "m"\n'
+    with pytest.raises(LogError, match="one end"):
+        map_from_toml(SOUND + end)

@@ -1,0 +1,174 @@
+"""Files of strangers: what is there is read, what is broken is told by line and column, nothing swells or runs."""
+
+import gzip
+import io
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from s2c2a.logs import arrays, tables
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.tables import Asked, read_table
+
+AB = Asked(["a", "b"])
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Writes a file and gives its path."""
+
+    def write(content, name="log.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "a,b\n1.5,2\n-3,4e-1\n",
+        "a;b\n1,5;2\n-3;0,4\n",
+        "a\tb\n1,5\t2\n-3\t4e-1\n",
+        "\ufeffa,b\r\n1.5,2\r\n\r\n-3,.4\r\n",
+        "# made by hand\nb,a\n2,1.5\n# and on\n0.4,-3\n",
+        '"a", "b"\n1.5, 2\n-3, 0.4\n',
+        gzip.compress(b"a,b\n1.5,2\n-3,0.4\n"),
+        "a,b\n1.5,2\n-3,0.4\n".encode("utf-16"),
+    ],
+)
+def test_a_table_is_read_whatever_parts_its_cells(written, content):
+    table = read_table(written(content), AB)
+    np.testing.assert_array_equal([table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]])
+
+
+def test_a_file_without_names_has_numbers_for_columns(written):
+    table = read_table(written("1,2\n3,4\n"), Asked(["2"]))
+    np.testing.assert_array_equal(table.numbers["2"], [2, 4])
+
+
+def test_blanks_are_nothing_and_labels_stay_words(written):
+    table = read_table(written("a,b,what\n1,,up\nNaN,n/a,down\n"), Asked(["a", "b"], ["what"]))
+    np.testing.assert_array_equal(table.numbers["b"], [np.nan, np.nan])
+    assert list(table.words["what"]) == ["up", "down"]
+
+
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        ("a,b\n1,2\n3,high\n", "line 3, column 'b'.*'high'"),
+        ("a,b\n1,2\n3\n", "line 3, column 'b'.*cut off"),
+        ("a,b,c\n1,2,3\n1,2\n", "line 3, column 'c'.*cut off"),
+        ('a,b\n"1,5",2\n', "line 2, column 'a'"),
+        ("a;b\n1.234,5;2\n", "line 2, column 'a'"),
+        ("a,b\n1_000,2\n", "line 2, column 'a'"),
+    ],
+)
+def test_a_broken_row_is_told_by_line_and_column_or_is_a_gap(written, content, place):
+    with pytest.raises(LogError, match=place):
+        read_table(written(content), AB)
+    table = read_table(written(content), Asked(["a", "b"], gaps=True))
+    assert table.broken == 1
+    assert np.isnan(table.numbers["a"][-1])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\n\n",
+        b"\x00\xff\xfe\x01" * 50,
+        b"c,d\n1,2\n",
+        b"a,a\n1,2\n",
+        gzip.compress(b"a,b\n1,2\n")[:-9],
+        b"\x1f\x8bnothing",
+        b'a,b\n"1,2\n' + b"x" * 200_000,
+        b"\xff\xfea",
+    ],
+)
+def test_what_is_no_table_ends_in_words(written, content):
+    with pytest.raises(LogError):
+        read_table(written(content), AB)
+
+
+def test_a_missing_file_ends_in_words(tmp_path):
+    with pytest.raises(LogError, match="nowhere"):
+        read_table(tmp_path / "nowhere.csv", AB)
+
+
+def test_what_swells_is_left_alone(written, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_BYTES", 1000)
+    monkeypatch.setattr(arrays, "MOST_BYTES", 1000)
+    with pytest.raises(LogError, match="more than 1000 bytes"):
+        read_table(written(gzip.compress(b"a,b\n" + b"1,2\n" * 1000)), AB)
+    squeezed = io.BytesIO()
+    np.savez_compressed(squeezed, a=np.zeros(1000))
+    with pytest.raises(LogError, match="at most 1000"):
+        read_table(written(squeezed.getvalue(), "log.npz"), AB)
+    savemat(swollen := io.BytesIO(), {"a": np.zeros(1000)}, do_compression=True)
+    with pytest.raises(LogError, match="more than 1000"):
+        read_table(written(swollen.getvalue(), "log.mat"), AB)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
+    values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
+    path = tmp_path / f"log.{ending}"
+    (np.savez if ending == "npz" else lambda path, **arrays: savemat(path, arrays))(path, **values)
+    table = read_table(path, Asked(["a", "p.1"]))
+    np.testing.assert_array_equal([table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]])
+
+
+class Trap:
+    """Unpickled, it would write a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+def test_nothing_in_an_npz_is_run(tmp_path):
+    sprung, path = tmp_path / "sprung", tmp_path / "log.npz"
+    np.savez(path, a=np.array([Trap(sprung)], dtype=object), allow_pickle=True)
+    with pytest.raises(LogError):
+        read_table(path, AB)
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("a.npy", pickle.dumps(Trap(sprung)))
+    with pytest.raises(LogError):
+        read_table(path, AB)
+    assert not sprung.exists()
+
+
+def test_a_mat_file_of_version_7_3_is_refused_with_advice(written):
+    with pytest.raises(LogError, match="-v7"):
+        read_table(written(b"MATLAB 7.3 MAT-file".ljust(200), "log.mat"), AB)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat", "csv.gz"])
+def test_damaged_files_end_in_words(tmp_path, ending):
+    path, random = tmp_path / f"log.{ending}", np.random.default_rng(0)
+    values = {"a": random.normal(size=20), "b": random.normal(size=20)}
+    if ending == "npz":
+        np.savez_compressed(path, **values)
+    elif ending == "mat":
+        savemat(path, values, do_compression=True)
+    else:
+        path.write_bytes(
+            gzip.compress("\n".join(["a,b", *(f"{a},{b}" for a, b in zip(*values.values(), strict=True))]).encode())
+        )
+    whole, ended = path.read_bytes(), 0
+    for _ in range(150):
+        harmed = bytearray(whole[: random.integers(1, len(whole))] if random.random() < 0.3 else whole)
+        harmed[random.integers(len(harmed))] ^= random.integers(1, 256)
+        path.write_bytes(bytes(harmed))
+        try:
+            read_table(path, AB)
+        except LogError:
+            ended += 1
+    assert ended > 20
