@@ -20,7 +20,7 @@ TWIN = load_arm("twin_arm")
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """Searches begin from fewer shapes."""
-    monkeypatch.setattr(true_reach, "SAMPLES", 96)
+    monkeypatch.setattr(true_reach, "SAMPLES", 256)
 
 
 @pytest.fixture(scope="module")
