@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +39,18 @@ class ForwardOptions(ABC):
 
         Files are read into it: options and arm alone decide how many arrays it has, and their shapes.
         """
+
+    def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
+        """States that a model of these options says along whole episodes, from what was sensed [m, 1], base frame."""
+
+        @eqx.filter_jit
+        def along(model: ForwardModel, sensed: Float[Array, "samples modules 3"]) -> Array:
+            def step(memory, now):
+                return model.observe(now, memory), model.predict(now, memory)
+
+            return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
+
+        return np.stack([along(model, jnp.asarray(sensed, jnp.float32)) for sensed in data.sensed])
 
     @abstractmethod
     def train(

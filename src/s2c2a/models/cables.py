@@ -58,15 +58,15 @@ class Hysteresis(eqx.Module):
     Attributes:
         operators: the plays and the filters.
         play_weights: of the displacement itself, every play, and the last displacement, before a softplus: what
-            reaches the module moves with the motor or stays, never against it, shape (modules, widths + 2).
-        creep_weights: of every filter, shape (modules, times).
+            reaches the module moves with the motor or stays, never against it, shape (modules, widths + 2, cables).
+        creep_weights: of every filter, shape (modules, times, cables).
         engaged: whether slopes are those of cables that follow their motors. A planner takes them: within a play
             nothing moves, and from the true slope, zero, it would never learn that going on helps.
     """
 
     operators: Operators
-    play_weights: Float[Array, "modules plays"]
-    creep_weights: Float[Array, "modules times"]
+    play_weights: Float[Array, "modules plays cables"]
+    creep_weights: Float[Array, "modules times cables"]
     engaged: bool = eqx.field(static=True, default=False)
 
     def start(self, displacements: Float[Array, "*batch modules cables"]) -> HysteresisMemory:
@@ -93,8 +93,8 @@ class Hysteresis(eqx.Module):
 
     def transmitted(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""
-        weights = jnp.concatenate([jax.nn.softplus(self.play_weights), self.creep_weights], axis=-1)
-        return jnp.einsum("mj,...mjn->...mn", weights, inputs)
+        weights = jnp.concatenate([jax.nn.softplus(self.play_weights), self.creep_weights], axis=-2)
+        return jnp.einsum("mjn,...mjn->...mn", weights, inputs)
 
 
 def bend_at_rest(
@@ -124,6 +124,29 @@ def bend_at_rest(
     stretched = _stretched(*jax.lax.stop_gradient((linear, wanted, moments, matrices, stiffness)))
     bends = _solve(stretched * stiffness[:, None], wanted, moments, matrices)
     return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
+
+
+def shortening(
+    bends: Float[Array, "*batch modules 2"],
+    displacements: Float[Array, "*batch modules cables"],
+    matrices: Float[Array, "modules cables 2"],
+    stiffness: Float[Array, " modules"],
+    give: Float[Array, " modules"],
+) -> Float[Array, "*batch modules 1"]:
+    """How much shorter the centre line is, over the cable radius, on a cable's way from the base to each module.
+
+    A module is as much shorter as all cables pull that run through it: its own and those of modules further out.
+
+    Args:
+        bends: at rest [rad].
+        displacements: at the module, less what it is taut by [rad].
+        matrices: B.
+        stiffness: kappa.
+        give: of each module, for a pull of one.
+    """
+    pulls = stiffness * jnp.sum(jnp.maximum(jnp.einsum("mnk,...mk->...mn", matrices, bends) - displacements, 0.0), -1)
+    through = jnp.cumsum(pulls[..., ::-1], axis=-1)[..., ::-1]
+    return jnp.cumsum(give * through, axis=-1)[..., None]
 
 
 def _stretched(bends, wanted, moments, matrices, stiffness) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data.windows import Samples
+from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
 from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S, ChainOptions, answer, samples_along
@@ -23,6 +23,7 @@ from s2c2a.training.fit import FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
 UNIT, AXIS_UNIT = 0.4, 1.0  # an error of one: in parts of the arm's length, and of axes
+FULL_BEND = 0.82  # rad; what `play_widths` are said for
 NEARBY = 0.2  # rad; how far slopes are believed
 EVERY_OTHER = slice(1, None, 2)  # of the plays
 
@@ -160,26 +161,28 @@ class LocalOptions(ChainOptions):
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then what it leaves out."""
-        chain = ChainOptions(self.hidden, self.depth, self.play_widths, self.creep_times, self.statics)
+        widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
+        chain = ChainOptions(self.hidden, self.depth, widths, self.creep_times, self.statics)
         result = chain.train(data, fit, key, progress)
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
-        model = min(self._candidates(blank, split.training), key=lambda one: _loss(one, split.validation))
-        return tried(replace(result, network=_calibrated(model, split.validation)), answer, split)
+        tries = [blank, *(self._beside(blank, split.training, share) for share in (1.0, 0.0))]
+        model = _calibrated(min(tries, key=lambda one: _loss(one, split.validation)), split.validation)
+        trained = tried(replace(result, network=model), answer, split)
+        if model is tries[0]:
+            return trained
+        whole = self._beside(model, _together(split), float(model.share))  # what was held out is known from now on
+        return replace(trained, network=whole)
 
-    def _candidates(self, blank: LocalC2S, samples: Samples) -> list[LocalC2S]:
-        """The chain alone; with a local model beside it; a local model alone."""
+    def _beside(self, blank: LocalC2S, samples: Samples, share: float) -> LocalC2S:
+        """A local model beside so much of the chain."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
         kinds, sizes = self._kinds(samples.targets.shape[1]), KernelSizes(self.points, min(self.few, self.points))
-
-        def beside(share: float) -> LocalC2S:
-            left = samples.targets - share * chained
-            left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
-            kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, sizes)
-            return replace(blank, kernels=kernels, share=jnp.asarray(share))
-
-        return [blank, beside(1.0), beside(0.0)]
+        left = samples.targets - share * chained
+        left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
+        kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, sizes)
+        return replace(blank, kernels=kernels, share=jnp.asarray(share))
 
     def _kinds(self, modules: int) -> Float[np.ndarray, "features kinds"]:
         """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
@@ -187,6 +190,20 @@ class LocalOptions(ChainOptions):
         seen = 2 + len(self.play_widths[EVERY_OTHER]) + len(self.creep_times)
         module, kind, axis = np.unravel_index(np.arange(places * seen), (modules, seen, 3))
         return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
+
+
+def _reach(data: TrainingData) -> float:
+    """The largest displacement over the cable radius, or bend [rad]: plays are in parts of what the arm moves by."""
+    if data.displacements is not None:
+        return float(np.abs(data.displacements).max())
+    return float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0)))
+
+
+def _together(split: Split) -> Samples:
+    """All samples, for what is told by none of them in particular."""
+    parts = split.training, split.validation, split.test
+    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
+    return Samples({"configurations": inputs}, np.concatenate([part.targets for part in parts]))
 
 
 def _errors(model: LocalC2S, samples: Samples) -> tuple[Array, Array]:
