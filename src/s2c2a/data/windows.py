@@ -33,6 +33,8 @@ class Split:
 
 SHORTEST_EPISODE = 50
 """Samples without which the shortest stretch has no whole window."""
+PIECE = 500
+"""Samples of an episode, about, of which each part gets a share."""
 WHOLE = (0, 0, 0, 0, 1, 0, 2)
 """Which part shorter episodes are of, in turn."""
 
@@ -43,7 +45,8 @@ Stretch = tuple[int, slice]
 def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
     """Training, validation and test stretches of episodes of so many samples: which episode, and which samples.
 
-    Long episodes are cut; shorter ones, as logs with gaps have them, are of one part as a whole.
+    Long episodes are cut, very long ones piece by piece; shorter ones, as logs with gaps have them, are of one part as
+    a whole.
 
     Raises:
         RecordingError: a part would stay empty.
@@ -55,9 +58,10 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
             parts[WHOLE[short % len(WHOLE)]].append((episode, slice(0, samples)))
             short += 1
             continue
-        edges = np.rint(np.cumsum([0.0, *SHARES]) * samples).astype(int)
-        for part, (start, stop) in zip(parts, pairwise(edges), strict=True):
-            part.append((episode, slice(start, stop)))
+        for begin, end in pairwise(np.linspace(0, samples, 1 + max(1, round(samples / PIECE))).astype(int)):
+            edges = begin + np.rint(np.cumsum([0.0, *SHARES]) * (end - begin)).astype(int)
+            for part, (start, stop) in zip(parts, pairwise(edges.tolist()), strict=True):
+                part.append((episode, slice(start, stop)))
     if not all(parts):
         raise RecordingError(
             f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; collect at least "

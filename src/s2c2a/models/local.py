@@ -53,7 +53,7 @@ class LocalC2S(ForwardModel):
     Attributes:
         chain: hysteresis, statics, arcs.
         kernels: what it leaves out, in units.
-        share: of the chain in what is said: one, or zero where the local model does better alone.
+        share: of the chain in what is said: one, or zero where the local model does better alone, shape (modules, 6).
         calibration: true errors over those expected, shape (modules,).
         unit: of positions [m].
         tangent: what takes the kernels' place near a configuration.
@@ -61,7 +61,7 @@ class LocalC2S(ForwardModel):
 
     chain: ChainC2S
     kernels: Kernels
-    share: Float[Array, ""]
+    share: Float[Array, "modules 6"]
     calibration: Float[Array, " modules"]
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
@@ -126,8 +126,8 @@ class LocalC2S(ForwardModel):
     def _put_together(self, states: Float[Array, "*batch modules 6"], said: Float[Array, "*batch outputs"]) -> Array:
         """Positions and axes of the chain, and what is said beside them."""
         beside = said.reshape(*said.shape[:-1], -1, 6)
-        positions = self.share * states[..., :3] + self.unit * beside[..., :3]
-        axes = self.share * states[..., 3:] + AXIS_UNIT * beside[..., 3:]
+        states = self.share * states
+        positions, axes = states[..., :3] + self.unit * beside[..., :3], states[..., 3:] + AXIS_UNIT * beside[..., 3:]
         return jnp.concatenate([positions, axes / jnp.linalg.norm(axes, axis=-1, keepdims=True)], axis=-1)
 
 
@@ -155,7 +155,7 @@ class LocalOptions(ChainOptions):
         """The chain before training, and a local model that says nothing."""
         chain, modules = super().untrained(arm, key), arm.module_count
         kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points, min(self.few, self.points))
-        return LocalC2S(chain, kernels, jnp.ones(()), jnp.zeros(modules), UNIT * arm.length)
+        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), jnp.zeros(modules), UNIT * arm.length)
 
     def train(
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -166,15 +166,17 @@ class LocalOptions(ChainOptions):
         result = chain.train(data, fit, key, progress)
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
-        tries = [blank, *(self._beside(blank, split.training, share) for share in (1.0, 0.0))]
+        every = np.ones_like(blank.share)
+        known = np.isfinite(split.training.targets).any(axis=0)  # what is not known, the chain alone says
+        tries = [blank, *(self._beside(blank, split.training, share) for share in (every, every - known))]
         model = _calibrated(min(tries, key=lambda one: _loss(one, split.validation)), split.validation)
         trained = tried(replace(result, network=model), answer, split)
         if model is tries[0]:
             return trained
-        whole = self._beside(model, _together(split), float(model.share))  # what was held out is known from now on
+        whole = self._beside(model, _together(split), np.asarray(model.share))  # what was held out is known from now on
         return replace(trained, network=whole)
 
-    def _beside(self, blank: LocalC2S, samples: Samples, share: float) -> LocalC2S:
+    def _beside(self, blank: LocalC2S, samples: Samples, share: np.ndarray) -> LocalC2S:
         """A local model beside so much of the chain."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
@@ -226,6 +228,7 @@ def _loss(model: LocalC2S, samples: Samples) -> float:
 def _calibrated(model: LocalC2S, samples: Samples) -> LocalC2S:
     """Deviations as large, in the root of their mean square, as errors were on samples held out."""
     distances, expected = _errors(model, samples)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratios = np.sqrt(np.nanmean(distances**2, axis=0) / np.mean(expected**2, axis=0))
-    return replace(model, calibration=jnp.asarray(np.where(np.isfinite(ratios), ratios, 0.0), jnp.float32))
+    known = np.isfinite(distances)
+    sums = [np.sum(part**2, axis=0, where=known) for part in (distances, expected)]
+    ratios = np.sqrt(np.divide(*sums, out=np.zeros_like(sums[0]), where=sums[1] > 0))
+    return replace(model, calibration=jnp.asarray(ratios, jnp.float32))

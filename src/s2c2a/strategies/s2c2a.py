@@ -42,19 +42,28 @@ def train_s2c2a(
         RecordingError: episodes are missing or too short, or the recording holds no true states.
         TrainingError: too few samples, or the loss is not finite.
     """
+    data = training_data(recording, recipe)
+    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
+    forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
+    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
+    return TrainedNetworks.of(data.arm, recipe, seed, {"C2S": forward, "C2A": control})
+
+
+def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
+    """What networks of a recipe learn from.
+
+    Raises:
+        RecordingError: episodes are missing, or the recording holds no true states, or not what its arm senses.
+    """
     recording.check_complete()
     states = recording.sensor("states")
     if not np.isfinite(states).any():
         raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
-    arm = recording.arm
-    sensed = recipe.estimator(arm).sensed(recording.readings())
+    sensed = recipe.estimator(recording.arm).sensed(recording.readings())
     if not np.isfinite(sensed).all():
         raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
-    data = TrainingData(arm, sensed, recording.actions, states, recording.lengths, moved_together(recording))
-    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-    forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
-    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
-    return TrainedNetworks.of(arm, recipe, seed, {"C2S": forward, "C2A": control})
+    together = moved_together(recording)
+    return TrainingData(recording.arm, sensed, recording.actions, states, recording.lengths, together)
 
 
 def moved_together(recording: Recording) -> np.ndarray | None:

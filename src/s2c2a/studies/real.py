@@ -1,0 +1,124 @@
+"""Forward models on recordings of arms that nobody here made, on honest splits.
+
+Rows that are held out are whole blocks, the end of a recording, or other recordings; what cables remember is carried
+along the whole of it, as it is on the arm, and the truth of those rows is never shown.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Bool
+
+from s2c2a.data import Recording
+from s2c2a.errors import RecordingError
+from s2c2a.evaluation.report import Row
+from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import recipe_named, training_data
+from s2c2a.studies.real_models import FittedArcs, KernelRegression, Recurrent
+from s2c2a.training import FitOptions, TrainingData
+
+EXPERIMENT = "real"
+HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
+BEST = recipe_named("best")
+PAPER = recipe_named("paper")
+MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
+    "best": (BEST.c2s, BEST.c2s_fit),
+    "chain": (ChainOptions(), BEST.c2s_fit),
+    "paper": (C2SOptions(layers=4, hidden=64), PAPER.c2s_fit),
+    "pcc-fitted": (FittedArcs(), PAPER.c2s_fit),
+    "kernels": (KernelRegression(plays=False), PAPER.c2s_fit),
+    "kernels with plays": (KernelRegression(), PAPER.c2s_fit),
+    "recurrent": (Recurrent(), BEST.c2s_fit),
+}
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is held out of a recording.
+
+    Attributes:
+        name: in the rows.
+        rows: which, shape (episodes, samples).
+    """
+
+    name: str
+    rows: Bool[np.ndarray, "episodes samples"]
+
+
+def blocks_of(recording: Recording, size: int) -> Held:
+    """Of every twenty blocks of so many rows the 7th, 14th and 20th, over all episodes in turn."""
+    rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
+    before = 0
+    for mine, length in zip(rows, recording.lengths, strict=True):
+        numbers = (before + np.arange(length)) // size
+        mine[:length] = np.isin(numbers % 20, HELD_OUT_BLOCKS)
+        before += length
+    return Held(f"blocks of {size}", rows)
+
+
+def last_of(recording: Recording, count: int) -> Held:
+    """The last rows of the last episode.
+
+    Raises:
+        RecordingError: it has not so many.
+    """
+    if not 0 < count < recording.lengths[-1]:
+        raise RecordingError(f"the last {count} rows asked for; the last episode has {recording.lengths[-1]}")
+    rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
+    rows[-1, recording.lengths[-1] - count : recording.lengths[-1]] = True
+    return Held(f"last {count}", rows)
+
+
+def held_rows(
+    recording: Recording, held: Held, models: Sequence[str], seeds: Sequence[int], unseen: Sequence[Recording] = ()
+) -> Iterator[Row]:
+    """Rows of one split, a model after the other: errors of the tip where it is known [mm].
+
+    Args:
+        recording: to learn from.
+        held: what of it is held out.
+        models: names of `MODELS`.
+        seeds: of training.
+        unseen: other recordings of the same arm, tried as a whole.
+    """
+    data = training_data(recording, BEST)
+    states = np.array(data.states)
+    states[held.rows] = np.nan
+    others = [(str(other.options.get("name", f"recording {number}")), training_data(other, BEST), None)
+              for number, other in enumerate(unseen, 2)]
+    tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
+    for name in models:
+        options, fit = MODELS[name]
+        trained = [options.train(replace(data, states=states), fit, jax.random.key(seed)).network for seed in seeds]
+        for split, where, rows in tried:
+            errors = [_errors(options, network, where, rows) for network in trained]
+            yield from _as_rows(recording, split, name, errors, seeds)
+
+
+def _errors(options: ForwardOptions, network, data: TrainingData, rows: np.ndarray | None) -> np.ndarray:
+    """Distances of the tip from where it was said to be [mm]."""
+    said = options.answers(network, data)
+    distances = 1e3 * np.linalg.norm((said - data.states)[:, :, -1, POSITION], axis=-1)
+    counted = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
+    for mine, length in zip(counted, data.lengths or (), strict=False):
+        mine[length:] = False
+    return distances[counted if rows is None else counted & rows]
+
+
+def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
+    measures = {"tip": np.mean, "tip, rms": lambda e: np.sqrt(np.mean(e**2)), "tip, 95 %": lambda e: np.percentile(e, 95)}
+    task = f"{recording.options.get('name', recording.arm.name)}, {split}".replace("|", "/")
+    return [
+        Row(EXPERIMENT, task, recording.arm.name, "real", name, name, metric, "mm",
+            **_over(list(map(measure, errors)), errors if metric == "tip" else []), seeds=tuple(seeds))
+        for metric, measure in measures.items()
+    ]
+
+
+def _over(values: list[float], spreads: list[np.ndarray]) -> dict:
+    from s2c2a.evaluation.report import over_seeds
+
+    return over_seeds([float(one) for one in values], [float(one.std()) for one in spreads])
