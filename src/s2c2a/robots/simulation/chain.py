@@ -160,7 +160,10 @@ def _add_joints(body, module: Module, number: int, segment: int, fidelity: Fidel
     stiffnesses = {"x": module.bending_stiffness, "y": module.bending_stiffness}
     if fidelity.torsion:
         stiffnesses["z"] = module.gj
-    for (axis, stiffness), direction in zip(stiffnesses.items(), np.eye(3), strict=False):
+    hinges = list(zip(stiffnesses.items(), np.eye(3), strict=False))
+    if fidelity.torsion and (number * fidelity.segments + segment) % 2:
+        hinges.reverse()  # turns do not commute; in one order all along, bends would add up to a twist of first order
+    for (axis, stiffness), direction in hinges:
         body.add_joint(
             name=joint_name(number, segment, axis),
             type=mujoco.mjtJoint.mjJNT_HINGE,
