@@ -87,6 +87,7 @@ class Reading:
     | `cables`         | displacements, or tensions of an arm driven by tension          | (modules, cables)  | m or N |
     | `states`         | true states, base frame: motion capture, or simulation          | (modules, 6)       | m, 1   |
     | `configurations` | true configurations                                             | (modules, 3)       | 1      |
+    | `tensions`       | tensions of the cables as the motors' currents tell them        | (modules, cables)  | N      |
     | `centre_line`    | where the true centre line was since the last reading, the      | (moments, points,  | m      |
     |                  | newest last; `CENTRE_LINE_POINTS` a module from base to tip     | 3)                 |        |
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import tomli_w
 from pydantic import ValidationError
 
+from s2c2a.arm.fields import EACH, ONE
+from s2c2a.arm.flaws import Flaws
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import read_text, save_whole, toml_in
@@ -77,14 +79,14 @@ def _explain(error: ValidationError, source: str) -> str:
     faults = [fault for fault in faults if not (inside and fault["loc"] == ("modules",))]
     lines = [f"{source}: {len(faults)} fault(s) in the arm description (modules count from 0, at the base)"]
     for fault in faults[:MOST_FAULTS]:
-        key = ".".join(str(part)[:LONGEST_NAME] for part in fault["loc"]) or "arm"
+        key = ".".join(str(part)[:LONGEST_NAME] for part in fault["loc"] if part not in (ONE, EACH)) or "arm"
         lines.append(f"  {key}: {_said(fault)[:LONGEST_SAID]}{_got(fault)}{_hint(fault)}")
     return "\n".join(lines)
 
 
 def _said(fault) -> str:
     if fault["type"] == "extra_forbidden":
-        known = [name for kind in (ArmSpec, Module, Motor, Cable) for name in kind.model_fields]
+        known = [name for kind in (ArmSpec, Module, Motor, Cable, Flaws) for name in kind.model_fields]
         near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], known, n=1)
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     if fault["type"] == "missing":

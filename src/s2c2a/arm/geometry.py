@@ -16,6 +16,12 @@ def per_module(arm: ArmSpec, key: str) -> np.ndarray:
     return np.array([attrgetter(key)(module) for module in arm.modules])
 
 
+def per_cable(arm: ArmSpec, key: str) -> Float[np.ndarray, "modules cables"]:
+    """The same of every cable, where a module says one number for all of its own, or one each."""
+    values = map(attrgetter(key), arm.modules)
+    return np.array([np.broadcast_to(value, arm.cable_count) for value in values], dtype=float)
+
+
 def cable_matrix(angles: Float[np.ndarray, "*modules cables"]) -> Float[np.ndarray, "*modules cables 2"]:
     """B with rows -(cos b_i, sin b_i): cable displacements are r B b for a bend b [rad] at cable radius r."""
     return -np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -43,7 +49,8 @@ class ArmGeometry:
     """Arrays over the modules of one arm, SI units.
 
     An action is `action_neutral + action_scale * B v`, where v (|v| <= 1) is the share of the full bend in the
-    module's two bend directions: the same words for displacement and tension.
+    module's two bend directions: the same words for displacement and tension. Where cables travel further than a full
+    bend takes, v is the share of that travel.
 
     Attributes:
         lengths: module lengths [m], shape (modules,).
@@ -51,6 +58,7 @@ class ArmGeometry:
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
+        action_bends: what the whole range of actions would bend without any loss [rad], shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
@@ -63,6 +71,7 @@ class ArmGeometry:
     cable_matrices: np.ndarray
     bend_matrices: np.ndarray
     bend_limits: np.ndarray
+    action_bends: np.ndarray
     pretensions: np.ndarray
     action_neutral: np.ndarray
     action_scale: np.ndarray
@@ -74,12 +83,19 @@ class ArmGeometry:
         """Derive the arrays from a description."""
         matrices = cable_matrix(np.deg2rad(per_module(arm, "cable_angles_deg")))
         radii, bend_limits = per_module(arm, "cable_radius"), np.deg2rad(per_module(arm, "bend_limit_deg"))
+        travels = [module.cable.travel for module in arm.modules]
+        bends = np.array(
+            [
+                limit if way is None else way / radius
+                for limit, way, radius in zip(bend_limits, travels, radii, strict=True)
+            ]
+        )
         pull = np.array([balanced_pull(matrix) for matrix in matrices])
         pretensions = per_module(arm, "pretension")[:, None] * pull
         tension = arm.actuation == "tension"
         neutral = pretensions if tension else np.zeros_like(pretensions)
         # a displacement shortens, a tension grows, towards the bend
-        scale = -per_module(arm, "tension_range") if tension else radii * bend_limits
+        scale = -per_module(arm, "tension_range") if tension else radii * bends
         reach = np.abs(scale)[:, None]
         return cls(
             lengths=per_module(arm, "length"),
@@ -87,6 +103,7 @@ class ArmGeometry:
             cable_matrices=matrices,
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
+            action_bends=bends,
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,

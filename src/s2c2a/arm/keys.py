@@ -6,14 +6,15 @@ from typing import Any, NamedTuple
 
 from s2c2a.arm.spec import ArmSpec
 
-_TABLES = {"": "", "motor": "[motor]", "modules": "[[modules]]", "modules.cable": "[modules.cable]"}
+_INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "flaws")}
+_TABLES = {"": "", "motor": "[motor]", "modules": "[[modules]]"} | _INNER
 
 
 class Key(NamedTuple):
     """One key.
 
     Attributes:
-        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]` or `[modules.cable]`.
+        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]`, ....
         name: what stands left of the equals sign.
         allowed: its values, in words.
         otherwise: what holds if it is not stated.
@@ -59,7 +60,8 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
             inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
             continue
         otherwise = "needed" if name in part["required"] else _written(value["default"])
-        yield Key(table, name, _allowed(form), otherwise, value.get("description") or form.get("description", ""))
+        allowed = value.get("allowed") or _allowed(form)
+        yield Key(table, name, allowed, otherwise, value.get("description") or form.get("description", ""))
     for path, kind in inner:
         yield from _keys_of({"required": ()} | kind, kinds, path)
 

@@ -1,73 +1,67 @@
 """The description of an arm: frozen values, checked when built."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_gap_deg
+from s2c2a.arm.flaws import Flaws
 
 MOST_MODULES = 20
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
 
 
-def _between(low: float, high: float, unit: str, meaning: str, default: Any = ...) -> Any:
-    """A number with the range of plausible arms; a value wrong by a factor of 1000 falls outside of it."""
-    return Field(default, ge=low, le=high, description=f"{meaning} [{unit}]")
-
-
-def _refuse_text_and_truth(value):
-    if isinstance(value, str | bool):
-        raise ValueError(f"a number is needed, without quotes, got {value!r}")
-    return value
-
-
-Number = Annotated[float, BeforeValidator(_refuse_text_and_truth)]
-
-
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
-
-
-def largest_gap_deg(angles_deg) -> float:
-    """Largest angle between neighbouring cables [deg]."""
-    around = np.sort(np.mod(angles_deg, 360.0))
-    return float(np.max(np.diff(np.append(around, around[0] + 360.0))))
-
-
-class Cable(_Frozen):
+class Cable(Frozen):
     """How the cables of one module pass on what their motors do.
 
     Each cable pulls and never pushes. Between motor and module it loses motion in three ways that can be mixed: play,
     capstan friction in its housing tube, creep of the material. All three are zero unless stated.
     """
 
-    stiffness: Number = _between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5)
-    play: Number = _between(0, 0.02, "m", "half-width of the play between motor and module; displacement arms", 0.0)
-    friction: Number = _between(0, 1, "1", "capstan friction coefficient of cable in tube", 0.0)
-    friction_angle_deg: Number = _between(0, 1440, "deg", "bend of the tube with the arm straight", 90.0)
-    creep: Number = _between(
+    unsaid: ClassVar[frozenset[str]] = frozenset(("viscous_friction",))
+
+    travel: Number | None = between(
+        0.0001, 2, "m", "how far motors may move it from rest, either way; cable_radius times full bend if none", None
+    )
+    stiffness: Number = between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5)
+    play: Annotated[Numbers, Within(0, 0.02)] = Field(
+        default=0.0, description="half-width of the play between motor and module; displacement arms [m]"
+    )
+    friction: Number = between(0, 1, "1", "capstan friction coefficient of cable in tube", 0.0)
+    friction_angle_deg: Number = between(0, 1440, "deg", "bend of the tube with the arm straight", 90.0)
+    viscous_friction: Number = between(0, 10_000, "N s/m", "friction that grows with the speed of the cable", 0.0)
+    creep: Number = between(
         0, 0.9, "1", "part of a held motion that creep takes back in the end; displacement arms", 0.0
     )
-    creep_time: Number = _between(0.1, 3600, "s", "time constant of creep", 5.0)
+    creep_time: Number = between(0.1, 3600, "s", "time constant of creep", 5.0)
+
+    def plays(self, count: int) -> tuple[float, ...]:
+        """Play of each of so many cables [m]."""
+        return self.play if isinstance(self.play, tuple) else (self.play,) * count
 
 
-class Module(_Frozen):
+class Module(Frozen):
     """One soft module; several in a row, base first, make the arm."""
 
-    length: Number = _between(0.005, 2, "m", "length of the centre line")
-    cable_radius: Number = _between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
+    unsaid: ClassVar[frozenset[str]] = frozenset(("flaws",))
+
+    length: Number = between(0.005, 2, "m", "length of the centre line")
+    cable_radius: Number = between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
     cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
         min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"
     )
-    mass: Number = _between(0.0005, 10, "kg", "mass")
-    bending_stiffness: Number = _between(0.0005, 50, "N m2", "EI")
-    torsional_stiffness: Number | None = _between(0.0005, 50, "N m2", "GJ; as EI if none", None)
-    damping_time: Number = _between(0.005, 2, "s", "damping over stiffness", 0.05)
-    bend_limit_deg: Number = _between(1, 150, "deg", "largest bend asked for", 50.0)
-    pretension: Number = _between(0, 500, "N", "tension of every cable at rest", 0.0)
-    tension_range: Number | None = _between(0.05, 500, "N", "tension added at full bend; tension arms need it", None)
+    mass: Number = between(0.0005, 10, "kg", "mass")
+    bending_stiffness: Number = between(0.0005, 50, "N m2", "EI")
+    torsional_stiffness: Number | None = between(0.0005, 50, "N m2", "GJ; as EI if none", None)
+    damping_time: Number = between(0.005, 2, "s", "damping over stiffness", 0.05)
+    bend_limit_deg: Number = between(1, 150, "deg", "largest bend asked for", 50.0)
+    pretension: Number = between(0, 500, "N", "tension of every cable at rest", 0.0)
+    tension_range: Number | None = between(0.05, 500, "N", "tension added at full bend; tension arms need it", None)
     cable: Cable = Cable()
+    flaws: Flaws = Flaws()
 
     @property
     def gj(self) -> float:
@@ -84,23 +78,42 @@ class Module(_Frozen):
             )
         if self.cable_radius > self.length:
             raise ValueError(f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in metres")
+        self._check_cables()
         return self
 
+    def _check_cables(self):
+        count = len(self.cable_angles_deg)
+        for key, value in {"cable.play": self.cable.play, **self.flaws.per_cable()}.items():
+            if isinstance(value, tuple) and len(value) != count:
+                raise ValueError(f"{key} has {len(value)} numbers; give one for each of the {count} cables, or one")
+        true_angles = np.add(self.cable_angles_deg, self.flaws.angle_errors_deg)
+        if (gap := largest_gap_deg(true_angles)) >= 180.0:
+            raise ValueError(f"with flaws.angle_errors_deg the cables leave a gap of {gap:.0f} deg; make them smaller")
 
-class Motor(_Frozen):
+
+class Motor(Frozen):
     """The motors and their encoders, the same for every cable."""
 
-    time_constant: Number = _between(0, 1, "s", "first-order lag", 0.0)
-    speed_limit: Number | None = _between(
+    unsaid: ClassVar[frozenset[str]] = frozenset(("homing_error", "current_friction"))
+
+    time_constant: Number = between(0, 1, "s", "first-order lag", 0.0)
+    speed_limit: Number | None = between(
         0.001, 5000, "m/s or N/s", "largest rate of change; displacement arms at most 5", None
     )
-    pulley_radius: Number = _between(0.001, 0.2, "m", "radius of the pulley", 0.01)
-    ticks_per_turn: int = _between(16, 2**24, "1", "encoder ticks in one turn", 4096)
-    noise_ticks: Number = _between(0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0)
-    noise_tension: Number = _between(0, 50, "N", "standard deviation of the tension sensor's noise", 0.0)
+    pulley_radius: Number = between(0.001, 0.2, "m", "radius of the pulley", 0.01)
+    ticks_per_turn: int = between(16, 2**24, "1", "encoder ticks in one turn", 4096)
+    noise_ticks: Number = between(0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0)
+    noise_tension: Number = between(0, 50, "N", "standard deviation of the tension sensor's noise", 0.0)
+    homing_error: Number = between(
+        0, 0.02, "m", "standard deviation of its zero, anew at every opening; displacement arms", 0.0
+    )
+    current_noise: Number | None = between(
+        0, 500, "N", "standard deviation of the tension that its current tells; no such sensor if none", None
+    )
+    current_friction: Number = between(0, 500, "N", "friction of its gear, which the current has to overcome", 0.0)
 
 
-class ArmSpec(_Frozen):
+class ArmSpec(Frozen):
     """A modular soft arm: modules from base to tip, motors, mounting, limits.
 
     Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
@@ -125,11 +138,11 @@ class ArmSpec(_Frozen):
         (0.0, 0.0, -1.0),
         description="down, z along the straight arm: [0, 0, -1] stands, [0, 0, 1] hangs, [0, 0, 0] none",
     )
-    control_rate: Number = _between(0.5, 1000, "Hz", "control steps a second", 10.0)
-    step_limit_deg: Number = _between(
+    control_rate: Number = between(0.5, 1000, "Hz", "control steps a second", 10.0)
+    step_limit_deg: Number = between(
         0.01, 90, "deg", "largest change of a plan and of a command, per module and step", 4.0
     )
-    acceleration_limit_deg: Number | None = _between(
+    acceleration_limit_deg: Number | None = between(
         0.001, 180, "deg", "largest change of that change; 1.5 times as large if none", None
     )
     motor: Motor = Motor()
@@ -170,11 +183,15 @@ class ArmSpec(_Frozen):
         for number, module in enumerate(self.modules):
             if module.tension_range is None:
                 raise ValueError(f"modules.{number}.tension_range is missing; a tension arm needs it [N]")
-            if module.cable.play or module.cable.creep:
+            if any(module.cable.plays(self.cable_count)) or module.cable.creep:
                 raise ValueError(
                     f"modules.{number}.cable has play or creep, which act on displacement; "
                     "a tension arm can only have friction"
                 )
+            if module.cable.travel is not None:
+                raise ValueError(f"modules.{number}.cable.travel is of displacement arms; tension_range is its like")
+        if self.motor.homing_error:
+            raise ValueError("motor.homing_error acts on displacement; a tension arm needs no homing")
 
     def same_body(self, other: "ArmSpec") -> bool:
         """Whether another arm is the same in all but name and description."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, Cable, file_keys, load_arm, save_arm
+from s2c2a.arm import ArmSpec, Cable, Flaws, file_keys, load_arm, save_arm
 from s2c2a.cli.console import Arm, File, print_table
 from s2c2a.cli.work import RobotName, RobotOptions, body_for
 
@@ -66,11 +66,14 @@ def _cells(spec: ArmSpec, number: int) -> dict[str, str]:
         "bend deg": f"{module.bend_limit_deg:g}",
         "cable N/m": f"{module.cable.stiffness:g}" if spec.actuation == "displacement" else "-",
         "hysteresis": _hysteresis(module.cable),
+        "flaws": "none" if module.flaws == Flaws() else "yes",
     }
 
 
 def _hysteresis(cable: Cable) -> str:
-    said = {"play": f"{1e3 * cable.play:g} mm", "friction": f"{cable.friction:g}", "creep": f"{cable.creep:g}"}
+    plays = cable.play if isinstance(cable.play, tuple) else (cable.play,)
+    widths = " ".join(f"{1e3 * play:g}" for play in plays)
+    said = {"play": f"{widths} mm", "friction": f"{cable.friction:g}", "creep": f"{cable.creep:g}"}
     return ", ".join(f"{name} {value}" for name, value in said.items() if getattr(cable, name)) or "none"
 
 

@@ -178,5 +178,5 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
 
 def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
     """As fast as the babbling is meant to be, and its corners as sharp."""
-    fastest = options.speeds[1] * np.rad2deg(ArmGeometry.of(arm).bend_limits.max()) * (1 + 1e-6)
+    fastest = options.speeds[1] * np.rad2deg(ArmGeometry.of(arm).action_bends.max()) * (1 + 1e-6)
     return CommandLimits.with_steps(arm, fastest, 2 * fastest)

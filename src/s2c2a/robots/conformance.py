@@ -141,7 +141,7 @@ CHECKS = (_check_reading, _check_named, _check_refuses, _check_prompt, _check_cl
 
 def _lead(robot: Robot, start: Actions, end: Actions) -> None:
     """From one action to another within the step limit, then a while to settle."""
-    steps = int(np.ceil(GENTLE * np.rad2deg(ArmGeometry.of(robot.arm).bend_limits.max()) / robot.arm.step_limit_deg))
+    steps = int(np.ceil(GENTLE * np.rad2deg(ArmGeometry.of(robot.arm).action_bends.max()) / robot.arm.step_limit_deg))
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         action = start + share * (end - start)
         sent = np.asarray(robot.send(action))

@@ -48,9 +48,10 @@ class Body:
         return " ".join([self.name, *(f"{key}={value}" for key, value in self.options)])
 
     @classmethod
-    def simulation(cls, fidelity: str = "fast", payload: float = 0.0) -> "Body":
-        """The package's own simulation, with a mass at the tip [kg]."""
-        return cls(SIMULATED, (("fidelity", fidelity), *((("payload", payload),) if payload else ())))
+    def simulation(cls, fidelity: str = "fast", payload: float = 0.0, aged: float = 0.0) -> "Body":
+        """The package's own simulation, with a mass at the tip [kg], and as far on its way to its drift as 0 to 1."""
+        chosen = {"payload": payload, "aged": aged}
+        return cls(SIMULATED, (("fidelity", fidelity), *((name, value) for name, value in chosen.items() if value)))
 
     @property
     def simulated(self) -> bool:

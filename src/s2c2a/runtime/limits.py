@@ -20,11 +20,11 @@ class CommandLimits:
     """Limits of value, rate and acceleration of commands, step by step.
 
     The size of a change is that of the bend that it asks for, or of what the cables have in common, if that is more: in
-    parts of a module's full bend. Limits are counted in control steps, so they hold across any gap in time.
+    parts of the range of a module's actions. Limits are counted in control steps, so they hold across any gap in time.
 
     Attributes:
         geometry: of the arm.
-        step: largest change of a module's command in a step, in parts of its full bend, shape (modules, 1).
+        step: largest change of a module's command in a step, in parts of the range of its actions, shape (modules, 1).
         turn: largest change of that change from step to step, the same.
     """
 
@@ -42,7 +42,7 @@ class CommandLimits:
     def with_steps(cls, arm: ArmSpec, step_deg: float, turn_deg: float) -> "CommandLimits":
         """Others, in bends [deg]."""
         geometry = ArmGeometry.of(arm)
-        return cls(geometry, *(np.deg2rad(limit) / geometry.bend_limits[:, None] for limit in (step_deg, turn_deg)))
+        return cls(geometry, *(np.deg2rad(limit) / geometry.action_bends[:, None] for limit in (step_deg, turn_deg)))
 
     @property
     def rest(self) -> Actions:
@@ -78,7 +78,7 @@ class CommandLimits:
         return self._changed(way / max(left, 1.0), last, change)
 
     def sizes(self, way: Actions) -> Float[np.ndarray, "*batch modules 1"]:
-        """Sizes of changes, in parts of the full bend, shape (*batch, modules, 1)."""
+        """Sizes of changes, in parts of the range of actions, shape (*batch, modules, 1)."""
         parts = way * self._shares
         bends = (self.geometry.bend_matrices @ parts[..., None])[..., 0]
         squared = np.maximum((bends**2).sum(axis=-1, keepdims=True), (parts**2).max(axis=-1, keepdims=True))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -135,12 +136,13 @@ def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
         module["bending_stiffness"] = _digits(module["bending_stiffness"] * bending)
         cable = module["cable"]
         cable["stiffness"] = _digits(cable["stiffness"] * softer)
-        cable |= {kind: _digits(cable[kind] * more) for kind in ("play", "friction", "creep")}
+        cable |= {kind: _digits(np.multiply(cable[kind], more)) for kind in ("play", "friction", "creep")}
     return ArmSpec.model_validate(description)
 
 
-def _digits(value: float) -> float:
-    return float(f"{value:.3g}")
+def _digits(values: np.ndarray) -> Any:
+    """One or several, to three digits."""
+    return np.vectorize(lambda value: float(f"{value:.3g}"))(values).tolist()
 
 
 def sensing_rows(arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe) -> tuple[list[Row], Recording]:

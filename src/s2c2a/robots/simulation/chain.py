@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
-from s2c2a.arm import ArmGeometry, ArmSpec, Module
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.robots.simulation.flawed_module import FlawedModule, passed_shares
 from s2c2a.spaces import CENTRE_LINE_POINTS
 
 GRAVITY = 9.81  # m/s2
@@ -94,15 +95,15 @@ def _choose_steps(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> No
     if fidelity.explicit_time_step is None:
         return
     step = time_step(arm, fidelity.explicit_time_step)
-    if _springs_allow(model, step):
+    if _springs_allow(model, step, 1.0 + 3.0 * max(module.flaws.hardening for module in arm.modules)):
         model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
-def _springs_allow(model: mujoco.MjModel, step: float) -> bool:
+def _springs_allow(model: mujoco.MjModel, step: float, hardest: float) -> bool:
     """Whether explicit springs k and implicit damping d on masses m are stable with half to spare, straight and taut.
 
     The step's roots lie within the unit circle while h^2 k < 4 m + 2 h d; for matrices, while h^2 times the largest
-    eigenvalue of the pair does.
+    eigenvalue of the pair does. Joints count `hardest` times, as at full bend.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -112,7 +113,7 @@ def _springs_allow(model: mujoco.MjModel, step: float) -> bool:
     rows = (data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     mujoco.mju_sparse2dense(levers, data.actuator_moment, *rows)
     pulls = -model.actuator_biasprm[:, 1]
-    springs = np.diag(model.jnt_stiffness) + levers.T @ (pulls[:, None] * levers)
+    springs = hardest * np.diag(model.jnt_stiffness) + levers.T @ (pulls[:, None] * levers)
     largest = eigh(springs, 4.0 * masses + 2.0 * step * np.diag(model.dof_damping), eigvals_only=True)[-1]
     return bool(step**2 * largest < 0.5)
 
@@ -130,19 +131,32 @@ def joint_name(module: int, segment: int, axis: str) -> str:
     return f"joint_{module}_{segment}_{axis}"
 
 
+def slide_name(module: int) -> str:
+    """Name of the joint by which a module's centre line shortens."""
+    return f"slide_{module}"
+
+
+def module_of_joint(name: str) -> int:
+    """The module that a joint of that name belongs to."""
+    return int(name.split("_")[1])
+
+
 def _add_chain(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: float, watched: bool) -> None:
     """Bodies reach from one joint to the next: half a segment of their own, half of the following one."""
     body, reached = spec.worldbody, 0.0  # distance from the body's origin to the end of what is built
-    halves = [(module, module.length / fidelity.segments / 2) for module in arm.modules]
+    modules = [FlawedModule.of(module) for module in arm.modules]
+    halves = [(module, module.described.length / fidelity.segments / 2) for module in modules]
     following = iter([half for half in halves for _ in range(fidelity.segments)][1:])
     for number, (module, half) in enumerate(halves):
         body.add_site(name=f"base_{number}", pos=(0, 0, reached))
-        _add_cable_sites(body, arm, number, 0, reached)
+        _add_cable_sites(body, arm, modules, (number, 0), reached)
         for segment in range(fidelity.segments):
             body = body.add_body(name=f"body_{number}_{segment}", pos=(0, 0, reached + half))
+            if segment == fidelity.segments // 2:
+                _add_slide(body, module, number)
             _add_joints(body, module, number, segment, fidelity)
             _set_inertia(body, (module, half), next(following, None), payload)
-            _add_cable_sites(body, arm, number, segment + 1, half)
+            _add_cable_sites(body, arm, modules, (number, segment + 1), half)
             if watched and (segment + 1) % (fidelity.segments // CENTRE_LINE_POINTS) == 0:
                 _add_watched_point(spec, body, f"centre_{number}_{segment}", half)
             reached = half
@@ -155,30 +169,47 @@ def _add_watched_point(spec: mujoco.MjSpec, body, name: str, height: float) -> N
     spec.add_sensor(name=name, type=place, objtype=site, objname=name)
 
 
-def _add_joints(body, module: Module, number: int, segment: int, fidelity: Fidelity) -> None:
-    segment_length = module.length / fidelity.segments
-    stiffnesses = {"x": module.bending_stiffness, "y": module.bending_stiffness}
-    if fidelity.torsion:
-        stiffnesses["z"] = module.gj
-    hinges = list(zip(stiffnesses.items(), np.eye(3), strict=False))
+def _add_slide(body, module: FlawedModule, number: int) -> None:
+    """One for a module that shortens: in its middle it moves the end within 0.2 mm of as many as there are segments."""
+    described = module.described
+    if described.flaws.axial_stiffness is None:
+        return
+    stiffness = described.flaws.axial_stiffness / described.length
+    body.add_joint(
+        name=slide_name(number),
+        type=mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=(0, 0, 1),
+        stiffness=stiffness,
+        damping=stiffness * described.damping_time,
+    )
+
+
+def _add_joints(body, module: FlawedModule, number: int, segment: int, fidelity: Fidelity) -> None:
+    length, damping_time = module.described.length / fidelity.segments, module.described.damping_time
+    rest, cubic = module.rest_turns / fidelity.segments, module.cubic(fidelity.segments)
+    hinges = list(enumerate("xyz" if fidelity.torsion else "xy"))
     if fidelity.torsion and (number * fidelity.segments + segment) % 2:
         hinges.reverse()  # turns do not commute; in one order all along, bends would add up to a twist of first order
-    for (axis, stiffness), direction in hinges:
+    for turn, axis in hinges:
+        stiffness = module.stiffnesses[turn] / length
         body.add_joint(
             name=joint_name(number, segment, axis),
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=direction,
-            stiffness=stiffness / segment_length,
-            damping=stiffness / segment_length * module.damping_time,
+            axis=module.axes[turn],
+            stiffness=(stiffness, 0.0, cubic[turn]),  # of the turn, its square, its cube
+            springref=rest[turn],
+            damping=stiffness * damping_time,
             armature=_ARMATURE,
         )
 
 
-def _set_inertia(body, own: tuple[Module, float], following: tuple[Module, float] | None, payload: float) -> None:
+def _set_inertia(
+    body, own: tuple[FlawedModule, float], following: tuple[FlawedModule, float] | None, payload: float
+) -> None:
     """Mass, centre and inertia of two half segments (thin solid cylinders), at the tip of one and a point mass."""
     half = own[1]
     pieces = [
-        (module.mass * length / module.length, start, length, module.cable_radius)
+        (module.mass * length / module.described.length, start, length, module.described.cable_radius)
         for (module, length), start in ((own, 0.0), *([(following, half)] if following else ()))
     ]
     if following is None:
@@ -191,42 +222,60 @@ def _set_inertia(body, own: tuple[Module, float], following: tuple[Module, float
     body.explicitinertial = True
 
 
-def _add_cable_sites(body, arm: ArmSpec, number: int, station: int, height: float) -> None:
-    """Points that the cables of this module, and where coupled of those above, pass at one station of a module."""
-    for owner in range(number, arm.module_count if arm.coupled_cables else number + 1):
-        module = arm.modules[owner]
-        for cable, angle in enumerate(np.deg2rad(module.cable_angles_deg)):
-            point = (module.cable_radius * np.cos(angle), module.cable_radius * np.sin(angle), height)
-            body.add_site(name=f"eye_{owner}_{cable}_{number}_{station}", pos=point)
+def _add_cable_sites(body, arm: ArmSpec, modules: list[FlawedModule], place: tuple[int, int], height: float) -> None:
+    """Points that cables pass at one place, a station of a module: its own, and those of above that run through."""
+    for owner, module in enumerate(modules):
+        share = passed_shares(arm, owner).get(place[0])
+        for cable, (x, y) in enumerate(module.cables if share is not None else ()):
+            body.add_site(name=_eye(owner, cable, place), pos=(share * x, share * y, height))
+
+
+def _eye(owner: int, cable: int, place: tuple[int, int]) -> str:
+    return f"eye_{owner}_{cable}_{place[0]}_{place[1]}"
 
 
 def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
-    geometry = ArmGeometry.of(arm)
+    geometry, modules = ArmGeometry.of(arm), [FlawedModule.of(module) for module in arm.modules]
     for owner, cable in np.ndindex(geometry.pretensions.shape):
-        module, tendon = arm.modules[owner], spec.add_tendon(name=f"cable_{owner}_{cable}")
-        passed, rest_length = range(0 if arm.coupled_cables else owner, owner + 1), 0.0
+        tendon, shares = spec.add_tendon(name=f"cable_{owner}_{cable}"), passed_shares(arm, owner)
+        rest_length = 0.0
         if fidelity.routed_cables:
-            for number, station in product(passed, range(fidelity.segments + 1)):
-                tendon.wrap_site(f"eye_{owner}_{cable}_{number}_{station}")
-            rest_length = sum(arm.modules[number].length for number in passed)
+            for place in product(shares, range(fidelity.segments + 1)):
+                tendon.wrap_site(_eye(owner, cable, place))
+            rest_length = _straight_length(arm, modules[owner].cables[cable], shares)
         else:
-            _lever(tendon, geometry.cable_matrices[owner, cable] * module.cable_radius, passed, fidelity.segments)
-        stiffness = module.cable.stiffness if arm.actuation == "displacement" else None
-        _add_pull(spec, tendon.name, stiffness, rest_length, float(geometry.pretensions[owner, cable]))
+            _lead_along_joints(tendon, arm, fidelity.segments, owner, cable)
+        pull = _add_pull(spec, tendon.name, arm.modules[owner].cable.viscous_friction)
+        if arm.actuation == "displacement":
+            _stretch(pull, arm.modules[owner].cable.stiffness, rest_length, float(geometry.pretensions[owner, cable]))
 
 
-def _lever(tendon, lever: np.ndarray, passed: range, segments: int) -> None:
-    """Length change r B b, with bend b_x about the y hinge and b_y about the x hinge turned the other way."""
-    for number, segment in product(passed, range(segments)):
-        tendon.wrap_joint(joint_name(number, segment, "y"), float(lever[0]))
-        tendon.wrap_joint(joint_name(number, segment, "x"), float(-lever[1]))
+def _straight_length(arm: ArmSpec, cable: np.ndarray, shares: dict[int, float]) -> float:
+    """Of a cable along the straight arm, which steps outward to the module that it ends in."""
+    steps = np.abs(np.diff(list(shares.values()))) * np.linalg.norm(cable)
+    return sum(arm.modules[number].length for number in shares) + float(steps.sum())
 
 
-def _add_pull(spec: mujoco.MjSpec, name: str, stiffness: float | None, rest_length: float, pretension: float) -> None:
-    """An actuator that only pulls: a spring behind a commanded displacement, or a commanded tension (no stiffness)."""
+def _lead_along_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
+    """A constant lever arm about every hinge that the cable passes, and the whole way of every slide."""
+    for number, share in passed_shares(arm, owner).items():
+        levers = FlawedModule.of(arm.modules[owner]).levers_about(FlawedModule.of(arm.modules[number]).axes)[cable]
+        for segment in range(segments):
+            for axis, lever in (("y", levers[1]), ("x", levers[0])):
+                tendon.wrap_joint(joint_name(number, segment, axis), float(share * lever))
+        if arm.modules[number].flaws.axial_stiffness is not None:
+            tendon.wrap_joint(slide_name(number), 1.0)
+
+
+def _add_pull(spec: mujoco.MjSpec, name: str, viscous_friction: float):
+    """An actuator that only pulls, with a commanded tension less friction against its motion."""
     pull = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     pull.forcelimited, pull.forcerange = True, (-_MOST_TENSION, 0.0)
     pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    pull.gainprm[0] = -1.0 if stiffness is None else stiffness
-    if stiffness is not None:
-        pull.biasprm[:3] = (stiffness * rest_length - pretension, -stiffness, 0.0)
+    pull.gainprm[0], pull.biasprm[2] = -1.0, -viscous_friction
+    return pull
+
+
+def _stretch(pull, stiffness: float, rest_length: float, pretension: float) -> None:
+    """Let it pull by a spring behind a commanded displacement instead."""
+    pull.gainprm[0], pull.biasprm[0], pull.biasprm[1] = stiffness, stiffness * rest_length - pretension, -stiffness

@@ -6,16 +6,17 @@ from jaxtyping import Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
-from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path, tick_length
-from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
+from s2c2a.robots.simulation.declared import declared_sensors
+from s2c2a.robots.simulation.relaxation import Relaxation
+from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path
+from s2c2a.spaces import Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
-TURNS_A_STEP = 6.0  # times the step limit: what readings may change by, since the arm swings and lags
-NOISE = 8.0  # standard deviations
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
@@ -30,9 +31,10 @@ class SimulatedRobot(Robot):
         jitter: part of the full bend that every module is moved by, in a random direction, before it settles at rest;
             cables with hysteresis then start in another state.
         watched: whether readings tell the centre line at every physics step; it costs a little time.
+        aged: how far it has gone on its way to the drift that its flaws tell of, 0 to 1: data are collected at 0.
 
     Raises:
-        S2C2AError: unknown fidelity, impossible payload, seed or jitter.
+        S2C2AError: unknown fidelity, impossible payload, seed, jitter or age.
     """
 
     own_time = True
@@ -45,45 +47,47 @@ class SimulatedRobot(Robot):
         payload: float = 0.0,
         jitter: float = 0.0,
         watched: bool = False,
+        aged: float = 0.0,
     ):
-        if seed < 0 or not 0 <= jitter <= 1:
-            raise S2C2AError(f"seed {seed} and jitter {jitter} asked for; no seed is negative, jitter is from 0 to 1")
+        if seed < 0 or not (0 <= jitter <= 1 and 0 <= aged <= 1):
+            raise S2C2AError(
+                f"seed {seed}, jitter {jitter}, aged {aged} asked for; no seed is negative, the others are from 0 to 1"
+            )
         self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
-        self._seed, self._jitter, self._watched = seed, jitter, watched
+        self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
+        self._openings = 0
         self.model = self._model_with(payload)
         self.data, self._rollout = mujoco.MjData(self.model), Rollout(nthread=0)
         modules = range(arm.module_count)
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
+        self._relaxing = per_module(arm, "flaws.relaxing").any()
+        self._relaxation = Relaxation(arm, self.model)
         self._rest()
 
     def _rest(self) -> None:
         self._random = np.random.default_rng(self._seed)
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
-        self._transmission = CableTransmission(self.arm, self._geometry.action_neutral)
+        self._homed_at, self._winding = self._homing_errors(), np.zeros_like(self._motors)
+        self._transmission = CableTransmission(self.arm, self._motors + self._homed_at, self._aged)
+        self._relaxation.used_to[:] = 0.0
+        self.model.qpos_spring = self._relaxation.springs
         self._step, self._push = 0, np.zeros(3)
         self._last_states: States | None = None
         mujoco.mj_forward(self.model, self.data)
 
     @property
     def sensors(self) -> dict[str, Sensor]:
-        """What readings hold; plausible numbers are those of the cables' limits, and of unit vectors."""
-        modules = self.arm.module_count
-        said = {
-            "cables": _cable_sensor(self.arm, self._geometry),
-            "states": Sensor((modules, 6), "m, 1"),
-            "configurations": Sensor((modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(self.arm)),
-        }
-        if self._watched:
-            moments = len(self._physics_times(self.arm.control_period)) + 1
-            said["centre_line"] = Sensor((moments, modules * CENTRE_LINE_POINTS, 3), "m")
-        return said
+        """What readings hold."""
+        moments = len(self._physics_times(self.arm.control_period)) + 1 if self._watched else 0
+        return declared_sensors(self.arm, moments)
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
         mujoco.mj_resetData(self.model, self.data)
+        self._openings += 1
         self._rest()
         self.step(self._jittered())
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
@@ -99,6 +103,8 @@ class SimulatedRobot(Robot):
         """
         self._check_sane()
         said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
+        if self.arm.motor.current_noise is not None:
+            said["tensions"] = self._told_by_currents(self.arm.motor.current_noise)
         if self._seen is not None:
             said["centre_line"] = self._seen
         return Reading(self.data.time, said)
@@ -121,9 +127,13 @@ class SimulatedRobot(Robot):
         self._check_sane()
         times = self._physics_times(seconds)
         path = motor_path(self._motors, self._command, times, self.arm.motor)
-        felt = self._transmission.pass_on(path, times, self.tensions(), self._bend_angles())
-        self._motors = path[-1]
+        felt = self._transmission.pass_on(path + self._homed_at, times, self.tensions(), self._bend_angles())
+        self._wind(path[-1])
+        turns = self.data.qpos.copy()
         seen = self._advance(felt.reshape(len(felt), -1))
+        if self._relaxing:
+            self._relaxation.advance((turns + self.data.qpos) / 2, times[-1])
+            self.model.qpos_spring = self._relaxation.springs
         mujoco.mj_forward(self.model, self.data)
         if self._watched:  # in a physics step, sensors say what was at its start
             self._seen = np.vstack([seen, self.data.sensordata]).reshape(len(seen) + 1, -1, 3)
@@ -162,6 +172,7 @@ class SimulatedRobot(Robot):
         state = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(self.model, self.data, state, kind)
         mujoco.mj_setState(model, data, state, kind)
+        model.qpos_spring = self.model.qpos_spring
         mujoco.mj_forward(model, data)
         self.model, self.data = model, data
 
@@ -235,6 +246,27 @@ class SimulatedRobot(Robot):
             return encoder_reading(self._motors, self.arm.motor, self._random)
         return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
 
+    def _homing_errors(self) -> Actions:
+        """How far the motors' zero is from where their encoders say it is [m], anew at every opening."""
+        random = np.random.default_rng([self._seed, 2, self._openings])
+        return random.normal(scale=self.arm.motor.homing_error, size=self._motors.shape)
+
+    def _wind(self, motors: Actions) -> None:
+        """Motors come to be where they are at the end of a step; which way they went is kept while they stand."""
+        inward = np.sign(motors - self._motors) * (-1 if self.arm.actuation == "displacement" else 1)
+        self._winding = np.where(inward == 0, self._winding, inward)
+        self._motors = motors
+
+    def _told_by_currents(self, noise: float) -> Actions:
+        """Tensions [N] as the motors' currents tell them: with friction in tubes and gears, and noise."""
+        tensions = self._motors
+        if self.arm.actuation == "displacement":
+            drag = per_cable(self.arm, "cable.viscous_friction") * self.data.ten_velocity.reshape(tensions.shape)
+            taut = np.maximum(self.tensions() - drag, 0.0)
+            tensions = self._transmission.at_motors(taut, self._bend_angles(), self._winding)
+        gears = self._winding * self.arm.motor.current_friction
+        return tensions + gears + self._random.normal(scale=noise, size=tensions.shape)
+
     def _check_sane(self) -> None:
         bad = self.data.warning.number.any()  # after any of them a rollout goes no further
         if bad or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
@@ -244,20 +276,3 @@ class SimulatedRobot(Robot):
                 self._step,
                 self._last_states,
             )
-
-
-def _cable_sensor(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
-    """Encoders, or tension sensors: a quarter of the range and their noise beyond the limits is still plausible."""
-    by_length = arm.actuation == "displacement"
-    ticks = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
-    noise = NOISE * (ticks if by_length else arm.motor.noise_tension)
-    scale = np.abs(geometry.action_scale)[:, None]
-    fastest = (TURNS_A_STEP * scale / geometry.bend_limits[:, None]) * _step_limit(arm) + noise * arm.control_rate
-    beyond = 0.25 * scale + noise
-    low, high = geometry.action_low - beyond, geometry.action_high + beyond
-    return Sensor(geometry.action_neutral.shape, "m" if by_length else "N", low, high, fastest)
-
-
-def _step_limit(arm: ArmSpec) -> float:
-    """What commands change by at most, in a second [rad/s]."""
-    return float(np.deg2rad(arm.step_limit_deg)) * arm.control_rate

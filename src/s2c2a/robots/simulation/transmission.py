@@ -1,14 +1,15 @@
 """From a command to what a module feels: motors with a lag, a speed limit and ticks; play, capstan friction, creep.
 
 The motors chase a held command, so their path within a control step is monotone, and for monotone paths play is a clip.
-Creep can make the path turn; then play is followed from physics step to physics step.
+Creep can make the path turn; then play is followed from physics step to physics step. Friction that grows with speed is
+MuJoCo's: a damper beside the spring of each cable, which cannot push either.
 """
 
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec, Motor
-from s2c2a.arm.geometry import per_module
+from s2c2a.arm import ArmGeometry, ArmSpec, Motor
+from s2c2a.arm.geometry import per_cable, per_module
 
 CablePath = Float[np.ndarray, "times modules cables"]
 
@@ -51,18 +52,27 @@ def encoder_reading(
 
 
 class CableTransmission:
-    """Hysteresis between motors and modules of one arm.
+    """What is lost between motors and modules of one arm: drift, creep, play, friction.
 
     Attributes:
         transmitted: displacement [m] or tension [N] at the modules, shape (modules, cables).
         crept: what the material has got used to [m], shape (modules, cables).
     """
 
-    def __init__(self, arm: ArmSpec, start: np.ndarray):
-        names = ("play", "friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
+    def __init__(self, arm: ArmSpec, start: np.ndarray, aged: float = 0.0):
+        """At rest.
+
+        Args:
+            arm: the description.
+            start: where the motors are [m or N], shape (modules, cables).
+            aged: how far the arm has gone on its way to the drift that its flaws tell of, from 0 to 1.
+        """
+        names = ("friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
         columns = (per_module(arm, f"cable.{name}")[:, None] for name in names)
-        self._play, self._friction, tube_angle_deg, self._stiffness, self._creep, self._creep_time = columns
+        self._friction, tube_angle_deg, self._stiffness, self._creep, self._creep_time = columns
+        self._play, self._lost = per_cable(arm, "cable.play"), aged * per_module(arm, "flaws.drift")[:, None]
         self._tension_driven, self._tube_angle = arm.actuation == "tension", np.deg2rad(tube_angle_deg)
+        self._neutral = ArmGeometry.of(arm).action_neutral
         self.transmitted, self.crept = start.copy(), np.zeros_like(start)
 
     def pass_on(self, path: CablePath, times: np.ndarray, tensions: np.ndarray, bend_angles: np.ndarray) -> CablePath:
@@ -74,12 +84,24 @@ class CableTransmission:
             tensions: in the cables at the start of the step [N], shape (modules, cables).
             bend_angles: of the modules at the start of the step [rad], shape (modules,).
         """
+        if self._lost.any():
+            path = path - self._lost * (path - self._neutral)
         if self._creep.any():
             path = path - self._creep_along(path, times)
         low, high = self._band(path, tensions, bend_angles)
         felt = self._follow(low, high) if self._creep.any() else np.clip(self.transmitted, low, high)
         self.transmitted = felt[-1]
         return felt
+
+    def at_motors(self, tensions: np.ndarray, bend_angles: np.ndarray, winding: np.ndarray) -> np.ndarray:
+        """Tensions at the motors of a displacement arm [N]: capstan friction is added where they wind in.
+
+        Args:
+            tensions: at the modules [N], shape (modules, cables).
+            bend_angles: of the modules [rad], shape (modules,).
+            winding: 1 where a motor winds in or did so last, -1 where it pays out, 0 where it has not moved yet.
+        """
+        return tensions * np.exp(winding * self._wrap(bend_angles))
 
     def _creep_along(self, path: CablePath, times: np.ndarray) -> CablePath:
         """Let the material get used to the path, physics step by physics step; returns how far it has."""
@@ -99,11 +121,15 @@ class CableTransmission:
 
     def _band(self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray):
         """The band around the motors' motion in which the modules' side stays where it is."""
-        wrap = self._friction * (self._tube_angle + _bend_below(bend_angles)[:, None])
+        wrap = self._wrap(bend_angles)
         if self._tension_driven:
             return path * np.exp(-wrap), path * np.exp(wrap)
         width = self._play + tensions * np.expm1(wrap) / self._stiffness
         return path - width, path + width
+
+    def _wrap(self, bend_angles: np.ndarray) -> np.ndarray:
+        """Friction coefficient times the angle of the tubes: their own, and that of the modules below."""
+        return self._friction * (self._tube_angle + _bend_below(bend_angles)[:, None])
 
 
 def _bend_below(bend_angles: np.ndarray) -> np.ndarray:
