@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import BaseModel
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
@@ -40,29 +41,58 @@ class Kind:
 
 KINDS = (
     Kind("stiffness", "modules.*.bending_stiffness", 0.7, 0.0005, 50, ratio=True),
-    Kind("stiffness", "modules.*.flaws.stiffness_ratio", 0.2, 0.1, 10, ratio=True),
-    Kind("stiffness", "modules.*.flaws.hardening", 0.3, 0, 5),
+    Kind("axes", "modules.*.flaws.stiffness_ratio.*", 0.2, -2.3, 2.3),  # of its logarithm
+    Kind("hardening", "modules.*.flaws.hardening", 0.3, 0, 5),
     Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
     Kind("cables", "modules.*.pretension", 20.0, 0, 500),
     Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -3600, 3600),
     Kind("routing", "modules.*.cable_radius", 0.2, 0.0015, 0.3, ratio=True),
     Kind("routing", "modules.*.length", 0.1, 0.005, 2, ratio=True),
-    Kind("routing", "modules.*.flaws.radius_errors.*", 0.1, -0.5, 0.5),
     Kind("routing", "modules.*.flaws.coupling", 0.3, 0, 1),
-    Kind("play", "modules.*.cable.play", 0.0005, 0, 0.02),
+    Kind("radii", "modules.*.flaws.radius_errors.*", 0.1, -0.5, 0.5),
     Kind("play", "modules.*.cable.play.*", 0.0005, 0, 0.02),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
-    Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9),
-    Kind("creep", "modules.*.cable.creep_time", 0.7, 0.1, 3600, ratio=True, only_moving=True),
+    Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
     Kind("mass", "modules.*.mass", 0.3, 0.0005, 10, ratio=True),
-    Kind("rest", "modules.*.flaws.rest_bend_deg", 5.0, 0, 90),
-    Kind("rest", "modules.*.flaws.rest_azimuth_deg", 60.0, -3600, 3600),
+    Kind("rest", "modules.*.flaws.rest_bend_deg.*", 5.0, -90, 90),
     Kind("shortening", "modules.*.flaws.axial_stiffness", 1.0, 10, 1e7, ratio=True),
     Kind("damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True),
     Kind("motor", "motor.time_constant", 0.05, 0, 1, only_moving=True),
 )
 GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS))
-USUAL = ("stiffness", "cables", "routing", "play", "friction", "creep", "mass", "rest", "shortening", "damping", "motor")
+
+
+@dataclass(frozen=True)
+class Turned:
+    """A size and a direction in an arm file, fitted as the two components of a vector, which knows no seam.
+
+    Attributes:
+        size: key of the size, whose place the components take.
+        direction: key of the direction [deg].
+        times: turns of the vector in one of the direction: two where opposite directions are the same.
+        of_logarithm: whether the vector is as long as the size's logarithm.
+    """
+
+    size: str
+    direction: str
+    times: int = 1
+    of_logarithm: bool = False
+
+    def vector(self, size: float, direction: float) -> list[float]:
+        """The two components."""
+        long, angle = np.log(size) if self.of_logarithm else size, self.times * np.deg2rad(direction)
+        return [float(long * np.cos(angle)), float(long * np.sin(angle))]
+
+    def size_and_direction(self, vector: Sequence[float]) -> tuple[float, float]:
+        """The other way."""
+        long, angle = float(np.hypot(*vector)), float(np.rad2deg(np.arctan2(vector[1], vector[0]))) / self.times
+        return float(np.exp(long)) if self.of_logarithm else long, angle
+
+
+TURNED = (
+    Turned("rest_bend_deg", "rest_azimuth_deg"),
+    Turned("stiffness_ratio", "stiff_direction_deg", times=2, of_logarithm=True),
+)
 
 
 @dataclass(frozen=True)
@@ -107,8 +137,8 @@ class Unknown:
         return self.coordinate(self.kind.low), self.coordinate(self.kind.high)
 
 
-def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True) -> tuple[Unknown, ...]:
-    """The numbers of an arm file that are fitted: those of the groups that it states or has a default for.
+def unknowns_of(arm: ArmSpec, groups: Iterable[str] = GROUPS, moving: bool = True) -> tuple[Unknown, ...]:
+    """The numbers of an arm file that are fitted: those of some groups that it states or has a default for.
 
     Args:
         arm: the start.
@@ -121,37 +151,24 @@ def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True
     asked = tuple(groups)
     if wrong := sorted(set(asked) - set(GROUPS)):
         raise S2C2AError(f"nothing to fit is called {', '.join(wrong)}; choose from {', '.join(GROUPS)}")
-    table = arm.model_dump(mode="json")
+    table = _table_of(arm)
     kinds = [kind for kind in KINDS if kind.group in asked and (moving or not kind.only_moving)]
-    found = tuple(
-        Unknown(path, kind, value) for kind in kinds for path, value in _matching(table, kind.key.split("."), ())
-    )
+    every = (Unknown(path, kind, value) for kind in kinds for path, value in _matching(table, kind.key.split("."), ()))
+    found = tuple(one for one in every if _shows(arm, one))
     if not found:
         raise S2C2AError(f"{arm.name} has no number of {', '.join(asked) or 'no group'} that this recording can show")
-    return tuple(one for one in found if _seen_by(arm, one))
+    return found
 
 
-def _seen_by(arm: ArmSpec, unknown: Unknown) -> bool:
-    """Weight needs gravity; a ratio needs a start that is not zero; displacement has what tension has not."""
-    if unknown.kind.ratio and unknown.start <= 0:
+def _shows(arm: ArmSpec, unknown: Unknown) -> bool:
+    """A ratio needs a start that is not zero, weight needs gravity, and tensions know no displacement."""
+    if arm.actuation == "tension" and unknown.path[-2:-1] == ("cable",) and unknown.path[-1] != "friction":
+        return False
+    if unknown.kind.group == "play" and arm.actuation == "tension":
         return False
     if unknown.kind.group == "mass" and not any(arm.gravity_direction):
-        return not unknown.kind.only_moving
-    tension = arm.actuation == "tension"
-    return not (tension and unknown.kind.key.split(".cable.")[-1] in ("stiffness", "play", "creep", "creep_time"))
-
-
-def _matching(value: Any, rest: Sequence[str], path: Path) -> Iterator[tuple[Path, float]]:
-    """Numbers under a key with stars."""
-    if not rest:
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            yield path, float(value)
-        return
-    if rest[0] == EACH and isinstance(value, list | tuple):
-        for place, one in enumerate(value):
-            yield from _matching(one, rest[1:], (*path, place))
-    elif isinstance(value, dict) and rest[0] in value:
-        yield from _matching(value[rest[0]], rest[1:], (*path, rest[0]))
+        return False
+    return not unknown.kind.ratio or unknown.start > 0
 
 
 def arm_at(arm: ArmSpec, unknowns: Sequence[Unknown], coordinates: Float[np.ndarray, " unknowns"]) -> ArmSpec:
@@ -160,10 +177,52 @@ def arm_at(arm: ArmSpec, unknowns: Sequence[Unknown], coordinates: Float[np.ndar
     Raises:
         ValidationError: they are no possible arm together.
     """
-    table = arm.model_dump(mode="json")
+    table = _table_of(arm)
     for unknown, coordinate in zip(unknowns, coordinates, strict=True):
         place = table
         for step in unknown.path[:-1]:
             place = place[step]
         place[unknown.path[-1]] = unknown.value(coordinate)
-    return ArmSpec.model_validate(table)
+    return ArmSpec.model_validate(_as_written(table))
+
+
+def _table_of(arm: ArmSpec) -> dict[str, Any]:
+    """All that can stand in its file, defaults too, one number a cable, and vectors in place of directions."""
+    table = _plain(arm)
+    for module in table["modules"]:
+        cables = len(module["cable_angles_deg"])
+        for part, key in ((module["cable"], "play"), (module["flaws"], "radius_errors")):
+            part[key] = list(np.broadcast_to(part[key], cables).astype(float))
+        for one in TURNED:
+            module["flaws"][one.size] = one.vector(module["flaws"][one.size], module["flaws"][one.direction])
+    return table
+
+
+def _as_written(table: dict[str, Any]) -> dict[str, Any]:
+    """As an arm file has it; one number where all cables have the same."""
+    for module in table["modules"]:
+        flaws = module["flaws"]
+        for one in TURNED:
+            flaws[one.size], flaws[one.direction] = one.size_and_direction(flaws[one.size])
+        for part, key in ((module["cable"], "play"), (flaws, "radius_errors")):
+            part[key] = part[key] if len(set(part[key])) > 1 else part[key][0]
+    return table
+
+
+def _plain(value: Any) -> Any:
+    """Tables and lists of what a description holds."""
+    if isinstance(value, BaseModel):
+        return {name: _plain(getattr(value, name)) for name in type(value).model_fields}
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _matching(value: Any, rest: Sequence[str], path: Path) -> Iterator[tuple[Path, float]]:
+    """Numbers under a key with stars."""
+    if not rest:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            yield path, float(value)
+    elif rest[0] == EACH:
+        for place, one in enumerate(value):
+            yield from _matching(one, rest[1:], (*path, place))
+    else:
+        yield from _matching(value[rest[0]], rest[1:], (*path, rest[0]))
