@@ -7,16 +7,14 @@ import tyro
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
-from s2c2a.cli.work import ALL_CORES, executor_for
+from s2c2a.cli.work import executor_for
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import save_whole
 
 if TYPE_CHECKING:
-    from s2c2a.data import Recording
-    from s2c2a.identification import Fit, FitOptions, TipErrors
+    from s2c2a.identification import Fit, TipErrors
 
 Groups = Annotated[tuple[str, ...], tyro.conf.arg(metavar="GROUP ...")]
-UNLIMITED = 10**9
 
 
 def identify(
@@ -41,7 +39,7 @@ def identify(
         recording: of the arm; its ends must have been seen, at least the tip.
         arm: the start: a preset or an arm file, such as the one that `s2c2a import` has found.
         out: the arm file to write.
-        fit: what is fitted; all that the arm file has and the recording can show if not stated.
+        fit: what is fitted (docs/identify.md); what most recordings show if not stated.
         on: other recordings of the same arm, on which the twin's error is said too.
         settling: seconds that an action is held in the simulation; give it where every row is a shape at rest. If not
             stated, rows are as far apart as in the recording.
@@ -56,14 +54,52 @@ def identify(
     if out.exists() and not overwrite:
         raise ArmError(f"{out} exists; choose another name or overwrite it (--overwrite)")
     if rows is not None and settling is None:
-        raise S2C2AError("--rows leaves rows out, which is only possible where every row is at rest: say --settling too")
+        raise S2C2AError("--rows leaves rows out, which is possible where every one is at rest: say --settling too")
     start, recorded = load_arm(arm), data.load_recording(recording)
-    _check_alike(start, recorded.arm)
-    options = _options_for(recorded, settling, rounds, fidelity)
+    others = {str(path): data.load_recording(path) for path in on}
+    for one in (recorded, *others.values()):
+        _check_alike(start, one.arm)
+    options = identification.options_for(recorded, settling, rounds, fidelity)
     unknowns = identification.unknowns_of(start, fit or identification.USUAL, moving=settling is None)
-    episodes = identification.thinned(recorded.episodes, rows or UNLIMITED)
+    episodes = identification.thinned(recorded.episodes, rows) if rows else recorded.episodes
     with executor_for(jobs) as executor, progress_bar() as progress:
         found = identification.identify(start, unknowns, episodes, options, executor, progress)
-    _tell(found)
-    errors = {"fitted rows": found.errors()[0], "held-out rows": found.errors()[1]}
-    errors |= {path.name: identification.errors_on(found, data.load_recording(path).episodes) for path in on}
+    errors = identification.errors_of(found, {name: one.episodes for name, one in others.items()})
+    save_whole(identification.fitted_toml(found, _remark(recording, errors)), out, ArmError)
+    _tell(found, errors)
+    print(f"arm: {out}")
+
+
+def _check_alike(start: ArmSpec, recorded: ArmSpec) -> None:
+    """Rows of a recording have to fit the arm that replays them."""
+    forms = [(one.actuation, one.module_count, one.cable_count) for one in (start, recorded)]
+    if forms[0] != forms[1]:
+        said = [f"driven by {actuation}, {modules} modules of {cables} cables" for actuation, modules, cables in forms]
+        raise ArmError(f"{start.name} is {said[0]}; what was recorded is {said[1]}: give the arm that was recorded")
+
+
+def _remark(recording: Path, errors: "dict[str, TipErrors]") -> str:
+    return "\n".join([f"Fitted to {recording.name} by `s2c2a identify`.", *map(_in_words, errors, errors.values())])
+
+
+def _in_words(of: str, errors: "TipErrors") -> str:
+    numbers = [1e3 * one for one in (errors.mean, errors.rms, errors.rms_centred, errors.most)]
+    said = "tip error mean {:.1f} mm, rms {:.1f} ({:.1f} about its mean), 95 % below {:.1f}".format(*numbers)
+    return f"{of} ({errors.rows}): {said}"
+
+
+def _tell(found: "Fit", errors: "dict[str, TipErrors]") -> None:
+    """Numbers, what cannot be told apart, and errors."""
+    from s2c2a.identification import found_numbers, untold
+
+    rows = [
+        (one.name, f"{one.start:.5g}", f"{one.value:.5g}", f"{one.deviation:.2g}", "" if one.seen else "hardly seen")
+        for one in found_numbers(found)
+    ]
+    print_table("What was fitted (SI units, deg)", ("number", "start", "fitted", "+-", ""), rows, left_aligned=True)
+    if combinations := untold(found.belief):
+        print("The recording says less than the start did of (in what each may be off by):")
+        print("".join(f"  {one}\n" for one in combinations), end="")
+    print("\n".join(map(_in_words, errors, errors.values())))
+    if not found.finished:
+        print("it could fall further: go on with the fitted arm as --arm, or with more --rounds")

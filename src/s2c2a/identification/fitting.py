@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
+from s2c2a.data import Recording
 from s2c2a.episodes import Episode
-from s2c2a.errors import RecordingError, SimulationError
+from s2c2a.errors import RecordingError, S2C2AError, SimulationError
 from s2c2a.executors import Serial, in_order
 from s2c2a.identification.numbers import Unknown, arm_at
 from s2c2a.identification.replay import Replay, replayed
@@ -33,6 +34,7 @@ ENOUGH = 1e-4  # relative change of the sum, or of the coordinates, at which it 
 FAILED = 100.0  # residual of an arm that cannot be or blows up, in what is expected
 FRAME_SPREAD = np.array([0.1] * 3 + [0.05] * 3)  # rad, and parts of the length: how far off the recording's frame is
 FRAME_NAMES = tuple(f"frame.{what}_{axis}" for what in ("turn", "shift") for axis in "xyz")
+LONGEST_SETTLING = 60.0  # s
 HELD_OUT, STRETCH = 5, 25  # every fifth stretch of 25 rows is kept from the fit
 
 
@@ -46,9 +48,30 @@ class FitOptions:
         rounds: Jacobians at most.
     """
 
-    replay: Replay = Replay()
+    replay: Replay = field(default_factory=Replay)
     frame: bool = False
     rounds: int = 12
+
+
+def options_for(recording: Recording, settling: float | None, rounds: int, fidelity: str) -> FitOptions:
+    """What suits a recording: an imported one may be registered wrongly, and its episodes follow each other.
+
+    Args:
+        recording: that is fitted to.
+        settling: seconds that an action is held, where rows are shapes at rest.
+        rounds: of the fit.
+        fidelity: of the simulation.
+
+    Raises:
+        S2C2AError: numbers that are not positive.
+    """
+    if rounds < 1 or (settling is not None and not 0 < settling <= LONGEST_SETTLING):
+        raise S2C2AError(
+            f"{rounds} rounds and {settling} s to settle asked for; take at least one round, and up to "
+            f"{LONGEST_SETTLING:g} s"
+        )
+    imported = recording.options.get("babbling") == "imported"
+    return FitOptions(Replay(settling, imported, fidelity), imported, rounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +165,9 @@ def identify(
     Raises:
         RecordingError: no state was seen.
     """
+    kept = held_out(episodes, options.replay.one_session)
     seen = tuple(
-        np.where(kept[:, None, None], np.nan, one.sensor("states"))
-        for kept, one in zip(held_out(episodes), episodes, strict=True)
+        np.where(rows[:, None, None], np.nan, one.sensor("states")) for rows, one in zip(kept, episodes, strict=True)
     )
     if not any(np.isfinite(one).any() for one in seen):
         raise RecordingError("nothing was seen of this arm's ends, so nothing can be fitted; record `states` too")
@@ -152,16 +175,19 @@ def identify(
     return _Search(problem, executor or Serial(), progress).done()
 
 
-def held_out(episodes: Sequence[Episode]) -> list[np.ndarray]:
+def held_out(episodes: Sequence[Episode], one_session: bool = False) -> list[np.ndarray]:
     """Which rows are kept from the fit: every fifth stretch of 25, counted through all episodes; shapes (rows,).
 
-    Beside them the first row of every episode: what came before it is not known.
+    Beside them the first row of every episode, since what came before it is not known; in one session of the first.
     """
     ends = np.cumsum([len(one) for one in episodes])
     kept = np.split(np.arange(ends[-1]) // STRETCH % HELD_OUT == HELD_OUT - 1, ends[:-1])
-    for one in kept:
-        one[:1] = True
-    return kept
+    return [rows | unknown for rows, unknown in zip(kept, begun(episodes, one_session), strict=True)]
+
+
+def begun(episodes: Sequence[Episode], one_session: bool = False) -> list[np.ndarray]:
+    """Rows that count for nothing, since what came before them is not known; shapes (rows,)."""
+    return [(np.arange(len(one)) == 0) & (number == 0 or not one_session) for number, one in enumerate(episodes)]
 
 
 class _Search:
@@ -169,16 +195,15 @@ class _Search:
 
     def __init__(self, problem: Problem, executor: Executor, progress: Progress):
         self._problem, self._executor, self._progress = problem, executor, progress
-        self._round, self._there = 0, np.zeros(len(problem.names))
+        self._round, self._there = 0, _start(problem)
         self._slopes = np.zeros((1, len(problem.names)))
 
     def done(self) -> Fit:
         """Go there; an interrupt after the first round ends it early."""
-        finished, rounds = False, self._problem.options.rounds
+        finished, rounds, limits = False, self._problem.options.rounds, limits_of(self._problem)
         try:
-            limits = limits_of(self._problem)
             found = least_squares(
-                self._left, self._there, self._slopes_at, limits, ftol=ENOUGH, xtol=ENOUGH, max_nfev=rounds
+                self._left, self._there, self._slopes_at, limits, ftol=ENOUGH, xtol=ENOUGH, max_nfev=rounds + 1
             )
             self._there, finished = found.x, found.status > 0
         except KeyboardInterrupt:
@@ -197,6 +222,19 @@ class _Search:
         self._slopes = jacobian(self._problem, coordinates, self._executor)
         self._round, self._there = self._round + 1, coordinates.copy()
         return np.vstack([self._slopes, np.eye(len(coordinates))])
+
+
+def _start(problem: Problem) -> np.ndarray:
+    """What the file says, and the frame that suits it: the arm may have been fitted before."""
+    count, size = len(problem.unknowns), len(problem.names)
+    states = simulated(problem, np.zeros(count)) if problem.options.frame else None
+    if states is None:
+        return np.zeros(size)
+
+    def left(frame):
+        return np.append(_compared(problem, np.append(np.zeros(count), frame), states), frame)
+
+    return np.append(np.zeros(count), least_squares(left, np.zeros(size - count)).x)
 
 
 def limits_of(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -248,16 +286,16 @@ def jacobian(
     count, high = len(problem.unknowns), limits_of(problem)[1]
     steps = np.where(coordinates + STEP > high, -STEP, STEP)
     moved = coordinates + np.diag(steps)  # a row a coordinate
-    states = list(in_order(executor, partial(simulated, problem), [row[:count] for row in [coordinates, *moved[:count]]]))
+    states = list(
+        in_order(executor, partial(simulated, problem), [row[:count] for row in [coordinates, *moved[:count]]])
+    )
     here = _compared(problem, coordinates, states[0])
     there = states[1:] + [states[0]] * (len(coordinates) - count)  # a frame needs no arm
     ends = [_compared(problem, row, one) for row, one in zip(moved, there, strict=True)]
     return ((np.array(ends) - here) / steps[:, None]).T
 
 
-def belief(
-    problem: Problem, left: Float[np.ndarray, " seen"], slopes: Float[np.ndarray, "seen coordinates"]
-) -> Belief:
+def belief(problem: Problem, left: Float[np.ndarray, " seen"], slopes: Float[np.ndarray, "seen coordinates"]) -> Belief:
     """How sure the coordinates are, from slopes and what is left."""
     information = slopes.T @ slopes / max(_variance(problem, left), 1e-12)
     values, directions = np.linalg.eigh(information)

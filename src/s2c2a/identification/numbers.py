@@ -1,5 +1,6 @@
 """Which numbers of an arm file are fitted, how far they may be from what the file says, and where they end."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +48,7 @@ KINDS = (
     Kind("cables", "modules.*.pretension", 20.0, 0, 500),
     Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -3600, 3600),
     Kind("routing", "modules.*.cable_radius", 0.2, 0.0015, 0.3, ratio=True),
-    Kind("routing", "modules.*.length", 0.1, 0.005, 2, ratio=True),
+    Kind("routing", "modules.*.length", 0.2, 0.005, 2, ratio=True),
     Kind("routing", "modules.*.flaws.coupling", 0.3, 0, 1),
     Kind("radii", "modules.*.flaws.radius_errors.*", 0.1, -0.5, 0.5),
     Kind("play", "modules.*.cable.play.*", 0.0005, 0, 0.02),
@@ -60,6 +61,8 @@ KINDS = (
     Kind("motor", "motor.time_constant", 0.05, 0, 1, only_moving=True),
 )
 GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS))
+USUAL = tuple(group for group in GROUPS if group not in ("axes", "hardening", "radii"))
+"""Fitted where nothing else is asked for: without numbers that few recordings tell from the others."""
 
 
 @dataclass(frozen=True)
@@ -80,13 +83,15 @@ class Turned:
 
     def vector(self, size: float, direction: float) -> list[float]:
         """The two components."""
-        long, angle = np.log(size) if self.of_logarithm else size, self.times * np.deg2rad(direction)
-        return [float(long * np.cos(angle)), float(long * np.sin(angle))]
+        long = math.log(size) if self.of_logarithm else size
+        angle = self.times * math.radians(direction)
+        return [long * math.cos(angle), long * math.sin(angle)]
 
     def size_and_direction(self, vector: Sequence[float]) -> tuple[float, float]:
         """The other way."""
-        long, angle = float(np.hypot(*vector)), float(np.rad2deg(np.arctan2(vector[1], vector[0]))) / self.times
-        return float(np.exp(long)) if self.of_logarithm else long, angle
+        x, y = vector
+        long, angle = math.hypot(x, y), math.degrees(math.atan2(y, x)) / self.times
+        return math.exp(long) if self.of_logarithm else long, angle
 
 
 TURNED = (
@@ -137,7 +142,7 @@ class Unknown:
         return self.coordinate(self.kind.low), self.coordinate(self.kind.high)
 
 
-def unknowns_of(arm: ArmSpec, groups: Iterable[str] = GROUPS, moving: bool = True) -> tuple[Unknown, ...]:
+def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True) -> tuple[Unknown, ...]:
     """The numbers of an arm file that are fitted: those of some groups that it states or has a default for.
 
     Args:
@@ -179,7 +184,7 @@ def arm_at(arm: ArmSpec, unknowns: Sequence[Unknown], coordinates: Float[np.ndar
     """
     table = _table_of(arm)
     for unknown, coordinate in zip(unknowns, coordinates, strict=True):
-        place = table
+        place: Any = table
         for step in unknown.path[:-1]:
             place = place[step]
         place[unknown.path[-1]] = unknown.value(coordinate)

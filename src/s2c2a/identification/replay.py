@@ -1,6 +1,6 @@
 """A recording's actions on a simulated arm: what it would have done in the recorded arm's place."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,7 +57,7 @@ def _lead_in(robot: SimulatedRobot, episode: Episode, how: Replay) -> None:
         robot.advance(how.settling or robot.arm.control_period)
 
 
-def _durations(episode: Episode, how: Replay) -> Iterator[float] | Float[np.ndarray, " steps"]:
+def _durations(episode: Episode, how: Replay) -> Float[np.ndarray, " steps"]:
     steps = np.diff(episode["time"])
     return steps if how.settling is None else np.full(len(steps), how.settling)
 

@@ -1,6 +1,6 @@
 """What a fit says: numbers with their uncertainty, what cannot be told apart, and the twin's error."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
-from s2c2a.identification.fitting import FRAME_SPREAD, Belief, Fit, held_out
+from s2c2a.identification.fitting import FRAME_SPREAD, Belief, Fit, begun, held_out
 from s2c2a.identification.numbers import Path
 from s2c2a.spaces import POSITION, States
 
@@ -35,7 +35,9 @@ class TipErrors:
     most: float
 
 
-def tip_errors(predicted: Sequence[States], episodes: Sequence[Episode], rows: Sequence[np.ndarray]) -> TipErrors | None:
+def tip_errors(
+    predicted: Sequence[States], episodes: Sequence[Episode], rows: Sequence[np.ndarray]
+) -> TipErrors | None:
     """Errors in some rows of episodes, none where nothing was seen in them.
 
     Args:
@@ -55,13 +57,21 @@ def tip_errors(predicted: Sequence[States], episodes: Sequence[Episode], rows: S
     return TipErrors(len(tip), float(far.mean()), rms, rms_centred, float(np.percentile(far, 95)))
 
 
-def held_out_errors(fit: Fit) -> tuple[TipErrors | None, TipErrors | None]:
-    """Errors in the rows that were fitted, and in those that were kept from it."""
-    episodes = fit.problem.episodes
-    predicted, kept = fit.predicted(episodes), held_out(episodes)
-    counted = [np.arange(len(one)) > 0 for one in kept]  # what came before the first row is not known
-    fitted = tip_errors(predicted, episodes, [~one for one in kept])
-    return fitted, tip_errors(predicted, episodes, [one & also for one, also in zip(kept, counted, strict=True)])
+def errors_of(fit: Fit, others: Mapping[str, Sequence[Episode]]) -> dict[str, TipErrors]:
+    """Errors in rows that were fitted, in those that were kept from it, and in other recordings.
+
+    First rows do not count where what came before them is not known.
+    """
+    episodes, one_session = fit.problem.episodes, fit.problem.options.replay.one_session
+    predicted, kept = fit.predicted(episodes), held_out(episodes, one_session)
+    unknown = begun(episodes, one_session)
+    counted = {
+        "fitted rows": tip_errors(predicted, episodes, [~rows for rows in kept]),
+        "held-out rows": tip_errors(predicted, episodes, [a & ~b for a, b in zip(kept, unknown, strict=True)]),
+    }
+    for name, other in others.items():
+        counted[name] = tip_errors(fit.predicted(other), other, [~rows for rows in begun(other, one_session)])
+    return {name: errors for name, errors in counted.items() if errors}
 
 
 @dataclass(frozen=True)
@@ -105,16 +115,23 @@ def _in_words(direction: Float[np.ndarray, " coordinates"], names: Sequence[str]
 
 def fitted_toml(fit: Fit, remark: str = "") -> str:
     """The fitted arm as an arm file, each number with its standard deviation beside it."""
-    remarks = {
-        one.path: f"+- {found.deviation:.2g}" + ("" if found.seen else ", hardly seen") + f"; was {found.start:.5g}"
-        for one, found in zip(fit.problem.unknowns, found_numbers(fit), strict=False)
-    }
-    lines = [
-        f"{line}  # {remarks[path]}" if path in remarks else line
-        for path, line in _lines_with_paths(arm_to_toml(fit.arm))
-    ]
+    numbers = zip(fit.problem.unknowns, found_numbers(fit), strict=False)
+    remarks = {one.path: _remark(found) for one, found in numbers}
+    lines = [_with_remark(line, path, remarks) for path, line in _lines_with_paths(arm_to_toml(fit.arm))]
     said = "".join(f"# {line}\n" for line in remark.splitlines())
     return f"{said}# Behind +- stands one standard deviation.\n" + "\n".join(lines) + "\n"
+
+
+def _remark(found: Found) -> str:
+    return f"+- {found.deviation:.2g}, was {found.start:.5g}" + ("" if found.seen else "; hardly seen")
+
+
+def _with_remark(line: str, path: Path, remarks: Mapping[Path, str]) -> str:
+    """What is said of a number, or of the components that it is the size of, or of every cable."""
+    said = [remarks[path]] if path in remarks else [text for place, text in remarks.items() if place[:-1] == path]
+    if not said or line.endswith("["):
+        return line
+    return f"{line}  # {said[0] if len(said) == 1 else 'each: ' + ' | '.join(said)}"
 
 
 def _lines_with_paths(text: str) -> Iterator[tuple[Path, str]]:
