@@ -8,8 +8,9 @@ from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
-from s2c2a.identification.fitting import FRAME_SPREAD, Belief, Fit, begun, held_out
+from s2c2a.identification.fitting import Belief, Fit
 from s2c2a.identification.numbers import Path
+from s2c2a.identification.problem import FRAME_SPREAD, begun, held_out
 from s2c2a.spaces import POSITION, States
 
 UNSEEN = 0.7  # spreads: a number that is known no better than this was hardly seen
