@@ -55,12 +55,13 @@ def identify(
         raise ArmError(f"{out} exists; choose another name or overwrite it (--overwrite)")
     if rows is not None and settling is None:
         raise S2C2AError("--rows leaves rows out, which is possible where every one is at rest: say --settling too")
-    start, recorded = load_arm(arm), data.load_recording(recording)
+    groups = fit or identification.USUAL
+    start, recorded = identification.stated_for(load_arm(arm), groups), data.load_recording(recording)
     others = {str(path): data.load_recording(path) for path in on}
     for one in (recorded, *others.values()):
         _check_alike(start, one.arm)
     options = identification.options_for(recorded, settling, rounds, fidelity)
-    unknowns = identification.unknowns_of(start, fit or identification.USUAL, moving=settling is None)
+    unknowns = identification.unknowns_of(start, groups, moving=settling is None)
     episodes = identification.thinned(recorded.episodes, rows) if rows else recorded.episodes
     with executor_for(jobs) as executor, progress_bar() as progress:
         found = identification.identify(start, unknowns, episodes, options, executor, progress)

@@ -1,9 +1,10 @@
 """Least squares for the numbers of an arm file, beside what the file says of them.
 
-With residuals r of the replayed arm in parts of what one expects of it, and coordinates u of the numbers (one a spread
-away from the file, `numbers.Unknown`), the fit is least |r(u)|^2 + |u|^2 (a maximum a posteriori). What the recording
-says of u is J^T J over the variance that is left, whose rows follow each other and so count as fewer: eigenvalues below
-one belong to combinations that the recording says less of than the file did.
+With residuals r of the replayed arm, their variance v, and coordinates u of the numbers (one a spread away from the
+file, `numbers.Unknown`), the fit is least |r(u)|^2 / v + |u|^2: the likeliest arm, by the file and what was recorded. v
+comes from what a first fit leaves; rows that follow each other and err alike count as fewer, since a twin errs by what
+it does not model, and a thousand such rows say little more than one. What the recording says of u is J^T J / v:
+eigenvalues below one belong to combinations that it says less of than the file did.
 """
 
 from collections.abc import Sequence
@@ -35,6 +36,7 @@ from s2c2a.spaces import States
 
 STEP = 0.02  # spreads: finite differences
 USUAL_WAY = FitOptions()
+LEAST_VARIANCE = 1e-12  # a recording of the simulation itself leaves nothing
 ENOUGH = 1e-4  # relative change of the sum, or of the coordinates, at which it ends
 
 
@@ -110,37 +112,45 @@ def identify(
 
 
 class _Search:
-    """The way to the least sum of squares: where it is, with slopes and what is left there."""
+    """The way to the least sum of squares: where it is, with slopes there, and the variance that residuals have."""
 
     def __init__(self, problem: Problem, executor: Executor, progress: Progress):
         self._problem, self._executor, self._progress = problem, executor, progress
-        self._round, self._there = 0, _start(problem)
+        self._round, self._there, self._variance = 0, _start(problem), 1.0
         self._slopes = np.zeros((1, len(problem.names)))
 
     def done(self) -> Fit:
-        """Go there; an interrupt after the first round ends it early."""
-        finished, rounds, limits = False, self._problem.options.rounds, limits_of(self._problem)
+        """Go there twice, the second time with the variance that the first has left; an interrupt ends it early."""
+        rounds, finished = self._problem.options.rounds, False
         try:
-            found = least_squares(
-                self._left, self._there, self._slopes_at, limits, ftol=ENOUGH, xtol=ENOUGH, max_nfev=rounds + 1
-            )
-            self._there, finished = found.x, found.status > 0
+            for share in (rounds - rounds // 2, rounds // 2):
+                finished = self._gone(share) if share else finished
+                self._variance = variance_of(self._problem, residuals(self._problem, self._there))
         except KeyboardInterrupt:
             if not self._round:
                 raise
+            finished = False
         self._progress("fitting", rounds, rounds)
-        left = residuals(self._problem, self._there)
-        return Fit(self._problem, self._there, belief(self._problem, left, self._slopes), finished)
+        return Fit(self._problem, self._there, belief(self._problem, self._slopes, self._variance), finished)
+
+    def _gone(self, rounds: int) -> bool:
+        """So many rounds at most; whether it came to an end before."""
+        limits = limits_of(self._problem)
+        found = least_squares(
+            self._left, self._there, self._slopes_at, limits, ftol=ENOUGH, xtol=ENOUGH, max_nfev=rounds + 1
+        )
+        self._there = found.x
+        return bool(found.status > 0)
 
     def _left(self, coordinates: np.ndarray) -> np.ndarray:
-        return np.concatenate([residuals(self._problem, coordinates), coordinates])
+        return np.concatenate([residuals(self._problem, coordinates) / np.sqrt(self._variance), coordinates])
 
     def _slopes_at(self, coordinates: np.ndarray) -> np.ndarray:
         """Asked for where the sum fell."""
-        self._progress("fitting", self._round, self._problem.options.rounds)
+        self._progress("fitting", min(self._round, self._problem.options.rounds - 1), self._problem.options.rounds)
         self._slopes = jacobian(self._problem, coordinates, self._executor)
         self._round, self._there = self._round + 1, coordinates.copy()
-        return np.vstack([self._slopes, np.eye(len(coordinates))])
+        return np.vstack([self._slopes / np.sqrt(self._variance), np.eye(len(coordinates))])
 
 
 def _start(problem: Problem) -> np.ndarray:
@@ -172,18 +182,18 @@ def jacobian(
     return ((np.array(ends) - here) / steps[:, None]).T
 
 
-def belief(problem: Problem, left: Float[np.ndarray, " seen"], slopes: Float[np.ndarray, "seen coordinates"]) -> Belief:
-    """How sure the coordinates are, from slopes and what is left."""
-    information = slopes.T @ slopes / max(_variance(problem, left), 1e-12)
+def belief(problem: Problem, slopes: Float[np.ndarray, "seen coordinates"], variance: float) -> Belief:
+    """How sure the coordinates are, from slopes and the variance of residuals."""
+    information = slopes.T @ slopes / variance
     values, directions = np.linalg.eigh(information)
     deviations = np.sqrt(np.diag(np.linalg.inv(information + np.eye(len(information)))))
     return Belief(problem.names, deviations, values, directions.T)
 
 
-def _variance(problem: Problem, left: np.ndarray) -> float:
-    """Of what is left, as if rows that follow each other and are alike were fewer."""
+def variance_of(problem: Problem, left: Float[np.ndarray, " seen"]) -> float:
+    """Of the residuals that are left, as if rows that follow each other and are alike were fewer."""
     table = np.full(np.shape(np.concatenate(problem.seen)), np.nan)
     table[np.isfinite(np.concatenate(problem.seen))] = left
     rows = table.reshape(len(table), -1)
     alike = np.clip(np.nansum(rows[1:] * rows[:-1]) / max(np.nansum(rows**2), 1e-30), 0.0, 0.99)
-    return float(left @ left / max(len(left) - len(problem.names), 1) * (1 + alike) / (1 - alike))
+    return max(float(left @ left / max(len(left) - len(problem.names), 1) * (1 + alike) / (1 - alike)), LEAST_VARIANCE)

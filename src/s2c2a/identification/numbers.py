@@ -14,6 +14,7 @@ from s2c2a.errors import S2C2AError
 
 Path = tuple[str | int, ...]
 EACH = "*"
+HARDLY_SHORTER = 20.0  # EA over EI / radius^2; a solid rod as thick as its cables are apart has 4
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ KINDS = (
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
     Kind("mass", "modules.*.mass", 0.3, 0.0005, 10, ratio=True),
     Kind("rest", "modules.*.flaws.rest_bend_deg.*", 5.0, -90, 90),
-    Kind("shortening", "modules.*.flaws.axial_stiffness", 1.0, 10, 1e7, ratio=True),
+    Kind("shortening", "modules.*.flaws.axial_stiffness", 1.5, 10, 1e7, ratio=True),
     Kind("damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True),
     Kind("motor", "motor.time_constant", 0.05, 0, 1, only_moving=True),
 )
@@ -140,6 +141,18 @@ class Unknown:
     def bounds(self) -> tuple[float, float]:
         """Least and largest coordinate."""
         return self.coordinate(self.kind.low), self.coordinate(self.kind.high)
+
+
+def stated_for(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
+    """The arm with a start for what its file leaves out and a group fits: a body that hardly shortens."""
+    if "shortening" not in groups:
+        return arm
+    table = arm.model_dump(mode="json")
+    for module, written in zip(arm.modules, table["modules"], strict=True):
+        if module.flaws.axial_stiffness is None:
+            stiff = HARDLY_SHORTER * module.bending_stiffness / module.cable_radius**2
+            written["flaws"] = written.get("flaws", {}) | {"axial_stiffness": float(np.clip(stiff, 10, 1e7))}
+    return ArmSpec.model_validate(table)
 
 
 def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True) -> tuple[Unknown, ...]:
