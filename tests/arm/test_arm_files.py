@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2c2a.arm import ArmSpec, Cable, Module, Motor, arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
+from s2c2a.arm import ArmSpec, Cable, Flaws, Module, Motor, arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.errors import ArmError
 
@@ -15,10 +15,15 @@ def maybe(strategy):
     return st.none() | strategy
 
 
+def each(low, high, count):
+    """One number, or one for each of so many cables."""
+    return between(low, high) | st.lists(between(low, high), min_size=count, max_size=count)
+
+
 @st.composite
 def modules(draw, cables: int, tension: bool):
     layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(lambda a: largest_gap_deg(a) < 179)
-    slips = {} if tension else {"play": between(0, 0.02), "creep": between(0, 0.9)}
+    slips = {} if tension else {"play": each(0, 0.02, cables), "creep": between(0, 0.9)}
     return Module(
         length=draw(between(0.3, 2)),
         cable_radius=draw(between(0.0015, 0.3)),
@@ -29,6 +34,7 @@ def modules(draw, cables: int, tension: bool):
         bend_limit_deg=draw(between(1, 150)),
         pretension=draw(between(0, 500)),
         tension_range=draw(between(0.05, 500) if tension else maybe(between(0.05, 500))),
+        flaws=draw(st.builds(Flaws, coupling=maybe(between(0, 1)), radius_errors=each(-0.5, 0.5, cables))),
         cable=draw(st.builds(Cable, stiffness=between(50, 1e6), friction=between(0, 1), **slips)),
     )
 

@@ -45,7 +45,7 @@ def test_every_verb_explains_itself(verb, capsys):
     assert "usage" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("table", [*TABLES, "all"])
+@pytest.mark.parametrize("table", [*TABLES, "all", "unknown-arms"])
 def test_every_table_explains_itself(table, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["reproduce", table, "--help"])

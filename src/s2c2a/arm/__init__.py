@@ -1,5 +1,6 @@
 """The arm on paper: what it is made of, in numbers that a user can measure."""
 
+from s2c2a.arm.drawn import drawn_arm
 from s2c2a.arm.files import arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
 from s2c2a.arm.flaws import Flaws
 from s2c2a.arm.geometry import ArmGeometry

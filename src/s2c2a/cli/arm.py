@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, Cable, Flaws, file_keys, load_arm, save_arm
+from s2c2a.arm import ArmSpec, Cable, Flaws, drawn_arm, file_keys, load_arm, save_arm
 from s2c2a.cli.console import Arm, File, print_table
 from s2c2a.cli.work import RobotName, RobotOptions, body_for
 
@@ -103,6 +103,28 @@ def copy(arm: File, out: File, overwrite: bool = False) -> None:
     own = {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm", "description": ""}
     save_arm(ArmSpec.model_validate(load_arm(arm).model_dump() | own), out, overwrite)
     print(f"written: {out}; change it and try `s2c2a arm check {out}`")
+
+
+@app.command
+def random(
+    seed: int, strength: float = 1.0, base: Arm = "twin_arm", out: Path | None = None, overwrite: bool = False
+) -> None:
+    """Draw an arm with the flaws of real arms, which only its simulated body knows of (docs/simulator.md).
+
+    Args:
+        seed: of everything that is drawn.
+        strength: 1 for flaws as large as a careful builder's, 0.5 for half of that, 0 for the base itself; at most 2.
+        base: a preset or an arm file: modules, cables, and all that controllers are told.
+        out: the new arm file; here, under the arm's own name, if not stated.
+        overwrite: replace the file if it exists.
+    """
+    from s2c2a.robots.simulation.modes import first_mode
+
+    drawn = drawn_arm(load_arm(base), seed, strength)
+    first_mode(drawn)  # refuses an arm that falls over
+    written = out or Path(f"{drawn.name}.toml")
+    save_arm(drawn, written, overwrite)
+    print(f"written: {written}; collect, train and run it with --arm {written}, and runs with --robot-option aged=1")
 
 
 @robot_app.command(name="check")

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from tyro.extras import SubcommandApp
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from s2c2a import strategies
 
 app = SubcommandApp()
+TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
 
 ABOUT = {
     "simulation": "Table I of the simulation: ours, motor babbling, lstm, pcc, and both couplings.",
@@ -87,6 +88,42 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
     with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (place, make):
         rows = ingredient_rows(numbers, make, arm)
     print(save_across("ingredients", rows, place).read_text(encoding="utf-8"))
+
+
+@app.command(name="unknown-arms")
+def unknown_arms(
+    arms: int = 10,
+    strengths: tuple[float, ...] = (0.5, 1.0),
+    strategies: tuple[Literal["best", "paper", "pcc", "pcc-fitted"], ...] = ("best", "paper", "pcc", "pcc-fitted"),
+    tasks: tuple[str, ...] = ("circle", *TILT_TASKS, "hold-middle"),
+    targets: int = 200,
+    base: Arm = "twin_arm",
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Arms that nobody modelled: drawn ones through data, training and tasks, for every strategy (docs/protocol.md).
+
+    From strength 0.75 on, targets are put within the reach of the drawn arm. Cut short, it goes on where it was.
+
+    Args:
+        arms: how many are drawn at each strength, as `s2c2a arm random` does with seeds from zero.
+        strengths: of their flaws.
+        strategies: best and paper are recipes of the paper's strategy.
+        tasks: by name.
+        targets: within reach, each held for five seconds, to see whether any strategy runs away; none if zero.
+        base: a preset or an arm file: modules, cables, and all that controllers are told.
+        seed: of data, training and start.
+        work: where results go, and who works.
+    """
+    from s2c2a.evaluation.report import save_table
+    from s2c2a.studies.unknown_arms import EXPERIMENT, Unknown, unknown_arms_rows
+
+    asked = Unknown(load_arm(base), arms, strengths, strategies, tasks, targets, seed)
+    with making(EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
+        rows = unknown_arms_rows(asked, make)
+        written = save_table(EXPERIMENT, rows, place)
+    print_results(EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
+    print(f"table: {written} (.csv, .tex, .json beside it)")
 
 
 @app.command

@@ -10,16 +10,17 @@ TURNS_A_STEP = 6.0  # times the step limit: what readings may change by, since t
 NOISE = 8.0  # standard deviations
 
 
-def declared_sensors(arm: ArmSpec, moments: int = 0) -> dict[str, Sensor]:
+def declared_sensors(arm: ArmSpec, geometry: ArmGeometry, moments: int = 0) -> dict[str, Sensor]:
     """What readings hold; plausible numbers are those of the cables' limits, and of unit vectors.
 
     Args:
         arm: the description.
+        geometry: of it.
         moments: at which the centre line is watched in a control step; it is not if zero.
     """
     modules = arm.module_count
     said = {
-        "cables": _cables(arm),
+        "cables": _cables(arm, geometry),
         "states": Sensor((modules, 6), "m, 1"),
         "configurations": Sensor((modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(arm)),
     }
@@ -30,9 +31,9 @@ def declared_sensors(arm: ArmSpec, moments: int = 0) -> dict[str, Sensor]:
     return said
 
 
-def _cables(arm: ArmSpec) -> Sensor:
+def _cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
     """Encoders, or tension sensors: a quarter of the range and their noise beyond the limits is still plausible."""
-    geometry, by_length = ArmGeometry.of(arm), arm.actuation == "displacement"
+    by_length = arm.actuation == "displacement"
     ticks = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
     noise = NOISE * (ticks if by_length else arm.motor.noise_tension)
     scale = np.abs(geometry.action_scale)[:, None]

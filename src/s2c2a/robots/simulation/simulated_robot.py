@@ -26,7 +26,7 @@ class SimulatedRobot(Robot):
     Args:
         arm: the description.
         fidelity: "fast" or "accurate".
-        seed: of the sensor noise; the physics is deterministic.
+        seed: of the sensor noise and of homing errors; the physics is deterministic.
         payload: mass at the tip [kg].
         jitter: part of the full bend that every module is moved by, in a random direction, before it settles at rest;
             cables with hysteresis then start in another state.
@@ -82,7 +82,7 @@ class SimulatedRobot(Robot):
     def sensors(self) -> dict[str, Sensor]:
         """What readings hold."""
         moments = len(self._physics_times(self.arm.control_period)) + 1 if self._watched else 0
-        return declared_sensors(self.arm, moments)
+        return declared_sensors(self.arm, self._geometry, moments)
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
