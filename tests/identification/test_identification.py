@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, arm_from_toml
-from s2c2a.data import episode_actions
+from s2c2a.data import Recording, episode_actions
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.identification import (
@@ -18,6 +18,7 @@ from s2c2a.identification import (
     found_numbers,
     held_out,
     identify,
+    options_for,
     replayed,
     stated_for,
     thinned,
@@ -148,6 +149,20 @@ def test_shapes_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
     fewer = thinned([episode], 10)[0]
     np.testing.assert_array_equal(fewer["time"], episode["time"][::3])
     np.testing.assert_array_equal(fewer["actions"][:-1], episode["actions"][2:-1:3])
+
+
+def test_what_was_really_sent_is_replayed_beyond_the_limits_of_the_start(start):
+    seen = recorded(start, 30)
+    narrow = start.model_copy(
+        update={"modules": tuple(m.model_copy(update={"bend_limit_deg": 5.0}) for m in start.modules)}
+    )
+    np.testing.assert_allclose(replayed(narrow, [seen], Replay())[0], replayed(start, [seen], Replay())[0])
+
+
+@pytest.mark.parametrize(("said", "imported"), [("imported log", True), ("staged", False)])
+def test_of_an_imported_recording_the_frame_is_fitted_and_episodes_follow_each_other(start, said, imported):
+    options = options_for(Recording(start, {"babbling": said}, (recorded(start, 5),)), 0.1, 3, "fast")
+    assert options == FitOptions(Replay(0.1, imported, "fast"), imported, 3)
 
 
 def test_nothing_seen_and_nothing_to_fit_are_refused(start):

@@ -55,7 +55,7 @@ KINDS = (
     Kind("play", "modules.*.cable.play.*", 0.0005, 0, 0.02),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
-    Kind("mass", "modules.*.mass", 0.3, 0.0005, 10, ratio=True),
+    Kind("mass", "modules.*.mass", 0.5, 0.0005, 10, ratio=True),
     Kind("rest", "modules.*.flaws.rest_bend_deg.*", 5.0, -90, 90),
     Kind("shortening", "modules.*.flaws.axial_stiffness", 1.5, 10, 1e7, ratio=True),
     Kind("damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True),

@@ -57,7 +57,7 @@ def options_for(recording: Recording, settling: float | None, rounds: int, fidel
             f"{rounds} rounds and {settling} s to settle asked for; take at least one round, and up to "
             f"{LONGEST_SETTLING:g} s"
         )
-    imported = recording.options.get("babbling") == "imported"
+    imported = str(recording.options.get("babbling", "")).startswith("imported")
     return FitOptions(Replay(settling, imported, fidelity), imported, rounds)
 
 

@@ -11,6 +11,8 @@ from s2c2a.episodes import Episode
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import States
 
+LEAST_TRAVEL, MOST_TRAVEL = 0.0001, 2.0  # m, of arm files
+
 
 @dataclass(frozen=True)
 class Replay:
@@ -33,8 +35,21 @@ def replayed(arm: ArmSpec, episodes: Sequence[Episode], how: Replay) -> list[Sta
     Raises:
         SimulationError: the simulated arm blew up.
     """
-    with SimulatedRobot(arm, how.fidelity) as robot:
+    with SimulatedRobot(_reaching(arm, episodes), how.fidelity) as robot:
         return [_one_replayed(robot, episode, how, number == 0) for number, episode in enumerate(episodes)]
+
+
+def _reaching(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
+    """The arm with limits that let through what was really sent."""
+    if arm.actuation == "tension":
+        return arm
+    sent = [one[name] for one in episodes for name in ("actions", "sensor.cables") if name in one.columns]
+    farthest = np.nanmax(np.abs(np.concatenate(sent)), axis=(0, 2))
+    modules = []
+    for module, travel in zip(arm.modules, np.clip(farthest, LEAST_TRAVEL, MOST_TRAVEL), strict=True):
+        cable = module.cable.model_copy(update={"travel": float(max(travel, module.cable.travel or 0.0))})
+        modules.append(module.model_copy(update={"cable": cable}))
+    return arm.model_copy(update={"modules": tuple(modules)})
 
 
 def _one_replayed(robot: SimulatedRobot, episode: Episode, how: Replay, opened: bool) -> States:
