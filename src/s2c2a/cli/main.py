@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from tyro.extras import SubcommandApp
 
 from s2c2a.cache import keep_programs
-from s2c2a.cli import arm, bench, collect, doctor, import_, live, reproduce, run, sweep, train, view
+from s2c2a.cli import arm, bench, collect, doctor, identify, import_, live, reproduce, run, sweep, train, view
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_heeded
 from s2c2a.cli.renamed import check_renamed
 from s2c2a.errors import S2C2AError
@@ -22,9 +22,11 @@ GOES_ON = {
 
 app = SubcommandApp()
 app.command(reproduce.demo)
-for verb in (live.live, view.view, collect.collect, train.train, run.run, sweep.sweep, bench.bench, doctor.doctor):
+for verb in (live.live, view.view, collect.collect, identify.identify, train.train, run.run, sweep.sweep):
     app.command(verb)
 app.command(name="import")(import_.import_)
+app.command(bench.bench)
+app.command(doctor.doctor)
 app.command(arm.app, name="arm", help="Explain, check, describe, draw or copy an arm file.")
 app.command(arm.robot_app, name="robot", help="Check a body.")
 app.command(reproduce.app, name="reproduce", help="Make the project's tables again, from nothing.")

@@ -31,7 +31,7 @@ NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 SHORTENINGS = 2  # times that bends and shortening are brought together, with moments and without
-FIRST_GIVE = 1e-3  # of a module's length over the cable radius, for a pull of one
+FIRST_GIVE = 0.03  # of a module's length over the cable radius, for a pull of one
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 

@@ -87,8 +87,10 @@ def held_rows(
     data = training_data(recording, BEST)
     states = np.array(data.states)
     states[held.rows] = np.nan
-    others = [(str(other.options.get("name", f"recording {number}")), training_data(other, BEST), None)
-              for number, other in enumerate(unseen, 2)]
+    others = [
+        (str(other.options.get("name", f"recording {number}")), training_data(other, BEST), None)
+        for number, other in enumerate(unseen, 2)
+    ]
     tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
     for name in models:
         options, fit = MODELS[name]
@@ -109,11 +111,25 @@ def _errors(options: ForwardOptions, network, data: TrainingData, rows: np.ndarr
 
 
 def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
-    measures = {"tip": np.mean, "tip, rms": lambda e: np.sqrt(np.mean(e**2)), "tip, 95 %": lambda e: np.percentile(e, 95)}
+    measures = {
+        "tip": np.mean,
+        "tip, rms": lambda e: np.sqrt(np.mean(e**2)),
+        "tip, 95 %": lambda e: np.percentile(e, 95),
+    }
     task = f"{recording.options.get('name', recording.arm.name)}, {split}".replace("|", "/")
     return [
-        Row(EXPERIMENT, task, recording.arm.name, "real", name, name, metric, "mm",
-            **_over(list(map(measure, errors)), errors if metric == "tip" else []), seeds=tuple(seeds))
+        Row(
+            EXPERIMENT,
+            task,
+            recording.arm.name,
+            "real",
+            name,
+            name,
+            metric,
+            "mm",
+            **_over(list(map(measure, errors)), errors if metric == "tip" else []),
+            seeds=tuple(seeds),
+        )
         for metric, measure in measures.items()
     ]
 

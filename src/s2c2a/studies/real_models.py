@@ -58,8 +58,10 @@ class KernelRegression(_Regression):
         """See `ForwardOptions`."""
         split = forward_samples(self._inputs(data), data.states, data.lengths)
         parts = split.training, split.validation, split.test
-        x, y = zip(*((part.inputs["configurations"], part.targets.reshape(len(part.targets), -1)) for part in parts),
-                   strict=True)
+        x, y = zip(
+            *((part.inputs["configurations"], part.targets.reshape(len(part.targets), -1)) for part in parts),
+            strict=True,
+        )
         tries = [(width, ridge) for width in WIDTHS for ridge in RIDGES]
         best = min(tries, key=lambda one: float(np.nanmean((_ridge(x[0], y[0], *one)(x[1]) - y[1]) ** 2)))
         return Trained(_ridge(np.concatenate(x), np.concatenate(y), *best), np.zeros((0, 3)), (np.nan, np.nan))
@@ -136,8 +138,10 @@ class Recurrent(_Regression):
         """Oldest reading first; before an episode it stood as it began."""
         moved = moved_along(data)
         flat = moved.reshape(*moved.shape[:2], -1)
-        late = [np.concatenate([np.repeat(flat[:, :1], age, axis=1), flat[:, : flat.shape[1] - age]], axis=1)
-                for age in range(self.steps - 1, -1, -1)]
+        late = [
+            np.concatenate([np.repeat(flat[:, :1], age, axis=1), flat[:, : flat.shape[1] - age]], axis=1)
+            for age in range(self.steps - 1, -1, -1)
+        ]
         return np.stack(late, axis=2).astype(np.float32)
 
 
@@ -160,8 +164,10 @@ class FittedArcs(_Regression):
         lengths = ArmGeometry.of(data.arm).lengths
 
         def misses(numbers: np.ndarray) -> np.ndarray:
-            parts = (known_error(_arcs(jnp.asarray(numbers, jnp.float32), one["configurations"]), one["targets"])
-                     for one in batches)
+            parts = (
+                known_error(_arcs(jnp.asarray(numbers, jnp.float32), one["configurations"]), one["targets"])
+                for one in batches
+            )
             return np.concatenate([np.asarray(part)[..., :3].reshape(-1) for part in parts]).astype(float)
 
         found = least_squares(misses, np.concatenate([np.ones_like(lengths), lengths]), diff_step=1e-3, max_nfev=30)

@@ -187,7 +187,10 @@ def _add_slide(body, module: FlawedModule, number: int) -> None:
 def _add_joints(body, module: FlawedModule, number: int, segment: int, fidelity: Fidelity) -> None:
     length, damping_time = module.described.length / fidelity.segments, module.described.damping_time
     rest, cubic = module.rest_turns / fidelity.segments, module.cubic(fidelity.segments)
-    for turn, axis in enumerate("xyz" if fidelity.torsion else "xy"):
+    hinges = list(enumerate("xyz" if fidelity.torsion else "xy"))
+    if fidelity.torsion and (number * fidelity.segments + segment) % 2:
+        hinges.reverse()  # turns do not commute; in one order all along, bends would add up to a twist of first order
+    for turn, axis in hinges:
         stiffness = module.stiffnesses[turn] / length
         body.add_joint(
             name=joint_name(number, segment, axis),

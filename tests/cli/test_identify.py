@@ -1,0 +1,51 @@
+"""`s2c2a identify`: from a recording and a start to the arm file of a twin."""
+
+import pytest
+
+from s2c2a.arm import load_arm, save_arm
+from s2c2a.cli.main import FAULT, main
+from s2c2a.data import CollectOptions, collect
+from s2c2a.robots.simulation import SimulatedRobot
+
+
+@pytest.fixture(scope="module")
+def files(make_arm, tmp_path_factory):
+    """A recording of a soft module, and the arm file of one that is thought to be stiffer."""
+    folder = tmp_path_factory.mktemp("identify")
+    soft = make_arm(modules=1, module={"bending_stiffness": 0.1, "cable": {"stiffness": 1000.0}})
+    options = CollectOptions(episodes=1, samples=40)
+    collect(folder / "soft.episodes", soft, lambda seed: SimulatedRobot(soft, seed=seed), options, threads=1)
+    save_arm(make_arm(modules=1, module={"cable": {"stiffness": 1000.0}}), folder / "start.toml")
+    return folder
+
+
+def command(files, *more: str) -> None:
+    words = [files / "soft.episodes", "--arm", files / "start.toml", "--out", files / "fitted.toml", "--jobs", "1"]
+    main(["identify", *map(str, words), "--fit", "stiffness", "--rounds", "4", *more])
+
+
+def test_it_writes_an_arm_that_errs_less_and_says_by_how_much(files, capsys):
+    command(files, "--on", str(files / "soft.episodes"))
+    said = capsys.readouterr().out
+    assert load_arm(files / "fitted.toml").modules[0].bending_stiffness == pytest.approx(0.1, rel=0.01)
+    assert "modules.0.bending_stiffness" in said
+    assert "fitted rows" in said
+    assert "soft.episodes (39): tip error mean 0.0 mm" in said
+
+
+@pytest.mark.parametrize(
+    ("more", "fault"),
+    [
+        ((), "exists"),
+        (("--overwrite", "--rows", "10"), "say --settling"),
+        (("--overwrite", "--fit", "colour"), "choose from stiffness"),
+        (("--overwrite", "--settling", "-1"), "s to settle"),
+        (("--overwrite", "--arm", "twin_arm"), "give the arm that was recorded"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_any_work(files, capsys, more, fault):
+    (files / "fitted.toml").touch()
+    with pytest.raises(SystemExit) as ended:
+        command(files, *more)
+    assert ended.value.code == FAULT
+    assert fault in capsys.readouterr().err
