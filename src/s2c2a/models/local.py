@@ -114,11 +114,14 @@ class LocalC2S(ForwardModel):
     def features(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch features"]:
         """What the local model sees: bends that cables stand for, and how far they moved together.
 
-        Now, after some of the plays, and how far the last reading and the slow filters are from now.
+        Now, after some of the plays, and how far the filters were behind at the last reading. That is told from readings
+        alone: a plan is ahead of the arm, and would look like speed.
         """
-        plays = len(self.chain.hysteresis.operators.widths)
-        now, felt, before = inputs[..., :1, :], inputs[..., 1 : plays + 1, :], inputs[..., plays + 1 :, :]
-        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], before - now], axis=-2)
+        operators = self.chain.hysteresis.operators
+        plays, shares = len(operators.widths), operators.shares[:, None]
+        now, felt, last = inputs[..., :1, :], inputs[..., 1 : plays + 1, :], inputs[..., plays + 1 : plays + 2, :]
+        crept_before = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
+        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], last - crept_before], axis=-2)
         bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, seen)
         together = jnp.mean(seen, axis=-1, keepdims=True)
         return jnp.concatenate([bends, together], axis=-1).reshape(*seen.shape[:-3], -1)
@@ -169,9 +172,10 @@ class LocalOptions(ChainOptions):
         every = np.ones_like(blank.share)
         known = np.isfinite(split.training.targets).any(axis=0)  # what is not known, the chain alone says
         tries = [blank, *(self._beside(blank, split.training, share) for share in (every, every - known))]
-        model = _calibrated(min(tries, key=lambda one: _loss(one, split.validation)), split.validation)
+        best = min(tries, key=lambda one: _loss(one, split.validation))
+        model = _calibrated(best, split.validation)
         trained = tried(replace(result, network=model), answer, split)
-        if model is tries[0]:
+        if best is blank:
             return trained
         whole = self._beside(model, _together(split), np.asarray(model.share))  # what was held out is known from now on
         return replace(trained, network=whole)
@@ -189,7 +193,7 @@ class LocalOptions(ChainOptions):
     def _kinds(self, modules: int) -> Float[np.ndarray, "features kinds"]:
         """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
         places = 3 * modules
-        seen = 2 + len(self.play_widths[EVERY_OTHER]) + len(self.creep_times)
+        seen = 1 + len(self.play_widths[EVERY_OTHER]) + len(self.creep_times)
         module, kind, axis = np.unravel_index(np.arange(places * seen), (modules, seen, 3))
         return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
 

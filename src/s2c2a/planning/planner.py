@@ -144,6 +144,7 @@ class Step(NamedTuple):
         """What the solver is given, once the guides have seen it."""
         options = self.options
         model = self.model.for_planning() if options.engaged_slopes else self.model
+        model = model.near(last, memory)
         guarded = terms.guarded_points(self.arm, options.guard)
 
         def look(configurations: Configurations, bends: Bends) -> Candidate:
