@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm, save_arm
@@ -123,6 +124,40 @@ def unknown_arms(
         rows = unknown_arms_rows(asked, make)
         written = save_table(EXPERIMENT, rows, place)
     print_results(EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
+    print(f"table: {written} (.csv, .tex, .json beside it)")
+
+
+@app.command
+def real(
+    recording: tyro.conf.Positional[Path],
+    unseen: tuple[Path, ...] = (),
+    block: int = 25,
+    last: int = 0,
+    models: tuple[str, ...] = (),
+    seeds: int = 1,
+    folder: Folder = NEW_FOLDER,
+) -> None:
+    """Forward models on a recording of an arm that nobody here made, such as `s2c2a import` writes.
+
+    Rows that are held out are never shown to a model; what cables remember is carried along the whole recording.
+
+    Args:
+        recording: to learn from.
+        unseen: other recordings of the same arm, tried as a whole.
+        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows; none if zero.
+        last: hold out so many last rows, in a training of their own; none if zero.
+        models: by name; all if not stated.
+        seeds: of training, from zero.
+        folder: where results go.
+    """
+    from s2c2a.evaluation.report import save_table
+    from s2c2a.studies.real import EXPERIMENT, real_rows
+
+    options = {"recording": str(recording), "unseen": [str(one) for one in unseen], "block": block, "last": last}
+    with making(EXPERIMENT, options | {"models": models, "seeds": seeds}, folder) as (place, _), progress_bar() as told:
+        rows = real_rows(recording, unseen, block, last, models, range(seeds), told)
+        written = save_table(EXPERIMENT, rows, place)
+    print_results(EXPERIMENT, rows, [], place)
     print(f"table: {written} (.csv, .tex, .json beside it)")
 
 

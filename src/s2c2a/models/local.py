@@ -114,8 +114,8 @@ class LocalC2S(ForwardModel):
     def features(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch features"]:
         """What the local model sees: bends that cables stand for, and how far they moved together.
 
-        Now, after some of the plays, and how far the filters were behind at the last reading. That is told from readings
-        alone: a plan is ahead of the arm, and would look like speed.
+        Now, after some of the plays, and how far the filters were behind at the last reading. That is told from what
+        was read: a plan is ahead of the arm, and would look like speed.
         """
         operators = self.chain.hysteresis.operators
         plays, shares = len(operators.widths), operators.shares[:, None]

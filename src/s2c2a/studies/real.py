@@ -4,16 +4,18 @@ Rows that are held out are whole blocks, the end of a recording, or other record
 along the whole of it, as it is on the arm, and the truth of those rows is never shown.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
 
 import jax
 import numpy as np
 from jaxtyping import Bool
 
-from s2c2a.data import Recording
-from s2c2a.errors import RecordingError
-from s2c2a.evaluation.report import Row
+from s2c2a.data import Recording, load_recording
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import recipe_named, training_data
@@ -72,6 +74,46 @@ def last_of(recording: Recording, count: int) -> Held:
     return Held(f"last {count}", rows)
 
 
+def real_rows(
+    recording: Path,
+    unseen: Sequence[Path],
+    block: int,
+    last: int,
+    models: Sequence[str],
+    seeds: Sequence[int],
+    progress: Callable[[str, int, int], None],
+) -> list[Row]:
+    """Rows of every split and model.
+
+    Args:
+        recording: to learn from.
+        unseen: other recordings of the same arm, tried as a whole.
+        block: rows of each block that is held out; none if zero.
+        last: rows at the end that are held out; none if zero.
+        models: names of `MODELS`; all if empty.
+        seeds: of training.
+        progress: told what, how many of how many.
+
+    Raises:
+        RecordingError: a recording that is none, or of another arm, or too short.
+        StrategyError: no such model.
+    """
+    names, whole = tuple(models) or tuple(MODELS), load_recording(recording)
+    if strange := [name for name in names if name not in MODELS]:
+        raise StrategyError(f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}")
+    others = [load_recording(path) for path in unseen]
+    shapes = {(one.arm.module_count, one.arm.cable_count) for one in (whole, *others)}
+    if len(shapes) > 1:
+        raise RecordingError("other recordings must be of the same arm; import them with --arm and its arm file")
+    splits = [blocks_of(whole, block)] * (block > 0) + [last_of(whole, last)] * (last > 0)
+    splits = splits or [Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))]
+    rows: list[Row] = []
+    for number, (held, name) in enumerate(product(splits, names)):
+        progress("models", number, len(splits) * len(names))
+        rows += held_rows(whole, held, [name], seeds, others if held is splits[-1] else ())
+    return rows
+
+
 def held_rows(
     recording: Recording, held: Held, models: Sequence[str], seeds: Sequence[int], unseen: Sequence[Recording] = ()
 ) -> Iterator[Row]:
@@ -110,31 +152,18 @@ def _errors(options: ForwardOptions, network, data: TrainingData, rows: np.ndarr
     return distances[counted if rows is None else counted & rows]
 
 
+MEASURES: dict[str, Callable[[np.ndarray], np.floating]] = {
+    "tip": np.mean,
+    "tip, rms": lambda errors: np.sqrt(np.mean(errors**2)),
+    "tip, 95 %": lambda errors: np.percentile(errors, 95),
+}
+
+
 def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
-    measures = {
-        "tip": np.mean,
-        "tip, rms": lambda e: np.sqrt(np.mean(e**2)),
-        "tip, 95 %": lambda e: np.percentile(e, 95),
-    }
-    task = f"{recording.options.get('name', recording.arm.name)}, {split}".replace("|", "/")
+    arm, task = recording.arm.name, f"{recording.options.get('name', recording.arm.name)}, {split}"
     return [
-        Row(
-            EXPERIMENT,
-            task,
-            recording.arm.name,
-            "real",
-            name,
-            name,
-            metric,
-            "mm",
-            **_over(list(map(measure, errors)), errors if metric == "tip" else []),
-            seeds=tuple(seeds),
-        )
-        for metric, measure in measures.items()
+        Row(EXPERIMENT, task, arm, "real", name, name, metric, "mm", seeds=tuple(seeds), **over_seeds(values, spreads))
+        for metric, measure in MEASURES.items()
+        for values in [[float(measure(one)) for one in errors]]
+        for spreads in [[float(one.std()) for one in errors] if metric == "tip" else []]
     ]
-
-
-def _over(values: list[float], spreads: list[np.ndarray]) -> dict:
-    from s2c2a.evaluation.report import over_seeds
-
-    return over_seeds([float(one) for one in values], [float(one.std()) for one in spreads])
