@@ -3,6 +3,7 @@
 `PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe `best`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -15,11 +16,12 @@ from pydantic import BeforeValidator, ConfigDict, SkipValidation
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
-from s2c2a.kinematics import ForwardModel, bends_from_configurations
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends
 from s2c2a.kinematics.pcc import Memory
 from s2c2a.parts import Own
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.rescue import NO_RESCUE, Rescue, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
 from s2c2a.programs import compiled
@@ -44,6 +46,7 @@ class PlannerOptions:
             or the true ones.
         on_sphere: whether configurations are kept at unit length and within the bend limits. Those sensed under sensing
             coupling are not of unit length.
+        rescue: what takes over where a plan stands although its cost could fall.
         guard: what keeps out of obstacles.
         own_code: whether parts by name may be files and modules; never in a strategy file, which may be a stranger's.
     """
@@ -55,6 +58,7 @@ class PlannerOptions:
     guides: tuple[AnyGuide, ...] = ()
     engaged_slopes: bool = False
     on_sphere: bool = True
+    rescue: Rescue = NO_RESCUE
     guard: Guard = "tip"
     own_code: bool = field(default=True, compare=False)
 
@@ -78,7 +82,9 @@ PAPER = PlannerOptions(
     Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
 )
 _BEST = terms.Positions, terms.Axes, terms.BendChange, terms.Shape, terms.Evenness, terms.Limits, terms.Obstacles
-BEST = PlannerOptions(LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True)
+BEST = PlannerOptions(
+    LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True, rescue=Rescue()
+)
 
 
 class Plan(NamedTuple):
@@ -87,10 +93,12 @@ class Plan(NamedTuple):
     Attributes:
         configurations: the last planned ones, C_0 of the next step, shape (modules, 3).
         memory: of the forward model.
+        search: for better shapes than those at hand.
     """
 
     configurations: Configurations
     memory: Memory
+    search: Search
 
 
 class Step(NamedTuple):
@@ -127,7 +135,7 @@ class Step(NamedTuple):
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
-        return Plan(sensed, self.model.start(sensed))
+        return Plan(sensed, self.model.start(sensed), Search.none(bends_from_configurations(sensed)))
 
     def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
         """The states that the forward model expects of a plan [m, 1], base frame."""
@@ -137,19 +145,19 @@ class Step(NamedTuple):
         """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
         memory = _where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
-        following = problem.within_limits(self.solver.solve(problem))
-        return Plan(_where_finite(following, plan.configurations), memory)
+        following, search = problem.within_limits(self.solver.solve(problem)), plan.search
+        if self.options.rescue.starts:
+            true = problem._replace(look=self._look(memory, engaged=False))
+            bends, search = self.options.rescue.over(true, goal, bends_from_configurations(following), search)
+            other = problem.within_limits(configurations_from_bends(bends))
+            following = jnp.where(search.notes.rescued > 0, other, following)
+        new, old = (following, search), (plan.configurations, Search.none(problem.situation.last.bends))
+        following, search = _where_finite(new, old)
+        return Plan(following, memory, search)
 
     def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
         """What the solver is given, once the guides have seen it."""
-        options = self.options
-        model = self.model.for_planning() if options.engaged_slopes else self.model
-        guarded = terms.guarded_points(self.arm, options.guard)
-
-        def look(configurations: Configurations, bends: Bends) -> Candidate:
-            states = model.predict(configurations, memory)
-            return Candidate(configurations, bends, states, guarded(states))
-
+        options, look = self.options, self._look(memory, self.options.engaged_slopes)
         now = look(last, bends_from_configurations(last))
         limits = jnp.asarray(ArmGeometry.of(self.arm).bend_limits, dtype=jnp.float32)
         step = float(np.deg2rad(self.arm.step_limit_deg))
@@ -159,6 +167,16 @@ class Step(NamedTuple):
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.lead(situation, prepared)
         return Problem(situation, self.terms, look)
+
+    def _look(self, memory: Memory, engaged: bool) -> Callable[[Configurations, Bends], Candidate]:
+        model = self.model.for_planning() if engaged else self.model
+        guarded = terms.guarded_points(self.arm, self.options.guard)
+
+        def look(configurations: Configurations, bends: Bends) -> Candidate:
+            states = model.predict(configurations, memory)
+            return Candidate(configurations, bends, states, guarded(states))
+
+        return look
 
 
 class Planner:
