@@ -21,7 +21,7 @@ from s2c2a.kinematics.pcc import Memory
 from s2c2a.parts import Own
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
-from s2c2a.planning.rescue import NO_RESCUE, Rescue, Search
+from s2c2a.planning.rescue import NO_RESCUE, RESCUES, Rescue, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
 from s2c2a.programs import compiled
@@ -32,6 +32,7 @@ WORKSPACE_SHARE = 0.46 / 0.6
 AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
 AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
 AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
+AnyRescue = Annotated[Rescue | Own, SkipValidation, BeforeValidator(RESCUES.read)]
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class PlannerOptions:
     guides: tuple[AnyGuide, ...] = ()
     engaged_slopes: bool = False
     on_sphere: bool = True
-    rescue: Rescue = NO_RESCUE
+    rescue: AnyRescue = NO_RESCUE
     guard: Guard = "tip"
     own_code: bool = field(default=True, compare=False)
 
@@ -67,15 +68,16 @@ class PlannerOptions:
         if not self.terms:
             raise S2C2AError("a planner without terms asked for; give at least one")
 
-    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...]]:
-        """Solver, terms and guides; those asked for by name are found.
+    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], Rescue]:
+        """Solver, terms, guides and rescue; those asked for by name are found.
 
         Raises:
             S2C2AError: one is not found, may not be imported, or does not take its parameters.
         """
         terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
         guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
-        return SOLVERS.made(self.solver, self.own_code), terms, guides
+        rescue = RESCUES.made(self.rescue, self.own_code)
+        return SOLVERS.made(self.solver, self.own_code), terms, guides, rescue
 
 
 PAPER = PlannerOptions(
@@ -110,6 +112,7 @@ class Step(NamedTuple):
         solver: finds configurations.
         terms: what they are judged by.
         guides: what may change the goal before.
+        rescue: what takes over where a plan stands.
         prepared: what each guide knows of the arm.
         options: how else to plan.
     """
@@ -119,6 +122,7 @@ class Step(NamedTuple):
     solver: Solver
     terms: tuple[Term, ...]
     guides: tuple[Guide, ...]
+    rescue: Rescue
     prepared: tuple[Any, ...]
     options: PlannerOptions
 
@@ -129,9 +133,9 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a part that they name is not found.
         """
-        solver, terms, guides = options.made()
+        solver, terms, guides, rescue = options.made()
         prepared = tuple(guide.prepared(arm, model, options.guard) for guide in guides)
-        return cls(arm, model, solver, terms, guides, prepared, options)
+        return cls(arm, model, solver, terms, guides, rescue, prepared, options)
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
@@ -146,9 +150,9 @@ class Step(NamedTuple):
         memory = _where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
         following, search = problem.within_limits(self.solver.solve(problem)), plan.search
-        if self.options.rescue.starts:
+        if self.rescue.starts:
             true = problem._replace(look=self._look(memory, engaged=False))
-            bends, search = self.options.rescue.over(true, goal, bends_from_configurations(following), search)
+            bends, search = self.rescue.over(true, goal, bends_from_configurations(following), search)
             other = problem.within_limits(configurations_from_bends(bends))
             following = jnp.where(search.notes.rescued > 0, other, following)
         new, old = (following, search), (plan.configurations, Search.none(problem.situation.last.bends))

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
-from s2c2a.parts import Part
+from s2c2a.parts import Kind, Part
 from s2c2a.planning.solvers import Problem, solve_least_squares
 from s2c2a.planning.terms import Bends, largest_bend
 
@@ -175,7 +175,8 @@ class Rescue(Part):
         best_near = jnp.argmin(jnp.where(near, found.cost, jnp.inf))
         best_far = jnp.argmin(jnp.where(near | (led & ~kept), jnp.inf, found.cost))
         best_far = jnp.where(seeks, best_far, len(within) + 1)
-        return tuple(_Found(found.bends[one], found.cost[one]) for one in (best_near, best_far))
+        near_one, far_one = (_Found(found.bends[one], found.cost[one]) for one in (best_near, best_far))
+        return near_one, far_one
 
     def _drawn(self, like: Bends, turn) -> Float[Array, "starts modules 2"]:
         """The next shapes in line; bends are in the unit disc."""
@@ -191,3 +192,4 @@ class _Found(NamedTuple):
 
 
 NO_RESCUE = Rescue(starts=0)
+RESCUES = Kind.of("rescue", Rescue, Rescue)

@@ -21,7 +21,7 @@ from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurat
 from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares
-from s2c2a.planning.terms import Bends, largest_bend
+from s2c2a.planning.terms import Bends, Numbers, largest_bend
 from s2c2a.programs import compiled
 from s2c2a.strategies import TrainedNetworks
 
@@ -42,9 +42,9 @@ class Drawn(NamedTuple):
         starts: of the long search, bends in the unit disc, shape (problems, starts, modules, 2).
     """
 
-    walks: Float[np.ndarray, "problems steps modules 3"]
+    walks: Float[Numbers, "problems steps modules 3"]
     goals: Goal
-    starts: Float[np.ndarray, "problems starts modules 2"]
+    starts: Float[Numbers, "problems starts modules 2"]
 
 
 class Held(NamedTuple):
@@ -56,9 +56,9 @@ class Held(NamedTuple):
         bound: whether the step's limit binds.
     """
 
-    cost: Float[Array, " problems"]
-    least: Float[Array, " problems"]
-    bound: Bool[Array, " problems"]
+    cost: Float[Numbers, " problems"]
+    least: Float[Numbers, " problems"]
+    bound: Bool[Numbers, " problems"]
 
     @property
     def good(self) -> np.ndarray:
@@ -75,7 +75,7 @@ def drawn(arm: ArmSpec, model: ForwardModel, count: int, seed: int) -> Drawn:
     """Walks and goals at random: ends of shapes that the arm can take, and for a quarter any point near it."""
     random, modules = np.random.default_rng(seed), arm.module_count
     limits = ArmGeometry.of(arm).bend_limits[:, None]
-    paths = [[bend_path(WANDERING, random) for _ in range(modules)] for _ in range(count)]
+    paths = np.array([[bend_path(WANDERING, random) for _ in range(modules)] for _ in range(count)])
     walks = configurations_from_bends(jnp.asarray(np.moveaxis(paths, 1, 2) * limits, jnp.float32))
     shapes = configurations_from_bends(jnp.asarray(_discs(random, (count, modules)) * limits, jnp.float32))
     ends = np.asarray(jax.vmap(lambda shape: model.predict(shape, model.start(shape)))(shapes))
@@ -118,7 +118,8 @@ class _Ways(NamedTuple):
 def _after_one_step(ways: _Ways, problem: Drawn) -> Held:
     step = ways.led
     plan = step.started(problem.walks[0])
-    memory, _ = jax.lax.scan(lambda memory, one: (step.model.observe(one, memory), None), plan.memory, problem.walks)
+    walk = jnp.asarray(problem.walks)
+    memory, _ = jax.lax.scan(lambda memory, one: (step.model.observe(one, memory), None), plan.memory, walk)
     plan = plan._replace(configurations=problem.walks[-1], memory=memory)
     return _held(ways.led, ways.led_true, plan, problem, settled=False)
 

@@ -33,7 +33,6 @@ TRACKING = ("circle", *TILTS)
 HOLDING = ("hold-base", "hold-middle", "hold-end")
 AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
-SHAPES = tuple(PATHS)
 
 Drawn = Sequence[tuple[str, list[jobs.Run]]]
 """What is special about some runs, and these, of the first seed."""
@@ -202,7 +201,7 @@ TABLES: dict[str, Table] = {
         _draw_obstacles,
     ),
     "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
-    "paths": Table((Block(_TWIN, SHAPES, COMPARED),), _draw_paths),
+    "paths": Table((Block(_TWIN, tuple(PATHS), COMPARED),), _draw_paths),
 }
 """Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
 
