@@ -34,9 +34,12 @@ def test_what_a_user_writes_is_understood(text, meant):
     [
         ([], "nothing to vary; name every place once"),
         (["correction=0,1", "correction=0:1"], "name every place once"),
-        (["planner.solver.iteration=5:60"], r"planner\.solver has planner\.solver\.iterations$"),
+        (["planner.solver.iteration=5:60"], r"planner\.solver has planner\.solver\.iterations, planner\.solver\.enough$"),
         (["plan=1,2"], "recipe best has c2s, c2a"),
-        (["planner=1,2"], r"vary one of planner\.solver, planner\.terms, .*engaged_slopes, planner\.on_sphere$"),
+        (
+            ["planner=1,2"],
+            r"vary one of planner\.solver, planner\.terms, .*engaged_slopes, planner\.on_sphere, planner\.rescue$",
+        ),
         (["speeds=1,2"], r"vary one of speeds\.0, speeds\.1"),
         (["correction.x=1,2"], "correction has nothing inside"),
         (["name=1,2"], "nothing to vary at 'name'"),

@@ -186,7 +186,8 @@ def test_what_is_told_of_a_step_has_the_columns_of_an_episode(either, twin):
     either.start(reading)
     either.step(reading, REST)
     told = {name: values.shape for name, values in either.told().items()}
-    assert told == {"sensed": (3, 3), "planned": (3, 3), "expected": (3, 6)}
+    columns = {"sensed": (3, 3), "planned": (3, 3), "expected": (3, 6), "rescued": (), "standing": ()}
+    assert told == columns
 
 
 def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):

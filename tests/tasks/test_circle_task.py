@@ -117,8 +117,8 @@ def test_tasks_are_found_by_their_names():
 
 
 def test_an_unknown_task_lists_the_known_ones():
-    with pytest.raises(TargetError, match="no task 'square'") as caught:
-        task_named("square", TWIN)
+    with pytest.raises(TargetError, match="no task 'triangle'") as caught:
+        task_named("triangle", TWIN)
     assert all(name in str(caught.value) for name in TASKS)
 
 

@@ -20,15 +20,16 @@ PAPER = [
     "circle", "tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20", "hold-base", "hold-middle",
     "hold-end", "reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c", "flee", "follow",
 ]  # fmt: skip
-WITH_TARGET = [name for name in PAPER if name != "flee"]
+OURS = ["square", "eight", "helix", "star"]
+WITH_TARGET = [name for name in PAPER if name != "flee"] + OURS
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
 
 
 def test_the_tasks_are_those_of_the_protocol():
-    assert sorted(TASKS) == sorted(PAPER)
+    assert sorted(TASKS) == sorted(PAPER + OURS)
 
 
-@pytest.mark.parametrize("name", PAPER)
+@pytest.mark.parametrize("name", PAPER + OURS)
 def test_a_task_has_its_name_and_scores_that_exist(name):
     task = task_named(name, TWIN)
     assert task.name == name

@@ -23,6 +23,7 @@ ABOUT = {
     "constraint": "Table V: one module's end stays where it is.",
     "obstacles": "Reaching past obstacles and risk levels, tip or whole arm guarded.",
     "interaction": "An obstacle and a target that move.",
+    "paths": "Square, eight, helix and star, on which the arm has to make an S.",
     "networks": "Table II: held-out errors of both networks.",
     "workspace": "Estimation errors and workspaces of section II-D.",
 }
@@ -68,7 +69,7 @@ def _given(seeds: int, recipe: str = "best") -> "tuple[range, strategies.Recipe]
 
 for _name, _about in ABOUT.items():
     _table_command(_name, _about, (_name,))
-_table_command("all", "All tables and figures of the paper.", tuple(ABOUT))
+_table_command("all", "All tables and figures of the paper.", tuple(name for name in ABOUT if name != "paths"))
 
 
 @app.command
@@ -159,6 +160,29 @@ def real(
         written = save_table(EXPERIMENT, rows, place)
     print_results(EXPERIMENT, rows, [], place)
     print(f"table: {written} (.csv, .tex, .json beside it)")
+
+
+@app.command
+def plans(weights: tuple[Path, ...] = (), count: int = 10_000, seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
+    """Drawn plans beside a long search: which of them stand although their cost could fall.
+
+    Args:
+        weights: files of networks; those that come with the package if none is given.
+        count: of plans for each.
+        seed: of all that is drawn.
+        folder: where results go.
+    """
+    from s2c2a import strategies
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.studies.circle import ARMS
+    from s2c2a.studies.plans import plan_rows
+
+    given = [strategies.load_strategy(path) for path in weights]
+    every = given or [strategies.shipped_networks(load_arm(name)) for name in ARMS]
+    with making("plans", {"weights": weights, "count": count, "seed": seed}, folder) as (place, _):
+        rows = plan_rows(every, count, seed)
+        save_rows(rows, place / "results.json")
+    print_results(f"{count} drawn plans beside a long search", rows, [], place)
 
 
 @app.command

@@ -53,7 +53,7 @@ def run(
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
         work: where results go, and who works.
     """
-    from s2c2a import jobs, strategies
+    from s2c2a import evaluation, jobs, strategies
     from s2c2a.arm import load_arm
     from s2c2a.jobs.run_folder import draw_runs, save_results
     from s2c2a.models.registry import model_named
@@ -79,6 +79,9 @@ def run(
     rows = jobs.score_rows("run", runs)
     save_results(place, rows, runs)
     print_results(f"{asked.name} with {spec.name}", rows, draw_runs(place, runs, video), place)
+    for run in runs:
+        if said := evaluation.said_of_plans(run.episode):
+            print(f"{run.strategy}, seed {run.seed}: {said}")
     for row in rows:
         if row.metric == "position":
             print(f"{row.strategy}: {row.mean / spec.length:.1f} % of the arm's length")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import read_text, save_whole, written_whole
 
@@ -61,6 +62,13 @@ def over_seeds(values: Sequence[float], spreads: Sequence[float] = ()) -> dict[s
 def pair(mean: float, spread: float | None) -> str:
     """A mean and its spread, where there is one, as tables show them."""
     return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
+
+
+def said_of_plans(episode: Episode) -> str:
+    """How often plans were rescued, and stood although their cost could fall (`planning.rescue`), if ever."""
+    names = {"rescued": "was rescued", "standing": "stood although its cost could fall"}
+    counts = {said: int(np.nansum(episode.ran(name) > 0)) for name, said in names.items() if name in episode.columns}
+    return ", ".join(f"the plan {said} in {count} steps" for said, count in counts.items() if count)
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

@@ -128,7 +128,7 @@ class ChainC2S(ForwardModel):
         for _ in range(SHORTENINGS):
             bends = bend_at_rest(carried + short, moments, matrices, stiffness, self.tautness, self.engaged)
             found = shortening(bends, carried + short - self.tautness[:, None], matrices, stiffness, give)
-            short = (short + found) / 2.0
+            short = (short + (jax.lax.stop_gradient(found) if self.engaged else found)) / 2.0
         return bends, short
 
     def _network(self, features: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:

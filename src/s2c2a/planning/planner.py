@@ -3,6 +3,7 @@
 `PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe `best`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -15,11 +16,12 @@ from pydantic import BeforeValidator, ConfigDict, SkipValidation
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
-from s2c2a.kinematics import ForwardModel, bends_from_configurations
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends
 from s2c2a.kinematics.pcc import Memory
 from s2c2a.parts import Own
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.rescue import NO_RESCUE, RESCUES, Rescue, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
 from s2c2a.programs import compiled
@@ -30,6 +32,7 @@ WORKSPACE_SHARE = 0.46 / 0.6
 AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
 AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
 AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
+AnyRescue = Annotated[Rescue | Own, SkipValidation, BeforeValidator(RESCUES.read)]
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,7 @@ class PlannerOptions:
             or the true ones.
         on_sphere: whether configurations are kept at unit length and within the bend limits. Those sensed under sensing
             coupling are not of unit length.
+        rescue: what takes over where a plan stands although its cost could fall.
         guard: what keeps out of obstacles.
         own_code: whether parts by name may be files and modules; never in a strategy file, which may be a stranger's.
     """
@@ -55,6 +59,7 @@ class PlannerOptions:
     guides: tuple[AnyGuide, ...] = ()
     engaged_slopes: bool = False
     on_sphere: bool = True
+    rescue: AnyRescue = NO_RESCUE
     guard: Guard = "tip"
     own_code: bool = field(default=True, compare=False)
 
@@ -63,22 +68,25 @@ class PlannerOptions:
         if not self.terms:
             raise S2C2AError("a planner without terms asked for; give at least one")
 
-    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...]]:
-        """Solver, terms and guides; those asked for by name are found.
+    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], Rescue]:
+        """Solver, terms, guides and rescue; those asked for by name are found.
 
         Raises:
             S2C2AError: one is not found, may not be imported, or does not take its parameters.
         """
         terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
         guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
-        return SOLVERS.made(self.solver, self.own_code), terms, guides
+        rescue = RESCUES.made(self.rescue, self.own_code)
+        return SOLVERS.made(self.solver, self.own_code), terms, guides, rescue
 
 
 PAPER = PlannerOptions(
     Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
 )
 _BEST = terms.Positions, terms.Axes, terms.BendChange, terms.Shape, terms.Evenness, terms.Limits, terms.Obstacles
-BEST = PlannerOptions(LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True)
+BEST = PlannerOptions(
+    LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True, rescue=Rescue()
+)
 
 
 class Plan(NamedTuple):
@@ -87,10 +95,12 @@ class Plan(NamedTuple):
     Attributes:
         configurations: the last planned ones, C_0 of the next step, shape (modules, 3).
         memory: of the forward model.
+        search: for better shapes than those at hand.
     """
 
     configurations: Configurations
     memory: Memory
+    search: Search
 
 
 class Step(NamedTuple):
@@ -102,6 +112,7 @@ class Step(NamedTuple):
         solver: finds configurations.
         terms: what they are judged by.
         guides: what may change the goal before.
+        rescue: what takes over where a plan stands.
         prepared: what each guide knows of the arm.
         options: how else to plan.
     """
@@ -111,6 +122,7 @@ class Step(NamedTuple):
     solver: Solver
     terms: tuple[Term, ...]
     guides: tuple[Guide, ...]
+    rescue: Rescue
     prepared: tuple[Any, ...]
     options: PlannerOptions
 
@@ -121,13 +133,13 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a part that they name is not found.
         """
-        solver, terms, guides = options.made()
+        solver, terms, guides, rescue = options.made()
         prepared = tuple(guide.prepared(arm, model, options.guard) for guide in guides)
-        return cls(arm, model, solver, terms, guides, prepared, options)
+        return cls(arm, model, solver, terms, guides, rescue, prepared, options)
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
-        return Plan(sensed, self.model.start(sensed))
+        return Plan(sensed, self.model.start(sensed), Search.none(bends_from_configurations(sensed)))
 
     def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
         """The states that the forward model expects of a plan [m, 1], base frame."""
@@ -137,20 +149,19 @@ class Step(NamedTuple):
         """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
         memory = _where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
-        following = problem.within_limits(self.solver.solve(problem))
-        return Plan(_where_finite(following, plan.configurations), memory)
+        following, search = problem.within_limits(self.solver.solve(problem)), plan.search
+        if self.rescue.starts:
+            true = problem._replace(look=self._look(plan.configurations, memory, engaged=False))
+            bends, search = self.rescue.over(true, goal, bends_from_configurations(following), search)
+            other = problem.within_limits(configurations_from_bends(bends))
+            following = jnp.where(search.notes.rescued > 0, other, following)
+        new, old = (following, search), (plan.configurations, Search.none(problem.situation.last.bends))
+        following, search = _where_finite(new, old)
+        return Plan(following, memory, search)
 
     def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
         """What the solver is given, once the guides have seen it."""
-        options = self.options
-        model = self.model.for_planning() if options.engaged_slopes else self.model
-        model = model.near(last, memory)
-        guarded = terms.guarded_points(self.arm, options.guard)
-
-        def look(configurations: Configurations, bends: Bends) -> Candidate:
-            states = model.predict(configurations, memory)
-            return Candidate(configurations, bends, states, guarded(states))
-
+        options, look = self.options, self._look(last, memory, self.options.engaged_slopes)
         now = look(last, bends_from_configurations(last))
         limits = jnp.asarray(ArmGeometry.of(self.arm).bend_limits, dtype=jnp.float32)
         step = float(np.deg2rad(self.arm.step_limit_deg))
@@ -160,6 +171,18 @@ class Step(NamedTuple):
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.lead(situation, prepared)
         return Problem(situation, self.terms, look)
+
+    def _look(
+        self, last: Configurations, memory: Memory, engaged: bool
+    ) -> Callable[[Configurations, Bends], Candidate]:
+        model = (self.model.for_planning() if engaged else self.model).near(last, memory)
+        guarded = terms.guarded_points(self.arm, self.options.guard)
+
+        def look(configurations: Configurations, bends: Bends) -> Candidate:
+            states = model.predict(configurations, memory)
+            return Candidate(configurations, bends, states, guarded(states))
+
+        return look
 
 
 class Planner:

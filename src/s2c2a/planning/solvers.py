@@ -13,10 +13,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
+from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, limit_lengths, states_from_bends
 from s2c2a.parts import Kind, Part
 from s2c2a.planning.terms import Bends, Candidate, Configurations, Residual, Situation, Term, norm
@@ -28,6 +29,8 @@ Projection = Callable[[Float[Array, "*variables"]], Float[Array, "*variables"]]
 FIRST_DAMPING = 1e-2
 AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP = 0.2, 10.0
 DAMPING_RANGE = (1e-6, 1e4)
+IDLE_TURNS = 2
+SLIGHT = 5e-4  # parts of a smaller sum of squares do not count: 5 mm off at the tip
 REACH_ITERATIONS = 30
 ON_AXIS = 1e-3  # of the arm's length: a point so near to the axis is on no side of it
 REST_WEIGHT = 1e-3  # of bends against positions in units of the arm's length: keeps solutions from wandering
@@ -43,9 +46,21 @@ class _Step(NamedTuple):
     damping: Float[Array, ""]
 
 
+class _Turn(NamedTuple):
+    """Where the loop stands: how many turns it made, how many of the last ones in a row were worth little, the step."""
+
+    number: Int[Array, ""]
+    idle: Int[Array, ""]
+    step: _Step
+
+
 def solve_least_squares(
-    residuals: Residuals, start: Float[Array, "*variables"], project: Projection, iterations: int
-) -> Float[Array, "*variables"]:
+    residuals: Residuals,
+    start: Float[Array, "*variables"],
+    project: Projection,
+    iterations: Int[Array, ""] | int,
+    enough: float = 0.0,
+) -> tuple[Float[Array, "*variables"], Float[Array, ""]]:
     """Minimise the sum of squared residuals near a start.
 
     Each iteration solves (J^T J + lambda I) step = -J^T r, projects, and keeps the step only where the sum falls;
@@ -55,7 +70,11 @@ def solve_least_squares(
         residuals: variables -> residuals, differentiable.
         start: where to begin, of any shape; it is projected first.
         project: onto what is allowed; the identity where everything is.
-        iterations: how many.
+        iterations: how many at most; below zero, and not even the start is looked at.
+        enough: part of the sum; it ends when two steps in a row gain or promise less. With zero none are left out.
+
+    Returns:
+        The point, and the sum there; infinite where it was not looked at.
     """
     directions = jnp.eye(start.size)
 
@@ -65,7 +84,8 @@ def solve_least_squares(
 
         return jax.vmap(along, out_axes=(None, 1))(directions)
 
-    def iterate(_, step: _Step) -> _Step:
+    def iterate(turn: _Turn) -> _Turn:
+        step = turn.step
         change = jnp.linalg.solve(step.curvature + step.damping * directions, step.gradient)
         point = project(step.point - change.reshape(start.shape))
         values, slopes = linearised(point)
@@ -73,13 +93,20 @@ def solve_least_squares(
         better = cost < step.cost
         damping = jnp.clip(step.damping * jnp.where(better, AFTER_A_KEPT_STEP, AFTER_A_REFUSED_STEP), *DAMPING_RANGE)
         tried = _Step(point, cost, slopes.T @ values, slopes.T @ slopes, damping)
-        kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, step)
-        return kept._replace(damping=damping)
+        kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, step)._replace(damping=damping)
+        gained = jnp.where(better, step.cost - cost, 2.0 * jnp.vdot(step.gradient, change))  # or what was promised
+        idle = jnp.where(gained < enough * (step.cost + SLIGHT), turn.idle + 1, 0)
+        return _Turn(turn.number + 1, idle, kept)
+
+    def goes_on(turn: _Turn) -> Bool[Array, ""]:
+        return (turn.number <= iterations) & (turn.idle < IDLE_TURNS)
 
     # The first turn goes nowhere and looks at the start, so that the model stands once in the program, not twice.
     nothing, damping = jnp.zeros(start.size), jnp.asarray(FIRST_DAMPING / AFTER_A_KEPT_STEP)
     begun = _Step(start, jnp.asarray(jnp.inf), nothing, jnp.zeros_like(directions), damping)
-    return jax.lax.fori_loop(0, iterations + 1, iterate, begun).point
+    zero = jnp.zeros((), jnp.int32)
+    ended = jax.lax.while_loop(goes_on, iterate, _Turn(zero, zero, begun)).step
+    return ended.point, ended.cost
 
 
 class Problem(NamedTuple):
@@ -102,8 +129,23 @@ class Problem(NamedTuple):
 
     def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
         """All r times the root of mu, one behind the other: least squares of them are the least sum of mu |r|^2."""
-        judged = self._judged(self.look(configurations_from_bends(bends), bends))
+        return self._residuals(self.looked_at(bends))
+
+    def _residuals(self, candidate: Candidate) -> Float[Array, " residuals"]:
+        judged = self._judged(candidate)
         return jnp.concatenate([(jnp.sqrt(jnp.asarray(mu))[..., None] * rows).reshape(-1) for mu, rows in judged])
+
+    def looked_at(self, bends: Bends) -> Candidate:
+        """The candidate with these bends."""
+        return self.look(configurations_from_bends(bends), bends)
+
+    def judged(self, candidate: Candidate) -> Float[Array, ""]:
+        """Its sum of mu |r|^2."""
+        return jnp.sum(self._residuals(candidate) ** 2)
+
+    def asking(self, goal: Goal) -> "Problem":
+        """The same for another goal."""
+        return self._replace(situation=self.situation._replace(goal=goal))
 
     def within_limits(self, wanted: Configurations) -> Configurations:
         """Bends within their limits, and no further than a step from the last ones.
@@ -169,15 +211,17 @@ class LeastSquares(Solver):
     """Damped least squares on bends (Levenberg and Marquardt); every iterate stays within the step.
 
     Attributes:
-        iterations: in a control step.
+        iterations: in a control step, at most.
+        enough: part of the cost; no more is done when two iterations in a row gain less.
     """
 
     iterations: int = 20
+    enough: float = 1e-4
 
     def solve(self, problem: Problem) -> Configurations:
         """See `Solver`."""
         start = problem.situation.last.bends
-        bends = solve_least_squares(problem.stacked, start, problem.within_step, self.iterations)
+        bends, _ = solve_least_squares(problem.stacked, start, problem.within_step, self.iterations, self.enough)
         return configurations_from_bends(bends)
 
 
@@ -223,7 +267,8 @@ def _gaps(positions, lengths, limits):
         def residuals(bends):
             return jnp.concatenate([(end(bends) - position) / size, REST_WEIGHT * bends.reshape(-1)])
 
-        return jnp.linalg.norm(end(solve_least_squares(residuals, start, project, REACH_ITERATIONS)) - position)
+        bends, _ = solve_least_squares(residuals, start, project, REACH_ITERATIONS)
+        return jnp.linalg.norm(end(bends) - position)
 
     def least(position):
         """From shapes towards the point: all modules alike, and the lower half alone.

@@ -87,6 +87,11 @@ def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
     return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, squared)))
 
 
+def largest_bend(bends: Bends) -> Float[Array, ""]:
+    """Of all modules [rad]."""
+    return jnp.sqrt(jnp.max(squared_norm(bends)))
+
+
 OBSTACLES_AT_HAND = 4  # of every guarded point
 NEAREST = 1e-3  # units from an obstacle's centre, where 1 / d ends
 FAR = 1e6  # m

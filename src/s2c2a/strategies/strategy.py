@@ -15,7 +15,7 @@ from s2c2a.control import Controller, InversePCC
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import PCC, PCCForwardModel, bends_from_configurations, configurations_from_states
-from s2c2a.planning import Goal, Plan, Planner, PlannerOptions
+from s2c2a.planning import Goal, Notes, Plan, Planner, PlannerOptions
 from s2c2a.programs import compiled
 from s2c2a.runtime import Driver
 from s2c2a.sensing import EncoderEstimator, Estimator
@@ -89,14 +89,18 @@ class Strategy:
         """What it sensed, planned and expects, by column of an episode.
 
         The latest configurations, sensed and planned, of shape (modules, 3), module frames; the states [m, 1] that the
-        plan is expected to lead to, of shape (modules, 6), base frame.
+        plan is expected to lead to, of shape (modules, 6), base frame; what took over where the plan would have stood
+        (`planning.rescue`), and whether it stands although its cost could fall.
 
         Raises:
             StrategyError: it was not started.
         """
         plan = started(self._plan, "it has planned nothing yet")
         expected = np.asarray(self._planner.predicted(plan), dtype=float)
-        return {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations), "expected": expected}
+        notes = Notes(*np.asarray(plan.search.numbers))
+        search = {"rescued": np.asarray(notes.rescued), "standing": np.asarray(notes.standing)}
+        shapes = {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations)}
+        return shapes | {"expected": expected} | search
 
     def _sensed_in(self, reading: Reading):
         sensed = self._sense(self._inputs(reading))

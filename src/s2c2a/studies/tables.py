@@ -23,6 +23,7 @@ from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
 from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
+from s2c2a.tasks.paths import PATHS
 from s2c2a.tasks.registry import TILTS
 from s2c2a.viz import Trace, recording_figure
 
@@ -167,6 +168,11 @@ def _workspace(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Pa
     ]
 
 
+def _draw_paths(drawn: Drawn, folder: Path) -> list[Path]:
+    """Each path from above."""
+    return [plan_view_figure(_by_task(drawn[0][1]), folder / "figure-paths-plan-view.png")]
+
+
 _TWIN, _SIMULATED = partial(load_arm, "twin_arm"), partial(load_arm, "simulated_arm")
 
 TABLES: dict[str, Table] = {
@@ -195,6 +201,7 @@ TABLES: dict[str, Table] = {
         _draw_obstacles,
     ),
     "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
+    "paths": Table((Block(_TWIN, tuple(PATHS), COMPARED),), _draw_paths),
 }
 """Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
 

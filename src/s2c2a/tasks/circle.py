@@ -97,17 +97,23 @@ def _approach_and_round(control_rate: float) -> tuple[Float[np.ndarray, " steps"
     return shares, np.concatenate([np.zeros(out), 2 * np.pi * np.arange(1, around + 1) / around])
 
 
-def _out_and_around(radius: float, height: float, control_rate: float) -> Path:
-    """Out along the arc of equal bends, then once around at one height; for an arm of length one.
+def way_out(end: Float[np.ndarray, "3"], control_rate: float) -> Path:
+    """Out along the arc of equal bends to a point beside or near the axis; for an arm of length one.
 
-    The arc ends near that height; what is missing is spread over the way.
+    The arc ends near that point's height; what is missing is spread over the way.
     """
-    shares, angles = _approach_and_round(control_rate)
-    out = shares[angles == 0]
-    climb = np.array([_arc_height(radius * part) for part in out])
-    climb += (height - climb[-1]) * out
-    heights = np.concatenate([climb, np.full(len(shares) - len(out), height)])
-    return np.stack([radius * shares * np.cos(angles), radius * shares * np.sin(angles), heights], axis=-1)
+    shares = np.arange(1, round(APPROACH_TIME * control_rate) + 1)[:, None] / round(APPROACH_TIME * control_rate)
+    aside = np.asarray(end[:2])
+    climb = np.array([_arc_height(float(np.linalg.norm(aside) * share)) for share in shares[:, 0]])
+    return np.column_stack([shares * aside, climb + (end[2] - climb[-1]) * shares[:, 0]])
+
+
+def _out_and_around(radius: float, height: float, control_rate: float) -> Path:
+    """Out along the arc of equal bends, then once around at one height; for an arm of length one."""
+    _, angles = _approach_and_round(control_rate)
+    turning = angles[round(APPROACH_TIME * control_rate) :]
+    around = np.stack([radius * np.cos(turning), radius * np.sin(turning), np.full(len(turning), height)], axis=-1)
+    return np.concatenate([way_out(np.array([radius, 0.0, height]), control_rate), around])
 
 
 def _tilted_axes(

@@ -9,6 +9,7 @@ from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.extensions import found
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
+from s2c2a.tasks.paths import PATHS, path
 from s2c2a.tasks.task import Task
 from s2c2a.tasks.waypoints import load_waypoints, waypoints_task
 
@@ -30,6 +31,7 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
     **{name: partial(reach, name=name) for name in REACH},
     "flee": flee,
     "follow": follow,
+    **{name: partial(path, name=name) for name in PATHS},
 }
 
 
