@@ -144,7 +144,6 @@ class LocalOptions(ChainOptions):
     """
 
     play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.02, 0.03, 0.04, 0.052, 0.067, 0.09, 0.13)
-    creep_times: tuple[float, ...] = (0.2, 1.0, 3.0, 10.0)
     points: int = 768
     few: int = 128
     model: str = field(default="local", kw_only=True)
