@@ -126,6 +126,29 @@ def bend_at_rest(
     return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
 
 
+def shortening(
+    bends: Float[Array, "*batch modules 2"],
+    displacements: Float[Array, "*batch modules cables"],
+    matrices: Float[Array, "modules cables 2"],
+    stiffness: Float[Array, " modules"],
+    give: Float[Array, " modules"],
+) -> Float[Array, "*batch modules 1"]:
+    """How much shorter the centre line is, over the cable radius, on a cable's way from the base to each module.
+
+    A module is as much shorter as all cables pull that run through it: its own and those of modules further out.
+
+    Args:
+        bends: at rest [rad].
+        displacements: at the module, less what it is taut by [rad].
+        matrices: B.
+        stiffness: kappa.
+        give: of each module, for a pull of one.
+    """
+    pulls = stiffness * jnp.sum(jnp.maximum(jnp.einsum("mnk,...mk->...mn", matrices, bends) - displacements, 0.0), -1)
+    through = jnp.cumsum(pulls[..., ::-1], axis=-1)[..., ::-1]
+    return jnp.cumsum(give * through, axis=-1)[..., None]
+
+
 def _stretched(bends, wanted, moments, matrices, stiffness) -> Array:
     """Which cables pull at rest: Newton's steps, each shortened to the share with the least energy."""
 

@@ -18,7 +18,7 @@ from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.c2s import ForwardOptions
-from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators, bend_at_rest
+from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators, bend_at_rest, shortening
 from s2c2a.training.fit import Batch, FitOptions, FromArm, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
@@ -30,6 +30,8 @@ OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
 NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
+SHORTENINGS = 2  # times that bends and shortening are brought together, with moments and without
+FIRST_GIVE = 0.03  # of a module's length over the cable radius, for a pull of one
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 
@@ -72,6 +74,7 @@ class ChainC2S(ForwardModel):
         tautness: tau, shape (modules,).
         mixing: where there are no statics, what bends all modules' sensed bends stand for, shape
             (2 modules, 2 modules).
+        log_give: logarithm of how much modules become shorter (`shortening`), shape (modules,).
         network: what the rest leaves out.
         statics: whether cables only pull.
         engaged: whether slopes are those of taut cables that follow their motors.
@@ -82,6 +85,7 @@ class ChainC2S(ForwardModel):
     log_stiffness: Float[Array, " modules"]
     tautness: Float[Array, " modules"]
     mixing: Float[Array, "bends bends"]
+    log_give: Float[Array, " modules"]
     network: eqx.nn.MLP
     statics: bool = eqx.field(static=True)
     engaged: bool = eqx.field(static=True, default=False)
@@ -106,9 +110,9 @@ class ChainC2S(ForwardModel):
         """States for what the hysteresis weighs (`Hysteresis.inputs`); training goes in here."""
         carried = self.hysteresis.transmitted(inputs)
         if self.statics:
-            alone = self._at_rest(carried, jnp.zeros((*carried.shape[:-1], 2)))
+            alone, short = self._shortened(carried, jnp.zeros((*carried.shape[:-1], 2)), jnp.zeros(()))
             said = self._network(jnp.concatenate([alone, carried], axis=-1))
-            bends = self._at_rest(carried, MOMENT_UNIT * said[..., :2])
+            bends, short = self._shortened(carried, MOMENT_UNIT * said[..., :2], short)
         else:
             own = self.body.bends(carried)
             mixed = own.reshape(*own.shape[:-2], -1) @ self.mixing
@@ -118,9 +122,14 @@ class ChainC2S(ForwardModel):
         ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
         return states_from_arcs(bends, self.body.lengths, ends)
 
-    def _at_rest(self, carried: Array, moments: Array) -> Array:
-        stiffness = jnp.exp(self.log_stiffness)
-        return bend_at_rest(carried, moments, self.body.matrices, stiffness, self.tautness, self.engaged)
+    def _shortened(self, carried: Array, moments: Array, short: Array) -> tuple[Array, Array]:
+        """Bends at rest, and how much shorter the way to each module then is; slack that cables let go of."""
+        matrices, stiffness, give = self.body.matrices, jnp.exp(self.log_stiffness), jnp.exp(self.log_give)
+        for _ in range(SHORTENINGS):
+            bends = bend_at_rest(carried + short, moments, matrices, stiffness, self.tautness, self.engaged)
+            found = shortening(bends, carried + short - self.tautness[:, None], matrices, stiffness, give)
+            short = (short + (jax.lax.stop_gradient(found) if self.engaged else found)) / 2.0
+        return bends, short
 
     def _network(self, features: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
         flat = features.reshape(-1, features.shape[-2] * features.shape[-1]) / BEND_UNIT
@@ -162,8 +171,8 @@ class ChainOptions(ForwardOptions):
         hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares), shape[-1])))
         stiffness = jnp.full(modules, np.log(FIRST_STIFFNESS))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
-        taut, mixing = jnp.zeros(modules), jnp.eye(2 * modules)
-        return ChainC2S(Trunk.of(arm), hysteresis, stiffness, taut, mixing, network, statics)
+        taut, give, mixing = jnp.zeros(modules), jnp.full(modules, np.log(FIRST_GIVE)), jnp.eye(2 * modules)
+        return ChainC2S(Trunk.of(arm), hysteresis, stiffness, taut, mixing, give, network, statics)
 
     def train(
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
