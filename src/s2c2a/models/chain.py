@@ -6,6 +6,7 @@ moments of gravity, bends and end points that arcs do not have.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -31,7 +32,8 @@ NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 SHORTENINGS = 2  # times that bends and shortening are brought together, with moments and without
-FIRST_GIVE = 0.03  # of a module's length over the cable radius, for a pull of one
+FIRST_GIVE = 0.1  # of a module's length over the cable radius, for a pull of one
+GIVE_UNIT = 30.0  # of its logarithm: on some arms it is a hundred times smaller, and training has to get there
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 
@@ -74,7 +76,7 @@ class ChainC2S(ForwardModel):
         tautness: tau, shape (modules,).
         mixing: where there are no statics, what bends all modules' sensed bends stand for, shape
             (2 modules, 2 modules).
-        log_give: logarithm of how much modules become shorter (`shortening`), shape (modules,).
+        log_give: logarithm of how much modules become shorter (`shortening`), over its unit, shape (modules,).
         network: what the rest leaves out.
         statics: whether cables only pull.
         engaged: whether slopes are those of taut cables that follow their motors.
@@ -124,7 +126,7 @@ class ChainC2S(ForwardModel):
 
     def _shortened(self, carried: Array, moments: Array, short: Array) -> tuple[Array, Array]:
         """Bends at rest, and how much shorter the way to each module then is; slack that cables let go of."""
-        matrices, stiffness, give = self.body.matrices, jnp.exp(self.log_stiffness), jnp.exp(self.log_give)
+        matrices, stiffness, give = self.body.matrices, jnp.exp(self.log_stiffness), jnp.exp(self.log_give * GIVE_UNIT)
         for _ in range(SHORTENINGS):
             bends = bend_at_rest(carried + short, moments, matrices, stiffness, self.tautness, self.engaged)
             found = shortening(bends, carried + short - self.tautness[:, None], matrices, stiffness, give)
@@ -171,7 +173,7 @@ class ChainOptions(ForwardOptions):
         hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares), shape[-1])))
         stiffness = jnp.full(modules, np.log(FIRST_STIFFNESS))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
-        taut, give, mixing = jnp.zeros(modules), jnp.full(modules, np.log(FIRST_GIVE)), jnp.eye(2 * modules)
+        taut, give, mixing = jnp.zeros(modules), jnp.full(modules, np.log(FIRST_GIVE) / GIVE_UNIT), jnp.eye(2 * modules)
         return ChainC2S(Trunk.of(arm), hysteresis, stiffness, taut, mixing, give, network, statics)
 
     def train(
@@ -196,7 +198,8 @@ class ChainOptions(ForwardOptions):
 
     def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`; where cables moved together, that counts too."""
-        return np.stack([np.asarray(_said(model, jnp.asarray(one))) for one in inputs_along(_chain_of(model), data)])
+        chain: Any = getattr(model, "chain", model)
+        return np.stack([np.asarray(_said(model, jnp.asarray(one))) for one in inputs_along(chain, data)])
 
     def _quiet_network(self, features: int, outputs: int, key: PRNGKeyArray) -> eqx.nn.MLP:
         network = eqx.nn.MLP(features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key)
@@ -213,12 +216,7 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
 _said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
 
 
-def _chain_of(model: ForwardModel) -> "ChainC2S":
-    """The chain that remembers for a model."""
-    return getattr(model, "chain", model)
-
-
-def answer(model: ForwardModel, batch: Batch) -> Array:
+def answer(model: Any, batch: Batch) -> Array:
     """States for inputs that the hysteresis weighs."""
     return model.states(batch["configurations"])
 

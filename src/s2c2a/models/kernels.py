@@ -141,7 +141,7 @@ def _lengths(x: np.ndarray, y: np.ndarray, kinds: np.ndarray) -> _Found:
     """Those under which the samples are likeliest, by gradient steps on logarithms."""
     begun = {
         "kinds": jnp.zeros(kinds.shape[1]),
-        "all": jnp.asarray(-0.5 * np.log(max(1, np.count_nonzero(x.std(axis=0))))),
+        "all": jnp.asarray(-0.5 * np.log(max(1, int(np.count_nonzero(x.std(axis=0)))))),
         "kernel": jnp.zeros(()),
         "linear": jnp.asarray(2.0 * np.log(FIRST_LINEAR)),
         "noise": jnp.asarray(np.log(FIRST_NOISE)),

@@ -19,7 +19,7 @@ from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_leng
 from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S, ChainOptions, answer, samples_along
 from s2c2a.models.kernels import Kernels, KernelSizes, fitted_kernels
-from s2c2a.training.fit import FitOptions, Progress, check_limits, quiet
+from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
 UNIT, AXIS_UNIT = 0.4, 1.0  # an error of one: in parts of the arm's length, and of axes
@@ -153,13 +153,13 @@ class LocalOptions(ChainOptions):
         super().__post_init__()
         check_limits(self, points=(8, 10_000), few=(4, 1000))
 
-    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
         """The chain before training, and a local model that says nothing."""
         chain, modules = super().untrained(arm, key), arm.module_count
         kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points, min(self.few, self.points))
         return LocalC2S(chain, kernels, jnp.ones((modules, 6)), jnp.zeros(modules), UNIT * arm.length)
 
-    def train(
+    def train(  # type: ignore[override]
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then what it leaves out."""
@@ -173,7 +173,7 @@ class LocalOptions(ChainOptions):
         tries = [blank, *(self._beside(blank, split.training, share) for share in (every, every - known))]
         best = min(tries, key=lambda one: _loss(one, split.validation))
         model = _calibrated(best, split.validation)
-        trained = tried(replace(result, network=model), answer, split)
+        trained = tried(FitResult(model, result.curve), answer, split)
         if best is blank:
             return trained
         whole = self._beside(model, _together(split), np.asarray(model.share))  # what was held out is known from now on
@@ -211,7 +211,7 @@ def _together(split: Split) -> Samples:
     return Samples({"configurations": inputs}, np.concatenate([part.targets for part in parts]))
 
 
-def _errors(model: LocalC2S, samples: Samples) -> tuple[Array, Array]:
+def _errors(model: LocalC2S, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     """Distances of ends from where they were said to be [m], and those to expect, shape (samples, modules)."""
 
     @eqx.filter_jit
@@ -232,6 +232,6 @@ def _calibrated(model: LocalC2S, samples: Samples) -> LocalC2S:
     """Deviations as large, in the root of their mean square, as errors were on samples held out."""
     distances, expected = _errors(model, samples)
     known = np.isfinite(distances)
-    sums = [np.sum(part**2, axis=0, where=known) for part in (distances, expected)]
-    ratios = np.sqrt(np.divide(*sums, out=np.zeros_like(sums[0]), where=sums[1] > 0))
+    true, said = (np.sum(part**2, axis=0, where=known) for part in (distances, expected))
+    ratios = np.sqrt(np.divide(true, said, out=np.zeros_like(true), where=said > 0))
     return replace(model, calibration=jnp.asarray(ratios, jnp.float32))
