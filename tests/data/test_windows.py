@@ -38,23 +38,53 @@ def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
 
 
 def test_an_episode_of_a_hundred_is_cut_after_seventy_and_eighty_five():
-    assert [list(range(100))[part] for part in stretches(100)] == [list(moments) for moments in STRETCHES.values()]
+    parts = [[list(range(100))[place] for _, place in part] for part in stretches([100])]
+    assert parts == [[list(moments)] for moments in STRETCHES.values()]
 
 
 @pytest.mark.parametrize("samples", [50, 51, 77, 100, 500, 501])
 def test_stretches_share_an_episode_70_15_15_without_gap_or_overlap(samples):
-    parts = [np.arange(samples)[part] for part in stretches(samples)]
+    parts = [np.arange(samples)[part[0][1]] for part in stretches([samples])]
     np.testing.assert_array_equal(np.concatenate(parts), np.arange(samples))
     np.testing.assert_allclose([len(part) for part in parts], np.array([0.7, 0.15, 0.15]) * samples, atol=1.0)
 
 
 def test_five_hundred_samples_are_split_350_75_75():
-    assert [part.stop - part.start for part in stretches(500)] == [350, 75, 75]
+    assert [part[0][1].stop - part[0][1].start for part in stretches([500])] == [350, 75, 75]
 
 
 def test_an_episode_too_short_to_be_split_is_refused():
     with pytest.raises(RecordingError, match=r"49 samples.*at least 50"):
-        stretches(49)
+        stretches([49])
+
+
+def test_a_very_long_episode_gives_a_share_of_each_of_its_pieces_to_every_part():
+    training, validation, test = stretches([2063])
+    assert [len(part) for part in (training, validation, test)] == [4, 4, 4]
+    rows = np.concatenate([np.arange(2063)[place] for part in (training, validation, test) for _, place in part])
+    np.testing.assert_array_equal(np.sort(rows), np.arange(2063))
+
+
+def test_episodes_too_short_to_be_cut_are_of_one_part_as_a_whole():
+    parts = stretches([40] * 7)
+    assert [sorted(episode for episode, _ in part) for part in parts] == [[0, 1, 2, 3, 5], [4], [6]]
+    assert all(place == slice(0, 40) for part in parts for _, place in part)
+
+
+def test_samples_whose_truth_is_not_known_at_all_are_left_out_and_those_known_in_part_stay():
+    states = STATES.copy()
+    states[0, :10] = np.nan
+    states[0, 10, :, 3:] = np.nan
+    split = forward_samples(CONFIGURATIONS, states)
+    assert len(split.training.targets) == 2 * 70 - 10
+    assert np.isnan(split.training.targets[0, :, 3:]).all()
+
+
+def test_what_stands_behind_the_end_of_a_shorter_episode_counts_nothing():
+    split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 60))
+    rows = np.concatenate([part.targets[:, 0, 0] for part in (split.training, split.validation, split.test)])
+    assert len(rows) == 160
+    assert rows.max() < 10000.0 * 2 + 10.0 * 60
 
 
 def test_the_shortest_episode_has_a_window_in_every_stretch():

@@ -34,7 +34,10 @@ def test_what_a_user_writes_is_understood(text, meant):
     [
         ([], "nothing to vary; name every place once"),
         (["correction=0,1", "correction=0:1"], "name every place once"),
-        (["planner.solver.iteration=5:60"], r"planner\.solver has planner\.solver\.iterations, planner\.solver\.enough$"),
+        (
+            ["planner.solver.iteration=5:60"],
+            r"planner\.solver has planner\.solver\.iterations, planner\.solver\.enough$",
+        ),
         (["plan=1,2"], "recipe best has c2s, c2a"),
         (
             ["planner=1,2"],

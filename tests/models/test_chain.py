@@ -115,7 +115,7 @@ def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_
     """All weight on one wide play, the arm at rest in its middle."""
     size = ChainOptions(hidden=8, depth=1, play_widths=(0.3,), creep_times=())
     model = untrained(make_arm(1), size)
-    raw = jnp.array([[-20.0, 0.5413, -20.0]])
+    raw = jnp.tile(jnp.array([[-20.0, 0.5413, -20.0]])[..., None], 3)
     model = eqx.tree_at(lambda m: m.hysteresis.play_weights, model, raw)
     straight = jnp.array([[0.0, 0.0, 1.0]])
 

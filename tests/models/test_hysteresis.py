@@ -17,8 +17,8 @@ def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
     random = np.random.default_rng(seed)
     return Hysteresis(
         Operators(*(jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (widths, shares))),
-        jnp.asarray(random.normal(size=(modules, len(widths) + 2)), dtype=jnp.float32),
-        jnp.asarray(random.normal(size=(modules, len(shares))), dtype=jnp.float32),
+        jnp.asarray(random.normal(size=(modules, len(widths) + 2, 1)), dtype=jnp.float32),
+        jnp.asarray(random.normal(size=(modules, len(shares), 1)), dtype=jnp.float32),
     )
 
 
@@ -90,14 +90,14 @@ def test_what_is_transmitted_is_the_weighted_sum():
     inputs = walk(2, 2, 6, 3)
     raw, creep = np.asarray(hysteresis.play_weights), np.asarray(hysteresis.creep_weights)
     weights = np.concatenate([np.log1p(np.exp(raw)), creep], axis=1)
-    expected = np.stack([weights[module] @ np.asarray(inputs)[module] for module in range(2)])
+    expected = (weights * np.asarray(inputs)).sum(axis=-2)
     np.testing.assert_allclose(hysteresis.transmitted(inputs), expected, atol=1e-5)
 
 
 def test_plays_never_weigh_against_the_motor_whatever_was_learned():
     """Of inputs that are one where the play is and zero elsewhere, the weight comes out."""
     hysteresis = a_hysteresis()
-    low = replace(hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]]))
+    low = replace(hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]])[..., None])
     weights = [float(low.transmitted(jnp.eye(6)[None, place, :, None])[0, 0]) for place in range(4)]
     assert min(weights) >= 0.0
     np.testing.assert_allclose(weights, [0.0, 0.006715, np.log(2), 5.006715], atol=1e-5)

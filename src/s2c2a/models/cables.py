@@ -94,7 +94,7 @@ class Hysteresis(eqx.Module):
     def transmitted(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""
         weights = jnp.concatenate([jax.nn.softplus(self.play_weights), self.creep_weights], axis=-2)
-        return jnp.einsum("mjn,...mjn->...mn", weights, inputs)
+        return jnp.sum(weights * inputs, axis=-2)
 
 
 def bend_at_rest(

@@ -1,0 +1,101 @@
+"""The chain with a local model beside it, on arms that bend otherwise than the chain can say."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
+from s2c2a.models import LocalOptions
+from s2c2a.training import FitOptions, TrainingData
+
+SIZE = LocalOptions(hidden=4, depth=1, play_widths=(0.02, 0.05, 0.1), creep_times=(2.0,), points=150, few=40)
+FIT = FitOptions(most_epochs=3, epochs_per_call=3)
+
+
+def data_of(arm, seen=slice(None), seed=0) -> TrainingData:
+    """Bends that wander, and an arm that bends by a crooked share of them; truth where it was seen."""
+    random = np.random.default_rng(seed)
+    bends = np.cumsum(random.normal(0, 0.06, (4, 150, arm.module_count, 2)), axis=1)
+    bends = 0.5 * np.sin(bends)
+    true = bends * (0.8 + 0.3 * np.cos(4 * bends[..., ::-1]))
+    lengths = np.array([module.length for module in arm.modules], np.float32)
+    states = np.asarray(jax.jit(states_from_bends)(jnp.asarray(true, jnp.float32), lengths))
+    known = np.full_like(states, np.nan)
+    known[..., seen] = states[..., seen]
+    sensed = np.asarray(configurations_from_bends(jnp.asarray(bends, jnp.float32)))
+    return TrainingData(arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), known)
+
+
+@pytest.fixture(scope="module")
+def arm(make_arm):
+    return make_arm(2)
+
+
+@pytest.fixture(scope="module")
+def trained(arm):
+    return SIZE.train(data_of(arm), FIT, jax.random.key(0)).network
+
+
+def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
+    data = data_of(arm, seed=1)
+    errors = [
+        np.linalg.norm((SIZE.answers(model, data) - data.states)[..., :3], axis=-1).mean()
+        for model in (trained, trained.chain)
+    ]
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
+    data = data_of(arm, seed=1)
+    along, memory = SIZE.answers(trained, data)[0], trained.start(data.sensed[0, 0])
+    predict, observe = eqx.filter_jit(lambda m, c, k: m.predict(c, k)), eqx.filter_jit(lambda m, c, k: m.observe(c, k))
+    for step in range(20):
+        np.testing.assert_allclose(predict(trained, data.sensed[0, step], memory), along[step], atol=2e-5)
+        memory = observe(trained, data.sensed[0, step], memory)
+
+
+def test_near_a_configuration_it_says_the_same_and_has_the_same_slopes(arm, trained):
+    sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
+    memory, here = trained.start(sensed[40]), bends_from_configurations(sensed[41])
+    near = eqx.filter_jit(lambda m: m.near(sensed[41], memory))(trained)
+    look = eqx.filter_jit(lambda m, bends: m.predict(configurations_from_bends(bends), memory))
+    np.testing.assert_allclose(look(near, here), look(trained, here), atol=1e-6)
+    np.testing.assert_allclose(look(near, here + 0.01), look(trained, here + 0.01), atol=3e-4)
+
+
+def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
+    data = data_of(arm, seed=3)
+    straight = trained.start(data.sensed[0, 0])
+    expected = np.asarray(
+        trained.deviation(
+            jnp.asarray(data.sensed[0, :40]),
+            jax.tree.map(lambda part: jnp.broadcast_to(part, (40, *part.shape)), straight),
+        )
+    )
+    errors = np.linalg.norm((SIZE.answers(trained, data) - data.states)[0, :40, :, :3], axis=-1)
+    assert 0.2 < np.sqrt((errors[:, -1] ** 2).mean()) / np.sqrt((expected[:, -1] ** 2).mean()) < 5.0
+
+
+def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm):
+    data, tip = data_of(arm), data_of(arm)
+    tip.states[..., :-1, :] = np.nan
+    tip.states[..., 3:] = np.nan
+    model = SIZE.train(tip, FIT, jax.random.key(0)).network
+    said = SIZE.answers(model, data)
+    assert np.isfinite(said).all()
+    assert np.linalg.norm((said - data.states)[..., -1, :3], axis=-1).mean() < 0.02
+    np.testing.assert_allclose(said[..., 0, :], SIZE.answers(model.chain, data)[..., 0, :], atol=1e-5)
+
+
+def test_where_cables_move_together_that_counts_too(arm):
+    data = data_of(arm)
+    together = np.sin(np.arange(150) / 20.0)[None, :, None, None] * np.ones((4, 1, 2, 3))
+    moved = 0.3 * together + np.asarray(SIZE.untrained(arm, jax.random.key(0)).chain.body.displacements(data.sensed))
+    data.states[..., 2] += 0.05 * together[..., 0]
+    model = SIZE.train(replace(data, displacements=moved), FIT, jax.random.key(0)).network
+    said = SIZE.answers(model, replace(data, displacements=moved))
+    assert np.abs(said - data.states)[..., 2].mean() < 0.01

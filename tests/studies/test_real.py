@@ -1,0 +1,47 @@
+"""Forward models on recordings: what is held out is never shown, and every model answers."""
+
+import numpy as np
+import pytest
+
+from s2c2a.data import Recording
+from s2c2a.episodes import Episode
+from s2c2a.errors import RecordingError
+from s2c2a.studies.real import blocks_of, held_rows, last_of
+
+
+@pytest.fixture(scope="module")
+def recording(make_arm) -> Recording:
+    """A log of one long episode with the tip alone, on which the tip is a bent function of the cables."""
+    arm, random = make_arm(1), np.random.default_rng(0)
+    path = 0.004 * np.sin(np.cumsum(random.normal(0, 0.15, (600, 2)), axis=0))
+    cables = np.stack([path[:, 0], path[:, 1], -path.sum(axis=1)], axis=-1)[:, None]
+    states = np.full((600, 1, 6), np.nan)
+    states[:, 0, :2], states[:, 0, 2] = 20 * path, 0.2 - 900 * (path**2).sum(axis=1)
+    columns = {"time": np.arange(600) * 0.5, "actions": cables, "sensor.cables": cables, "sensor.states": states}
+    return Recording(arm, {"name": "log", "babbling": "imported log"}, (Episode(arm, columns),))
+
+
+def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
+    rows = np.flatnonzero(blocks_of(recording, 25).rows[0])
+    np.testing.assert_array_equal(rows, [*range(150, 175), *range(325, 350), *range(475, 500)])
+
+
+def test_more_last_rows_than_there_are_is_refused(recording):
+    with pytest.raises(RecordingError, match="600"):
+        last_of(recording, 600)
+
+
+@pytest.mark.parametrize("name", ["kernels", "kernels with plays", "pcc-fitted"])
+def test_models_answer_with_the_tip_s_error_and_learn_nothing_of_rows_held_out(recording, name):
+    held = last_of(recording, 100)
+    rows = list(held_rows(recording, held, [name], [0]))
+    assert [row.metric for row in rows] == ["tip", "tip, rms", "tip, 95 %"]
+    episode = recording.episodes[0]
+    lying = episode["sensor.states"].copy()
+    lying[-100:] += 0.001
+    columns = {**episode.columns, "sensor.states": lying}
+    other = Recording(recording.arm, recording.options, (Episode(recording.arm, columns),))
+    moved = list(held_rows(other, last_of(other, 100), [name], [0]))
+    assert 0.0 < rows[0].mean < 60.0
+    assert moved[0].mean != rows[0].mean  # the truth moved under the same answers
+    assert abs(moved[0].mean - rows[0].mean) < 1.8
