@@ -67,10 +67,13 @@ def test_a_sensor_that_is_not_in_every_episode_is_not_in_the_recording(twin):
         recording.sensor("flex")
 
 
-def test_episodes_of_different_lengths_are_no_array(twin):
-    short = Episode(twin, {"time": np.arange(3.0), "actions": np.zeros((3, 3, 3))})
-    with pytest.raises(RecordingError, match="'actions' has shapes"):
-        _ = Recording(twin, {}, (random_episode(twin, 0), short)).actions
+def test_shorter_episodes_stay_at_their_last_row_in_arrays_of_all(twin):
+    short = Episode(twin, {"time": np.arange(3.0), "actions": np.arange(27.0).reshape(3, 3, 3)})
+    recording = Recording(twin, {}, (random_episode(twin, 0), short))
+    longest = len(recording.episodes[0])
+    assert recording.lengths == (longest, 3)
+    np.testing.assert_array_equal(recording.actions[1, :3], short["actions"])
+    np.testing.assert_array_equal(recording.actions[1, 3:], np.broadcast_to(short["actions"][2], (longest - 3, 3, 3)))
 
 
 def test_a_recording_without_one_whole_episode_is_refused(twin, tmp_path):

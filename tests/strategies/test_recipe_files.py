@@ -44,13 +44,13 @@ def test_names_and_files_are_told_apart(tmp_path):
         (lambda text: text.replace("iterations = 20", "iterations = 'many'"), "iterations"),
         (lambda text: text[: text.index("[c2s]")], "c2s"),
         (lambda text: text.replace("correction = 0.2", "correction = nan"), "correction = nan was asked for"),
-        (lambda text: text.replace('model = "chain"', ""), r"version 0\.1; .*such as model = 'chain'"),
+        (lambda text: text.replace('model = "local"', ""), r"version 0\.1; .*such as model = 'chain'"),
         (
-            lambda text: text.replace('model = "chain"', 'model = "soup"'),
-            "no model 'soup'; choose one of bilstm, chain",
+            lambda text: text.replace('model = "local"', 'model = "soup"'),
+            "no model 'soup'; choose one of bilstm, chain, local",
         ),
-        (lambda text: text.replace('model = "chain"', 'model = "json:loads"'), "no forward model's options"),
-        (lambda text: text.replace('model = "chain"', 'model = "bilstm"'), "layers"),
+        (lambda text: text.replace('model = "local"', 'model = "json:loads"'), "no forward model's options"),
+        (lambda text: text.replace('model = "local"', 'model = "bilstm"'), "layers"),
         (lambda text: "no recipe", "holds no recipe"),
     ],
 )

@@ -54,7 +54,7 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
     parts: list[list[Stretch]] = [[], [], []]
     short = 0
     for episode, samples in enumerate(lengths):
-        if samples < SHORTEST_EPISODE:
+        if 0 < samples < SHORTEST_EPISODE:
             parts[WHOLE[short % len(WHOLE)]].append((episode, slice(0, samples)))
             short += 1
             continue
@@ -82,13 +82,18 @@ def forward_samples(
         states: true ones; NaN where they are not known.
         lengths: samples of each episode, where they differ; what is behind them counts nothing.
     """
-    return Split(*(_known(configurations, states, part) for part in stretches(_all(configurations, lengths))))
+    known = np.isfinite(states).any(axis=(2, 3))
+    known &= np.arange(known.shape[1]) < np.asarray(_all(states, lengths))[:, None]
+    rows = [np.flatnonzero(one) for one in known]
 
+    def samples(part: list[Stretch]) -> Samples:
+        inputs, targets = (
+            np.concatenate([values[episode, rows[episode][place]] for episode, place in part]).astype(np.float32)
+            for values in (configurations, states)
+        )
+        return Samples({"configurations": inputs}, targets)
 
-def _known(configurations: np.ndarray, states: np.ndarray, part: list[Stretch]) -> Samples:
-    inputs, targets = (np.concatenate([values[place] for place in part]) for values in (configurations, states))
-    known = np.isfinite(targets).any(axis=(1, 2))
-    return Samples({"configurations": inputs[known].astype(np.float32)}, targets[known].astype(np.float32))
+    return Split(*map(samples, stretches([len(one) for one in rows])))
 
 
 def _all(values: np.ndarray, lengths: Lengths) -> Sequence[int]:
