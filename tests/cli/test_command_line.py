@@ -98,7 +98,7 @@ def test_a_missing_arm_names_the_presets(capsys):
 
 
 def test_an_unknown_task_names_the_tasks(capsys, tmp_path):
-    assert "circle" in failing(capsys, "run", "square", "--out", str(tmp_path / "run"))
+    assert "circle" in failing(capsys, "run", "triangle", "--out", str(tmp_path / "run"))
 
 
 def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypatch):
@@ -160,7 +160,7 @@ def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, c
         return failing(capsys, "sweep", *arguments, "--out", str(tmp_path / "sweep"))
 
     assert "planner.solver.iterations" in said("circle", "--vary", "planner.solver.iteration=5:60")
-    assert "no task 'square'" in said("square", "--vary", "correction=0,1")
+    assert "no task 'triangle'" in said("triangle", "--vary", "correction=0,1")
     assert "at least one, such as circle" in said("--vary", "correction=0,1")
     assert "they share position" in said("circle", "--vary", "correction=0,1", "--metric", "tilt")
     assert "no recipe" in said("circle", "--vary", "correction=0,1", "--recipe", "none.toml")

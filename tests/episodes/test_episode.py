@@ -120,8 +120,10 @@ def test_more_can_be_said_of_how_it_came_about_and_the_first_one_stays_as_it_was
     assert (first.options, second.options) == ({"seed": 1}, {"seed": 2, "task": "circle"})
 
 
-def test_episodes_of_one_length_are_stacked_and_others_refused(made, twin):
-    short = Episode(twin, {"time": TIME[:3], "actions": np.zeros((3, 3, 3))})
+def test_episodes_are_stacked_shorter_ones_staying_at_their_last_row_and_rows_of_other_shapes_refused(made, twin):
+    short = Episode(twin, {"time": TIME[:3], "actions": np.zeros((3, 3, 3)), "sensor.other": np.zeros((3, 2))})
+    longer = Episode(twin, {"time": TIME[:4], "actions": np.zeros((4, 3, 3)), "sensor.other": np.zeros((4, 1))})
     assert stacked([made(), made()], "actions").shape == (2, STEPS, 3, 3)
-    with pytest.raises(RecordingError, match="'time' has shapes"):
-        stacked([made(), short], "time")
+    np.testing.assert_array_equal(stacked([longer, short], "time"), [TIME[:4], [*TIME[:3], TIME[2]]])
+    with pytest.raises(RecordingError, match="has shapes"):
+        stacked([longer, short], "sensor.other")

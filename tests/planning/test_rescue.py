@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import PCCForwardModel, bends_from_configurations
+from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
 from s2c2a.planning import BEST, NO_RESCUE, PAPER, BatchPlanner, Goal, Notes, Planner, Rescue
 from s2c2a.planning.rescue import LED, OTHER_START
 from s2c2a.programs import compilations
@@ -23,7 +23,7 @@ LOWER = Goal.of(3).with_position([0.0, 0.0, 0.55])
 """On the arm's axis: a straight arm could go to any side, and so goes to none."""
 
 
-class Uphill(eqx.Module):
+class Uphill(ForwardModel):
     """Constant curvature whose engaged slopes point uphill."""
 
     truth: PCCForwardModel
