@@ -19,12 +19,12 @@ from jaxtyping import Array, Float
 
 from s2c2a.training.fit import Fixed
 
+Numbers = Array | np.ndarray
 SAMPLES_OF_LIKELIHOOD = 700
 STEPS, LEARNING_RATE = 60, 0.1  # of Adam, on logarithms
 LEAST_NOISE = 1e-4  # of the targets' variance
 FIRST_LINEAR = 0.05  # standard deviation of slopes before anything is seen
 FIRST_NOISE = 0.01
-WIDE = 2.0  # standard deviations
 
 
 class Kernels(Fixed):
@@ -75,11 +75,15 @@ class Kernels(Fixed):
         return self.spread * jnp.sqrt(jnp.maximum(1.0 - known, 1e-4))
 
 
-def matern(places: Float[Array, "*batch features"], points: Float[Array, "points features"]) -> Array:
-    """(1 + d + d^2 / 3) exp(-d) with d = sqrt(5) |x - z|, shape (*batch, points); slope zero at zero."""
-    squared = jnp.sum(places**2, axis=-1)[..., None] + jnp.sum(points**2, axis=-1) - 2.0 * places @ points.T
-    distance = jnp.sqrt(5.0 * jnp.maximum(squared, 1e-9))
-    return (1.0 + distance + distance**2 / 3.0) * jnp.exp(-distance)
+def matern(places: Float[Numbers, "*batch features"], points: Float[Numbers, "points features"]):
+    """(1 + d + d^2 / 3) exp(-d) with d = sqrt(5) |x - z|, shape (*batch, points); slope zero at zero.
+
+    In NumPy or JAX, as the result then is.
+    """
+    xp = points.__array_namespace__()
+    squared = xp.sum(places**2, axis=-1)[..., None] + xp.sum(points**2, axis=-1) - 2.0 * places @ points.T
+    distance = xp.sqrt(5.0 * xp.maximum(squared, 1e-9))
+    return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ def fitted_kernels(
 
     Args:
         features: of samples, in order of time.
-        targets: what to say there, in units alike; outputs unknown in any sample are left at zero.
+        targets: what to say there, in units alike; outputs that are never known are left at zero.
         kinds: groups of features that share a factor of their lengths, as sums of one-hot rows.
         sizes: how much to hold.
         seed: of the choice of samples.
@@ -124,7 +128,7 @@ def fitted_kernels(
     scaled = (x - centre) * rates
     found = _lengths(scaled[chosen], (y[chosen] - mean) / spread, kinds)
     rates = rates * found.rates
-    return _solved(x, (y - mean) / spread, centre, rates, found, sizes).in_units(mean, spread, known)
+    return _in_units(_solved(x, (y - mean) / spread, centre, rates, found, sizes), mean, spread, known)
 
 
 @dataclass(frozen=True)
@@ -174,36 +178,26 @@ def _unlikelihood(numbers: dict, x: Array, y: Array, kinds: Array) -> Array:
     return jnp.sum(explained**2) / (2.0 * y.size) + jnp.sum(jnp.log(jnp.diag(root))) / len(x)
 
 
-@dataclass(frozen=True)
-class _Solved:
-    """A local model of targets with mean zero and variance one."""
+def _in_units(kernels: Kernels, mean: np.ndarray, spread: float, known: np.ndarray) -> Kernels:
+    """What was fitted to targets of mean zero and variance one, in their own units, zero where they are not known."""
 
-    kernels: Kernels
+    def put(values: Array, offset=0.0):
+        full = np.zeros((*values.shape[:-1], len(known)), np.float32)
+        full[..., np.flatnonzero(known)] = np.asarray(values) * spread + offset
+        return jnp.asarray(full)
 
-    def in_units(self, mean: np.ndarray, spread: float, known: np.ndarray) -> Kernels:
-        """The same in the targets' own units, zero where they are not known."""
-        kernels, places = self.kernels, np.flatnonzero(known)
-
-        def put(values: Array, offset=0.0):
-            full = np.zeros((*values.shape[:-1], len(known)), np.float32)
-            full[..., places] = np.asarray(values) * spread + offset
-            return jnp.asarray(full)
-
-        return eqx.tree_at(
-            lambda k: (k.weights, k.slopes, k.constant, k.spread),
-            kernels,
-            (put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean), kernels.spread * spread),
-        )
+    parts = put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean), kernels.spread * spread
+    return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant, k.spread), kernels, parts)
 
 
-def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> _Solved:
+def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> Kernels:
     """Weights of evenly drawn points, and slopes, that all samples ask for."""
     place = (x - centre) * rates
     points = place[np.unique(np.linspace(0, len(place) - 1, sizes.points).astype(int))]
     slope = np.sqrt(found.linear / found.kernel) / np.where(rates > 0, found.rates, 1.0)
     scale = np.where(rates > 0, slope, 0.0)
-    prior = _matern(points, points)
-    basis = np.hstack([_matern(place, points), place * scale])
+    prior = matern(points, points)
+    basis = np.hstack([matern(place, points), place * scale])
     cost = np.zeros((basis.shape[1],) * 2)
     cost[: len(points), : len(points)] = prior
     cost[len(points) :, len(points) :] = np.eye(place.shape[1])
@@ -217,17 +211,10 @@ def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> _Solved:
     kernel_weights[: len(points)] = weights[: len(points)]
     slopes = scale[:, None] * weights[len(points) :]
     numbers = centre, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), few, doubt, np.sqrt(found.kernel)
-    return _Solved(Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers)))
+    return Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers))
 
 
 def _doubt(place: np.ndarray, few: np.ndarray, ratio: float) -> np.ndarray:
-    prior = _matern(few, few) + 1e-6 * np.eye(len(few))
-    seen = _matern(place, few)
+    prior = matern(few, few) + 1e-6 * np.eye(len(few))
+    seen = matern(place, few)
     return np.linalg.inv(prior) - np.linalg.inv(prior + seen.T @ seen / ratio)
-
-
-def _matern(places: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The same in double precision."""
-    squared = (places**2).sum(1)[:, None] + (points**2).sum(1) - 2.0 * places @ points.T
-    distance = np.sqrt(5.0 * np.maximum(squared, 1e-9))
-    return (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)

@@ -24,6 +24,7 @@ from s2c2a.training.trained import Trained, TrainingData, tried
 
 UNIT, AXIS_UNIT = 0.4, 1.0  # an error of one: in parts of the arm's length, and of axes
 FULL_BEND = 0.82  # rad; what `play_widths` are said for
+LEAST_REACH = 1e-3  # rad; of an arm that hardly moved
 NEARBY = 0.2  # rad; how far slopes are believed
 EVERY_OTHER = slice(1, None, 2)  # of the plays
 
@@ -88,7 +89,10 @@ class LocalC2S(ForwardModel):
             both = jnp.append(self.kernels(features), self.kernels.deviation(features))
             return both, both
 
-        slopes, value = jax.jacfwd(said, has_aux=True)(bends)
+        silent = jnp.zeros(self.kernels.constant.shape[0] + 1)
+        nothing = jnp.zeros((*silent.shape, *bends.shape)), silent
+        speaks = self.kernels.spread > 0.0  # the chain may do alone, and then nothing is looked at
+        slopes, value = jax.lax.cond(speaks, lambda: jax.jacfwd(said, has_aux=True)(bends), lambda: nothing)
         return replace(self, tangent=Tangent(bends, value, slopes))
 
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
@@ -200,8 +204,8 @@ class LocalOptions(ChainOptions):
 def _reach(data: TrainingData) -> float:
     """The largest displacement over the cable radius, or bend [rad]: plays are in parts of what the arm moves by."""
     if data.displacements is not None:
-        return float(np.abs(data.displacements).max())
-    return float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0)))
+        return max(float(np.abs(data.displacements).max()), LEAST_REACH)
+    return max(float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0))), LEAST_REACH)
 
 
 def _together(split: Split) -> Samples:
