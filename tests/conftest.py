@@ -1,5 +1,6 @@
 """What many tests share: arms, a small recording, small networks."""
 
+import gc
 import json
 import os
 from dataclasses import replace
@@ -23,6 +24,7 @@ from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
 EPISODES, SAMPLES = 6, 100
+MOST_MAPS = 15_000  # of memory; the system allows 65,530 to a process, and a compiled program takes a few
 NO_DIGEST = "0" * 64
 TINY, QUICK = C2AOptions(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
 
@@ -44,6 +46,16 @@ def pytest_configure(config):
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_programs():
+    """Let go of compiled programs between files, before there are so many that the system gives no more memory."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_text().count("\n") > MOST_MAPS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="session")
