@@ -11,7 +11,7 @@ from s2c2a.cli.first_action import driver_of
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCCForwardModel
-from s2c2a.models.chain import ChainC2S
+from s2c2a.models.local import LocalC2S
 
 FIGURES = ["a plan", "a tick", "a simulated second, fast", "a simulated second, accurate", "a later start"]
 GONE = [
@@ -56,7 +56,7 @@ def test_another_arm_is_driven_by_pcc_and_held_to_nothing(few, tmp_path, capsys,
 
 
 def test_networks_drive_where_they_come_with_the_package_and_pcc_elsewhere(twin, make_arm):
-    assert isinstance(driver_of(twin)[0], ChainC2S)
+    assert isinstance(driver_of(twin)[0], LocalC2S)
     assert isinstance(driver_of(make_arm(modules=1))[0], PCCForwardModel)
 
 

@@ -56,7 +56,10 @@ def test_networks_are_kept_by_what_training_depends_on(cache):
     others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
     assert replace(networks, recipe=same).path(cache) == networks.path(cache)
     different = [replace(networks, recipe=one) for one in others] + [replace(networks, seed=1)]
-    different += [replace(networks, babbling="motor"), replace(networks, arm=load_arm("twin_creep"))]
+    different += [
+        replace(networks, recipe=replace(PAPER, babbling="motor")),
+        replace(networks, arm=load_arm("twin_creep")),
+    ]
     assert len({one.path(cache) for one in [networks, *different]}) == 6
 
 

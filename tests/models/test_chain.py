@@ -38,8 +38,8 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
     parts = lambda m: [  # noqa: E731
         m.hysteresis.play_weights,
         m.hysteresis.creep_weights,
-        m.log_stiffness,
-        m.tautness,
+        m.equilibrium.log_stiffness,
+        m.equilibrium.tautness,
         m.mixing,
         m.network.layers[-1].weight,
         m.network.layers[-1].bias,
@@ -86,7 +86,7 @@ def test_untrained_a_straight_arm_of_pulling_cables_is_straight(make_arm):
 def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(make_arm, azimuth):
     bend = 0.5 * np.array([np.cos(azimuth), np.sin(azimuth)])
     configurations = np.asarray(configurations_from_bends(jnp.tile(jnp.asarray(bend, dtype=jnp.float32), (3, 1))))
-    model = eqx.tree_at(lambda m: m.log_give, untrained(make_arm()), jnp.full(3, -1.0))  # none shorter
+    model = eqx.tree_at(lambda m: m.equilibrium.log_give, untrained(make_arm()), jnp.full(3, -1.0))  # none shorter
     found = bends_from_configurations(
         configurations_from_states(predict(model, configurations, start(model, configurations)))
     )
@@ -182,7 +182,12 @@ def test_training_cannot_move_what_follows_from_the_arm(make_arm):
     gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).states(inputs) ** 2)))(model)
     fixed = jax.tree.leaves((gradient.body, gradient.hysteresis.operators))
     assert all(not np.any(leaf) for leaf in fixed)
-    learned = (gradient.hysteresis.play_weights, gradient.log_stiffness, gradient.tautness, gradient.network)
+    learned = (
+        gradient.hysteresis.play_weights,
+        gradient.equilibrium.log_stiffness,
+        gradient.equilibrium.tautness,
+        gradient.network,
+    )
     assert all(np.any(leaf) for leaf in jax.tree.leaves(learned))
 
 

@@ -52,7 +52,7 @@ def planned(planner, goal, steps):
 
 
 def gap(planner, plan, goal):
-    return float(np.linalg.norm(planner.predicted(plan)[-1, :3] - goal.positions[-1]))
+    return float(np.linalg.norm(planner.expectation(plan).states[-1, :3] - goal.positions[-1]))
 
 
 def told(plans):

@@ -35,14 +35,14 @@ NEXT = LAST + np.array([[0.02, 0.0], [0.0, -0.03], [0.01, 0.01]], np.float32)
 def situation(goal=None, last=None, length=1.0):
     """With nothing in it but a goal and where the last plan stood."""
     last = np.zeros((3, 3)) if last is None else last
-    now = Candidate(last, np.zeros((3, 2)), np.zeros((3, 6)), np.zeros((1, 3)))
+    now = Candidate(last, np.zeros((3, 2)), np.zeros((3, 6)), np.zeros((1, 3)), np.zeros(()))
     return Situation(goal or Goal.of(3), now, length, jnp.ones(3), 0.1, True, np.zeros((3, 2)), jnp.zeros(()))
 
 
 def candidate(positions=None, points=None, configurations=None):
     """Of which only what is given counts."""
     states = np.zeros((3, 6)) if positions is None else jnp.concatenate([positions, jnp.zeros((3, 3))], axis=1)
-    return Candidate(configurations, None, states, points)
+    return Candidate(configurations, None, states, points, np.zeros(()))
 
 
 def paid(term, tried, given):

@@ -59,6 +59,8 @@ class ArmGeometry:
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
         action_bends: what the whole range of actions would bend without any loss [rad], shape (modules,).
+        planned_bends: largest bend that a plan may have, as it is sensed: encoders do not see what is lost on the way
+            [rad], shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
@@ -72,6 +74,7 @@ class ArmGeometry:
     bend_matrices: np.ndarray
     bend_limits: np.ndarray
     action_bends: np.ndarray
+    planned_bends: np.ndarray
     pretensions: np.ndarray
     action_neutral: np.ndarray
     action_scale: np.ndarray
@@ -104,6 +107,7 @@ class ArmGeometry:
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
             action_bends=bends,
+            planned_bends=bends if arm.sensing == "encoders" else bend_limits,
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,

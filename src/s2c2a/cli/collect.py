@@ -14,7 +14,7 @@ from s2c2a.errors import S2C2AError
 def collect(
     out: Path,
     arm: Arm = "twin_arm",
-    babbling: Literal["staged", "motor"] = "staged",
+    babbling: Literal["staged", "motor", "mixed"] | None = None,
     episodes: int = 18,
     samples: int = 500,
     seed: int = 0,
@@ -32,11 +32,12 @@ def collect(
     Args:
         out: the recording to write, such as twin.episodes.
         arm: a preset or an arm file.
-        babbling: staged as in the paper, or plain motor babbling.
+        babbling: staged as in the paper, each module its own way (motor), or all between (mixed); the recipe's if not
+            stated.
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
-        recipe: says how fast to babble; train with the same one.
+        recipe: says how to babble, and how fast; train with the same one.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         robot_option: what that class takes beside the arm.
         fidelity: of the simulation.
@@ -49,7 +50,7 @@ def collect(
     from s2c2a import data, strategies, viz
 
     spec, chosen, body = load_arm(arm), strategies.recipe_from(recipe), body_for(robot, robot_option, fidelity)
-    options = data.CollectOptions(babbling, episodes, samples, seed, chosen.speeds)
+    options = data.CollectOptions(babbling or chosen.babbling, episodes, samples, seed, chosen.speeds)
     if not body.simulated:
         if cluster or threads not in (None, 1):
             raise S2C2AError(f"{body} is one arm and does one episode at a time; leave out --threads and --cluster")

@@ -1,10 +1,11 @@
-"""Random actions that explore an arm: staged as in the paper, or plain motor babbling."""
+"""Random actions that explore an arm: staged as in the paper, plain motor babbling, or everything between."""
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
 
+Shares = Float[np.ndarray, "modules paths"]
 SPEEDS = (0.03, 0.22)
 """Slowest and fastest approach of a bend target, as part of the full bend per step."""
 
@@ -33,9 +34,11 @@ def episode_actions(
         Displacements [m] or tensions [N].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
-    groups = BABBLING[babbling](len(geometry.lengths), episode / episodes)
-    paths = np.stack([bend_path(samples, random, speeds) for _ in range(max(groups) + 1)], axis=1)
-    return np.clip(geometry.actions_at(paths[:, groups]), geometry.action_low, geometry.action_high)
+    shares = np.array(BABBLING[babbling](len(geometry.lengths), episode / episodes))
+    paths = np.stack([bend_path(samples, random, speeds) for _ in range(shares.shape[1])], axis=1)
+    mixed = np.einsum("mp,spk->smk", shares, paths)
+    bends = mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
+    return np.clip(geometry.actions_at(bends), geometry.action_low, geometry.action_high)
 
 
 def bend_path(
@@ -61,19 +64,25 @@ def disc_point(random: np.random.Generator) -> Float[np.ndarray, "2"]:
     return radius * np.array([np.cos(angle), np.sin(angle)])
 
 
-def _staged(modules: int, progress: float) -> list[int]:
-    """Which random path each module follows: one for all; the end apart; each its own (Chen et al. 2025, fig. 3C)."""
+def _staged(modules: int, progress: float) -> Shares:
+    """One path for all; the end apart; each its own (Chen et al. 2025, fig. 3C)."""
     if progress < 1 / 3:
-        return [0] * modules
-    if progress < 2 / 3:
-        return [0] * (modules - 1) + [1 if modules > 1 else 0]
-    return list(range(modules))
+        return np.ones((modules, 1))
+    if progress < 2 / 3 and modules > 1:
+        return np.eye(2)[[0] * (modules - 1) + [1]]
+    return np.eye(modules)
 
 
-def _motor(modules: int, progress: float) -> list[int]:
+def _motor(modules: int, progress: float) -> Shares:
     """Every module its own path, all along."""
-    return list(range(modules))
+    return np.eye(modules)
 
 
-BABBLING = {"staged": _staged, "motor": _motor}
-"""Ways to babble: name -> which path each module follows at a given progress through the recording."""
+def _mixed(modules: int, progress: float) -> Shares:
+    """From one path for all to each its own, less and less of the one."""
+    shares = np.hstack([np.full((modules, 1), 1.0 - progress), progress * np.eye(modules)])
+    return shares / np.hypot(progress, 1.0 - progress)
+
+
+BABBLING = {"staged": _staged, "motor": _motor, "mixed": _mixed}
+"""Ways to babble: name -> what share of each random path every module follows, given the progress in the recording."""

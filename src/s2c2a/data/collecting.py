@@ -30,7 +30,7 @@ class CollectOptions:
     """How to collect.
 
     Attributes:
-        babbling: "staged" or "motor".
+        babbling: one of `BABBLING`.
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.

@@ -29,6 +29,8 @@ class Episode:
     | `stage`                           | number of the stage (`spaces.Stage`)           |                       |
     | `sensed`, `planned`               | configurations                                 | (modules, 3)          |
     | `expected`                        | states that the plan leads to [m, 1]           | (modules, 6)          |
+    | `deviation`                       | how far off these must be expected to be [m]   | (modules,)            |
+    | `doubt`                           | of that, because nothing was learned there [m] |                       |
     | `rescued`                         | what took over from the plan, zero if nothing  |                       |
     | `standing`                        | one where it stood though its cost could fall  |                       |
     | `wanted_positions`, `wanted_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
@@ -146,7 +148,7 @@ def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, 
     modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
     states, vectors = (modules, 6), (modules, 3)
     known = {"time": (), "actions": cables, "stage": (), "tick_time": (), "expected": states, "sensed": vectors}
-    known |= {"rescued": (), "standing": ()}
+    known |= {"deviation": (modules,), "doubt": (), "rescued": (), "standing": ()}
     known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
     if "obstacles" in columns:
         known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)  # as many as there are

@@ -15,6 +15,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.files import read_text, save_whole, written_whole
 
 MOST_BYTES = 20_000_000
+DOUBT = 0.01  # of the arm's length: more of it is worth a word
 _ESCAPED = str.maketrans({"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"})
 HEADER = ("task", "metric", "strategy", "here", "± seeds", "beside", "paper")
 
@@ -65,9 +66,16 @@ def pair(mean: float, spread: float | None) -> str:
 
 
 def said_of_plans(episode: Episode) -> str:
-    """How often plans were rescued, and stood although their cost could fall (`planning.rescue`), if ever."""
-    names = {"rescued": "was rescued", "standing": "stood although its cost could fall"}
-    counts = {said: int(np.nansum(episode.ran(name) > 0)) for name, said in names.items() if name in episode.columns}
+    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), or were held back."""
+    least = {"rescued": 0.0, "standing": 0.0, "doubt": DOUBT * episode.arm.length}
+    names = {
+        "rescued": "was rescued",
+        "standing": "stood although its cost could fall",
+        "doubt": "was at the edge of what the data show, or beyond,",
+    }
+    counts = {
+        said: int(np.nansum(episode.ran(name) > least[name])) for name, said in names.items() if name in episode.columns
+    }
     return ", ".join(f"the plan {said} in {count} steps" for said, count in counts.items() if count)
 
 

@@ -151,18 +151,18 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     arm: ArmSpec
     recipe: Recipe
     seed: int
-    babbling: str = "staged"
 
     @property
     def needs(self) -> tuple[RecordingArtifact]:
         """Their recording."""
-        return (RecordingArtifact(self.arm, CollectOptions(self.babbling, seed=self.seed, speeds=self.recipe.speeds)),)
+        options = CollectOptions(self.recipe.babbling, seed=self.seed, speeds=self.recipe.speeds)
+        return (RecordingArtifact(self.arm, options),)
 
     @property
     def file(self) -> str:
         """See `Artifact`."""
         digest = digest_of(self.needs[0].file, self.recipe.training)
-        return f"{self.arm.name}-{self.recipe.name}-{self.babbling}-seed{self.seed}-{digest}.safetensors"
+        return f"{self.arm.name}-{self.recipe.name}-{self.recipe.babbling}-seed{self.seed}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""

@@ -146,10 +146,12 @@ class Job(Artifact[Run]):
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
 
 
-def _networks(job: Job, babbling: str = "staged") -> tuple[Artifact, ...]:
-    """Those given stand in for trained ones of `s2c2a` alone."""
-    given = job.weights if babbling == "staged" else None
-    return (given or NetworksArtifact(job.arm, job.recipe, job.seed, babbling),)
+def _networks(job: Job) -> tuple[Artifact, ...]:
+    return (job.weights or NetworksArtifact(job.arm, job.recipe, job.seed),)
+
+
+def _motor_networks(job: Job) -> tuple[Artifact, ...]:
+    return (NetworksArtifact(job.arm, replace(job.recipe, babbling="motor"), job.seed),)
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
@@ -166,7 +168,7 @@ STRATEGIES: dict[str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[...,
     "pcc": (lambda job: (), lambda job: strategies.pcc_strategy(job.arm, job.planner)),
     "pcc-fitted": (_recording, lambda job, data: strategies.pcc_fitted_strategy(data, job.planner)),
     "lstm": (lambda job: (LSTMArtifact(job.arm, job.seed),), lambda job, trained: strategies.LSTMStrategy(trained)),
-    "s2c2a-motor": (partial(_networks, babbling="motor"), _with_networks),
+    "s2c2a-motor": (_motor_networks, _with_networks),
 }
 """Name -> what a job's is made from, and how: job -> artifacts; job and what these hold -> strategy."""
 

@@ -92,6 +92,10 @@ class ForwardModel(eqx.Module):
         """
         return jnp.zeros(configurations.shape[:-1])
 
+    def doubt(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
+        """How much of that is because nothing was learned near there [m], shape (*batch); zero among the data."""
+        return jnp.zeros(configurations.shape[:-2])
+
 
 class MemorylessModel(ForwardModel):
     """A forward model whose memory is empty, as in the paper."""

@@ -172,7 +172,8 @@ class ArmControl(Control):
         error, clearance = judged(aimed, states[-1, POSITION])
         self._before = step.goal if step.stage is Stage.RUN and step.goal is not None else self._nothing
         self._expected = step.told.get("expected", self._expected if step.told else states)
-        where = (np.array(states), np.array(self._expected), error, clearance)
+        deviation = float(np.ravel(step.told.get("deviation", np.nan))[-1])
+        where = (np.array(states), np.array(self._expected), deviation, error, clearance)
         of_task = (int(self._place), len(self._task.goals) if self._task else 0)
         self._show(Snapshot(step, step.stage, *where, *of_task, self._name, compilations(), step.fault))
 

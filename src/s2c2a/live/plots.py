@@ -29,7 +29,7 @@ class Plots:
         self._charts = [
             add_chart(gui, title, lines, legend=lines is modules and len(modules) <= MOST_NAMED, across=across)
             for title, lines in (
-                ("tip from its target [cm]", {"error": TARGET}),
+                ("tip from its target [cm]", {"error": TARGET, "to be expected": MUTED}),
                 ("clearance of the tip [cm]", {"clearance": MUTED}),
                 ("bend of the modules [deg]", modules),
                 (f"cables [{unit}]", cables),
@@ -42,7 +42,8 @@ class Plots:
         axes = np.concatenate([[[0.0, 0.0, 1.0]], snapshot.states[:, AXIS]])
         bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
         self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
-        values = [100 * snapshot.error, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
+        off = 100 * np.array([snapshot.error, snapshot.deviation])
+        values = [off, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
         values = [snapshot.step.moment, *values, 1e3 * snapshot.step.tick_time]
         self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 

@@ -31,6 +31,7 @@ class Snapshot:
         stage: what the arm does.
         states: of the arm, shape (modules, 6), base frame; what its model expects where nothing watches it.
         expected: states that the plan leads to, the same shape.
+        deviation: how far off the tip must be expected to be there [m].
         error: distance of the tip from where it should be by now [m]; NaN where nothing is asked of it.
         clearance: least distance of the tip from a threshold [m]; infinite without obstacles.
         task_step: step of the task that is played.
@@ -44,6 +45,7 @@ class Snapshot:
     stage: Stage
     states: States
     expected: States
+    deviation: float
     error: float
     clearance: float
     task_step: int

@@ -6,6 +6,7 @@ moments of gravity, bends and end points that arcs do not have.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -19,21 +20,18 @@ from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.c2s import ForwardOptions
-from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators, bend_at_rest, shortening
+from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators
+from s2c2a.models.statics import Equilibrium
 from s2c2a.training.fit import Batch, FitOptions, FromArm, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 BEND_UNIT = 0.5  # rad; inputs of the network are about one
 MOMENT_UNIT, BEND_CORRECTION_UNIT = 1.0, 0.2  # rad; an output of one
 END_CORRECTION_UNIT = 0.1  # of a module's length
-FIRST_STIFFNESS = 4.0  # kappa before training
 OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
 NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
-SHORTENINGS = 2  # times that bends and shortening are brought together, with moments and without
-FIRST_GIVE = 0.1  # of a module's length over the cable radius, for a pull of one
-GIVE_UNIT = 30.0  # of its logarithm: on some arms it is a hundred times smaller, and training has to get there
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 
@@ -44,17 +42,19 @@ class Trunk(FromArm):
         lengths: of modules [m], shape (modules,).
         matrices: B, shape (modules, cables, 2).
         inverses: of B, shape (modules, 2, cables).
+        radii: of the cables [m], shape (modules,).
     """
 
     lengths: Float[Array, " modules"]
     matrices: Float[Array, "modules cables 2"]
     inverses: Float[Array, "modules 2 cables"]
+    radii: Float[Array, " modules"]
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Trunk":
         """The numbers of an arm."""
         geometry = ArmGeometry.of(arm)
-        arrays = geometry.lengths, geometry.cable_matrices, geometry.bend_matrices
+        arrays = geometry.lengths, geometry.cable_matrices, geometry.bend_matrices, geometry.cable_radii
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
     def displacements(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch modules cables"]:
@@ -72,11 +72,9 @@ class ChainC2S(ForwardModel):
     Attributes:
         body: what follows from the arm.
         hysteresis: of the cables.
-        log_stiffness: logarithm of kappa (`bend_at_rest`), shape (modules,).
-        tautness: tau, shape (modules,).
+        equilibrium: how modules come to rest.
         mixing: where there are no statics, what bends all modules' sensed bends stand for, shape
             (2 modules, 2 modules).
-        log_give: logarithm of how much modules become shorter (`shortening`), over its unit, shape (modules,).
         network: what the rest leaves out.
         statics: whether cables only pull.
         engaged: whether slopes are those of taut cables that follow their motors.
@@ -84,10 +82,8 @@ class ChainC2S(ForwardModel):
 
     body: Trunk
     hysteresis: Hysteresis
-    log_stiffness: Float[Array, " modules"]
-    tautness: Float[Array, " modules"]
+    equilibrium: Equilibrium
     mixing: Float[Array, "bends bends"]
-    log_give: Float[Array, " modules"]
     network: eqx.nn.MLP
     statics: bool = eqx.field(static=True)
     engaged: bool = eqx.field(static=True, default=False)
@@ -110,11 +106,14 @@ class ChainC2S(ForwardModel):
 
     def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
         """States for what the hysteresis weighs (`Hysteresis.inputs`); training goes in here."""
-        carried = self.hysteresis.transmitted(inputs)
+        carried, lengths = self.hysteresis.transmitted(inputs), self.body.lengths
         if self.statics:
-            alone, short = self._shortened(carried, jnp.zeros((*carried.shape[:-1], 2)), jnp.zeros(()))
-            said = self._network(jnp.concatenate([alone, carried], axis=-1))
-            bends, short = self._shortened(carried, MOMENT_UNIT * said[..., :2], short)
+            settled = partial(self.equilibrium.settled, carried, matrices=self.body.matrices, engaged=self.engaged)
+            held = self._relaxed(inputs)
+            alone = settled(held, before=self.equilibrium.first(carried))
+            said = self._network(jnp.concatenate([alone.bends, carried], axis=-1))
+            rest = settled(held + MOMENT_UNIT * said[..., :2], before=alone)
+            bends, lengths = rest.bends, lengths - self.body.radii * rest.shorter
         else:
             own = self.body.bends(carried)
             mixed = own.reshape(*own.shape[:-2], -1) @ self.mixing
@@ -122,16 +121,12 @@ class ChainC2S(ForwardModel):
             said = self._network(bends)
         bends = bends + BEND_CORRECTION_UNIT * said[..., 2:4]
         ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
-        return states_from_arcs(bends, self.body.lengths, ends)
+        return states_from_arcs(bends, lengths, ends)
 
-    def _shortened(self, carried: Array, moments: Array, short: Array) -> tuple[Array, Array]:
-        """Bends at rest, and how much shorter the way to each module then is; slack that cables let go of."""
-        matrices, stiffness, give = self.body.matrices, jnp.exp(self.log_stiffness), jnp.exp(self.log_give * GIVE_UNIT)
-        for _ in range(SHORTENINGS):
-            bends = bend_at_rest(carried + short, moments, matrices, stiffness, self.tautness, self.engaged)
-            found = shortening(bends, carried + short - self.tautness[:, None], matrices, stiffness, give)
-            short = (short + (jax.lax.stop_gradient(found) if self.engaged else found)) / 2.0
-        return bends, short
+    def _relaxed(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 2"]:
+        """Moments of bends that the body was held at [rad]."""
+        crept = inputs[..., inputs.shape[-2] - self.hysteresis.creep_weights.shape[1] :, :]
+        return jnp.einsum("mt,mkn,...mtn->...mk", self.equilibrium.relaxing, self.body.inverses, crept)
 
     def _network(self, features: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
         flat = features.reshape(-1, features.shape[-2] * features.shape[-1]) / BEND_UNIT
@@ -154,7 +149,7 @@ class ChainOptions(ForwardOptions):
     hidden: int = 64
     depth: int = 2
     play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.019, 0.026, 0.033, 0.041, 0.052, 0.067)
-    creep_times: tuple[float, ...] = (1.0, 3.0, 10.0)
+    creep_times: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0)
     statics: bool = True
     model: str = field(default="chain", kw_only=True)
 
@@ -171,10 +166,9 @@ class ChainOptions(ForwardOptions):
         play_weights = jnp.full(shape, NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
         statics = bool(self.statics) and _is_felt_through_cables(arm)
         hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares), shape[-1])))
-        stiffness = jnp.full(modules, np.log(FIRST_STIFFNESS))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
-        taut, give, mixing = jnp.zeros(modules), jnp.full(modules, np.log(FIRST_GIVE) / GIVE_UNIT), jnp.eye(2 * modules)
-        return ChainC2S(Trunk.of(arm), hysteresis, stiffness, taut, mixing, give, network, statics)
+        equilibrium = Equilibrium.untrained(modules, len(shares))
+        return ChainC2S(Trunk.of(arm), hysteresis, equilibrium, jnp.eye(2 * modules), network, statics)
 
     def train(
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -199,7 +193,7 @@ class ChainOptions(ForwardOptions):
     def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`; where cables moved together, that counts too."""
         chain: Any = getattr(model, "chain", model)
-        return np.stack([np.asarray(_said(model, jnp.asarray(one))) for one in inputs_along(chain, data)])
+        return np.stack([np.asarray(said(model, jnp.asarray(one))) for one in inputs_along(chain, data)])
 
     def _quiet_network(self, features: int, outputs: int, key: PRNGKeyArray) -> eqx.nn.MLP:
         network = eqx.nn.MLP(features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key)
@@ -213,7 +207,7 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
     return arm.actuation == "displacement" and arm.sensing == "encoders" and arm.sensing_coupling is None
 
 
-_said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
+said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
 
 
 def answer(model: Any, batch: Batch) -> Array:

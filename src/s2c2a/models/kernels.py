@@ -1,4 +1,4 @@
-"""A local model: what data near a point say, with how much they do not say.
+"""A local model: what data near a point say.
 
 Regression with a Matern kernel whose length differs from feature to feature, beside a linear part that goes on where
 there are no data, on a fixed number of points that stand for all (Rasmussen and Williams, Gaussian Processes for
@@ -25,6 +25,7 @@ STEPS, LEARNING_RATE = 60, 0.1  # of Adam, on logarithms
 LEAST_NOISE = 1e-4  # of the targets' variance
 FIRST_LINEAR = 0.05  # standard deviation of slopes before anything is seen
 FIRST_NOISE = 0.01
+LEAST_SAMPLES = 100
 
 
 class Kernels(Fixed):
@@ -37,9 +38,7 @@ class Kernels(Fixed):
         weights: of the kernel at each point, shape (points, outputs).
         slopes: of the linear part in scaled features, shape (features, outputs).
         constant: shape (outputs,).
-        doubt_points: those by which deviations are told, shape (few, features).
-        doubt: what is known there, shape (few, few): the inverse of the kernel, less that of kernel and data.
-        spread: of a target before anything is seen, per root of variance one.
+        speaks: one, or zero where it says nothing.
     """
 
     centre: Float[Array, " features"]
@@ -48,16 +47,13 @@ class Kernels(Fixed):
     weights: Float[Array, "points outputs"]
     slopes: Float[Array, "features outputs"]
     constant: Float[Array, " outputs"]
-    doubt_points: Float[Array, "few features"]
-    doubt: Float[Array, "few few"]
-    spread: Float[Array, ""]
+    speaks: Float[Array, ""]
 
     @classmethod
-    def silent(cls, features: int, outputs: int, points: int, few: int) -> "Kernels":
+    def silent(cls, features: int, outputs: int, points: int) -> "Kernels":
         """One that says nothing, and knows it."""
-        zeros = jnp.zeros
-        shapes = (features,), (features,), (points, features), (points, outputs), (features, outputs), (outputs,)
-        return cls(*map(zeros, (*shapes, (few, features), (few, few), ())))
+        shapes = (features,), (features,), (points, features), (points, outputs), (features, outputs), (outputs,), ()
+        return cls(*map(jnp.zeros, shapes))
 
     def scaled(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
         """As distances are taken."""
@@ -67,12 +63,6 @@ class Kernels(Fixed):
         """What the data say, shape (*batch, outputs)."""
         place = self.scaled(features)
         return matern(place, self.points) @ self.weights + place @ self.slopes + self.constant
-
-    def deviation(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch"]:
-        """Standard deviation to expect of an output, in its unit."""
-        near = matern(self.scaled(features), self.doubt_points)
-        known = jnp.sum((near @ self.doubt) * near, axis=-1)
-        return self.spread * jnp.sqrt(jnp.maximum(1.0 - known, 1e-4))
 
 
 def matern(places: Float[Numbers, "*batch features"], points: Float[Numbers, "points features"]):
@@ -86,24 +76,11 @@ def matern(places: Float[Numbers, "*batch features"], points: Float[Numbers, "po
     return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
-@dataclass(frozen=True)
-class KernelSizes:
-    """How much a local model holds.
-
-    Attributes:
-        points: that stand for all samples.
-        few: of them, by which deviations are told.
-    """
-
-    points: int = 768
-    few: int = 128
-
-
 def fitted_kernels(
     features: Float[np.ndarray, "samples features"],
     targets: Float[np.ndarray, "samples outputs"],
     kinds: Float[np.ndarray, "features kinds"],
-    sizes: KernelSizes,
+    count: int,
     seed: int = 0,
 ) -> Kernels:
     """Fit a local model.
@@ -112,15 +89,15 @@ def fitted_kernels(
         features: of samples, in order of time.
         targets: what to say there, in units alike; outputs that are never known are left at zero.
         kinds: groups of features that share a factor of their lengths, as sums of one-hot rows.
-        sizes: how much to hold.
+        count: of points that stand for all samples.
         seed: of the choice of samples.
     """
     known = np.isfinite(targets).any(axis=0)
     whole = np.isfinite(targets[:, known]).all(axis=1) & np.isfinite(features).all(axis=1)
     x, y = features[whole].astype(np.float64), targets[whole][:, known].astype(np.float64)
     outputs = targets.shape[1]
-    if len(x) < 2 * sizes.few or not known.any():
-        return Kernels.silent(features.shape[1], outputs, sizes.points, sizes.few)
+    if len(x) < LEAST_SAMPLES or not known.any():
+        return Kernels.silent(features.shape[1], outputs, count)
     centre, width, mean = x.mean(axis=0), x.std(axis=0), y.mean(axis=0)
     spread = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
     rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
@@ -128,7 +105,7 @@ def fitted_kernels(
     scaled = (x - centre) * rates
     found = _lengths(scaled[chosen], (y[chosen] - mean) / spread, kinds)
     rates = rates * found.rates
-    return _in_units(_solved(x, (y - mean) / spread, centre, rates, found, sizes), mean, spread, known)
+    return _in_units(_solved(x, (y - mean) / spread, centre, rates, found, count), mean, spread, known)
 
 
 @dataclass(frozen=True)
@@ -186,14 +163,14 @@ def _in_units(kernels: Kernels, mean: np.ndarray, spread: float, known: np.ndarr
         full[..., np.flatnonzero(known)] = np.asarray(values) * spread + offset
         return jnp.asarray(full)
 
-    parts = put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean), kernels.spread * spread
-    return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant, k.spread), kernels, parts)
+    parts = put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean)
+    return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant), kernels, parts)
 
 
-def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> Kernels:
+def _solved(x, y, centre, rates, found: _Found, count: int) -> Kernels:
     """Weights of evenly drawn points, and slopes, that all samples ask for."""
     place = (x - centre) * rates
-    points = place[np.unique(np.linspace(0, len(place) - 1, sizes.points).astype(int))]
+    points = place[np.unique(np.linspace(0, len(place) - 1, count).astype(int))]
     slope = np.sqrt(found.linear / found.kernel) / np.where(rates > 0, found.rates, 1.0)
     scale = np.where(rates > 0, slope, 0.0)
     prior = matern(points, points)
@@ -203,18 +180,10 @@ def _solved(x, y, centre, rates, found: _Found, sizes: KernelSizes) -> Kernels:
     cost[len(points) :, len(points) :] = np.eye(place.shape[1])
     ratio = found.noise / found.kernel
     weights = np.linalg.solve(basis.T @ basis + ratio * cost + 1e-9 * np.eye(len(cost)), basis.T @ y)
-    few = points[np.linspace(0, len(points) - 1, sizes.few).astype(int)]
-    doubt = _doubt(place, few, ratio)
-    padded = np.zeros((sizes.points, x.shape[1]))
+    padded = np.zeros((count, x.shape[1]))
     padded[: len(points)] = points
-    kernel_weights = np.zeros((sizes.points, y.shape[1]))
+    kernel_weights = np.zeros((count, y.shape[1]))
     kernel_weights[: len(points)] = weights[: len(points)]
     slopes = scale[:, None] * weights[len(points) :]
-    numbers = centre, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), few, doubt, np.sqrt(found.kernel)
+    numbers = centre, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), 1.0
     return Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers))
-
-
-def _doubt(place: np.ndarray, few: np.ndarray, ratio: float) -> np.ndarray:
-    prior = matern(few, few) + 1e-6 * np.eye(len(few))
-    seen = matern(place, few)
-    return np.linalg.inv(prior) - np.linalg.inv(prior + seen.T @ seen / ratio)

@@ -17,8 +17,9 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
 from s2c2a.models.cables import HysteresisMemory
-from s2c2a.models.chain import ChainC2S, ChainOptions, answer, samples_along
-from s2c2a.models.kernels import Kernels, KernelSizes, fitted_kernels
+from s2c2a.models.chain import ChainC2S, ChainOptions, answer, said, samples_along
+from s2c2a.models.doubt import Doubt, told_doubt
+from s2c2a.models.kernels import Kernels, fitted_kernels
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
@@ -34,8 +35,8 @@ class Tangent(NamedTuple):
 
     Attributes:
         bends: there [rad], shape (modules, 2).
-        said: outputs there, the deviation last, shape (outputs + 1,).
-        slopes: of them, shape (outputs + 1, modules, 2).
+        said: outputs there, shape (outputs,).
+        slopes: of them, shape (outputs, modules, 2).
     """
 
     bends: Float[Array, "modules 2"]
@@ -55,7 +56,7 @@ class LocalC2S(ForwardModel):
         chain: hysteresis, statics, arcs.
         kernels: what it leaves out, in units.
         share: of the chain in what is said: one, or zero where the local model does better alone, shape (modules, 6).
-        calibration: true errors over those expected, shape (modules,).
+        doubts: how far off both may be.
         unit: of positions [m].
         tangent: what takes the kernels' place near a configuration.
     """
@@ -63,7 +64,7 @@ class LocalC2S(ForwardModel):
     chain: ChainC2S
     kernels: Kernels
     share: Float[Array, "modules 6"]
-    calibration: Float[Array, " modules"]
+    doubts: Doubt
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
@@ -85,13 +86,12 @@ class LocalC2S(ForwardModel):
 
         def said(bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
             moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
-            features = self.features(self.chain.hysteresis.inputs(moved, memory))
-            both = jnp.append(self.kernels(features), self.kernels.deviation(features))
-            return both, both
+            beside = self.kernels(self.features(self.chain.hysteresis.inputs(moved, memory)))
+            return beside, beside
 
-        silent = jnp.zeros(self.kernels.constant.shape[0] + 1)
+        silent = jnp.zeros(self.kernels.constant.shape)
         nothing = jnp.zeros((*silent.shape, *bends.shape)), silent
-        speaks = self.kernels.spread > 0.0  # the chain may do alone, and then nothing is looked at
+        speaks = self.kernels.speaks > 0.0  # the chain may do alone, and then nothing is looked at
         slopes, value = jax.lax.cond(speaks, lambda: jax.jacfwd(said, has_aux=True)(bends), lambda: nothing)
         return replace(self, tangent=Tangent(bends, value, slopes))
 
@@ -100,20 +100,24 @@ class LocalC2S(ForwardModel):
         inputs = self.chain.hysteresis.inputs(self.chain.body.displacements(configurations), memory)
         if self.tangent is None:
             return self.states(inputs)
-        return self._put_together(self.chain.states(inputs), self.tangent.at(configurations)[..., :-1])
+        return self._put_together(self.chain.states(inputs), self.tangent.at(configurations))
 
     def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
         """See `ForwardModel`."""
-        if self.tangent is not None:
-            expected = jnp.maximum(self.tangent.at(configurations)[..., -1], 0.0)
-        else:
-            moved = self.chain.body.displacements(configurations)
-            expected = self.kernels.deviation(self.features(self.chain.hysteresis.inputs(moved, memory)))
-        return self.unit * self.calibration * expected[..., None]
+        return jnp.hypot(self.doubts.usual_error, self.doubt(configurations)[..., None])
+
+    def doubt(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
+        """See `ForwardModel`."""
+        return self.doubts.metres(self.place(self.chain.body.displacements(configurations)))
 
     def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
         """States for what the hysteresis weighs."""
         return self._put_together(self.chain.states(inputs), self.kernels(self.features(inputs)))
+
+    def place(self, displacements: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch features"]:
+        """By which doubt is told: bends that cables stand for, and how far they moved together."""
+        bends, together = self.chain.body.bends(displacements), jnp.mean(displacements, axis=-1, keepdims=True)
+        return jnp.concatenate([bends, together], axis=-1).reshape(*bends.shape[:-2], -1)
 
     def features(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch features"]:
         """What the local model sees: bends that cables stand for, and how far they moved together.
@@ -144,7 +148,7 @@ class LocalOptions(ChainOptions):
 
     Attributes:
         points: that stand for all samples.
-        few: of them, by which deviations are told.
+        few: the same, for doubt.
     """
 
     play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.02, 0.03, 0.04, 0.052, 0.067, 0.09, 0.13)
@@ -160,8 +164,9 @@ class LocalOptions(ChainOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
         """The chain before training, and a local model that says nothing."""
         chain, modules = super().untrained(arm, key), arm.module_count
-        kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points, min(self.few, self.points))
-        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), jnp.zeros(modules), UNIT * arm.length)
+        kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points)
+        doubt = Doubt.none(3 * modules, self.few, modules)
+        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), doubt, UNIT * arm.length)
 
     def train(  # type: ignore[override]
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -176,7 +181,7 @@ class LocalOptions(ChainOptions):
         known = np.isfinite(split.training.targets).any(axis=0)  # what is not known, the chain alone says
         tries = [blank, *(self._beside(blank, split.training, share) for share in (every, every - known))]
         best = min(tries, key=lambda one: _loss(one, split.validation))
-        model = _calibrated(best, split.validation)
+        model = replace(best, doubts=self._doubt(best, split, data.arm))
         trained = tried(FitResult(model, result.curve), answer, split)
         if best is blank:
             return trained
@@ -187,11 +192,19 @@ class LocalOptions(ChainOptions):
         """A local model beside so much of the chain."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
-        kinds, sizes = self._kinds(samples.targets.shape[1]), KernelSizes(self.points, min(self.few, self.points))
+        kinds = self._kinds(samples.targets.shape[1])
         left = samples.targets - share * chained
         left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
-        kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, sizes)
+        kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, self.points)
         return replace(blank, kernels=kernels, share=jnp.asarray(share))
+
+    def _doubt(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Doubt:
+        """By the samples held out from training."""
+        seen, held_out = (
+            np.asarray(model.place(jnp.asarray(part.inputs["configurations"][:, :, 0])))
+            for part in (split.training, split.validation)
+        )
+        return told_doubt(seen, held_out, _distances(model, split.validation), self.few, arm.length)
 
     def _kinds(self, modules: int) -> Float[np.ndarray, "features kinds"]:
         """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
@@ -215,27 +228,11 @@ def _together(split: Split) -> Samples:
     return Samples({"configurations": inputs}, np.concatenate([part.targets for part in parts]))
 
 
-def _errors(model: LocalC2S, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Distances of ends from where they were said to be [m], and those to expect, shape (samples, modules)."""
-
-    @eqx.filter_jit
-    def look(model: LocalC2S, inputs: Array) -> tuple[Array, Array]:
-        expected = model.unit * model.kernels.deviation(model.features(inputs))
-        return model.states(inputs), expected
-
-    states, expected = look(model, jnp.asarray(samples.inputs["configurations"]))
-    distances = np.linalg.norm(np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1)
-    return distances, np.broadcast_to(np.asarray(expected)[:, None], distances.shape)
+def _distances(model: LocalC2S, samples: Samples) -> Float[np.ndarray, "samples modules"]:
+    """Of ends from where they were said to be [m]."""
+    states = said(model, jnp.asarray(samples.inputs["configurations"]))
+    return np.linalg.norm(np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1)
 
 
 def _loss(model: LocalC2S, samples: Samples) -> float:
-    return float(np.nanmean(_errors(model, samples)[0] ** 2))
-
-
-def _calibrated(model: LocalC2S, samples: Samples) -> LocalC2S:
-    """Deviations as large, in the root of their mean square, as errors were on samples held out."""
-    distances, expected = _errors(model, samples)
-    known = np.isfinite(distances)
-    true, said = (np.sum(part**2, axis=0, where=known) for part in (distances, expected))
-    ratios = np.sqrt(np.divide(true, said, out=np.zeros_like(true), where=said > 0))
-    return replace(model, calibration=jnp.asarray(ratios, jnp.float32))
+    return float(np.nanmean(_distances(model, samples) ** 2))

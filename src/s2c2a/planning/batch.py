@@ -189,7 +189,7 @@ def _alone(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
 def _along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
     def on(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
         plan = step.next_plan(last, last.configurations, goal)
-        return plan, PlannedPath(plan.configurations, step.predicted(plan))
+        return plan, PlannedPath(plan.configurations, step.expectation(plan).states)
 
     return jax.lax.scan(on, plan, goals)
 

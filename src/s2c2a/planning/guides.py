@@ -148,7 +148,7 @@ def workspace_map(arm: ArmSpec, model: ForwardModel, guard: Guard) -> WorkspaceM
 
 
 def _mapped(arm: ArmSpec, model: ForwardModel, guard: Guard, grid: Float[Array, "side side 2"]) -> WorkspaceMap:
-    limits = jnp.asarray(ArmGeometry.of(arm).bend_limits, dtype=jnp.float32)
+    limits = jnp.asarray(ArmGeometry.of(arm).planned_bends, dtype=jnp.float32)
     bends = grid[:, :, None, :] * limits[:, None]  # (side, side, modules, 2)
 
     def states(bend):

@@ -83,9 +83,10 @@ class PlannerOptions:
 PAPER = PlannerOptions(
     Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
 )
-_BEST = terms.Positions, terms.Axes, terms.BendChange, terms.Shape, terms.Evenness, terms.Limits, terms.Obstacles
+_WANTED = terms.Positions, terms.Axes, terms.Shape, terms.Evenness
+_KEPT = terms.BendChange, terms.Doubt, terms.Limits, terms.Obstacles
 BEST = PlannerOptions(
-    LeastSquares(), tuple(term() for term in _BEST), (Detour(), Pull()), engaged_slopes=True, rescue=Rescue()
+    LeastSquares(), tuple(term() for term in _WANTED + _KEPT), (Detour(), Pull()), engaged_slopes=True, rescue=Rescue()
 )
 
 
@@ -101,6 +102,20 @@ class Plan(NamedTuple):
     configurations: Configurations
     memory: Memory
     search: Search
+
+
+class Expectation(NamedTuple):
+    """What a plan is expected to lead to.
+
+    Attributes:
+        states: [m, 1], shape (modules, 6), base frame.
+        deviation: distance of ends from there that must be expected [m], shape (modules,); zero if not known.
+        doubt: how much of it is because nothing was learned near there [m].
+    """
+
+    states: Float[Array, "modules 6"]
+    deviation: Float[Array, " modules"]
+    doubt: Float[Array, ""]
 
 
 class Step(NamedTuple):
@@ -141,9 +156,10 @@ class Step(NamedTuple):
         """The plan of an arm at rest."""
         return Plan(sensed, self.model.start(sensed), Search.none(bends_from_configurations(sensed)))
 
-    def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
-        """The states that the forward model expects of a plan [m, 1], base frame."""
-        return self.model.predict(plan.configurations, plan.memory)
+    def expectation(self, plan: Plan) -> Expectation:
+        """What the forward model expects of a plan."""
+        where = plan.configurations, plan.memory
+        return Expectation(self.model.predict(*where), self.model.deviation(*where), self.model.doubt(where[0]))
 
     def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
         """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
@@ -163,7 +179,7 @@ class Step(NamedTuple):
         """What the solver is given, once the guides have seen it."""
         options, look = self.options, self._look(last, memory, self.options.engaged_slopes)
         now = look(last, bends_from_configurations(last))
-        limits = jnp.asarray(ArmGeometry.of(self.arm).bend_limits, dtype=jnp.float32)
+        limits = jnp.asarray(ArmGeometry.of(self.arm).planned_bends, dtype=jnp.float32)
         step = float(np.deg2rad(self.arm.step_limit_deg))
         situation = Situation(
             goal, now, self.arm.length, limits, step, options.on_sphere, shape=now.bends, led=jnp.zeros(())
@@ -180,7 +196,7 @@ class Step(NamedTuple):
 
         def look(configurations: Configurations, bends: Bends) -> Candidate:
             states = model.predict(configurations, memory)
-            return Candidate(configurations, bends, states, guarded(states))
+            return Candidate(configurations, bends, states, guarded(states), model.doubt(configurations))
 
         return look
 
@@ -195,7 +211,7 @@ class Planner:
         """Compile for an arm and a forward model."""
         self._modules, step = arm.module_count, Step.of(arm, model, options)
         self._start = compiled(Step.started, step)
-        self._predicted = compiled(Step.predicted, step)
+        self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
         self._warm_up()
 
@@ -219,9 +235,9 @@ class Planner:
         """
         return self._next(plan, _single(sensed), goal)
 
-    def predicted(self, plan: Plan) -> Float[Array, "modules 6"]:
-        """The states that the forward model expects of a plan [m, 1], base frame; compiles when first called."""
-        return self._predicted(plan)
+    def expectation(self, plan: Plan) -> Expectation:
+        """What the forward model expects of a plan; compiles when first called."""
+        return self._expectation(plan)
 
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))

@@ -31,8 +31,8 @@ FALLING = 0.9  # of the cost before: a plan that leaves less does not stand
 STILL = 0.05  # of the step's limit: a plan that moves less is still
 SOON, LATE = 0.25, 0.95  # of the cost: what another shape may leave, where the goal moves and where all has been still
 STILL_LONG = 20  # steps
-STOOD_LONG = 10  # steps; a plan that follows a goal is left alone as long
-LONGEST_WAIT = 16  # steps between two searches in vain
+STOOD_LONG = 5  # steps; a plan that follows a goal is left alone as long
+LONGEST_WAIT = 8  # steps between two searches in vain
 REFINING = 3  # iterations for a shape that is led to
 Count = Int[Array, ""]
 
@@ -122,7 +122,8 @@ class Rescue(Part):
         moved = largest_bend(planned - situation.last.bends) / situation.longest_step
         still = jnp.where(moved < STILL, notes.still + 1, 0)
         worth = jnp.where(still > STILL_LONG, self.slight, self.least)
-        stands = (moved < BOUND) & (now > worth) & ((now > FALLING * before) | (local > FALLING * now))
+        falls = (now <= FALLING * before) & (local <= FALLING * now)
+        stands = (now > worth) & ~falls & ((moved < BOUND) | (now > FALLING * before))
         stood = jnp.where(stands, notes.stood + 1, 0)
         seeks = stands & ~led & (notes.wait <= 0)
         nothing = _Found(planned, jnp.asarray(jnp.inf)), _Found(search.shape, jnp.asarray(jnp.inf))
@@ -130,7 +131,7 @@ class Rescue(Part):
         near, shape = jax.lax.cond(seeks | led, found, lambda: nothing)
         gained = seeks & (near.cost < LATE * local) & (local - near.cost > worth)
         left = jnp.where(led, 1.0, SOON + (LATE - SOON) * jnp.minimum(still / STILL_LONG, 1.0))
-        worth_it = seeks & ~gained & (now - shape.cost > worth) & ((still > 0) | (stood > STOOD_LONG))
+        worth_it = seeks & (now - shape.cost > worth) & ((still > 0) | (stood > STOOD_LONG))
         better = (led | worth_it) & (shape.cost < left * now)
         leads, in_vain = better & unhindered, seeks & ~gained & ~better
         last_wait = jnp.where(in_vain, jnp.clip(2 * notes.last_wait, 1, LONGEST_WAIT), notes.last_wait)

@@ -40,12 +40,14 @@ class Candidate(NamedTuple):
         bends: the same as bends [rad], shape (modules, 2), module frames.
         states: predicted [m, 1], shape (modules, 6), base frame.
         points: that keep out of obstacles [m], shape (points, 3), base frame.
+        doubt: how far off ends may be because nothing was learned near there [m].
     """
 
     configurations: Configurations
     bends: Bends
     states: Float[Array, "modules 6"]
     points: Float[Array, "points 3"]
+    doubt: Float[Array, ""]
 
 
 class Situation(NamedTuple):
@@ -251,6 +253,23 @@ class Evenness(Term):
 
 
 @dataclass(frozen=True)
+class Doubt(Term):
+    """How far off ends may be where the forward model learned nothing: it stops short of what it does not know.
+
+    Attributes:
+        weight: beside positions.
+        unit: what a length of one stands for, in parts of the arm's length.
+    """
+
+    weight: float = 3.0
+    unit: float = 0.4
+
+    def residual(self, candidate: Candidate, situation: Situation) -> Residual:
+        """In units, shape (1, 1)."""
+        return 1.0, self.weight * candidate.doubt.reshape(1, 1) / (self.unit * situation.length)
+
+
+@dataclass(frozen=True)
 class Limits(Term):
     """Bends beyond their limits.
 
@@ -266,4 +285,4 @@ class Limits(Term):
         return 1.0, self.weight * jnp.maximum(angles - situation.bend_limits, 0.0)[:, None]
 
 
-TERMS = Kind.of("term", Term, Positions, Axes, Repulsion, Obstacles, Change, BendChange, Shape, Evenness, Limits)
+TERMS = Kind.of("term", Term, Positions, Axes, Repulsion, Obstacles, Change, BendChange, Shape, Evenness, Doubt, Limits)

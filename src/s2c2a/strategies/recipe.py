@@ -15,7 +15,7 @@ from jaxtyping import PRNGKeyArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data.babbling import SPEEDS
+from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
@@ -41,7 +41,8 @@ class Recipe:
         c2a_fit: how the controller is trained.
         history_noise: on past actions while the controller is trained, normalised.
         planner: how to plan.
-        speeds: of the data's motion, as parts of the full bend per step, slowest and fastest.
+        babbling: how data explore the arm (`data.babbling.BABBLING`).
+        speeds: of their motion, as parts of the full bend per step, slowest and fastest.
         correction: part of the controller's lasting error that is integrated in every step; none if zero.
         axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that begin so.
         directions: whether sensed vectors are taken at unit length, whatever mixes them.
@@ -54,6 +55,7 @@ class Recipe:
     c2a_fit: FitOptions = field(default_factory=FitOptions)
     history_noise: float = 0.05
     planner: PlannerOptions = PAPER
+    babbling: str = "staged"
     speeds: tuple[float, float] = SPEEDS
     correction: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
@@ -65,6 +67,8 @@ class Recipe:
         """Refuse numbers that are none, or absurd; a forward model of one's own goes by the name of its class."""
         limits = {"history_noise": (0, 1000), "speeds": (0, 10), "correction": (0, 10)}
         check_limits(self, StrategyError, **limits)
+        if self.babbling not in BABBLING:
+            raise StrategyError(f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}")
         if not all(0 <= weight <= 1e6 for _, weight in self.axis_weights):
             raise StrategyError(f"axis_weights = {self.axis_weights} was asked for; take weights of 0 to 1e6")
         if wrong := [place for place, number in _numbers("planner", asdict(self.planner)) if not math.isfinite(number)]:
@@ -112,6 +116,7 @@ RECIPES = {
         c2s_fit=_DECAYING,
         c2a_fit=_DECAYING,
         planner=BEST,
+        babbling="mixed",
         speeds=(0.02, 0.06),
         correction=0.2,
         axis_weights=(("hold-", 9.0),),

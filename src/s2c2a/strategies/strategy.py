@@ -89,18 +89,21 @@ class Strategy:
         """What it sensed, planned and expects, by column of an episode.
 
         The latest configurations, sensed and planned, of shape (modules, 3), module frames; the states [m, 1] that the
-        plan is expected to lead to, of shape (modules, 6), base frame; what took over where the plan would have stood
-        (`planning.rescue`), and whether it stands although its cost could fall.
+        plan is expected to lead to, of shape (modules, 6), base frame, how far off ends must be expected to be [m], of
+        shape (modules,), and how much of that is because nothing was learned there; what took over where the plan
+        would have stood (`planning.rescue`), and whether it stands although its cost could fall.
 
         Raises:
             StrategyError: it was not started.
         """
         plan = started(self._plan, "it has planned nothing yet")
-        expected = np.asarray(self._planner.predicted(plan), dtype=float)
+        found = self._planner.expectation(plan)
+        expected = {"expected": np.asarray(found.states, dtype=float)}
+        expected |= {"deviation": np.asarray(found.deviation), "doubt": np.asarray(found.doubt)}
         notes = Notes(*np.asarray(plan.search.numbers))
         search = {"rescued": np.asarray(notes.rescued), "standing": np.asarray(notes.standing)}
         shapes = {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations)}
-        return shapes | {"expected": expected} | search
+        return shapes | expected | search
 
     def _sensed_in(self, reading: Reading):
         sensed = self._sense(self._inputs(reading))

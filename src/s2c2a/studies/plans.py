@@ -74,7 +74,7 @@ class Held(NamedTuple):
 def drawn(arm: ArmSpec, model: ForwardModel, count: int, seed: int) -> Drawn:
     """Walks and goals at random: ends of shapes that the arm can take, and for a quarter any point near it."""
     random, modules = np.random.default_rng(seed), arm.module_count
-    limits = ArmGeometry.of(arm).bend_limits[:, None]
+    limits = ArmGeometry.of(arm).planned_bends[:, None]
     paths = np.array([[bend_path(WANDERING, random) for _ in range(modules)] for _ in range(count)])
     walks = configurations_from_bends(jnp.asarray(np.moveaxis(paths, 1, 2) * limits, jnp.float32))
     shapes = configurations_from_bends(jnp.asarray(_discs(random, (count, modules)) * limits, jnp.float32))
