@@ -55,6 +55,11 @@ class Kernels(Fixed):
         shapes = (features,), (features,), (points, features), (points, outputs), (features, outputs), (outputs,), ()
         return cls(*map(jnp.zeros, shapes))
 
+    def times(self, weight: float) -> "Kernels":
+        """One that says so much of it."""
+        parts = self.weights, self.slopes, self.constant
+        return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant), self, tuple(weight * part for part in parts))
+
     def scaled(self, features: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
         """As distances are taken."""
         return (features - self.centre) * self.rates

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import Samples, Split
@@ -28,6 +28,8 @@ FULL_BEND = 0.82  # rad; what `play_widths` are said for
 LEAST_REACH = 1e-3  # rad; of an arm that hardly moved
 NEARBY = 0.2  # rad; how far slopes are believed
 EVERY_OTHER = slice(1, None, 2)  # of the plays
+SHARES = 0.0, 0.5, 1.0  # of the chain, which local models are fitted beside
+WEIGHTS = 0.5, 0.75, 1.0  # of these
 
 
 class Tangent(NamedTuple):
@@ -55,7 +57,7 @@ class LocalC2S(ForwardModel):
     Attributes:
         chain: hysteresis, statics, arcs.
         kernels: what it leaves out, in units.
-        share: of the chain in what is said: one, or zero where the local model does better alone, shape (modules, 6).
+        share: of the chain in what is said, shape (modules, 6).
         doubts: how far off both may be.
         unit: of positions [m].
         tangent: what takes the kernels' place near a configuration.
@@ -134,6 +136,14 @@ class LocalC2S(ForwardModel):
         together = jnp.mean(seen, axis=-1, keepdims=True)
         return jnp.concatenate([bends, together], axis=-1).reshape(*seen.shape[:-3], -1)
 
+    def weighed(self, share: float, weight: float, known: Bool[np.ndarray, "modules 6"]) -> "LocalC2S":
+        """Between the chain alone and a local model that was fitted beside so much of it: both together err less.
+
+        What is not known of states, the chain alone says.
+        """
+        left_out = weight * (1.0 - share) * self.kernels.speaks * known
+        return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
+
     def _put_together(self, states: Float[Array, "*batch modules 6"], said: Float[Array, "*batch outputs"]) -> Array:
         """Positions and axes of the chain, and what is said beside them."""
         beside = said.reshape(*said.shape[:-1], -1, 6)
@@ -152,7 +162,7 @@ class LocalOptions(ChainOptions):
     """
 
     play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.02, 0.03, 0.04, 0.052, 0.067, 0.09, 0.13)
-    points: int = 768
+    points: int = 1536
     few: int = 128
     model: str = field(default="local", kw_only=True)
 
@@ -177,26 +187,27 @@ class LocalOptions(ChainOptions):
         result = chain.train(data, fit, key, progress)
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
-        every = np.ones_like(blank.share)
-        known = np.isfinite(split.training.targets).any(axis=0)  # what is not known, the chain alone says
-        tries = [blank, *(self._beside(blank, split.training, share) for share in (every, every - known))]
-        best = min(tries, key=lambda one: _loss(one, split.validation))
+        fitted = {share: self._beside(blank, split.training, share) for share in SHARES}
+        known = np.isfinite(split.training.targets).any(axis=0)
+        tries = {(share, weight): fitted[share].weighed(share, weight, known) for share in SHARES for weight in WEIGHTS}
+        tries[1.0, 0.0] = blank
+        (share, weight), best = min(tries.items(), key=lambda one: _loss(one[1], split.validation))
         model = replace(best, doubts=self._doubt(best, split, data.arm))
         trained = tried(FitResult(model, result.curve), answer, split)
         if best is blank:
             return trained
-        whole = self._beside(model, _together(split), np.asarray(model.share))  # what was held out is known from now on
-        return replace(trained, network=whole)
+        whole = self._beside(model, _together(split), share)  # what was held out is known from now on
+        return replace(trained, network=whole.weighed(share, weight, known))
 
-    def _beside(self, blank: LocalC2S, samples: Samples, share: np.ndarray) -> LocalC2S:
-        """A local model beside so much of the chain."""
+    def _beside(self, blank: LocalC2S, samples: Samples, share: float) -> LocalC2S:
+        """A local model of what so much of the chain leaves out."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
         kinds = self._kinds(samples.targets.shape[1])
         left = samples.targets - share * chained
         left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
         kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, self.points)
-        return replace(blank, kernels=kernels, share=jnp.asarray(share))
+        return replace(blank, kernels=kernels)
 
     def _doubt(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Doubt:
         """By the samples held out from training."""
