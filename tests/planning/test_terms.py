@@ -242,7 +242,7 @@ def test_room_for_few_obstacles_or_none_changes_nothing(goal):
         np.testing.assert_allclose(*costs, rtol=1e-6)
 
 
-BLOCKS = {"position": 9, "axis": 9, "change": 6, "shape": 6, "evenness": 4, "limit": 3, "obstacle": AT_HAND}
+BLOCKS = {"position": 9, "axis": 9, "shape": 6, "evenness": 4, "change": 6, "doubt": 1, "limit": 3, "obstacle": AT_HAND}
 
 
 @pytest.fixture(scope="module")
@@ -309,6 +309,18 @@ def test_an_axis_is_missed_as_it_is(residuals_at):
 def test_uneven_bends_cost_a_little_where_something_is_asked(residuals_at):
     blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.5]))
     np.testing.assert_allclose(blocks["evenness"], 0.02 * np.diff(LAST, axis=0).reshape(-1), atol=1e-7)
+
+
+def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(residuals_at):
+    blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.3], module=1))
+    np.testing.assert_allclose(blocks["evenness"][:2], 0.02 * np.diff(LAST, axis=0)[0], atol=1e-7)
+    np.testing.assert_array_equal(blocks["evenness"][2:], 0.0)
+
+
+def test_doubt_costs_as_a_distance_of_the_tip_does():
+    doubtful = candidate()._replace(doubt=jnp.asarray(0.03))
+    mu, rows = terms.Doubt(weight=2.0, unit=0.5).residual(doubtful, situation(length=0.6))
+    np.testing.assert_allclose(mu * rows, [[2.0 * 0.03 / 0.3]], rtol=1e-6)
 
 
 def test_a_bend_beyond_its_limit_costs_what_is_too_much(residuals_at):

@@ -29,7 +29,7 @@ DRAWN = 64  # shapes, taken one after the other
 BOUND = 0.999  # of the step's limit: it binds
 FALLING = 0.9  # of the cost before: a plan that leaves less does not stand
 STILL = 0.05  # of the step's limit: a plan that moves less is still
-SOON, LATE = 0.25, 0.95  # of the cost: what another shape may leave, where the goal moves and where all has been still
+SOON, LATE = 0.5, 0.95  # of the cost: what another shape may leave, where the goal moves and where all has been still
 STILL_LONG = 20  # steps
 STOOD_LONG = 5  # steps; a plan that follows a goal is left alone as long
 LONGEST_WAIT = 8  # steps between two searches in vain
@@ -131,7 +131,7 @@ class Rescue(Part):
         near, shape = jax.lax.cond(seeks | led, found, lambda: nothing)
         gained = seeks & (near.cost < LATE * local) & (local - near.cost > worth)
         left = jnp.where(led, 1.0, SOON + (LATE - SOON) * jnp.minimum(still / STILL_LONG, 1.0))
-        worth_it = seeks & (now - shape.cost > worth) & ((still > 0) | (stood > STOOD_LONG))
+        worth_it = seeks & (now - shape.cost > worth) & (((still > 0) & ~gained) | (stood > STOOD_LONG))
         better = (led | worth_it) & (shape.cost < left * now)
         leads, in_vain = better & unhindered, seeks & ~gained & ~better
         last_wait = jnp.where(in_vain, jnp.clip(2 * notes.last_wait, 1, LONGEST_WAIT), notes.last_wait)

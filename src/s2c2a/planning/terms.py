@@ -237,7 +237,9 @@ class Shape(Term):
 
 @dataclass(frozen=True)
 class Evenness(Term):
-    """Neighbouring modules bent alike, where a target is asked for: of all shapes that serve, one that the data hold.
+    """Neighbouring modules bent alike: of all shapes that serve, one that the data hold.
+
+    Modules beyond the last of which something is asked stay as they are, for what they do moves the others.
 
     Attributes:
         weight: [1/rad].
@@ -248,8 +250,8 @@ class Evenness(Term):
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules - 1, 2)."""
         goal = situation.goal
-        asked = jnp.sum(goal.position_weights) + jnp.sum(goal.axis_weights) > 0.0
-        return asked.astype(jnp.float32), self.weight * (candidate.bends[1:] - candidate.bends[:-1])
+        asked = jnp.flip(jnp.cumsum(jnp.flip(goal.position_weights + goal.axis_weights))) > 0.0
+        return asked[1:].astype(jnp.float32), self.weight * (candidate.bends[1:] - candidate.bends[:-1])
 
 
 @dataclass(frozen=True)

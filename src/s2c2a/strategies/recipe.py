@@ -119,7 +119,7 @@ RECIPES = {
         babbling="mixed",
         speeds=(0.02, 0.06),
         correction=0.2,
-        axis_weights=(("hold-", 9.0),),
+        axis_weights=(("hold-", 3.0),),
         directions=True,
     ),
     "paper": Recipe("paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32)),
