@@ -110,7 +110,7 @@ class ChainC2S(ForwardModel):
         if self.statics:
             settled = partial(self.equilibrium.settled, carried, matrices=self.body.matrices, engaged=self.engaged)
             held = self._relaxed(inputs)
-            alone = settled(held, before=self.equilibrium.first(carried))
+            alone = settled(held, before=None)
             said = self._network(jnp.concatenate([alone.bends, carried], axis=-1))
             rest = settled(held + MOMENT_UNIT * said[..., :2], before=alone)
             bends, lengths = rest.bends, lengths - self.body.radii * rest.shorter

@@ -163,7 +163,7 @@ class LocalOptions(ChainOptions):
 
     play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.02, 0.03, 0.04, 0.052, 0.067, 0.09, 0.13)
     points: int = 1536
-    few: int = 128
+    few: int = 64
     model: str = field(default="local", kw_only=True)
 
     def __post_init__(self):

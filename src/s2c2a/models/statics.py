@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 
 ITERATIONS = 6  # of taut cables found, bend solved; the energy is convex and piecewise quadratic
 SHARES = (1.0, 0.6, 0.35, 0.2)  # of such a step; of five cables and more, whole ones can go round in a circle
+NEARLY = 2  # of such steps, where they are nearly at rest
 SWEEPS = 2  # times that bends and what modules do to each other are brought together, in one call
 FIRST_STIFFNESS = 4.0  # kappa before training
 FIRST_GIVE = 0.1  # of a module's length over the cable radius, for a pull of one
@@ -72,17 +73,12 @@ class Equilibrium(eqx.Module):
         zeros = jnp.zeros(modules)
         return cls(jnp.full(modules, np.log(FIRST_STIFFNESS)), zeros, give, zeros, jnp.zeros((modules, times)))
 
-    def first(self, carried: Float[Array, "*batch modules cables"]) -> Rest:
-        """Before anything is brought together."""
-        none = jnp.zeros((*carried.shape[:-1], 2))
-        return Rest(none, none[..., 0], none[..., :1], none, none)
-
     def settled(
         self,
         carried: Float[Array, "*batch modules cables"],
         moments: Float[Array, "*batch modules 2"],
         matrices: Float[Array, "modules cables 2"],
-        before: Rest,
+        before: Rest | None,
         engaged: bool,
     ) -> Rest:
         """Nearer to rest than before.
@@ -91,14 +87,17 @@ class Equilibrium(eqx.Module):
             carried: displacements at the modules, over the cable radius [rad].
             moments: of everything else, over the bending stiffness [rad].
             matrices: B.
-            before: what was known of it.
+            before: what was known of it, if anything.
             engaged: see `bend_at_rest`. What modules do to each other has no slope then: together with slopes that are
                 not the true ones it would turn them round.
         """
-        stiffness, give, rest = jnp.exp(self.log_stiffness), jnp.exp(self.log_give * GIVE_UNIT), before
-        for _ in range(SWEEPS):
+        stiffness, give = jnp.exp(self.log_stiffness), jnp.exp(self.log_give * GIVE_UNIT)
+        none, known = jnp.zeros((*carried.shape[:-1], 2)), before is not None
+        rest = before or Rest(none, none[..., 0], none[..., :1], none, none)
+        for sweep in range(SWEEPS):
+            start = rest.bends if known or sweep else None
             displaced = carried + rest.slack - jnp.einsum("mnk,...mk->...mn", matrices, rest.led)
-            bends = bend_at_rest(displaced, moments - rest.pulled, matrices, stiffness, self.tautness, engaged)
+            bends = bend_at_rest(displaced, moments - rest.pulled, matrices, stiffness, self.tautness, engaged, start)
             stretched = jnp.einsum("mnk,...mk->...mn", matrices, bends) - displaced + self.tautness[:, None]
             pulls = stiffness[:, None] * jnp.maximum(stretched, 0.0)
             shorter = give * _and_outer(jnp.sum(pulls, axis=-1), axis=-1)
@@ -122,6 +121,7 @@ def bend_at_rest(
     stiffness: Float[Array, " modules"],
     tautness: Float[Array, " modules"],
     engaged: bool = False,
+    start: Float[Array, "*batch modules 2"] | None = None,
 ) -> Float[Array, "*batch modules 2"]:
     """Bend vectors [rad] at rest.
 
@@ -133,18 +133,20 @@ def bend_at_rest(
         tautness: tau [rad].
         engaged: take slopes as if every cable were taut. Where one cable holds a module alone, the others can move
             without effect, and a planner with true slopes would not find that they matter later.
+        start: bends nearly at rest, if they are known.
     """
     wanted = displacements - tautness[:, None]
     every = jnp.broadcast_to(stiffness[:, None], wanted.shape)
     if engaged:
         matrices, stiffness = jax.lax.stop_gradient((matrices, stiffness))
     linear = _solve(every, wanted, moments, matrices)
-    stretched = _stretched(*jax.lax.stop_gradient((linear, wanted, moments, matrices, stiffness)))
+    begun, iterations = (linear, ITERATIONS) if start is None else (start, NEARLY)
+    stretched = _stretched(*jax.lax.stop_gradient((begun, wanted, moments, matrices, stiffness)), iterations)
     bends = _solve(stretched * stiffness[:, None], wanted, moments, matrices)
     return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
 
 
-def _stretched(bends, wanted, moments, matrices, stiffness) -> Array:
+def _stretched(bends, wanted, moments, matrices, stiffness, iterations: int) -> Array:
     """Which cables pull at rest: Newton's steps, each shortened to the share with the least energy."""
 
     def stretches(bends):
@@ -160,7 +162,7 @@ def _stretched(bends, wanted, moments, matrices, stiffness) -> Array:
         best = jnp.argmin(energy(tried), axis=0)[None, ..., None]
         return jnp.take_along_axis(tried, best, axis=0)[0]
 
-    return stretches(jax.lax.fori_loop(0, ITERATIONS, on, bends)) > 0.0
+    return stretches(jax.lax.fori_loop(0, iterations, on, bends)) > 0.0
 
 
 def _solve(pulls, wanted, moments, matrices) -> Array:
