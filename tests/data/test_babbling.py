@@ -81,6 +81,14 @@ def test_eighteen_episodes_are_six_a_stage(twin):
     assert kinds == [1] * 6 + [2] * 6 + [3] * 6
 
 
+def test_mixed_babbling_goes_from_one_way_for_all_to_each_its_own(twin):
+    same, between, own = (
+        apart(*shares(twin, "mixed", episode, episodes=18)[:, :2].swapaxes(0, 1)) for episode in (0, 4, 17)
+    )
+    assert same == pytest.approx(0.0, abs=1e-9)
+    assert 0.1 < between < own
+
+
 @pytest.mark.parametrize("babbling", BABBLING)
 @pytest.mark.parametrize("episode", range(6))
 def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode):

@@ -26,7 +26,7 @@ OTHER = TWIN.model_copy(
 def recordings(tmp_path_factory):
     """Motor babbling of both arms."""
     folder = tmp_path_factory.mktemp("recordings")
-    return {arm.name: recorded(folder / f"{arm.name}.episodes", arm, 120) for arm in (TWIN, OTHER)}
+    return {arm.name: recorded(folder / f"{arm.name}.episodes", arm, 200) for arm in (TWIN, OTHER)}
 
 
 @pytest.mark.parametrize(("name", "tip_alone"), [("other", True), ("twin_arm", False)])

@@ -10,6 +10,8 @@ import pytest
 
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
 from s2c2a.models import LocalOptions
+from s2c2a.planning import BEST, Goal, Planner
+from s2c2a.planning.terms import Doubt
 from s2c2a.training import FitOptions, TrainingData
 
 SIZE = LocalOptions(hidden=4, depth=1, play_widths=(0.02, 0.05, 0.1), creep_times=(2.0,), points=150, few=40)
@@ -78,6 +80,23 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     )
     errors = np.linalg.norm((SIZE.answers(trained, data) - data.states)[0, :40, :, :3], axis=-1)
     assert 0.2 < np.sqrt((errors[:, -1] ** 2).mean()) / np.sqrt((expected[:, -1] ** 2).mean()) < 5.0
+
+
+def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, trained):
+    """Half a radian about each axis was seen; the target asks for more than the limit."""
+    goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
+    bold = replace(BEST, terms=tuple(term for term in BEST.terms if not isinstance(term, Doubt)))
+    ends = []
+    for options in (BEST, bold):
+        planner = Planner(arm, trained, options)
+        plan = planner.start(np.tile([0.0, 0.0, 1.0], (2, 1)))
+        for _ in range(40):
+            plan = planner.plan(plan, plan.configurations, goal)
+        ends.append((float(planner.expectation(plan).doubt), float(np.min(plan.configurations[:, 2]))))
+    (careful, highest), (doubt, lowest) = ends
+    assert careful < 0.5 * doubt
+    assert doubt > 0.01
+    assert highest > lowest + 0.05
 
 
 def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm):
