@@ -24,7 +24,7 @@ from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
 EPISODES, SAMPLES = 6, 100
-MOST_MAPS = 15_000  # of memory; the system allows 65,530 to a process, and a compiled program takes a few
+MOST_MAPS = 30_000  # of memory; the system allows 65,530 to a process, and a compiled program takes a few
 NO_DIGEST = "0" * 64
 TINY, QUICK = C2AOptions(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
 

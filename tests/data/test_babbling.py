@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import BABBLING, episode_actions
-from s2c2a.data.babbling import SPEEDS, bend_path, disc_point
+from s2c2a.data.babbling import SPEEDS, bend_path, disc_point, fastest
 
 SAMPLES = 300
 
@@ -87,6 +87,13 @@ def test_mixed_babbling_goes_from_one_way_for_all_to_each_its_own(twin):
     )
     assert same == pytest.approx(0.0, abs=1e-9)
     assert 0.1 < between < own
+
+
+@pytest.mark.parametrize("babbling", BABBLING)
+def test_no_step_is_longer_than_the_fastest(twin, babbling):
+    paths = np.stack([shares(twin, babbling, episode, episodes=18) for episode in range(18)])
+    steps = np.linalg.norm(np.diff(paths, axis=1), axis=-1)
+    assert steps.max() <= fastest(babbling, 3, SPEEDS) * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("babbling", BABBLING)

@@ -88,7 +88,7 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
         ("nowhere.py:Thing", "", "no file"),
         ("Evennes", "", "no term 'Evennes'; choose one of Positions, Axes"),
         ("own_term.py:ElbowHigh", "parameters = { hight = 0.3 }", "cannot be built from .*hight"),
-        ("own_term.py:ElbowHigh", "parameters = { height = nan }", "no finite number at planner.terms.7.parameters"),
+        ("own_term.py:ElbowHigh", "parameters = { height = nan }", "no finite number at planner.terms.8.parameters"),
         ("own_term.py:ElbowHigh", "parameters = { height = -1.0 }", "-1.0 height asked for"),
         ("own_term.py:ElbowHigh", "height = 0.3", "height"),
         ("own_solver.py:Descent", "", "is no term"),

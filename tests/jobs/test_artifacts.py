@@ -29,7 +29,8 @@ def cache(tmp_path):
 @pytest.mark.parametrize(("name", "percent"), [("five_cable_arm", 3.0), ("two_module_arm", 5.0)])
 def test_an_arm_that_nobody_tuned_for_follows_its_circle(name, percent, cache):
     arm, best = load_arm(ARMS / f"{name}.toml"), recipe_named("best")
-    recipe = replace(best, c2s_fit=replace(best.c2s_fit, most_epochs=10), c2a_fit=replace(best.c2a_fit, most_epochs=10))
+    quick = {"c2s_fit": replace(best.c2s_fit, most_epochs=10), "c2a_fit": replace(best.c2a_fit, most_epochs=10)}
+    recipe = replace(best, c2s=replace(best.c2s, points=200), **quick)
     (run,) = run_all(jobs_for(["circle"], arm, ("s2c2a",), [0], recipe), cache)
     (position,) = run.scores
     assert (position.score.metric, position.unit) == ("position", "cm")

@@ -40,6 +40,8 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
         m.hysteresis.creep_weights,
         m.equilibrium.log_stiffness,
         m.equilibrium.tautness,
+        m.equilibrium.coupling,
+        m.equilibrium.relaxing,
         m.mixing,
         m.network.layers[-1].weight,
         m.network.layers[-1].bias,

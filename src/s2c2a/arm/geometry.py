@@ -44,6 +44,9 @@ def balanced_pull(matrix: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " 
     return pull / pull.mean()
 
 
+MADE_UP = 1.5
+
+
 @dataclass(frozen=True)
 class ArmGeometry:
     """Arrays over the modules of one arm, SI units.
@@ -59,8 +62,8 @@ class ArmGeometry:
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
         action_bends: what the whole range of actions would bend without any loss [rad], shape (modules,).
-        planned_bends: largest bend that a plan may have, as it is sensed: encoders do not see what is lost on the way
-            [rad], shape (modules,).
+        planned_bends: largest bend that a plan may have, as it is sensed: encoders do not see what is lost on the way,
+            for which cables that travel further may make up by half the bend limit [rad], shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
@@ -107,7 +110,7 @@ class ArmGeometry:
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
             action_bends=bends,
-            planned_bends=bends if arm.sensing == "encoders" else bend_limits,
+            planned_bends=np.minimum(bends, MADE_UP * bend_limits) if arm.sensing == "encoders" else bend_limits,
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,

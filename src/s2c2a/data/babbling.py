@@ -28,17 +28,22 @@ def episode_actions(
         episodes: how many there are; the stages share them evenly.
         samples: control steps in an episode.
         seed: of the whole recording.
-        speeds: slowest and fastest approach of a bend target, as part of the full bend per step.
+        speeds: slowest and fastest approach of a bend target by each path, as part of the full bend per step.
 
     Returns:
         Displacements [m] or tensions [N].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
-    shares = np.array(BABBLING[babbling](len(geometry.lengths), episode / episodes))
+    shares = BABBLING[babbling](len(geometry.lengths), episode / episodes)
     paths = np.stack([bend_path(samples, random, speeds) for _ in range(shares.shape[1])], axis=1)
     mixed = np.einsum("mp,spk->smk", shares, paths)
     bends = mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
     return np.clip(geometry.actions_at(bends), geometry.action_low, geometry.action_high)
+
+
+def fastest(babbling: str, modules: int, speeds: tuple[float, float]) -> float:
+    """Largest change of a module's bend in a step, as part of the full bend: where paths are mixed they add up."""
+    return speeds[1] * max(BABBLING[babbling](modules, done).sum(axis=1).max() for done in np.linspace(0.0, 1.0, 101))
 
 
 def bend_path(

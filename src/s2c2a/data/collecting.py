@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions
+from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions, fastest
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.errors import RecordingError
@@ -178,5 +178,6 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
 
 def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
     """As fast as the babbling is meant to be, and its corners as sharp."""
-    fastest = options.speeds[1] * np.rad2deg(ArmGeometry.of(arm).action_bends.max()) * (1 + 1e-6)
-    return CommandLimits.with_steps(arm, fastest, 2 * fastest)
+    share = fastest(options.babbling, arm.module_count, options.speeds)
+    most = share * np.rad2deg(ArmGeometry.of(arm).action_bends.max()) * (1 + 1e-6)
+    return CommandLimits.with_steps(arm, most, 2 * most)

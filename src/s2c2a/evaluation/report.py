@@ -66,7 +66,7 @@ def pair(mean: float, spread: float | None) -> str:
 
 
 def said_of_plans(episode: Episode) -> str:
-    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), or were held back."""
+    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), or doubtful."""
     least = {"rescued": 0.0, "standing": 0.0, "doubt": DOUBT * episode.arm.length}
     names = {
         "rescued": "was rescued",

@@ -17,7 +17,7 @@ MOST_NAMED = 6  # modules whose names are written under a chart
 
 
 class Plots:
-    """Five charts in the shared panel; that of clearances is there while there are obstacles."""
+    """Six charts in the shared panel; that of clearances is there while there are obstacles."""
 
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
@@ -29,7 +29,8 @@ class Plots:
         self._charts = [
             add_chart(gui, title, lines, legend=lines is modules and len(modules) <= MOST_NAMED, across=across)
             for title, lines in (
-                ("tip from its target [cm]", {"error": TARGET, "to be expected": MUTED}),
+                ("tip from its target [cm]", {"error": TARGET}),
+                ("the model may be off by [cm]", {"deviation": MUTED}),
                 ("clearance of the tip [cm]", {"clearance": MUTED}),
                 ("bend of the modules [deg]", modules),
                 (f"cables [{unit}]", cables),
@@ -41,10 +42,11 @@ class Plots:
         """One more control step."""
         axes = np.concatenate([[[0.0, 0.0, 1.0]], snapshot.states[:, AXIS]])
         bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
-        self._charts[1].visible = bool(np.isfinite(snapshot.clearance))
-        off = 100 * np.array([snapshot.error, snapshot.deviation])
-        values = [off, 100 * snapshot.clearance, bends, self._scale * snapshot.step.action]
-        values = [snapshot.step.moment, *values, 1e3 * snapshot.step.tick_time]
+        self._charts[1].visible = bool(snapshot.deviation > 0.0)  # not every model knows
+        self._charts[2].visible = bool(np.isfinite(snapshot.clearance))
+        lengths = [100 * one for one in (snapshot.error, snapshot.deviation, snapshot.clearance)]
+        values = [snapshot.step.moment, *lengths, bends, self._scale * snapshot.step.action]
+        values += [1e3 * snapshot.step.tick_time]
         self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
 
     def draw(self) -> None:

@@ -124,7 +124,7 @@ class ChainC2S(ForwardModel):
         return states_from_arcs(bends, lengths, ends)
 
     def _relaxed(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 2"]:
-        """Moments of bends that the body was held at [rad]."""
+        """Moments of bends that cables asked for before [rad]."""
         crept = inputs[..., inputs.shape[-2] - self.hysteresis.creep_weights.shape[1] :, :]
         return jnp.einsum("mt,mkn,...mtn->...mk", self.equilibrium.relaxing, self.body.inverses, crept)
 

@@ -16,7 +16,7 @@ from s2c2a.training.fit import Fixed
 LENGTH = 4.0  # of the kernel, in standard deviations of each feature
 NOISE, JITTER = 0.01, 1e-4  # beside the kernel's variance: of samples, and of points
 USUAL = 0.95  # share of the places held out that are nothing strange
-LEAST_WIDTH = 1e-6
+LEAST_WIDTH = 0.1  # of a feature, in parts of the widest: where nothing was moved, nothing is known
 IGNORANCE = 0.3  # of the arm's length: how far off it may be where nothing is known
 
 
@@ -78,7 +78,7 @@ def told_doubt(
         length: of the arm [m].
     """
     centre, width = features.mean(axis=0), features.std(axis=0)
-    rates = np.where(width > LEAST_WIDTH, 1.0 / (LENGTH * np.maximum(width, LEAST_WIDTH)), 0.0)
+    rates = 1.0 / (LENGTH * np.maximum(width, max(LEAST_WIDTH * float(width.max()), 1e-6)))
     place = (features - centre).astype(np.float64) * rates
     chosen = place[np.linspace(0, len(place) - 1, points).astype(int)]
     prior = matern(chosen, chosen) + JITTER * np.eye(points)

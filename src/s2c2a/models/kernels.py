@@ -29,7 +29,7 @@ LEAST_SAMPLES = 100
 
 
 class Kernels(Fixed):
-    """A function of features that was fitted once, and the deviation to expect of it.
+    """A function of features that was fitted once.
 
     Attributes:
         centre: of the features, shape (features,).
@@ -51,7 +51,7 @@ class Kernels(Fixed):
 
     @classmethod
     def silent(cls, features: int, outputs: int, points: int) -> "Kernels":
-        """One that says nothing, and knows it."""
+        """One that says nothing."""
         shapes = (features,), (features,), (points, features), (points, outputs), (features, outputs), (outputs,), ()
         return cls(*map(jnp.zeros, shapes))
 

@@ -1,7 +1,7 @@
 """The forward model of the `best` recipe: the chain, and what data near a configuration say beside it.
 
 The chain's structure goes on where there are no data; where there are, a local model (`Kernels`) tells what the chain
-leaves out, and how far off both may be. It sees what the cables carry, remember and change.
+leaves out. It sees what the cables carry, remember and change. `Doubt` says how far off both may be.
 """
 
 from dataclasses import dataclass, field, replace
@@ -86,7 +86,7 @@ class LocalC2S(ForwardModel):
         """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
         bends = bends_from_configurations(configurations)
 
-        def said(bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
+        def beside_at(bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
             moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
             beside = self.kernels(self.features(self.chain.hysteresis.inputs(moved, memory)))
             return beside, beside
@@ -94,7 +94,7 @@ class LocalC2S(ForwardModel):
         silent = jnp.zeros(self.kernels.constant.shape)
         nothing = jnp.zeros((*silent.shape, *bends.shape)), silent
         speaks = self.kernels.speaks > 0.0  # the chain may do alone, and then nothing is looked at
-        slopes, value = jax.lax.cond(speaks, lambda: jax.jacfwd(said, has_aux=True)(bends), lambda: nothing)
+        slopes, value = jax.lax.cond(speaks, lambda: jax.jacfwd(beside_at, has_aux=True)(bends), lambda: nothing)
         return replace(self, tangent=Tangent(bends, value, slopes))
 
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
@@ -187,10 +187,11 @@ class LocalOptions(ChainOptions):
         result = chain.train(data, fit, key, progress)
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
-        fitted = {share: self._beside(blank, split.training, share) for share in SHARES}
         known = np.isfinite(split.training.targets).any(axis=0)
-        tries = {(share, weight): fitted[share].weighed(share, weight, known) for share in SHARES for weight in WEIGHTS}
-        tries[1.0, 0.0] = blank
+        tries = {(1.0, 0.0): blank}  # first: of ties it wins
+        for share in SHARES:
+            beside = self._beside(blank, split.training, share)
+            tries |= {(share, weight): beside.weighed(share, weight, known) for weight in WEIGHTS}
         (share, weight), best = min(tries.items(), key=lambda one: _loss(one[1], split.validation))
         model = replace(best, doubts=self._doubt(best, split, data.arm))
         trained = tried(FitResult(model, result.curve), answer, split)

@@ -11,7 +11,8 @@ Cables pull on more than their own module. The centre line gets shorter with all
 cable further out is let go by as much; and where cables of outer modules run beside the axis of an inner one, its bend
 takes of their way, and their pull bends it. Both are brought together with the bends, a little at a time.
 
-A body that relaxes wants less of a bend that it was held at: moments of bends that filters remember.
+A body that relaxes gives way to a bend that it was held at: moments of the bends that cables asked for, as filters
+remember them.
 """
 
 from typing import NamedTuple
@@ -52,12 +53,15 @@ class Rest(NamedTuple):
 class Equilibrium(eqx.Module):
     """What a module's rest depends on.
 
+    What modules do to each other is said as if they were alike in stiffness and cable radius; what is learned makes up
+    for the rest.
+
     Attributes:
         log_stiffness: logarithm of kappa, shape (modules,).
         tautness: tau, shape (modules,).
         log_give: logarithm of how much modules become shorter for a pull of one, over its unit, shape (modules,).
         coupling: at what part of their radius outer modules' cables run through it, shape (modules,).
-        relaxing: of the moments that held bends leave, by filter, shape (modules, times).
+        relaxing: of the moments that bends leave which cables asked for, by filter, shape (modules, times).
     """
 
     log_stiffness: Float[Array, " modules"]

@@ -1,9 +1,10 @@
 """What takes over where a plan stands although its cost could fall.
 
 Slopes of taut cables that follow their motors (`ForwardModel.for_planning`) can point uphill, and the best shape of all
-can lie behind shapes that are worse. So where a plan neither moves by a whole step nor gets nearer to its goal, true
-slopes try from there and from a few other shapes within the step; and shapes drawn from all that the arm can be search
-without the step's limit. One that is far better is led to, some steps long, and kept in mind on the way.
+can lie behind shapes that are worse. So where a plan gets no nearer to its goal, or not as near as it could without
+moving by a whole step, true slopes try from there and from a few other shapes within the step; and shapes drawn from
+all that the arm can be search without the step's limit. One that is far better is led to, some steps long, and kept in
+mind on the way.
 
 All of it is in the compiled step: where nothing stands its loops turn no time, also in a batch.
 """

@@ -249,7 +249,7 @@ def reach_gaps(
     last = range(count)[module] + 1
     geometry = ArmGeometry.of(arm)
     lengths = jnp.asarray(geometry.lengths[:last], dtype=jnp.float32)
-    limits = jnp.asarray(geometry.planned_bends[:last], dtype=jnp.float32)
+    limits = jnp.asarray(geometry.bend_limits[:last], dtype=jnp.float32)
     return np.asarray(_gaps(jnp.asarray(positions, dtype=jnp.float32), lengths, limits))
 
 

@@ -57,7 +57,7 @@ class Situation(NamedTuple):
         goal: what is asked; guides may change it.
         last: the last plan, as it is predicted now.
         length: of the arm [m].
-        bend_limits: of every module [rad], shape (modules,).
+        bend_limits: of every module as it is sensed (`ArmGeometry.planned_bends`) [rad], shape (modules,).
         longest_step: largest change of a module's bend in a control step [rad].
         on_sphere: whether configurations are kept at unit length.
         shape: bends that a guide leads to [rad], shape (modules, 2).
