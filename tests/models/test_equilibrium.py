@@ -55,7 +55,7 @@ def test_outer_cables_are_led_by_an_inner_bend_and_bend_it_themselves():
 
 def test_two_calls_are_near_where_many_end():
     one = equilibrium(give=np.log(0.05), coupling=(0.15, 0.0))
-    np.testing.assert_allclose(rest(one, calls=1).bends, rest(one).bends, atol=0.02)
+    np.testing.assert_allclose(rest(one, calls=1).bends, rest(one).bends, atol=3e-3)
 
 
 def test_what_modules_do_to_each_other_has_no_slope_for_planning():

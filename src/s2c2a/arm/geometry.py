@@ -44,7 +44,7 @@ def balanced_pull(matrix: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " 
     return pull / pull.mean()
 
 
-MADE_UP = 1.5
+MADE_UP = 1.5  # of the bend limit: what a plan may ask for where motion is lost on the way
 
 
 @dataclass(frozen=True)
