@@ -141,6 +141,15 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     assert "trains otherwise" in said
 
 
+def test_a_task_goes_at_the_pace_that_is_asked_for(tmp_path, capsys):
+    folder = tmp_path / "quick"
+    run("run", "circle", "--strategy", "pcc", "--pace", "4", "--out", str(folder))
+    with open(folder / "metrics.csv", newline="") as file:
+        assert len(list(csv.DictReader(file))) == 200 / 4
+    assert "step limit of 4 deg" in capsys.readouterr().out
+    assert "0.01 to 10" in failing(capsys, "run", "circle", "--pace", "0")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -61,6 +61,14 @@ def test_a_recording_says_how_it_was_made(gather, twin):
     assert made.options == chosen | {"body": "simulation fast"}
 
 
+def test_an_arm_that_may_go_twice_as_far_in_a_step_does(gather, twin):
+    quick = gather("quick.episodes", twin.model_copy(update={"step_limit_deg": 2 * twin.step_limit_deg}))
+    geometry = ArmGeometry.of(twin)
+    for episode in range(4):
+        actions = episode_actions(geometry, "staged", episode, 4, 12, 3, (0.06, 0.44))
+        np.testing.assert_array_equal(quick.actions[episode], actions)
+
+
 def test_every_sample_is_the_reading_before_its_action(gather, twin):
     """Driven again by hand, episode by episode, with the actions that babbling says."""
     made, random = gather(), np.random.default_rng(0)

@@ -42,6 +42,7 @@ def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(recordin
     assert all(len(set(turned[owners == module])) == 1 for module in owners)  # all cables of a module, or none
     off = (np.rad2deg(imported.fit.guess.angles) + 180 * turned - angles + 180) % 360 - 180
     assert np.abs(off).max() < 15
+    assert 2.0 < imported.arm.step_limit_deg < 12.0  # babbling: 5.2 deg at most where the model is right
     assert imported.fit.errors is not None
     assert np.rad2deg(imported.fit.errors.angles).max() < 15
 

@@ -18,6 +18,7 @@ def run(
     recipe: RecipeName | None = None,
     weights: Path | None = None,
     model: ModelName = None,
+    pace: float = 1.0,
     seed: int = 0,
     seeds: int = 1,
     robot: RobotName = "sim",
@@ -43,6 +44,7 @@ def run(
         weights: a file made by `s2c2a train`; without it, networks are trained, or found in the
             cache (S2C2A_CACHE moves it).
         model: the class of a forward model of your own that this file names; no code is run because a file says so.
+        pace: of the task: at 0.5 it takes twice its time, for an arm that may not go as far in a control step.
         seed: of data, training and start; the first one of several.
         seeds: how many; several are run side by side.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
@@ -66,11 +68,11 @@ def run(
         jobs.GivenNetworks.read(weights, spec, strategies.recipe_from(recipe) if recipe else None) if weights else None
     )
     _check_trained(under.body, strategy, given)
-    asked, chosen = _asked(task, spec), given.recipe if given else strategies.recipe_from(recipe or "best")
+    asked, chosen = _asked(task, spec, pace), given.recipe if given else strategies.recipe_from(recipe or "best")
     asked_for = jobs.jobs_for([asked], spec, strategy, numbers, chosen, under, given)
     jobs.check_robots(asked_for)
     options: dict = {"task": task, "arm": spec.model_dump(mode="json"), "strategy": strategy, "recipe": asdict(chosen)}
-    options |= {"seeds": list(numbers), "conditions": asdict(under), "weights": weights}
+    options |= {"pace": pace, "seeds": list(numbers), "conditions": asdict(under), "weights": weights}
     alone = not under.body.simulated or (seeds == 1 and work.cluster is None)
     unfinished = work.out is not None and not (work.out / f"{spec.name}.html").exists()
     label = f"{asked.name}-{spec.name}"
@@ -99,11 +101,14 @@ def _check_trained(body: "robots.Body", strategies: tuple[str, ...], given: "job
         )
 
 
-def _asked(task: str, spec: "arm.ArmSpec") -> "tasks.Task":
+def _asked(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
     """The task, and a word on every waypoint of a file that the arm cannot reach."""
+    from s2c2a.errors import S2C2AError
     from s2c2a.tasks import load_waypoints, out_of_reach, task_named
 
-    asked = task_named(task, spec)
+    if not 0.01 <= pace <= 10:
+        raise S2C2AError(f"a pace of {pace:g} was asked for; take 0.01 to 10, such as 0.5 for half as fast")
+    asked = task_named(task, spec.model_copy(update={"control_rate": spec.control_rate / pace}))
     for far in out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ():
         print(f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}")
     return asked

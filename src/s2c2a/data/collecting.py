@@ -22,6 +22,7 @@ from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
 from s2c2a.spaces import Actions, Reading, Stage
 
 MOST_EPISODES, MOST_SAMPLES, MOST_SEED = 100_000, 100_000, 2**63
+STEP_LIMIT_DEG = 4.0  # of the arms that speeds were chosen on
 MakeRobot = Callable[[int], Robot]
 
 
@@ -34,7 +35,8 @@ class CollectOptions:
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
-        speeds: slowest and fastest approach of a bend target, as part of the full bend per step.
+        speeds: slowest and fastest approach of a bend target, as part of the full bend per step, of an arm with a step
+            limit of 4 deg; of others in proportion, for what they may do in a step they shall have tried.
     """
 
     babbling: str = "staged"
@@ -158,8 +160,9 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
     Raises:
         RecordingError: a sensor could not be believed; the arm is at rest, and the episode is not kept.
     """
+    speeds = _speeds(arm, options)
     actions = episode_actions(
-        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, options.speeds
+        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, speeds
     )
     robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
     limits = _limits(arm, options) if robot.own_time else None  # one of metal keeps its own, whatever babbles
@@ -176,8 +179,14 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
     return replace(whole, columns=timeless)  # a recording is the same to the last byte, wherever it is made
 
 
+def _speeds(arm: ArmSpec, options: CollectOptions) -> tuple[float, float]:
+    """For an arm that may go so far in a step."""
+    slowest, fastest = (min(speed * arm.step_limit_deg / STEP_LIMIT_DEG, 1.0) for speed in options.speeds)
+    return slowest, fastest
+
+
 def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
     """As fast as the babbling is meant to be, and its corners as sharp."""
-    share = fastest(options.babbling, arm.module_count, options.speeds)
+    share = fastest(options.babbling, arm.module_count, _speeds(arm, options))
     most = share * np.rad2deg(ArmGeometry.of(arm).action_bends.max()) * (1 + 1e-6)
     return CommandLimits.with_steps(arm, most, 2 * most)

@@ -8,14 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import read_text, save_whole, written_whole
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.spaces import POSITION
 
 MOST_BYTES = 20_000_000
-DOUBT = 0.01  # of the arm's length: more of it is worth a word
+WORTH_A_WORD = 0.01  # of the arm's length
 _ESCAPED = str.maketrans({"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"})
 HEADER = ("task", "metric", "strategy", "here", "± seeds", "beside", "paper")
 
@@ -66,17 +69,32 @@ def pair(mean: float, spread: float | None) -> str:
 
 
 def said_of_plans(episode: Episode) -> str:
-    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), or doubtful."""
-    least = {"rescued": 0.0, "standing": 0.0, "doubt": DOUBT * episode.arm.length}
-    names = {
-        "rescued": "was rescued",
-        "standing": "stood although its cost could fall",
-        "doubt": "was at the edge of what the data show, or beyond,",
+    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), doubtful, or held back.
+
+    Held back are those that end a whole step from the last one and still far from what is wanted.
+    """
+    least = {"rescued": 0.0, "standing": 0.0, "doubt": WORTH_A_WORD * episode.arm.length}
+    said = {
+        "was rescued": "rescued",
+        "stood although its cost could fall": "standing",
+        "was at the edge of what the data show, or beyond,": "doubt",
     }
     counts = {
-        said: int(np.nansum(episode.ran(name) > least[name])) for name, said in names.items() if name in episode.columns
+        word: int(np.nansum(episode.ran(name) > least[name])) for word, name in said.items() if name in episode.columns
     }
-    return ", ".join(f"the plan {said} in {count} steps" for said, count in counts.items() if count)
+    step = f"was held back by the step limit of {episode.arm.step_limit_deg:g} deg (a slower --pace gives it time)"
+    counts[step] = int(_held_back(episode).sum())
+    return ", ".join(f"the plan {word} in {count} steps" for word, count in counts.items() if count)
+
+
+def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    if not {"planned", "expected", "wanted_positions"} <= episode.columns.keys() or not len(episode.running):
+        return np.zeros(0, dtype=bool)
+    bends = np.asarray(bends_from_configurations(episode.ran("planned")))
+    moved = np.linalg.norm(np.diff(bends, axis=0, prepend=bends[:1]), axis=-1).max(axis=-1)
+    missed = np.linalg.norm(episode.ran("expected")[..., POSITION] - episode.ran("wanted_positions"), axis=-1)
+    far = np.where(np.isfinite(missed), missed, 0.0).max(axis=-1) > WORTH_A_WORD * episode.arm.length
+    return far & (moved > 0.98 * np.deg2rad(episode.arm.step_limit_deg))
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

@@ -1,5 +1,6 @@
 """The arm file of an arm that was found in logs, with what is uncertain beside each number."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from s2c2a.logs.map import KnownArm, LogMap
 from s2c2a.logs.tendons import Guess
 
 MARGIN_DEG = 5.0
+STEPS_DEG = (0.1, 20.0)
+"""Step limits that a log can ask for: poses that were gone to at random are no reason to go there in one step."""
 MOST_OFF_DEG = 60.0
 
 
@@ -110,10 +113,22 @@ def _order(found: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.array([linear_sum_assignment(one)[1] for one in apart])
 
 
-def arm_text(fit: Fit, motors: Motors, layout: Layout, told: LogMap, bends: np.ndarray, residual: float) -> str:
-    """The arm file: TOML, loadable, with standard deviations as remarks."""
+def arm_text(
+    fit: Fit, motors: Motors, layout: Layout, told: LogMap, bends: Sequence[np.ndarray], residual: float
+) -> str:
+    """The arm file: TOML, loadable, with standard deviations as remarks.
+
+    Args:
+        fit: of the model that the cables were found with.
+        motors: what that assumes.
+        layout: where each drive went.
+        told: the map.
+        bends: of that model in each stretch of the log [rad], each of shape (rows, modules, 2).
+        residual: rms distance of the model's ends from those seen [m].
+    """
     arm, source = told.arm, f" ({told.source.name})" if told.source.name else ""
-    limits = np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), 0.995, axis=0)) + MARGIN_DEG
+    limits = _most_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
+    step = _most_deg(np.concatenate([np.diff(part, axis=0) for part in bends]), 0.99).max()
     lines = [
         f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
         "# Behind +- stands one standard deviation. What is a guess was neither stated nor found.",
@@ -123,9 +138,15 @@ def arm_text(fit: Fit, motors: Motors, layout: Layout, told: LogMap, bends: np.n
         f"coupled_cables = {str(motors.coupled).lower()}",
         f"gravity_direction = {[float(one) for one in arm.gravity_direction]}",
         f"control_rate = {float(arm.control_rate)}",
+        f"step_limit_deg = {np.clip(step, *STEPS_DEG):.1f}  # as was seen",
     ]
     modules = [_module_lines(module, fit, layout, told, float(limits[module])) for module in range(arm.modules)]
     return "\n".join([*lines, *(line for module in modules for line in module)]) + "\n"
+
+
+def _most_deg(bends: Float[np.ndarray, "rows modules 2"], share: float) -> Float[np.ndarray, " modules"]:
+    """This share of them are smaller [deg]; the rest are outliers."""
+    return np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), share, axis=0))
 
 
 def quoted(text: str) -> str:

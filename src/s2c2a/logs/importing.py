@@ -81,7 +81,7 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)
     in_base = _in_base(seen.states, seen.frame, fit.guess)
     residual = float(np.sqrt(np.nanmean(np.sum((states - in_base)[..., :3] ** 2, axis=-1))))
-    text = arm_text(fit, motors, layout, told, bends, residual)
+    text = arm_text(fit, motors, layout, told, _by_part(bends, parts), residual)
     if arm is None:
         arm = arm_from_toml(text, "the arm that was found")
     else:
@@ -194,10 +194,12 @@ def _in_base(states: np.ndarray, frame: np.ndarray, guess: Guess) -> np.ndarray:
 def _episodes(
     parts: Sequence[Session], states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap
 ) -> tuple[Episode, ...]:
-    edges = np.cumsum([len(part) for part in parts])[:-1]
-    return tuple(
-        _episode(part, own, arm, layout, told) for part, own in zip(parts, np.split(states, edges), strict=True)
-    )
+    own = _by_part(states, parts)
+    return tuple(_episode(part, each, arm, layout, told) for part, each in zip(parts, own, strict=True))
+
+
+def _by_part(rows: np.ndarray, parts: Sequence[Session]) -> list[np.ndarray]:
+    return np.split(rows, np.cumsum([len(part) for part in parts])[:-1])
 
 
 def _episode(part: Session, states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap) -> Episode:
