@@ -7,6 +7,7 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -90,7 +91,7 @@ def said_of_plans(episode: Episode) -> str:
 def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
     if not {"planned", "expected", "wanted_positions"} <= episode.columns.keys() or not len(episode.running):
         return np.zeros(0, dtype=bool)
-    bends = np.asarray(bends_from_configurations(episode.ran("planned")))
+    bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
     moved = np.linalg.norm(np.diff(bends, axis=0, prepend=bends[:1]), axis=-1).max(axis=-1)
     missed = np.linalg.norm(episode.ran("expected")[..., POSITION] - episode.ran("wanted_positions"), axis=-1)
     far = np.where(np.isfinite(missed), missed, 0.0).max(axis=-1) > WORTH_A_WORD * episode.arm.length
