@@ -1,18 +1,18 @@
-"""Doubt: none where data were held out, and more and more where there were none."""
+"""Known: none where data were held out, and more and more where there were none."""
 
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.models.doubt import IGNORANCE, Doubt, told_doubt
+from s2c2a.models.doubt import IGNORANCE, Known, known_from
 
 LENGTH = 0.6
 
 
-def told(reach: float = 1.0) -> Doubt:
+def told(reach: float = 1.0) -> Known:
     """Of places within a reach, where a model of two modules was off by 1 and 3 mm."""
     random = np.random.default_rng(0)
     places, others = random.uniform(-reach, reach, (600, 3)), random.uniform(-reach, reach, (200, 3))
-    return told_doubt(places, others, np.tile([1e-3, 3e-3], (200, 1)), 40, LENGTH)
+    return known_from(places, others, np.tile([1e-3, 3e-3], (200, 1)), 40, LENGTH)
 
 
 def test_where_data_were_held_out_errors_are_as_there_and_there_is_no_doubt():
@@ -38,12 +38,12 @@ def test_distances_that_are_not_known_do_not_count():
     places = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     distances = np.full((300, 2), np.nan)
     distances[::3, 1] = 2e-3
-    np.testing.assert_allclose(told_doubt(places, places, distances, 30, LENGTH).usual_error, [0.0, 2e-3], rtol=1e-5)
+    np.testing.assert_allclose(known_from(places, places, distances, 30, LENGTH).usual_error, [0.0, 2e-3], rtol=1e-5)
 
 
 def test_where_nothing_was_moved_nothing_is_known():
     places = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     places[:, 1] = 0.0
-    doubt = told_doubt(places, places, np.full((300, 1), 1e-3), 30, LENGTH)
+    doubt = known_from(places, places, np.full((300, 1), 1e-3), 30, LENGTH)
     assert float(doubt.metres(jnp.array([0.0, 0.0]))) < 1e-3
     assert float(doubt.metres(jnp.array([0.0, 1.0]))) > 0.02

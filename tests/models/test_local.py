@@ -71,9 +71,31 @@ def test_near_a_configuration_it_says_the_same_and_has_the_same_slopes(arm, trai
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
     memory, here = trained.start(sensed[40]), bends_from_configurations(sensed[41])
     near = eqx.filter_jit(lambda m: m.near(sensed[41], memory))(trained)
+    there = replace(trained, chain=near.chain)  # delays are left out, all else is looked at anew
     look = eqx.filter_jit(lambda m, bends: m.predict(configurations_from_bends(bends), memory))
-    np.testing.assert_allclose(look(near, here), look(trained, here), atol=2e-5)
-    np.testing.assert_allclose(look(near, here + 0.01), look(trained, here + 0.01), atol=3e-4)
+    np.testing.assert_allclose(look(near, here), look(there, here), atol=2e-5)
+    np.testing.assert_allclose(look(near, here + 0.01), look(there, here + 0.01), atol=3e-4)
+    engaged = near.for_planning()
+    np.testing.assert_allclose(look(engaged, here + 0.1), look(near, here + 0.1), atol=2e-5)
+
+
+def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
+    """A tenth of a second stands between motors and arm: in one step hardly anything moves."""
+    quick = arm.model_copy(update={"control_rate": 100.0})
+    model = SIZE.untrained(quick, jax.random.key(0))
+    hysteresis = model.chain.hysteresis
+    assert hysteresis.fast == 1
+    late = eqx.tree_at(
+        lambda m: (m.chain.hysteresis.play_weights, m.chain.hysteresis.creep_weights),
+        model,
+        (jnp.full_like(hysteresis.play_weights, -20.0), hysteresis.creep_weights.at[:, 0].set(1.0)),
+    )
+    sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
+    memory, there = late.start(sensed[0]), configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1)
+    rest = late.predict(there, late.start(there))
+    moved = late.predict(there, memory) - late.predict(sensed[0], memory)
+    assert np.abs(moved).max() < 0.15 * np.abs(rest - late.predict(sensed[0], memory)).max()
+    np.testing.assert_allclose(late.near(sensed[0], memory).predict(there, memory), rest, atol=1e-5)
 
 
 def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):

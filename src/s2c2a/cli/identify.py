@@ -14,6 +14,8 @@ from s2c2a.files import save_whole
 if TYPE_CHECKING:
     from s2c2a.identification import Fit, TipErrors
 
+SETTLING = 0.1  # s: a light arm is at rest then
+ENOUGH_ROWS = 400
 Groups = Annotated[tuple[str, ...], tyro.conf.arg(metavar="GROUP ...")]
 
 
@@ -42,8 +44,8 @@ def identify(
         fit: what is fitted (docs/identify.md); what most recordings show if not stated.
         on: other recordings of the same arm, on which the twin's error is said too.
         settling: seconds that an action is held in the simulation; give it where every row is a shape at rest. If not
-            stated, rows are as far apart as in the recording.
-        rows: rows that are fitted at most, evenly spread; only with --settling. All of them if not stated.
+            stated, 0.1 where `s2c2a import` was told so, and elsewhere rows are as far apart as in the recording.
+        rows: rows that are fitted at most, evenly spread; only where all are at rest. 400 of them if not stated.
         rounds: steps of the fit at most.
         fidelity: of the simulation.
         jobs: simulations side by side; all cores if not stated. The result is the same.
@@ -53,16 +55,17 @@ def identify(
 
     if out.exists() and not overwrite:
         raise ArmError(f"{out} exists; choose another name or overwrite it (--overwrite)")
-    if rows is not None and settling is None:
-        raise S2C2AError("--rows leaves rows out, which is possible where every one is at rest: say --settling too")
     groups = fit or identification.USUAL
     start, recorded = identification.stated_for(load_arm(arm), groups), data.load_recording(recording)
+    settling = SETTLING if settling is None and recorded.options.get("at_rest") else settling
+    if rows is not None and settling is None:
+        raise S2C2AError("--rows leaves rows out, which is possible where every one is at rest: say --settling too")
     others = {str(path): data.load_recording(path) for path in on}
     for one in (recorded, *others.values()):
         _check_alike(start, one.arm)
     options = identification.options_for(recorded, settling, rounds, fidelity)
     unknowns = identification.unknowns_of(start, groups, moving=settling is None)
-    episodes = identification.thinned(recorded.episodes, rows) if rows else recorded.episodes
+    episodes = recorded.episodes if settling is None else identification.thinned(recorded.episodes, rows or ENOUGH_ROWS)
     with executor_for(jobs) as executor, progress_bar() as progress:
         found = identification.identify(start, unknowns, episodes, options, executor, progress)
     errors = identification.errors_of(found, {name: one.episodes for name, one in others.items()})

@@ -40,6 +40,7 @@ class Imported:
         fit: of the model that frame and cables were found with.
         motors: what that assumes.
         residual: rms distance of the model's ends from those seen [m].
+        at_rest: whether every row is a shape at rest.
         doubts: what could not be told apart.
         broken: rows that could not be read.
         rows: that were read.
@@ -53,6 +54,7 @@ class Imported:
     fit: Fit
     motors: Motors
     residual: float
+    at_rest: bool
     doubts: tuple[str, ...]
     broken: int
     rows: int
@@ -89,7 +91,8 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     episodes = _episodes(parts, _about_z(in_base, layout.turn), arm, layout, told)
     names = tuple(drive.measured or drive.commanded or "" for drive in told.drives)
     broken, rows = sum(one.broken for one in sessions), sum(map(len, sessions))
-    return Imported(arm, text, episodes, names, layout, fit, motors, residual, tuple(doubts), broken, rows)
+    at_rest = told.rows.kind == "steps"
+    return Imported(arm, text, episodes, names, layout, fit, motors, residual, at_rest, tuple(doubts), broken, rows)
 
 
 def _about_z(states: np.ndarray, turn: float) -> np.ndarray:
@@ -120,6 +123,7 @@ def _said(imported: Imported) -> dict[str, Any]:
         "body": "a log",
         "episodes": len(imported.episodes),
         "residual_mm": round(1e3 * imported.residual, 2),
+        "at_rest": imported.at_rest,
     }
 
 

@@ -50,14 +50,18 @@ class Hysteresis(eqx.Module):
         play_weights: of the displacement itself, every play, and the last displacement, before a softplus: what
             reaches the module moves with the motor or stays, never against it, shape (modules, widths + 2, cables).
         creep_weights: of every filter, shape (modules, times, cables).
+        fast: how many of the filters, from the first, stand for delay and not for creep.
         engaged: whether slopes are those of cables that follow their motors. A planner takes them: within a play
             nothing moves, and from the true slope, zero, it would never learn that going on helps.
+        arrived: whether delays are left out. A planner does: at a high rate hardly anything moves in one step.
     """
 
     operators: Operators
     play_weights: Float[Array, "modules plays cables"]
     creep_weights: Float[Array, "modules times cables"]
+    fast: int = eqx.field(static=True, default=0)
     engaged: bool = eqx.field(static=True, default=False)
+    arrived: bool = eqx.field(static=True, default=False)
 
     def start(self, displacements: Float[Array, "*batch modules cables"]) -> HysteresisMemory:
         """Memory at rest: in the middle of every play."""
@@ -80,6 +84,12 @@ class Hysteresis(eqx.Module):
         after = self.advance(displacements, memory)
         now, last = displacements[..., None, :], memory.last[..., None, :]
         return jnp.concatenate([now, after.plays, last, after.crept], axis=-2)
+
+    def without_delay(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
+        """The same once the last displacement and the fast filters have come to where the motors are."""
+        last = len(self.operators.widths) + 1
+        now = jnp.broadcast_to(inputs[..., :1, :], (*inputs.shape[:-2], 1 + self.fast, inputs.shape[-1]))
+        return jnp.concatenate([inputs[..., :last, :], now, inputs[..., last + 1 + self.fast :, :]], axis=-2)
 
     def transmitted(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""

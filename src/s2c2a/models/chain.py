@@ -32,6 +32,7 @@ OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
 NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
+DELAY = 0.1  # s; time constant of the filter for it
 MOST_CREEP = 0.5  # of a filter's weight before training
 
 
@@ -92,6 +93,10 @@ class ChainC2S(ForwardModel):
         """The same predictions with the slopes of taut cables that follow their motors."""
         return replace(self, hysteresis=replace(self.hysteresis, engaged=True), engaged=True)
 
+    def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "ChainC2S":
+        """See `ForwardModel`: where the arm is once it has arrived there, if a step is shorter than its delay."""
+        return replace(self, hysteresis=replace(self.hysteresis, arrived=self.hysteresis.fast > 0))
+
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
         """See `ForwardModel`."""
         return self.hysteresis.start(self.body.displacements(sensed))
@@ -106,6 +111,7 @@ class ChainC2S(ForwardModel):
 
     def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
         """States for what the hysteresis weighs (`Hysteresis.inputs`); training goes in here."""
+        inputs = self.hysteresis.without_delay(inputs) if self.hysteresis.arrived else inputs
         carried, lengths = self.hysteresis.transmitted(inputs), self.body.lengths
         if self.statics:
             settled = partial(self.equilibrium.settled, carried, matrices=self.body.matrices, engaged=self.engaged)
@@ -160,12 +166,14 @@ class ChainOptions(ForwardOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
         modules = arm.module_count
-        taken = [1.0 - np.exp(-arm.control_period / time) for time in self.creep_times]
+        fast = (DELAY,) if arm.control_period < DELAY else ()  # else the last reading does
+        taken = [1.0 - np.exp(-arm.control_period / time) for time in (*fast, *self.creep_times)]
         widths, shares = (jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, taken))
         shape = modules, len(self.play_widths) + 2, arm.cable_count
         play_weights = jnp.full(shape, NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
         statics = bool(self.statics) and _is_felt_through_cables(arm)
-        hysteresis = Hysteresis(Operators(widths, shares), play_weights, jnp.zeros((modules, len(shares), shape[-1])))
+        creep_weights = jnp.zeros((modules, len(shares), shape[-1]))
+        hysteresis = Hysteresis(Operators(widths, shares), play_weights, creep_weights, len(fast))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
         equilibrium = Equilibrium.untrained(modules, len(shares))
         return ChainC2S(Trunk.of(arm), hysteresis, equilibrium, jnp.eye(2 * modules), network, statics)

@@ -20,7 +20,7 @@ LEAST_WIDTH = 0.1  # of a feature, in parts of the widest: where nothing was mov
 IGNORANCE = 0.3  # of the arm's length: how far off it may be where nothing is known
 
 
-class Doubt(Fixed):
+class Known(Fixed):
     """What was known, and how far off a model was there.
 
     Attributes:
@@ -42,7 +42,7 @@ class Doubt(Fixed):
     ignorance: Float[Array, ""]
 
     @classmethod
-    def none(cls, features: int, points: int, modules: int) -> "Doubt":
+    def none(cls, features: int, points: int, modules: int) -> "Known":
         """Of a model that was never tried."""
         shapes = (features,), (features,), (points, features), (points, points), (), (modules,), ()
         return cls(*map(jnp.zeros, shapes))
@@ -61,13 +61,13 @@ class Doubt(Fixed):
         return self.ignorance * self.strangeness(features) ** 2
 
 
-def told_doubt(
+def known_from(
     features: Float[np.ndarray, "samples features"],
     held_out: Float[np.ndarray, "others features"],
     distances: Float[np.ndarray, "others modules"],
     points: int,
     length: float,
-) -> Doubt:
+) -> Known:
     """What data tell.
 
     Args:
@@ -88,6 +88,6 @@ def told_doubt(
     squares = np.sum(distances**2, axis=0, where=np.isfinite(distances))
     error = np.sqrt(squares / np.maximum(np.isfinite(distances).sum(axis=0), 1))
     numbers = centre, rates, chosen, root, 0.0, error, IGNORANCE * length
-    doubt = Doubt(*(jnp.asarray(part, jnp.float32) for part in numbers))
-    usual = jnp.quantile(doubt.left_open(jnp.asarray(held_out, jnp.float32)), USUAL)
-    return eqx.tree_at(lambda told: told.usual, doubt, jnp.minimum(usual, 0.9))
+    known = Known(*(jnp.asarray(part, jnp.float32) for part in numbers))
+    usual = jnp.quantile(known.left_open(jnp.asarray(held_out, jnp.float32)), USUAL)
+    return eqx.tree_at(lambda told: told.usual, known, jnp.minimum(usual, 0.9))

@@ -1,7 +1,7 @@
 """The forward model of the `best` recipe: the chain, and what data near a configuration say beside it.
 
 The chain's structure goes on where there are no data; where there are, a local model (`Kernels`) tells what the chain
-leaves out. It sees what the cables carry, remember and change. `Doubt` says how far off both may be.
+leaves out. It sees what the cables carry, remember and change. `Known` says how far off both may be.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,7 +18,7 @@ from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
 from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S, ChainOptions, answer, said, samples_along
-from s2c2a.models.doubt import Doubt, told_doubt
+from s2c2a.models.doubt import Known, known_from
 from s2c2a.models.kernels import Kernels, fitted_kernels
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
@@ -37,18 +37,15 @@ class Tangent(NamedTuple):
 
     Attributes:
         bends: there [rad], shape (modules, 2).
+        features: there, shape (features,).
         said: outputs there, shape (outputs,).
-        slopes: of them, shape (outputs, modules, 2).
+        slopes: of them by features, shape (outputs, features).
     """
 
     bends: Float[Array, "modules 2"]
+    features: Float[Array, " features"]
     said: Float[Array, " outputs"]
-    slopes: Float[Array, "outputs modules 2"]
-
-    def at(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch outputs"]:
-        """Along the slopes, as far as they are believed."""
-        away = limit_lengths(bends_from_configurations(configurations) - self.bends, NEARBY)
-        return self.said + jnp.einsum("omk,...mk->...o", self.slopes, away)
+    slopes: Float[Array, "outputs features"]
 
 
 class LocalC2S(ForwardModel):
@@ -58,7 +55,7 @@ class LocalC2S(ForwardModel):
         chain: hysteresis, statics, arcs.
         kernels: what it leaves out, in units.
         share: of the chain in what is said, shape (modules, 6).
-        doubts: how far off both may be.
+        known: where the data were, and how far off both were there.
         unit: of positions [m].
         tangent: what takes the kernels' place near a configuration.
     """
@@ -66,7 +63,7 @@ class LocalC2S(ForwardModel):
     chain: ChainC2S
     kernels: Kernels
     share: Float[Array, "modules 6"]
-    doubts: Doubt
+    known: Known
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
@@ -84,33 +81,43 @@ class LocalC2S(ForwardModel):
 
     def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "LocalC2S":
         """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
-        bends = bends_from_configurations(configurations)
-
-        def beside_at(bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
-            moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
-            beside = self.kernels(self.features(self.chain.hysteresis.inputs(moved, memory)))
-            return beside, beside
-
+        bends, chain = bends_from_configurations(configurations), self.chain.near(configurations, memory)
+        here = replace(self, chain=chain)
+        features = here._features_at(bends, memory)
         silent = jnp.zeros(self.kernels.constant.shape)
-        nothing = jnp.zeros((*silent.shape, *bends.shape)), silent
+        nothing = jnp.zeros((*silent.shape, *features.shape)), silent
+
+        def looked_at() -> tuple[Array, Array]:
+            return jax.jacrev(lambda at: (self.kernels(at),) * 2, has_aux=True)(features)
+
         speaks = self.kernels.speaks > 0.0  # the chain may do alone, and then nothing is looked at
-        slopes, value = jax.lax.cond(speaks, lambda: jax.jacfwd(beside_at, has_aux=True)(bends), lambda: nothing)
-        return replace(self, tangent=Tangent(bends, value, slopes))
+        slopes, value = jax.lax.cond(speaks, looked_at, lambda: nothing)
+        return replace(here, tangent=Tangent(bends, features, value, slopes))
 
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
         inputs = self.chain.hysteresis.inputs(self.chain.body.displacements(configurations), memory)
         if self.tangent is None:
             return self.states(inputs)
-        return self._put_together(self.chain.states(inputs), self.tangent.at(configurations))
+        return self._put_together(self.chain.states(inputs), self._along(self.tangent, configurations, memory))
+
+    def _along(self, tangent: Tangent, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> Array:
+        """The local model along its slopes, as far as they are believed."""
+        away = limit_lengths(bends_from_configurations(configurations) - tangent.bends, NEARBY)
+        moved = self._features_at(tangent.bends + away, memory) - tangent.features
+        return tangent.said + tangent.slopes @ moved
+
+    def _features_at(self, bends: Float[Array, "modules 2"], memory: HysteresisMemory) -> Float[Array, " features"]:
+        moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
+        return self.features(self.chain.hysteresis.inputs(moved, memory))
 
     def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
         """See `ForwardModel`."""
-        return jnp.hypot(self.doubts.usual_error, self.doubt(configurations)[..., None])
+        return jnp.hypot(self.known.usual_error, self.doubt(configurations)[..., None])
 
     def doubt(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """See `ForwardModel`."""
-        return self.doubts.metres(self.place(self.chain.body.displacements(configurations)))
+        return self.known.metres(self.place(self.chain.body.displacements(configurations)))
 
     def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
         """States for what the hysteresis weighs."""
@@ -127,11 +134,14 @@ class LocalC2S(ForwardModel):
         Now, after some of the plays, and how far the filters were behind at the last reading. That is told from what
         was read: a plan is ahead of the arm, and would look like speed.
         """
-        operators = self.chain.hysteresis.operators
+        hysteresis, operators = self.chain.hysteresis, self.chain.hysteresis.operators
         plays, shares = len(operators.widths), operators.shares[:, None]
         now, felt, last = inputs[..., :1, :], inputs[..., 1 : plays + 1, :], inputs[..., plays + 1 : plays + 2, :]
         crept_before = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
-        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], last - crept_before], axis=-2)
+        behind = last - crept_before
+        if hysteresis.arrived:
+            behind = behind.at[..., : hysteresis.fast, :].set(0.0)
+        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], behind], axis=-2)
         bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, seen)
         together = jnp.mean(seen, axis=-1, keepdims=True)
         return jnp.concatenate([bends, together], axis=-1).reshape(*seen.shape[:-3], -1)
@@ -174,9 +184,9 @@ class LocalOptions(ChainOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
         """The chain before training, and a local model that says nothing."""
         chain, modules = super().untrained(arm, key), arm.module_count
-        kernels = Kernels.silent(len(self._kinds(modules)), 6 * modules, self.points)
-        doubt = Doubt.none(3 * modules, self.few, modules)
-        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), doubt, UNIT * arm.length)
+        kernels = Kernels.silent(len(self._kinds(chain)), 6 * modules, self.points)
+        unknown = Known.none(3 * modules, self.few, modules)
+        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), unknown, UNIT * arm.length)
 
     def train(  # type: ignore[override]
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -193,7 +203,7 @@ class LocalOptions(ChainOptions):
             beside = self._beside(blank, split.training, share)
             tries |= {(share, weight): beside.weighed(share, weight, known) for weight in WEIGHTS}
         (share, weight), best = min(tries.items(), key=lambda one: _loss(one[1], split.validation))
-        model = replace(best, doubts=self._doubt(best, split, data.arm))
+        model = replace(best, known=self._known(best, split, data.arm))
         trained = tried(FitResult(model, result.curve), answer, split)
         if best is blank:
             return trained
@@ -204,24 +214,24 @@ class LocalOptions(ChainOptions):
         """A local model of what so much of the chain leaves out."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (np.asarray(eqx.filter_jit(how)(inputs)) for how in (blank.features, blank.chain.states))
-        kinds = self._kinds(samples.targets.shape[1])
+        kinds = self._kinds(blank.chain)
         left = samples.targets - share * chained
         left = np.concatenate([left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1)
         kernels = fitted_kernels(features, left.reshape(len(left), -1), kinds, self.points)
         return replace(blank, kernels=kernels)
 
-    def _doubt(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Doubt:
+    def _known(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Known:
         """By the samples held out from training."""
         seen, held_out = (
             np.asarray(model.place(jnp.asarray(part.inputs["configurations"][:, :, 0])))
             for part in (split.training, split.validation)
         )
-        return told_doubt(seen, held_out, _distances(model, split.validation), self.few, arm.length)
+        return known_from(seen, held_out, _distances(model, split.validation), self.few, arm.length)
 
-    def _kinds(self, modules: int) -> Float[np.ndarray, "features kinds"]:
+    def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
         """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
-        places = 3 * modules
-        seen = 1 + len(self.play_widths[EVERY_OTHER]) + len(self.creep_times)
+        operators, modules = chain.hysteresis.operators, len(chain.body.lengths)
+        places, seen = 3 * modules, 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
         module, kind, axis = np.unravel_index(np.arange(places * seen), (modules, seen, 3))
         return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
 

@@ -55,10 +55,10 @@ class Pull(Guide):
     """Draws targets nearer that are far away: from there they pull no less, and steps stay those that the data hold.
 
     Attributes:
-        longest: way to a target, in parts of the arm's length for a radian of the step limit.
+        per_radian: way to a target for a radian of the step limit, in parts of the arm's length.
     """
 
-    longest: float = 0.5013  # 0.035 at 4 deg
+    per_radian: float = 0.5013  # 0.035 at 4 deg
 
     def prepared(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> None:
         """Nothing."""
@@ -67,7 +67,7 @@ class Pull(Guide):
         """All targets at most so far from where the module ends are."""
         goal, now = situation.goal, situation.last.states[:, POSITION]
         way = goal.positions - now
-        longest = self.longest * situation.longest_step * situation.length
+        longest = self.per_radian * situation.longest_step * situation.length
         shares = jnp.minimum(1.0, longest / jnp.maximum(norm(way), 1e-6))
         goal = goal._replace(positions=now + way * shares[:, None])  # type: ignore[arg-type]
         return situation._replace(goal=goal)

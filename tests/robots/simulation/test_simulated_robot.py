@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, Cable
+from s2c2a.arm import ArmGeometry, Cable, arm_to_toml, load_arm
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -231,3 +231,17 @@ def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
     np.testing.assert_allclose(robot.states(), loaded.states(), atol=0.01)
     with pytest.raises(S2C2AError):
         robot.load(-1.0)
+
+
+def test_it_moves_as_its_twin_and_is_spoken_to_as_the_arm(twin, tmp_path):
+    heavy = [module.model_copy(update={"mass": 3 * module.mass}) for module in twin.modules]
+    (tmp_path / "heavy.toml").write_text(arm_to_toml(twin.model_copy(update={"modules": tuple(heavy)})))
+    robot, alone = SimulatedRobot(twin, twin=str(tmp_path / "heavy.toml")), SimulatedRobot(twin)
+    other = SimulatedRobot(load_arm(tmp_path / "heavy.toml"))
+    assert robot.arm == twin
+    states = [column(driven(one), "states") for one in (robot, other, alone)]
+    np.testing.assert_array_equal(states[0], states[1])
+    assert np.abs(states[0] - states[2])[-1].max() > 0.001
+    (tmp_path / "short.toml").write_text(arm_to_toml(twin.model_copy(update={"modules": tuple(heavy[:2])})))
+    with pytest.raises(S2C2AError, match="both must be one arm"):
+        SimulatedRobot(twin, twin=str(tmp_path / "short.toml"))

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 from mujoco.rollout import Rollout
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
@@ -32,9 +32,10 @@ class SimulatedRobot(Robot):
             cables with hysteresis then start in another state.
         watched: whether readings tell the centre line at every physics step; it costs a little time.
         aged: how far it has gone on its way to the drift that its flaws tell of, 0 to 1: data are collected at 0.
+        twin: an arm file, such as `s2c2a identify` writes: it moves as that one, while `arm` is what one is told of it.
 
     Raises:
-        S2C2AError: unknown fidelity, impossible payload, seed, jitter or age.
+        S2C2AError: unknown fidelity, impossible payload, seed, jitter or age, or a twin of another form.
     """
 
     own_time = True
@@ -48,12 +49,14 @@ class SimulatedRobot(Robot):
         jitter: float = 0.0,
         watched: bool = False,
         aged: float = 0.0,
+        twin: str = "",
     ):
         if seed < 0 or not (0 <= jitter <= 1 and 0 <= aged <= 1):
             raise S2C2AError(
                 f"seed {seed}, jitter {jitter}, aged {aged} asked for; no seed is negative, the others are from 0 to 1"
             )
         self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
+        self._body = _twin_of(arm, twin) if twin else arm
         self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
         self._openings = 0
         self.model = self._model_with(payload)
@@ -62,8 +65,8 @@ class SimulatedRobot(Robot):
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
-        self._relaxing = per_module(arm, "flaws.relaxing").any()
-        self._relaxation = Relaxation(arm, self.model)
+        self._relaxing = per_module(self._body, "flaws.relaxing").any()
+        self._relaxation = Relaxation(self._body, self.model)
         self._rest()
 
     def _rest(self) -> None:
@@ -71,7 +74,7 @@ class SimulatedRobot(Robot):
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
         self._homed_at, self._winding = self._homing_errors(), np.zeros_like(self._motors)
-        self._transmission = CableTransmission(self.arm, self._motors + self._homed_at, self._aged)
+        self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
         self._relaxation.used_to[:] = 0.0
         self.model.qpos_spring = self._relaxation.springs
         self._step, self._push = 0, np.zeros(3)
@@ -126,7 +129,7 @@ class SimulatedRobot(Robot):
         """
         self._check_sane()
         times = self._physics_times(seconds)
-        path = motor_path(self._motors, self._command, times, self.arm.motor)
+        path = motor_path(self._motors, self._command, times, self._body.motor)
         felt = self._transmission.pass_on(path + self._homed_at, times, self.tensions(), self._bend_angles())
         self._wind(path[-1])
         turns = self.data.qpos.copy()
@@ -193,7 +196,7 @@ class SimulatedRobot(Robot):
     def _model_with(self, payload: float) -> mujoco.MjModel:
         if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
             raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
-        return build_model(self.arm, self._fidelity, payload, self._watched)
+        return build_model(self._body, self._fidelity, payload, self._watched)
 
     def _jittered(self) -> Actions:
         """An action a little off neutral, in a random direction of every module."""
@@ -261,7 +264,7 @@ class SimulatedRobot(Robot):
         """Tensions [N] as the motors' currents tell them: with friction in tubes and gears, and noise."""
         tensions = self._motors
         if self.arm.actuation == "displacement":
-            drag = per_cable(self.arm, "cable.viscous_friction") * self.data.ten_velocity.reshape(tensions.shape)
+            drag = per_cable(self._body, "cable.viscous_friction") * self.data.ten_velocity.reshape(tensions.shape)
             taut = np.maximum(self.tensions() - drag, 0.0)
             tensions = self._transmission.at_motors(taut, self._bend_angles(), self._winding)
         gears = self._winding * self.arm.motor.current_friction
@@ -276,3 +279,12 @@ class SimulatedRobot(Robot):
                 self._step,
                 self._last_states,
             )
+
+
+def _twin_of(arm: ArmSpec, file: str) -> ArmSpec:
+    twin = load_arm(file)
+    forms = [(one.actuation, one.module_count, one.cable_count) for one in (arm, twin)]
+    if forms[0] != forms[1]:
+        said = [f"{modules} modules of {cables} cables, driven by {how}" for how, modules, cables in forms]
+        raise S2C2AError(f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm")
+    return twin
