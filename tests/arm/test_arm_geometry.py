@@ -135,6 +135,19 @@ def test_torsional_stiffness_is_bending_stiffness_unless_stated():
     assert module.model_copy(update={"torsional_stiffness": 0.05}).gj == 0.05
 
 
+@pytest.mark.parametrize(
+    ("sensing", "travel", "planned"),
+    [("encoders", None, 1.0), ("encoders", 1.2, 1.2), ("encoders", 3.0, 1.5), ("true", 1.2, 1.0)],
+)
+def test_plans_of_encoders_may_use_cable_travel_beyond_the_bend_limit(sensing, travel, planned):
+    arm = load_arm("twin_arm")
+    limit, radius = np.deg2rad(arm.modules[0].bend_limit_deg), arm.modules[0].cable_radius
+    cable = arm.modules[0].cable.model_copy(update={"travel": travel and travel * limit * radius})
+    modules = tuple(module.model_copy(update={"cable": cable}) for module in arm.modules)
+    geometry = ArmGeometry.of(arm.model_copy(update={"sensing": sensing, "modules": modules}))
+    np.testing.assert_allclose(geometry.planned_bends, planned * limit)
+
+
 def test_geometry_is_frozen():
     geometry = ArmGeometry.of(load_arm("twin_arm"))
     with pytest.raises(dataclasses.FrozenInstanceError):

@@ -215,3 +215,19 @@ def test_the_twin_and_the_simulated_arm_are_told_apart():
 def test_a_size_that_cannot_be_built_is_refused(size):
     with pytest.raises(TrainingError, match="asked for"):
         ChainOptions(**size)
+
+
+def test_a_body_that_relaxes_stays_bent_towards_where_it_was_held(twin):
+    model = untrained(twin)
+    relaxing = jnp.full(model.equilibrium.relaxing.shape, 0.2)
+    model = eqx.tree_at(lambda m: m.equilibrium.relaxing, model, relaxing)
+    straight = configurations_from_bends(jnp.zeros((3, 2)))
+    bent = configurations_from_bends(jnp.tile(jnp.array([0.4, 0.0]), (3, 1)))
+    held_there, memory = model.start(straight), model.start(straight)
+    for _ in range(100):  # five of the filter's times
+        held_there = observe(model, bent, held_there)
+    left = predict(model, straight, held_there) - predict(model, straight, memory)
+    assert 0.001 < left[-1, 0] < 0.1
+    for _ in range(200):
+        held_there = observe(model, straight, held_there)
+    np.testing.assert_allclose(predict(model, straight, held_there), predict(model, straight, memory), atol=1e-3)

@@ -147,3 +147,21 @@ def test_where_cables_move_together_that_counts_too(arm):
     model = SIZE.train(replace(data, displacements=moved), FIT, jax.random.key(0)).network
     said = SIZE.answers(model, replace(data, displacements=moved))
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, share):
+    """What is known of states; of the rest the chain alone speaks."""
+    known = np.ones((arm.module_count, 6), bool)
+    known[0] = False
+    silent, half, whole = (trained.weighed(share, weight, known) for weight in (0.0, 0.5, 1.0))
+    beside = eqx.tree_at(lambda k: k.speaks, trained.kernels, jnp.ones(()))
+    features, chained = jnp.zeros(len(trained.kernels.centre)), jnp.ones((arm.module_count, 6)) / np.sqrt(3)
+    put = [
+        eqx.tree_at(lambda m: m.kernels, one, eqx.tree_at(lambda k: k.speaks, one.kernels, beside.speaks))
+        for one in (silent, half, whole)
+    ]
+    ends = [one._put_together(chained, one.kernels(features))[..., :3] for one in put]
+    np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)
+    np.testing.assert_allclose(ends[1], (ends[0] + ends[2]) / 2, atol=1e-5)
+    np.testing.assert_allclose(put[2].share[0], 1.0)
