@@ -9,7 +9,7 @@ from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a.jobs import Cache, NetworksArtifact, RecordingArtifact, made
 from s2c2a.kinematics import states_from_bends
-from s2c2a.strategies import recipe_named, train_s2c2a
+from s2c2a.strategies import recipe_named, shipped_networks, train_s2c2a
 from s2c2a.studies.circle import ARMS
 from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
@@ -24,8 +24,9 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def trained(cache):
-    """Both arms' networks by the recipe `best`: name -> TrainedNetworks."""
-    return {name: made(NetworksArtifact(load_arm(name), recipe_named("best"), seed=0), cache) for name in ARMS}
+    """Both arms' networks by the recipe `best`: name -> TrainedNetworks; one anew, the other as it is shipped."""
+    shipped = {name: shipped_networks(load_arm(name)) for name in ARMS}
+    return shipped | {"twin_arm": made(NetworksArtifact(load_arm("twin_arm"), recipe_named("best"), seed=0), cache)}
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel
-from s2c2a.planning import BEST, NO_RESCUE, LeastSquares
+from s2c2a.planning import BEST, NO_RESCUE, LeastSquares, Pull, Rescue
 from s2c2a.studies import plans as studied
 from s2c2a.studies.plans import KINDS, Held, drawn, held_against_long_search
 
@@ -40,11 +40,11 @@ def test_plans_are_good_that_come_near_the_long_search_or_move_by_a_whole_step()
     assert held.standing.tolist() == [False, True, False, False]
 
 
-def test_least_squares_come_nearer_to_the_long_search_than_one_iteration_of_them():
-    well = held_against_long_search(TWIN, MODEL, BEST, 16)
-    badly = held_against_long_search(TWIN, MODEL, replace(BEST, solver=LeastSquares(1), rescue=NO_RESCUE), 16)
-    for when in ("one step", "settled"):
-        assert well[when].cost.shape == (16,)
-        assert np.isfinite(well[when].cost).all()
-    assert well["settled"].cost.sum() < badly["settled"].cost.sum()
-    assert well["settled"].good.mean() > 0.8
+def test_most_plans_come_near_the_long_search_and_few_of_one_iteration_do():
+    share = {}
+    for solver, rescue in ((LeastSquares(), Rescue()), (LeastSquares(1), NO_RESCUE)):
+        options = replace(BEST, solver=solver, guides=(Pull(),), rescue=rescue)
+        held = held_against_long_search(TWIN, MODEL, options, 16)
+        assert all(np.isfinite(held[when].cost).all() for when in ("one step", "settled"))
+        share[solver.iterations] = held["settled"].good.mean()
+    assert share[20] > 0.8 > share[1]
