@@ -35,7 +35,7 @@ def test_rescues_and_standing_are_counted(columns, said):
 
 
 def test_plans_that_a_step_limit_holds_back_are_counted():
-    """Three whole steps: after the first one the end is where it shall be; the last step is a short one."""
+    """Two whole steps, after the first of which the end is where it shall be; the last step is a short one."""
     turned = np.deg2rad([0.0, 4.0, 8.0, 11.0])[:, None]
     planned = np.stack([np.sin(turned), 0.0 * turned, np.cos(turned)], axis=-1).repeat(3, axis=1)
     expected, wanted = np.zeros((4, 3, 6)), np.full((4, 3, 3), np.nan)

@@ -1,4 +1,4 @@
-"""Known: none where data were held out, and more and more where there were none."""
+"""Doubt: none where data were held out, and more and more where there were none."""
 
 import jax.numpy as jnp
 import numpy as np

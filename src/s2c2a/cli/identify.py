@@ -58,6 +58,8 @@ def identify(
     groups = fit or identification.USUAL
     start, recorded = identification.stated_for(load_arm(arm), groups), data.load_recording(recording)
     settling = SETTLING if settling is None and recorded.options.get("at_rest") else settling
+    if rows is not None and rows < 1:
+        raise S2C2AError(f"--rows {rows} was asked for; take at least one, or leave it out for {ENOUGH_ROWS}")
     if rows is not None and settling is None:
         raise S2C2AError("--rows leaves rows out, which is possible where every one is at rest: say --settling too")
     others = {str(path): data.load_recording(path) for path in on}

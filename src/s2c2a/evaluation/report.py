@@ -20,6 +20,7 @@ from s2c2a.spaces import POSITION
 
 MOST_BYTES = 20_000_000
 WORTH_A_WORD = 0.01  # of the arm's length
+WHOLE_STEP = 0.98  # of the step limit: plans are kept in single precision
 _ESCAPED = str.maketrans({"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"})
 HEADER = ("task", "metric", "strategy", "here", "± seeds", "beside", "paper")
 
@@ -83,19 +84,20 @@ def said_of_plans(episode: Episode) -> str:
     counts = {
         word: int(np.nansum(episode.ran(name) > least[name])) for word, name in said.items() if name in episode.columns
     }
-    step = f"was held back by the step limit of {episode.arm.step_limit_deg:g} deg (a slower --pace gives it time)"
-    counts[step] = int(_held_back(episode).sum())
+    held_back = f"was held back by the step limit of {episode.arm.step_limit_deg:g} deg (a slower --pace gives it time)"
+    counts[held_back] = int(_held_back(episode).sum())
     return ", ".join(f"the plan {word} in {count} steps" for word, count in counts.items() if count)
 
 
 def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    """Steps that went as far as they may, and whose ends are not where they shall be; none where nobody planned."""
     if not {"planned", "expected", "wanted_positions"} <= episode.columns.keys() or not len(episode.running):
         return np.zeros(0, dtype=bool)
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
     moved = np.linalg.norm(np.diff(bends, axis=0, prepend=bends[:1]), axis=-1).max(axis=-1)
     missed = np.linalg.norm(episode.ran("expected")[..., POSITION] - episode.ran("wanted_positions"), axis=-1)
     far = np.where(np.isfinite(missed), missed, 0.0).max(axis=-1) > WORTH_A_WORD * episode.arm.length
-    return far & (moved > 0.98 * np.deg2rad(episode.arm.step_limit_deg))
+    return far & (moved > WHOLE_STEP * np.deg2rad(episode.arm.step_limit_deg))
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

@@ -82,7 +82,10 @@ class ForwardModel(eqx.Module):
         """The same predictions, with slopes that lead a planner where the true ones are zero or jump."""
 
     def near(self, configurations: Float[Array, "modules 3"], memory: Memory) -> "ForwardModel":
-        """The same within a step of these configurations, where that is cheaper; of most models, the model itself."""
+        """What plans within a step of these configurations are judged by; of most models, the model itself.
+
+        It may be cheaper, and where a step is short it leaves out delays: it says where the arm arrives.
+        """
         return self
 
     def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:

@@ -16,6 +16,7 @@ from s2c2a.logs.map import KnownArm, LogMap
 from s2c2a.logs.tendons import Guess
 
 MARGIN_DEG = 5.0
+LEAST_STEP = 1e-3  # rad; less is no step
 STEPS_DEG = (0.1, 20.0)
 """Step limits that a log can ask for: poses that were gone to at random are no reason to go there in one step."""
 MOST_OFF_DEG = 60.0
@@ -128,17 +129,20 @@ def arm_text(
     """
     arm, source = told.arm, f" ({told.source.name})" if told.source.name else ""
     limits = _most_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
-    step = _most_deg(np.concatenate([np.diff(part, axis=0) for part in bends]), 0.99).max()
+    steps = np.concatenate([np.diff(part, axis=0) for part in bends])
+    moved = np.linalg.norm(steps, axis=-1).max(axis=-1) > LEAST_STEP
+    step = _most_deg(steps[moved] if moved.any() else steps, 0.99).max()
     lines = [
         f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
-        "# Behind +- stands one standard deviation. What is a guess was neither stated nor found.",
+        "# Behind +- stands one standard deviation, by how much stretches of the log disagree: how far the model is from the",
+        "# arm is not in it. What is a guess was neither stated nor found.",
         f"name = {quoted(arm.name)}",
         f"description = {quoted(arm.description or 'Found in a log.')}",
         f"actuation = {quoted('tension' if told.drives[0].unit == 'N' else 'displacement')}",
         f"coupled_cables = {str(motors.coupled).lower()}",
         f"gravity_direction = {[float(one) for one in arm.gravity_direction]}",
         f"control_rate = {float(arm.control_rate)}",
-        f"step_limit_deg = {np.clip(step, *STEPS_DEG):.1f}  # as was seen",
+        f"step_limit_deg = {np.clip(step, *STEPS_DEG):.1f}  # 99 of 100 steps of the log were no longer",
     ]
     modules = [_module_lines(module, fit, layout, told, float(limits[module])) for module in range(arm.modules)]
     return "\n".join([*lines, *(line for module in modules for line in module)]) + "\n"

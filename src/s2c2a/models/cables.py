@@ -50,7 +50,7 @@ class Hysteresis(eqx.Module):
         play_weights: of the displacement itself, every play, and the last displacement, before a softplus: what
             reaches the module moves with the motor or stays, never against it, shape (modules, widths + 2, cables).
         creep_weights: of every filter, shape (modules, times, cables).
-        fast: how many of the filters, from the first, stand for delay and not for creep.
+        delays: how many of the filters, from the first, stand for delay and not for creep.
         engaged: whether slopes are those of cables that follow their motors. A planner takes them: within a play
             nothing moves, and from the true slope, zero, it would never learn that going on helps.
         arrived: whether delays are left out. A planner does: at a high rate hardly anything moves in one step.
@@ -59,7 +59,7 @@ class Hysteresis(eqx.Module):
     operators: Operators
     play_weights: Float[Array, "modules plays cables"]
     creep_weights: Float[Array, "modules times cables"]
-    fast: int = eqx.field(static=True, default=0)
+    delays: int = eqx.field(static=True, default=0)
     engaged: bool = eqx.field(static=True, default=False)
     arrived: bool = eqx.field(static=True, default=False)
 
@@ -86,10 +86,10 @@ class Hysteresis(eqx.Module):
         return jnp.concatenate([now, after.plays, last, after.crept], axis=-2)
 
     def without_delay(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
-        """The same once the last displacement and the fast filters have come to where the motors are."""
+        """The same once the last displacement and the filters of delay have come to where the motors are."""
         last = len(self.operators.widths) + 1
-        now = jnp.broadcast_to(inputs[..., :1, :], (*inputs.shape[:-2], 1 + self.fast, inputs.shape[-1]))
-        return jnp.concatenate([inputs[..., :last, :], now, inputs[..., last + 1 + self.fast :, :]], axis=-2)
+        now = jnp.broadcast_to(inputs[..., :1, :], (*inputs.shape[:-2], 1 + self.delays, inputs.shape[-1]))
+        return jnp.concatenate([inputs[..., :last, :], now, inputs[..., last + 1 + self.delays :, :]], axis=-2)
 
     def transmitted(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""

@@ -95,7 +95,7 @@ class ChainC2S(ForwardModel):
 
     def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "ChainC2S":
         """See `ForwardModel`: where the arm is once it has arrived there, if a step is shorter than its delay."""
-        return replace(self, hysteresis=replace(self.hysteresis, arrived=self.hysteresis.fast > 0))
+        return replace(self, hysteresis=replace(self.hysteresis, arrived=self.hysteresis.delays > 0))
 
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
         """See `ForwardModel`."""
@@ -166,14 +166,14 @@ class ChainOptions(ForwardOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
         modules = arm.module_count
-        fast = (DELAY,) if arm.control_period < DELAY else ()  # else the last reading does
-        taken = [1.0 - np.exp(-arm.control_period / time) for time in (*fast, *self.creep_times)]
+        delays = (DELAY,) if arm.control_period < DELAY else ()  # else the last reading does
+        taken = [1.0 - np.exp(-arm.control_period / time) for time in (*delays, *self.creep_times)]
         widths, shares = (jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, taken))
         shape = modules, len(self.play_widths) + 2, arm.cable_count
         play_weights = jnp.full(shape, NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
         statics = bool(self.statics) and _is_felt_through_cables(arm)
         creep_weights = jnp.zeros((modules, len(shares), shape[-1]))
-        hysteresis = Hysteresis(Operators(widths, shares), play_weights, creep_weights, len(fast))
+        hysteresis = Hysteresis(Operators(widths, shares), play_weights, creep_weights, len(delays))
         network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
         equilibrium = Equilibrium.untrained(modules, len(shares))
         return ChainC2S(Trunk.of(arm), hysteresis, equilibrium, jnp.eye(2 * modules), network, statics)

@@ -101,14 +101,16 @@ class LocalC2S(ForwardModel):
             return self.states(inputs)
         return self._put_together(self.chain.states(inputs), self._along(self.tangent, configurations, memory))
 
-    def _along(self, tangent: Tangent, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> Array:
+    def _along(
+        self, tangent: Tangent, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+    ) -> Array:
         """The local model along its slopes, as far as they are believed."""
         away = limit_lengths(bends_from_configurations(configurations) - tangent.bends, NEARBY)
         moved = self._features_at(tangent.bends + away, memory) - tangent.features
-        return tangent.said + tangent.slopes @ moved
+        return tangent.said + jnp.einsum("of,...f->...o", tangent.slopes, moved)
 
-    def _features_at(self, bends: Float[Array, "modules 2"], memory: HysteresisMemory) -> Float[Array, " features"]:
-        moved = jnp.einsum("mnk,mk->mn", self.chain.body.matrices, bends)
+    def _features_at(self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory) -> Array:
+        moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.features(self.chain.hysteresis.inputs(moved, memory))
 
     def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
@@ -140,7 +142,7 @@ class LocalC2S(ForwardModel):
         crept_before = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
         behind = last - crept_before
         if hysteresis.arrived:
-            behind = behind.at[..., : hysteresis.fast, :].set(0.0)
+            behind = behind.at[..., : hysteresis.delays, :].set(0.0)
         seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], behind], axis=-2)
         bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, seen)
         together = jnp.mean(seen, axis=-1, keepdims=True)

@@ -239,6 +239,8 @@ def test_it_moves_as_its_twin_and_is_spoken_to_as_the_arm(twin, tmp_path):
     robot, alone = SimulatedRobot(twin, twin=str(tmp_path / "heavy.toml")), SimulatedRobot(twin)
     other = SimulatedRobot(load_arm(tmp_path / "heavy.toml"))
     assert robot.arm == twin
+    quick = twin.model_copy(update={"control_rate": 33.0})
+    assert driven(SimulatedRobot(quick, twin=str(tmp_path / "heavy.toml")))[-1].time == pytest.approx(10 / 33, rel=0.01)
     states = [column(driven(one), "states") for one in (robot, other, alone)]
     np.testing.assert_array_equal(states[0], states[1])
     assert np.abs(states[0] - states[2])[-1].max() > 0.001

@@ -252,7 +252,7 @@ class SimulatedRobot(Robot):
     def _homing_errors(self) -> Actions:
         """How far the motors' zero is from where their encoders say it is [m], anew at every opening."""
         random = np.random.default_rng([self._seed, 2, self._openings])
-        return random.normal(scale=self.arm.motor.homing_error, size=self._motors.shape)
+        return random.normal(scale=self._body.motor.homing_error, size=self._motors.shape)
 
     def _wind(self, motors: Actions) -> None:
         """Motors come to be where they are at the end of a step; which way they went is kept while they stand."""
@@ -267,7 +267,7 @@ class SimulatedRobot(Robot):
             drag = per_cable(self._body, "cable.viscous_friction") * self.data.ten_velocity.reshape(tensions.shape)
             taut = np.maximum(self.tensions() - drag, 0.0)
             tensions = self._transmission.at_motors(taut, self._bend_angles(), self._winding)
-        gears = self._winding * self.arm.motor.current_friction
+        gears = self._winding * self._body.motor.current_friction
         return tensions + gears + self._random.normal(scale=noise, size=tensions.shape)
 
     def _check_sane(self) -> None:
@@ -287,4 +287,4 @@ def _twin_of(arm: ArmSpec, file: str) -> ArmSpec:
     if forms[0] != forms[1]:
         said = [f"{modules} modules of {cables} cables, driven by {how}" for how, modules, cables in forms]
         raise S2C2AError(f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm")
-    return twin
+    return twin.model_copy(update={"control_rate": arm.control_rate})  # physics steps divide the control period
