@@ -134,8 +134,8 @@ def arm_text(
     step = _most_deg(steps[moved] if moved.any() else steps, 0.99).max()
     lines = [
         f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
-        "# Behind +- stands one standard deviation, by how much stretches of the log disagree: how far the model is from",
-        "# the arm is not in it. What is a guess was neither stated nor found.",
+        "# Behind +- stands one standard deviation, by how much stretches of the log disagree: how far the model is",
+        "# from the arm is not in it. What is a guess was neither stated nor found.",
         f"name = {quoted(arm.name)}",
         f"description = {quoted(arm.description or 'Found in a log.')}",
         f"actuation = {quoted('tension' if told.drives[0].unit == 'N' else 'displacement')}",
