@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -115,3 +116,31 @@ def test_a_process_of_ours_computes_on_one_thread():
     """What XLA adds up in parts depends on how many threads it has, and a seed's networks must not."""
     done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True)
     assert int(done.stdout) == 1
+
+
+ORPHANS = """
+import os, time
+from s2c2a.executors import Processes
+if __name__ == "__main__":
+    with Processes(1) as one:
+        print(one.submit(os.getpid).result(), flush=True)
+        time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="looks for the process under /proc")
+def test_no_worker_outlives_one_that_was_killed(tmp_path):
+    (tmp_path / "orphans.py").write_text(ORPHANS)
+    with subprocess.Popen([sys.executable, tmp_path / "orphans.py"], stdout=subprocess.PIPE, text=True) as killed:
+        worker = int(killed.stdout.readline())
+        killed.kill()
+    ended = False
+    for _ in range(100):
+        try:
+            ended = Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0] == "Z"  # nobody fetched it
+        except OSError:
+            ended = True
+        if ended:
+            break
+        time.sleep(0.1)
+    assert ended

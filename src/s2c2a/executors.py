@@ -7,6 +7,7 @@ given), so its result is the same wherever and in whatever order it is worked ou
 import multiprocessing
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -91,7 +92,15 @@ class Processes(ProcessPoolExecutor):
 
 def _begin_process() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt from the keyboard ends it without a word
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     compute_on_one_thread()
+
+
+def _end_with_parent() -> None:
+    """A process that waits for work would outlive one that was killed, for ever."""
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
 
 
 def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
