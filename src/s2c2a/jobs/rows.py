@@ -58,6 +58,7 @@ class Heading:
         recipe: its name.
         seeds: of data, training and start.
         fidelity: of the simulation.
+        as_described: whether the body that ran is the simulation of this description.
     """
 
     experiment: str
@@ -65,17 +66,22 @@ class Heading:
     recipe: str
     seeds: tuple[int, ...]
     fidelity: str = "fast"
+    as_described: bool = True
 
     @classmethod
     def of(cls, experiment: str, runs: Sequence[Run]) -> "Heading":
         """That of one arm's runs under one set of conditions."""
         job = runs[0].job
         seeds = tuple(dict.fromkeys(run.seed for run in runs))
-        return cls(experiment, job.arm, job.recipe.name, seeds, job.conditions.fidelity)
+        body = job.conditions.body
+        described = body.simulated and "twin" not in dict(body.options)
+        return cls(experiment, job.arm, job.recipe.name, seeds, job.conditions.fidelity, described)
 
     @cached_property
     def modes(self) -> dict[str, Any]:
-        """The arm's first mode: a stiffer or slower arm makes every task easy."""
+        """The arm's first mode: a stiffer or slower arm makes every task easy; of another body nobody knows it."""
+        if not self.as_described:
+            return {}
         return dict(zip(("first_mode_hz", "damping_ratio"), first_mode(self.arm), strict=True))
 
     def row(

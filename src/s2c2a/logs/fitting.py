@@ -14,6 +14,7 @@ from s2c2a.logs.tendons import Guess, Wiring, model_states, seen_states, settled
 ROUNDS, BLOCKS = 40, 20
 OUTLYING = 0.05  # of the length: residuals beyond weigh less than their square
 WIDE = 1e3
+WAYS = 36.0  # in which what a model leaves may repeat itself
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class Seen:
         states: ends in the frame of the file [m, 1], shape (rows, modules, 6); NaN where nothing was seen.
         frame: columns are the axes of the untilted base frame.
         tension: whether drives say tensions.
-        spread: of each number, how far it may be from its first guess, as a standard deviation.
+        spread: of each number, and of the sum of all lengths (`total`), how far it may be from its first guess, as a
+            standard deviation.
         scale: length of the arm [m].
     """
 
@@ -73,12 +75,13 @@ def fitted(seen: Seen, first: Guess, wiring: Wiring, rounds: int = ROUNDS, error
         spread = flat(
             Guess(*(np.full(np.shape(part), seen.spread.get(name, WIDE)) for name, part in first._asdict().items()))
         )[0]
+        likely = spread, seen.spread.get("total", WIDE)
 
         def residuals(numbers):
-            return np.asarray(_residuals(numbers, *arrays, spread, seen.tension))
+            return np.asarray(_residuals(numbers, *arrays, *likely, seen.tension))
 
         def slopes(numbers):
-            return np.asarray(_slopes(numbers, *arrays, spread, seen.tension))
+            return np.asarray(_slopes(numbers, *arrays, *likely, seen.tension))
 
         found = least_squares(
             residuals, start, slopes, loss="soft_l1", f_scale=1.0, max_nfev=rounds, x_scale=np.minimum(spread, 1.0)
@@ -114,11 +117,12 @@ def _weights(seen: Seen, known: np.ndarray) -> tuple[np.ndarray]:
     return (known / size,)
 
 
-def _rows(vector, start, weights, columns, states, frame, wiring, like, spread, tension):
+def _rows(vector, start, weights, columns, states, frame, wiring, like, spread, total, tension):
     guess = _unflat(vector, like)
     predicted = seen_states(guess, model_states(guess, settled_bends(guess, wiring, columns, tension)), frame)
     apart = (weights * (predicted - states)).reshape(len(columns), -1)
-    return jnp.concatenate([apart.reshape(-1), (vector - start) / spread])
+    longer = jnp.log(jnp.sum(jnp.exp(guess.lengths)) / jnp.sum(jnp.exp(_unflat(start, like).lengths)))
+    return jnp.concatenate([apart.reshape(-1), (vector - start) / spread, longer[None] / total])
 
 
 _residuals = partial(jax.jit, static_argnames="tension")(_rows)
@@ -133,11 +137,17 @@ def predicted_states(guess: Guess, wiring: Wiring, columns: np.ndarray, tension:
 
 
 def _deviations(residuals: np.ndarray, slopes: np.ndarray, numbers: int, rows: int) -> np.ndarray:
-    """Standard deviations; rows near each other err together, so blocks of them are what varies."""
+    """Standard deviations.
+
+    Rows near each other err together, so blocks of them are what varies. And what the model leaves is no noise: it
+    comes again in every block, and one of the ways in which it does may look like a change of a number.
+    """
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
-    data, each = slice(0, len(residuals) - numbers), (len(residuals) - numbers) // rows
+    count = len(residuals) - numbers - 1  # beside what was known before
+    data, each = slice(0, count), count // rows
     blocks = np.arange(rows).repeat(each) * BLOCKS // rows
     pushes = np.zeros((BLOCKS, numbers))
     np.add.at(pushes, blocks, slopes[data] * residuals[data, None])
     spread = inverse @ (pushes.T @ pushes) @ inverse * BLOCKS / (BLOCKS - 1)
-    return np.sqrt(np.diag(spread) + 0.0)
+    felt = np.diag(inverse @ slopes[data].T @ slopes[data] @ inverse)
+    return np.sqrt(np.diag(spread) + residuals[data] @ residuals[data] * felt / WAYS)

@@ -134,8 +134,8 @@ def arm_text(
     step = _most_deg(steps[moved] if moved.any() else steps, 0.99).max()
     lines = [
         f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",
-        "# Behind +- stands one standard deviation, by how much stretches of the log disagree: how far the model is",
-        "# from the arm is not in it. What is a guess was neither stated nor found.",
+        "# Behind +- stands one standard deviation: how much stretches of the log disagree, and what the model leaves.",
+        "# What is a guess was neither stated nor found.",
         f"name = {quoted(arm.name)}",
         f"description = {quoted(arm.description or 'Found in a log.')}",
         f"actuation = {quoted('tension' if told.drives[0].unit == 'N' else 'displacement')}",
@@ -167,7 +167,7 @@ def _module_lines(module: int, fit: Fit, layout: Layout, told: LogMap, limit: fl
     return [
         "",
         "[[modules]]",
-        f"length = {length:.5f}  # {_or_stated(length * off.lengths[module], arm.length or arm.lengths)}",
+        f"length = {length:.5f}  # {_or_stated(length * off.lengths[module], arm.lengths)}",
         f"cable_radius = {layout.radii[module]:.5f}  # {_or_stated(spread, arm.cable_radius)}",
         f"cable_angles_deg = [{', '.join(f'{one:.2f}' for one in layout.angles_deg[module])}]",
         f"# angles +- {', '.join(f'{one:.1f}' for one in np.rad2deg(off.angles[drives]))} deg",

@@ -41,6 +41,8 @@ class Imported:
         motors: what that assumes.
         residual: rms distance of the model's ends from those seen [m].
         at_rest: whether every row is a shape at rest.
+        base: of the arm, in the log's frame [m].
+        axes: x, y and z of the arm's base frame there, shape (3, 3).
         doubts: what could not be told apart.
         broken: rows that could not be read.
         rows: that were read.
@@ -55,6 +57,8 @@ class Imported:
     motors: Motors
     residual: float
     at_rest: bool
+    base: np.ndarray
+    axes: np.ndarray
     doubts: tuple[str, ...]
     broken: int
     rows: int
@@ -92,14 +96,19 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     names = tuple(drive.measured or drive.commanded or "" for drive in told.drives)
     broken, rows = sum(one.broken for one in sessions), sum(map(len, sessions))
     at_rest = told.rows.kind == "steps"
-    return Imported(arm, text, episodes, names, layout, fit, motors, residual, at_rest, tuple(doubts), broken, rows)
+    axes = _turn(layout.turn) @ _rotation(seen.frame, fit.guess).T
+    where = at_rest, fit.guess.base, axes
+    return Imported(arm, text, episodes, names, layout, fit, motors, residual, *where, tuple(doubts), broken, rows)
 
 
 def _about_z(states: np.ndarray, turn: float) -> np.ndarray:
     """States in a base frame whose x is turned back by so much."""
-    cos, sin = np.cos(turn), np.sin(turn)
-    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return (states.reshape(*states.shape[:-1], 2, 3) @ rotation.T).reshape(states.shape)
+    return (states.reshape(*states.shape[:-1], 2, 3) @ _turn(turn).T).reshape(states.shape)
+
+
+def _turn(angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def save_imported(imported: Imported, path: str | os.PathLike, options: dict[str, Any]) -> Path:
@@ -124,6 +133,8 @@ def _said(imported: Imported) -> dict[str, Any]:
         "episodes": len(imported.episodes),
         "residual_mm": round(1e3 * imported.residual, 2),
         "at_rest": imported.at_rest,
+        "base_m": [round(float(one), 5) for one in imported.base],
+        "axes": [[round(float(one), 6) for one in axis] for axis in imported.axes],
     }
 
 
@@ -161,13 +172,14 @@ def settled(told: LogMap) -> bool:
 
 def _spread(told: LogMap) -> dict[str, float]:
     """How far numbers may be from what is known of them."""
-    stated = told.arm.length is not None or told.arm.lengths is not None
+    each, total = told.arm.lengths is not None, told.arm.length is not None
     return {
         "angles": 2.0,
         "gain": 3.0,
         "gains": 0.3 if told.drives[0].unit == "free" else 0.1,
         "offsets": 0.1,
-        "lengths": 0.002 if stated else 0.2,
+        "lengths": 0.002 if each else 0.2,
+        "total": 0.002 if total else 0.2,
         "stiffness": 2.0,
         "gravity": 0.3 if any(told.arm.gravity_direction) else 1e-6,
         "tilt": 0.1,
@@ -191,8 +203,13 @@ def _start(frame: Registration, told: LogMap) -> Guess:
 
 
 def _in_base(states: np.ndarray, frame: np.ndarray, guess: Guess) -> np.ndarray:
-    rotation = frame @ np.asarray(turned(guess.tilt))
+    rotation = _rotation(frame, guess)
     return np.concatenate([(states[..., :3] - guess.base) @ rotation, states[..., 3:] @ rotation], axis=-1)
+
+
+def _rotation(frame: np.ndarray, guess: Guess) -> np.ndarray:
+    """Columns are the axes of the base frame in that of the log."""
+    return frame @ np.asarray(turned(guess.tilt))
 
 
 def _episodes(

@@ -32,8 +32,14 @@ def summary(imported: Imported) -> list[str]:
         f"truth: {_known(imported)}",
         f"frame: ends of the model are {1e3 * imported.residual:.1f} mm (rms) from those seen; cables of outer modules "
         f"{'bend' if imported.motors.coupled else 'do not bend'} inner ones",
+        f"base in the log's frame: {_vector(imported.base)} m, x along {_vector(imported.axes[0])}, "
+        f"z along {_vector(imported.axes[2])}",
     ]
     return lines + [f"could not be told apart: {doubt}" for doubt in imported.doubts]
+
+
+def _vector(numbers: np.ndarray) -> str:
+    return f"({', '.join(f'{number:.4f}' for number in numbers)})"
 
 
 def _range(numbers) -> str:
