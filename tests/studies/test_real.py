@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from s2c2a.data import Recording
-from s2c2a.episodes import Episode
+from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
-from s2c2a.studies.real import blocks_of, held_rows, last_of
+from s2c2a.progress import quiet
+from s2c2a.studies.real import blocks_of, held_rows, last_of, real_rows
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +45,9 @@ def test_models_answer_with_the_tip_s_error_and_learn_nothing_of_rows_held_out(r
     moved = list(held_rows(other, last_of(other, 100), [name], [0]))
     assert 0.0 < rows[0].mean < 60.0
     assert abs(moved[0].mean - 1e4 * np.sqrt(3.0)) < 60.0  # [mm] the truth moved away under the same answers
+
+
+def test_blocks_alone_are_held_out_where_no_last_rows_are_asked_for(recording, tmp_path):
+    save_episodes(recording.episodes, tmp_path / "log.episodes", recording.options)
+    rows = real_rows(tmp_path / "log.episodes", (), 25, 0, ["pcc-fitted"], [0], quiet)
+    assert all("blocks of 25" in row.task for row in rows)

@@ -105,7 +105,8 @@ def real_rows(
     shapes = {(one.arm.module_count, one.arm.cable_count) for one in (whole, *others)}
     if len(shapes) > 1:
         raise RecordingError("other recordings must be of the same arm; import them with --arm and its arm file")
-    splits = [blocks_of(whole, block)] * (block > 0) + [last_of(whole, last)] * (last > 0)
+    splits = [blocks_of(whole, block)] if block > 0 else []
+    splits += [last_of(whole, last)] if last > 0 else []
     splits = splits or [Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))]
     rows: list[Row] = []
     for number, (held, name) in enumerate(product(splits, names)):
