@@ -7,7 +7,7 @@ from simulated_logs import recorded, written  # type: ignore[import-not-found]
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
-from s2c2a.logs import import_logs, map_from_toml, save_imported
+from s2c2a.logs import fitting, import_logs, map_from_toml, save_imported
 
 TWIN = load_arm("twin_arm")
 OTHER_ANGLES = ((20.0, 140.0, 260.0), (75.0, 200.0, 310.0))
@@ -30,7 +30,9 @@ def recordings(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("name", "tip_alone"), [("other", True), ("twin_arm", False)])
-def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(recordings, tmp_path, name, tip_alone):
+def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(
+    recordings, tmp_path, name, tip_alone, monkeypatch
+):
     log = written(tmp_path, recordings[name], tip_alone)
     imported = import_logs([log.log], map_from_toml(log.map))
     arm: ArmSpec = log.arm
@@ -47,6 +49,10 @@ def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(recordin
     told = np.rad2deg(imported.fit.errors.angles)
     assert told.max() < 30
     assert (np.abs(off) < 4 * told).all()
+    monkeypatch.setattr(fitting, "WAYS", np.inf)  # how much stretches disagree, alone
+    scattered = import_logs([log.log], map_from_toml(log.map)).fit.errors
+    assert scattered is not None
+    assert np.rad2deg(scattered.angles).max() < 15
 
 
 def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(recordings, tmp_path):
