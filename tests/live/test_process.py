@@ -22,6 +22,11 @@ def process_of(arm, files=()):
     return ControlProcess(arm, partial(arm_control, arm, Body(), files, release_after=1.0))
 
 
+def until_ended(control):
+    """Wait for its process; `_listen` joins it, too, and of two that join one the later may be told that it lives."""
+    until(lambda: not control._process.is_alive(), what="the end of the process")
+
+
 @pytest.fixture
 def control(twin):
     """A control process that runs."""
@@ -73,8 +78,7 @@ def test_a_process_that_is_asked_to_end_leads_its_arm_to_rest(control):
     control.ask(driven=True, target=(0.2, 0.0, 0.5))
     until(lambda: control.latest.error < 0.02, what="arriving")
     os.kill(control.process, signal.SIGTERM)
-    control._process.join(20.0)
-    assert not control._process.is_alive()
+    until_ended(control)
     until(lambda: control.latest.stage is Stage.FAULT)
     assert np.linalg.norm(control.latest.states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
 
@@ -89,10 +93,8 @@ def test_only_tasks_that_the_arm_can_have_are_offered(twin, make_arm):
 
 
 def test_it_ends_when_nobody_listens_any_more(control):
-    child = control._process
     control._pipe.close()
-    child.join(20.0)
-    assert not child.is_alive()
+    until_ended(control)
 
 
 def test_what_cannot_be_built_is_told(twin):
