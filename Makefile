@@ -8,7 +8,7 @@ demo: setup  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
 
 test: check browser  ## style, types, imports, tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: setup  ## style, types, imports
 	$(BIN)/ruff format --check .

@@ -23,6 +23,15 @@ from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, save_strateg
 from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
+LONGEST = (
+    "test_pipeline",
+    "test_artifacts",
+    "test_cluster",
+    "test_examples_run",
+    "test_live_page_in_browser",
+    "test_local",
+)
+"""Files that go first, so that no worker is left with one of them when all others have ended."""
 EPISODES, SAMPLES = 6, 100
 MOST_MAPS = 30_000  # of memory; the system allows 65,530 to a process, and a compiled program takes a few
 NO_DIGEST = "0" * 64
@@ -46,6 +55,12 @@ def pytest_configure(config):
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -106,7 +106,9 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
     recording, strategy, folder = tmp_path / "twin.episodes", tmp_path / "twin.safetensors", tmp_path / "run"
     run("collect", "--out", str(recording), "--episodes", "3", "--samples", "150")
     assert (tmp_path / "twin.episodes.png").exists()
-    run("train", str(recording), "--out", str(strategy))
+    quick = tmp_path / "quick.toml"
+    quick.write_text('based_on = "best"\nc2s.points = 100\nc2s_fit.most_epochs = 5\nc2a_fit.most_epochs = 5\n')
+    run("train", str(recording), "--recipe", str(quick), "--out", str(strategy))
     assert (tmp_path / "twin.safetensors.png").exists()
     run("run", "circle", "--strategy", "s2c2a", "pcc", "--weights", str(strategy), "--out", str(folder))
     said = capsys.readouterr().out
@@ -126,7 +128,7 @@ def test_data_training_and_a_run_go_from_file_to_file(tmp_path, capsys, monkeypa
         assert abs(sum(values) / 200 - row["mean"]) < 1e-3
     options = json.loads((folder / "options.json").read_text())
     assert options["options"]["task"] == "circle"
-    assert options["options"]["recipe"]["name"] == "best"
+    assert options["options"]["recipe"]["name"] == "quick"
     assert "jax" in options["versions"]
     assert (folder / "twin_arm.html").stat().st_size > 10_000
     again = failing(capsys, "run", "circle", "--strategy", "pcc", "--out", str(folder))
