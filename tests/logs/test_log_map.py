@@ -1,5 +1,8 @@
 """Maps: what they may say, and faults told by the key."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from s2c2a.logs import map_from_toml
@@ -56,3 +59,19 @@ def test_two_ends_of_one_module_are_refused():
     end = '[[ends]]\nposition = ["u", "v", "w"]\nunit = "m"\n'
     with pytest.raises(LogError, match="one end"):
         map_from_toml(SOUND + end)
+
+
+def test_the_least_map_that_the_page_shows_is_one_and_its_columns_are_those_of_its_log():
+    page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(encoding="utf-8")
+    (log,), (text, *_) = (re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("csv", "toml"))
+    assert map_from_toml(text).numbers <= set(log.splitlines()[0].split(";"))
+
+
+def test_faults_are_told_in_plain_words():
+    text = SOUND.replace("modules = ", "modules = 'three' # ").replace("control_rate = ", "control_rate = -")
+    with pytest.raises(LogError) as caught:
+        map_from_toml(text)
+    said = str(caught.value)
+    assert "arm.modules: write a whole number, without quotes (got 'three')" in said
+    assert "arm.control_rate: write 0.5 or more" in said
+    assert "Input" not in said

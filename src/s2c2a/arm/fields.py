@@ -19,7 +19,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
-ONE, EACH = "one", "each"
+from s2c2a.faults import EACH, ONE
 
 
 def between(low: float, high: float, unit: str, meaning: str, default: Any = ...) -> Any:

@@ -1,22 +1,22 @@
 """Arm files: TOML in and out, with errors that name the key."""
 
 import os
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
 import tomli_w
 from pydantic import ValidationError
 
-from s2c2a.arm.fields import EACH, ONE
 from s2c2a.arm.flaws import Flaws
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.faults import told
 from s2c2a.files import read_text, save_whole, toml_in
 
 PRESETS = Path(__file__).parent / "presets"
 """Arms that come with the package; each is a plain arm file."""
-MOST_FAULTS, LONGEST_NAME, LONGEST_SAID = 20, 64, 400  # told, of a file that may be all faults
+HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
+TABLES = (ArmSpec, Module, Motor, Cable, Flaws)
 
 
 @cache
@@ -52,7 +52,7 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
     except S2C2AError as error:
         raise ArmError(f"{source}: {error}; mend that place or start again from a preset") from error
     except ValidationError as error:
-        raise ArmError(_explain(error, source)) from error
+        raise ArmError(told(error, f"{source}: {HEADING}", TABLES, _hint)) from error
 
 
 def arm_to_toml(arm: ArmSpec) -> str:
@@ -69,34 +69,6 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
     if Path(path).exists() and not overwrite:
         raise ArmError(f"{path} exists; choose another name or overwrite it (--overwrite)")
     save_whole(arm_to_toml(arm), path, ArmError)
-
-
-def _explain(error: ValidationError, source: str) -> str:
-    """One line a fault: path of the key, what is allowed, what was got."""
-    faults = error.errors(include_url=False)
-    inside = any(len(fault["loc"]) > 1 and fault["loc"][0] == "modules" for fault in faults)
-    # where every module is faulty, pydantic adds that none is left: true, and no help
-    faults = [fault for fault in faults if not (inside and fault["loc"] == ("modules",))]
-    lines = [f"{source}: {len(faults)} fault(s) in the arm description (modules count from 0, at the base)"]
-    for fault in faults[:MOST_FAULTS]:
-        key = ".".join(str(part)[:LONGEST_NAME] for part in fault["loc"] if part not in (ONE, EACH)) or "arm"
-        lines.append(f"  {key}: {_said(fault)[:LONGEST_SAID]}{_got(fault)}{_hint(fault)}")
-    return "\n".join(lines)
-
-
-def _said(fault) -> str:
-    if fault["type"] == "extra_forbidden":
-        known = [name for kind in (ArmSpec, Module, Motor, Cable, Flaws) for name in kind.model_fields]
-        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], known, n=1)
-        return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
-    if fault["type"] == "missing":
-        return "this key is missing"
-    return fault["msg"].removeprefix("Value error, ")
-
-
-def _got(fault) -> str:
-    simple = isinstance(fault["input"], int | float | bool | list | tuple) and fault["type"] != "value_error"
-    return f" (got {fault['input']!r:.{LONGEST_SAID}})" if simple else ""
 
 
 def _hint(fault) -> str:

@@ -1,5 +1,7 @@
 """What verbs print with: a progress bar, tables, and words that they share."""
 
+import math
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +20,7 @@ RecipeName = Annotated[str, tyro.conf.arg(metavar="best|paper|FILE")]
 ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
 GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120
+BETWEEN_LINES = 20.0  # s, where progress goes to a file
 KINDS = {".html": "replay", ".mp4": "video", ".gif": "video"}
 
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
@@ -25,19 +28,21 @@ File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
-    """A progress that draws one bar a piece of work, or prints a line each where nobody watches."""
+    """A progress that draws one bar a piece of work; where nobody watches, as in a file, lines now and then."""
     from rich import console, progress
 
     screen = console.Console(stderr=True)
     columns = "{task.description}", progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
     with progress.Progress(*columns, console=screen, disable=not screen.is_terminal) as bars:
         tasks: dict[str, progress.TaskID] = {}
+        said = dict[str, float]()
 
         def told(doing: str, done: int, total: int) -> None:
             if doing not in tasks:
                 tasks[doing] = bars.add_task(doing, total=total)
-                if not screen.is_terminal:
-                    screen.print(f"{doing} ...", highlight=False)
+            if not screen.is_terminal and time.monotonic() > said.get(doing, -math.inf) + BETWEEN_LINES:
+                screen.print(f"{doing}: {done} of {total}" if doing in said else f"{doing} ...", highlight=False)
+                said[doing] = time.monotonic()
             bars.update(tasks[doing], completed=done)
 
         yield told

@@ -11,7 +11,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     """Train both networks on a recording, and draw their learning curves beside the file.
 
     Args:
-        recording: made by `s2c2a collect`.
+        recording: made by `s2c2a collect` or `s2c2a import`.
         out: the strategy to write, such as twin.safetensors.
         recipe: how to train.
         seed: of everything random.

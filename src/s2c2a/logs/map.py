@@ -1,17 +1,18 @@
 """The map: a TOML file that says what a log holds. Frozen values, checked when built, errors that name the key."""
 
 import os
-from difflib import get_close_matches
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from s2c2a.arm.spec import MOST_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
+from s2c2a.faults import told
 from s2c2a.files import read_text, toml_in
 from s2c2a.logs.errors import LogError
 
-MOST_FAULTS, LONGEST = 20, 300
+LONGEST = 300
+HEADING = "{count} fault(s) in the map (drives, ends and modules count from 0)"
 MOST_CABLES = 8 * MOST_MODULES
 SIGNED_AXIS = r"^[+-]?[xyz]$"
 Column = Annotated[str, Field(min_length=1, max_length=200)]
@@ -245,6 +246,9 @@ class LogMap(_Frozen):
         return {self.rows.label} if self.rows.label else set()
 
 
+TABLES = (LogMap, Source, Rows, Join, Drive, Pulled, End, Frame, KnownArm)
+
+
 def load_map(path: str | os.PathLike) -> LogMap:
     """Read a map.
 
@@ -263,27 +267,6 @@ def map_from_toml(text: str, source: str = "map") -> LogMap:
     try:
         return LogMap.model_validate(toml_in(text))
     except ValidationError as error:
-        raise LogError(_explained(error, source)) from error
+        raise LogError(told(error, f"{source}: {HEADING}", TABLES)) from error
     except S2C2AError as error:
         raise LogError(f"{source}: {error}; mend that place") from error
-
-
-def _explained(error: ValidationError, source: str) -> str:
-    faults = error.errors(include_url=False)
-    lines = [f"{source}: {len(faults)} fault(s) in the map (drives, ends and modules count from 0)"]
-    for fault in faults[:MOST_FAULTS]:
-        key = ".".join(str(part)[:60] for part in fault["loc"]) or "map"
-        lines.append(f"  {key}: {_said(fault)}")
-    return "\n".join(lines)
-
-
-def _said(fault: Any) -> str:
-    if fault["type"] == "missing":
-        return "this key is missing"
-    if fault["type"] != "extra_forbidden":
-        got = f" (got {fault['input']!r:.80})" if isinstance(fault["input"], int | float | str) else ""
-        return fault["msg"].removeprefix("Value error, ")[:LONGEST] + got
-    kinds = (LogMap, Source, Rows, Join, Drive, Pulled, End, Frame, KnownArm)
-    known = [name for kind in kinds for name in kind.model_fields]
-    near = get_close_matches(str(fault["loc"][-1])[:60], known, n=1)
-    return f"no such key{f'; did you mean {near[0]}?' if near else ''}"

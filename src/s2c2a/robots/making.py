@@ -10,6 +10,7 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.extensions import found
+from s2c2a.faults import said
 from s2c2a.robots.robot import Robot
 
 SIMULATED = "sim"
@@ -119,5 +120,5 @@ def _converted(kind: type[Robot], taken: Mapping[str, inspect.Parameter], name: 
     except (KeyError, NameError, PydanticUserError):  # no kind is stated, or none that is known here
         return value
     except ValidationError as error:
-        said = error.errors(include_url=False)[0]["msg"]
-        raise S2C2AError(f"option {name}={value} of {kind.__name__}: {said}") from error
+        (fault, *_) = error.errors(include_url=False)
+        raise S2C2AError(f"option {name}={value} of {kind.__name__}: {said(fault)}") from error

@@ -17,6 +17,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from s2c2a.arm import ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.faults import said
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS, code_of, model_named, name_of
@@ -166,9 +167,11 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
         recipe.planner.made()  # now, not after the training
         return recipe
     except ValidationError as error:
-        places = ((".".join(map(str, fault["loc"])), fault["msg"]) for fault in error.errors(include_url=False))
-        said = "; ".join(f"{place}: {message}" for place, message in places)
-        raise StrategyError(f"{path}: {said}; with a line such as based_on = 'best' a file need not say all") from error
+        places = ((".".join(map(str, fault["loc"])), said(fault)) for fault in error.errors(include_url=False))
+        faults = "; ".join(f"{place}: {message}" for place, message in places)
+        raise StrategyError(
+            f"{path}: {faults}; with a line such as based_on = 'best' a file need not say all"
+        ) from error
     except S2C2AError as error:
         raise StrategyError(f"{path} holds no recipe: {error}") from error
 

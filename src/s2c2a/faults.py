@@ -1,0 +1,70 @@
+"""Faults of a file that a user wrote, told in plain words: of each the key, what is allowed, and what was got."""
+
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+ONE, EACH = "one", "each"
+"""What tells two kinds of value of one key apart; no user has written it."""
+MOST, LONGEST_NAME, LONGEST = 20, 64, 400  # told, of a file that may be all faults
+WORDS = {
+    "missing": "this key is missing",
+    "string_type": "write text, in quotes",
+    "float_type": "write a number",
+    "bool_type": "write true or false",
+    "tuple_type": "write a list, in brackets",
+    "model_type": "write a table of keys",
+    "string_pattern_mismatch": "this text is not of the form that is asked for",
+}
+WORDS |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "write a whole number, without quotes")
+"""By kind of fault, where pydantic speaks of Python."""
+KEY_WORDS = {"literal_error": "write {expected}", "finite_number": "write a finite number"}
+KEY_WORDS |= {"less_than_equal": "write {le} or less", "greater_than_equal": "write {ge} or more"}
+KEY_WORDS |= {"less_than": "write less than {lt}", "greater_than": "write more than {gt}"}
+KEY_WORDS |= {"too_short": "give at least {min_length}", "too_long": "give at most {max_length}"}
+KEY_WORDS |= {"string_too_short": "write something", "string_too_long": "write at most {max_length} letters"}
+"""The same, with what is allowed."""
+
+
+def told(
+    error: ValidationError, heading: str, kinds: Iterable[type[BaseModel]], hint: Callable[[Any], str] | None = None
+) -> str:
+    """A heading, and a line for each fault.
+
+    Args:
+        error: what pydantic found.
+        heading: of what, with {count} where the number of faults stands.
+        kinds: tables that the file can have; their keys are offered where one is misspelt.
+        hint: what else to say of a fault, if anything.
+    """
+    known = [name for kind in kinds for name in kind.model_fields]
+    faults = error.errors(include_url=False)
+    # where every part of a list is faulty, pydantic adds that none is left: true, and no help
+    inside = {fault["loc"][0] for fault in faults if len(fault["loc"]) > 1}
+    faults = [fault for fault in faults if not (fault["type"] == "too_short" and {*fault["loc"]} <= inside)]
+    lines = [heading.replace("{count}", str(len(faults)))]
+    for fault in faults[:MOST]:
+        lines.append(f"  {_place(fault)}: {said(fault, known)[:LONGEST]}{_got(fault)}{hint(fault) if hint else ''}")
+    return "\n".join(lines)
+
+
+def said(fault: Any, known: Iterable[str] = ()) -> str:
+    """What is wrong, and what is allowed."""
+    kind = fault["type"]
+    if kind == "extra_forbidden":
+        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], list(known), n=1)
+        return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
+    allowed = KEY_WORDS.get(kind, "").format(**fault.get("ctx", {}))
+    return WORDS.get(kind) or allowed or fault["msg"].removeprefix("Value error, ")
+
+
+def _place(fault: Any) -> str:
+    keys = [str(part)[:LONGEST_NAME] for part in fault["loc"] if part not in (ONE, EACH)]
+    return ".".join(keys) or "file"
+
+
+def _got(fault: Any) -> str:
+    simple = isinstance(fault["input"], int | float | bool | str | list | tuple)
+    return f" (got {fault['input']!r:.{LONGEST}})" if simple and fault["type"] != "value_error" else ""
