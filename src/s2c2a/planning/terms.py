@@ -131,11 +131,10 @@ class Axes(Term):
     """End axes as wanted: mu_o of the goal, L_o (Chen et al. 2025, eq. (4)).
 
     Attributes:
-        weight: beside positions. A degree counts for as much as 2 mm at the end of an arm of 0.6 m: where an arm cannot
-            have both, as on one that is shorter than its file says, its ends stay near their places.
+        weight: beside positions.
     """
 
-    weight: float = 0.5
+    weight: float = 1.0
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules, 3)."""
