@@ -42,10 +42,6 @@ class Layout:
     gains: np.ndarray
     turn: float = 0.0
 
-    def cables(self, columns: Float[np.ndarray, "rows drives"]) -> Float[np.ndarray, "rows modules cables"]:
-        """What the arm's cables do, when the drives' columns say this."""
-        return columns[:, self.drive] * self.factor
-
 
 def layout_of(fit: Fit, motors: Motors, told: LogMap) -> Layout:
     """Cables by module and angle; radii from the mean gain of a module where the unit is known.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
+from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.files import save_whole
 from s2c2a.logs.cables import STIFFNESS, Motors, found_cables, thinned
@@ -19,9 +20,11 @@ from s2c2a.logs.frames import Registration, first_registration
 from s2c2a.logs.map import LogMap
 from s2c2a.logs.resampling import stretches
 from s2c2a.logs.resampling import told as commands_of
+from s2c2a.logs.rig import Rig, apart
 from s2c2a.logs.session import Session, session_of
 from s2c2a.logs.tables import Asked, read_table
 from s2c2a.logs.tendons import Guess, turned
+from s2c2a.spaces import POSITION
 
 MOST_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
@@ -35,14 +38,12 @@ class Imported:
         arm: that was found, or was stated.
         text: of its arm file, with what is uncertain beside each number.
         episodes: in the base frame.
-        names: of the drives: their columns.
+        rig: how cameras and motors stand to it.
         layout: where each drive went.
         fit: of the model that frame and cables were found with.
         motors: what that assumes.
         residual: rms distance of the model's ends from those seen [m].
         at_rest: whether every row is a shape at rest.
-        base: of the arm, in the log's frame [m].
-        axes: x, y and z of the arm's base frame there, shape (3, 3).
         doubts: what could not be told apart.
         broken: rows that could not be read.
         rows: that were read.
@@ -51,14 +52,12 @@ class Imported:
     arm: ArmSpec
     text: str
     episodes: tuple[Episode, ...]
-    names: tuple[str, ...]
+    rig: Rig
     layout: Layout
     fit: Fit
     motors: Motors
     residual: float
     at_rest: bool
-    base: np.ndarray
-    axes: np.ndarray
     doubts: tuple[str, ...]
     broken: int
     rows: int
@@ -75,12 +74,7 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     Raises:
         LogError: a file cannot be used, or says too little.
     """
-    sessions = _sessions(paths, told)
-    parts = [part for session in sessions for part in stretches(session, told.rows, 1 / told.arm.control_rate)]
-    if not parts:
-        raise LogError(
-            f"nothing is left: no {told.rows.shortest} steps follow each other; see rows.longest_gap and rows.label"
-        )
+    parts, rows, broken = _parts(paths, told)
     seen, frame = _seen(parts, told)
     fit, motors, doubts = found_cables(seen, thinned(seen, MOST_FITTED), _start(frame, told), told)
     layout = layout_of(fit, motors, told)
@@ -92,18 +86,75 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
         arm = arm_from_toml(text, "the arm that was found")
     else:
         text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
-    episodes = _episodes(parts, _about_z(in_base, layout.turn), arm, layout, told)
-    names = tuple(drive.measured or drive.commanded or "" for drive in told.drives)
-    broken, rows = sum(one.broken for one in sessions), sum(map(len, sessions))
-    at_rest = told.rows.kind == "steps"
     axes = _turn(layout.turn) @ _rotation(seen.frame, fit.guess).T
-    where = at_rest, fit.guess.base, axes
-    return Imported(arm, text, episodes, names, layout, fit, motors, residual, *where, tuple(doubts), broken, rows)
+    rig = Rig(_names(told), layout.drive, layout.factor, fit.guess.base, axes)
+    episodes = _episodes(parts, arm, rig, told)
+    return Imported(arm, text, episodes, rig, layout, fit, motors, residual, _stand(told), tuple(doubts), broken, rows)
 
 
-def _about_z(states: np.ndarray, turn: float) -> np.ndarray:
-    """States in a base frame whose x is turned back by so much."""
-    return (states.reshape(*states.shape[:-1], 2, 3) @ _turn(turn).T).reshape(states.shape)
+@dataclass(frozen=True)
+class Again:
+    """Another session of an arm whose logs were imported before.
+
+    Attributes:
+        episodes: in its base frame.
+        rig: of the first session.
+        apart: how far the tip is from where it was then, of those rows whose cables stood much as then [m], shape
+            (rows, 3): what cameras and motors moved in between, and what cables remember.
+        at_rest: whether every row is a shape at rest.
+        broken: rows that could not be read.
+        rows: that were read.
+    """
+
+    episodes: tuple[Episode, ...]
+    rig: Rig
+    apart: np.ndarray
+    at_rest: bool
+    broken: int
+    rows: int
+
+
+def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Recording) -> Again:
+    """Read logs of another session: cameras and motors stand as an earlier import found them.
+
+    Args:
+        paths: files; each is a session, or as many as the map joins are.
+        told: the map, with the same drives.
+        first: the recording that the earlier import made.
+
+    Raises:
+        LogError: a file cannot be used, or the recording was made of no log, or of other columns.
+    """
+    rig = Rig.kept_in(first.options)
+    if rig.names != _names(told):
+        raise LogError(f"the map's drives are {', '.join(_names(told))}; that recording has {', '.join(rig.names)}")
+    parts, rows, broken = _parts(paths, told)
+    episodes = _episodes(parts, first.arm, rig, told)
+    now, then = (
+        [np.concatenate([one.sensor(name) for one in some]) for name in ("cables", "states")]
+        for some in (episodes, first.episodes)
+    )
+    moved = apart(now[0], now[1][:, -1, POSITION], then[0], then[1][:, -1, POSITION])
+    return Again(episodes, rig, moved, _stand(told), broken, rows)
+
+
+def _parts(paths: Sequence[str | os.PathLike], told: LogMap) -> tuple[list[Session], int, int]:
+    """Stretches without a gap; rows that were read; and those of them that could not be."""
+    sessions = _sessions(paths, told)
+    parts = [part for session in sessions for part in stretches(session, told.rows, 1 / told.arm.control_rate)]
+    if not parts:
+        raise LogError(
+            f"nothing is left: no {told.rows.shortest} steps follow each other; see rows.longest_gap and rows.label"
+        )
+    return parts, sum(map(len, sessions)), sum(one.broken for one in sessions)
+
+
+def _names(told: LogMap) -> tuple[str, ...]:
+    return tuple(drive.measured or drive.commanded or "" for drive in told.drives)
+
+
+def _stand(told: LogMap) -> bool:
+    return told.rows.kind == "steps"
 
 
 def _turn(angle: float) -> np.ndarray:
@@ -111,31 +162,24 @@ def _turn(angle: float) -> np.ndarray:
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def save_imported(imported: Imported, path: str | os.PathLike, options: dict[str, Any]) -> Path:
-    """Write the recording, and the arm file beside it; says where that is.
+def save_imported(imported: Imported | Again, path: str | os.PathLike, options: dict[str, Any]) -> Path | None:
+    """Write the recording, and an arm that was found beside it; says where that is.
 
     Raises:
         S2C2AError: one of them cannot be written.
     """
-    save_episodes(imported.episodes, path, options | _said(imported))
+    said = {"babbling": "imported log", "body": "a log", "episodes": len(imported.episodes)}
+    said |= {"at_rest": imported.at_rest} | imported.rig.kept()
+    if isinstance(imported, Again):
+        save_episodes(imported.episodes, path, options | said)
+        return None
+    save_episodes(imported.episodes, path, options | said | {"residual_mm": round(1e3 * imported.residual, 2)})
     return save_whole(imported.text, arm_file_of(path), LogError)
 
 
 def arm_file_of(path: str | os.PathLike) -> Path:
     """Where the arm file of a recording stands."""
     return Path(path).with_suffix(".arm.toml")
-
-
-def _said(imported: Imported) -> dict[str, Any]:
-    return {
-        "babbling": "imported log",
-        "body": "a log",
-        "episodes": len(imported.episodes),
-        "residual_mm": round(1e3 * imported.residual, 2),
-        "at_rest": imported.at_rest,
-        "base_m": [round(float(one), 5) for one in imported.base],
-        "axes": [[round(float(one), 6) for one in axis] for axis in imported.axes],
-    }
 
 
 def _sessions(paths: Sequence[str | os.PathLike], told: LogMap) -> list[Session]:
@@ -147,12 +191,17 @@ def _sessions(paths: Sequence[str | os.PathLike], told: LogMap) -> list[Session]
     return [session_of(tables[begin : begin + each], told) for begin in range(0, len(tables), each)]
 
 
+def _measured(parts: Sequence[Session], told: LogMap) -> np.ndarray:
+    """States in the log's frame, NaN where nothing was seen, shape (rows, modules, 6)."""
+    ends = np.concatenate([np.concatenate([part.positions, part.axes], axis=-1) for part in parts])
+    states = np.full((len(ends), told.arm.modules, 6), np.nan)
+    states[:, told.end_modules] = ends
+    return states
+
+
 def _seen(parts: Sequence[Session], told: LogMap) -> tuple[Seen, Registration]:
     columns = np.concatenate([_in_effect(part, told) for part in parts])
-    positions = np.concatenate([part.positions for part in parts])
-    axes = np.concatenate([part.axes for part in parts])
-    states = np.full((len(columns), told.arm.modules, 6), np.nan)
-    states[:, told.end_modules] = np.concatenate([positions, axes], axis=-1)
+    states, positions = _measured(parts, told), np.concatenate([part.positions for part in parts])
     frame = first_registration(positions, told)
     return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), frame.lengths.sum()), frame
 
@@ -212,25 +261,23 @@ def _rotation(frame: np.ndarray, guess: Guess) -> np.ndarray:
     return frame @ np.asarray(turned(guess.tilt))
 
 
-def _episodes(
-    parts: Sequence[Session], states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap
-) -> tuple[Episode, ...]:
-    own = _by_part(states, parts)
-    return tuple(_episode(part, each, arm, layout, told) for part, each in zip(parts, own, strict=True))
+def _episodes(parts: Sequence[Session], arm: ArmSpec, rig: Rig, told: LogMap) -> tuple[Episode, ...]:
+    own = _by_part(rig.in_base(_measured(parts, told)), parts)
+    return tuple(_episode(part, each, arm, rig, told) for part, each in zip(parts, own, strict=True))
 
 
 def _by_part(rows: np.ndarray, parts: Sequence[Session]) -> list[np.ndarray]:
     return np.split(rows, np.cumsum([len(part) for part in parts])[:-1])
 
 
-def _episode(part: Session, states: np.ndarray, arm: ArmSpec, layout: Layout, told: LogMap) -> Episode:
+def _episode(part: Session, states: np.ndarray, arm: ArmSpec, rig: Rig, told: LogMap) -> Episode:
     """What was sent at a step is what is in effect at the next one where rows were measured after their command."""
     commands = commands_of(part)
     sent = np.concatenate([commands[1:], commands[-1:]]) if settled(told) else commands
     columns = {
         "time": part.time - part.time[0],
-        "actions": layout.cables(sent),
-        "sensor.cables": layout.cables(_in_effect(part, told)),
+        "actions": rig.cables(sent),
+        "sensor.cables": rig.cables(_in_effect(part, told)),
         "sensor.states": states,
     }
     label = str(part.labels[0])

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from s2c2a.logs.importing import Imported
+from s2c2a.logs.importing import Again, Imported
 
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
@@ -15,7 +15,7 @@ def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
             off = np.rad2deg(errors.angles[drive]) if errors else np.nan
             pulls = layout.factor[module, cable] < 0 or imported.arm.actuation == "tension"
             yield (
-                imported.names[drive],
+                imported.rig.names[drive],
                 str(module),
                 f"{layout.angles_deg[module, cable]:.1f} +- {off:.1f}",
                 "pull" if pulls else "release",
@@ -25,17 +25,36 @@ def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
 
 def summary(imported: Imported) -> list[str]:
     """Lines: episodes, steps, what of the truth is known, residual, doubts."""
-    steps = sum(map(len, imported.episodes))
     lines = [
-        f"{len(imported.episodes)} episodes of {_range(map(len, imported.episodes))} steps, {steps} in all, of "
-        f"{imported.rows} rows" + (f"; {imported.broken} rows were broken and are gaps" if imported.broken else ""),
-        f"truth: {_known(imported)}",
+        *_read(imported),
         f"frame: ends of the model are {1e3 * imported.residual:.1f} mm (rms) from those seen; cables of outer modules "
         f"{'bend' if imported.motors.coupled else 'do not bend'} inner ones",
-        f"base in the log's frame: {_vector(imported.base)} m, x along {_vector(imported.axes[0])}, "
-        f"z along {_vector(imported.axes[2])}",
+        f"base in the log's frame: {_vector(imported.rig.base)} m, x along {_vector(imported.rig.axes[0])}, "
+        f"z along {_vector(imported.rig.axes[2])}",
     ]
     return lines + [f"could not be told apart: {doubt}" for doubt in imported.doubts]
+
+
+def summary_again(again: Again) -> list[str]:
+    """The same of another session, and how far the tip is from where it was in the first."""
+    offset, off = 1e3 * np.median(again.apart, axis=0), 1e3 * np.median(np.linalg.norm(again.apart, axis=-1))
+    moved = ", ".join(f"{one:.1f}" for one in offset)
+    return [
+        *_read(again),
+        f"frame and cables: as in the first recording; where its cables stood much alike, in {len(again.apart)} steps, "
+        f"the tip is {off:.1f} mm (median) from where it was then, ({moved}) mm in the middle: if that is more than "
+        "cables remember, a camera or a motor has moved, and this session is better imported by itself",
+    ]
+
+
+def _read(imported: Imported | Again) -> list[str]:
+    steps = sum(map(len, imported.episodes))
+    broken = f"; {imported.broken} rows were broken and are gaps" if imported.broken else ""
+    return [
+        f"{len(imported.episodes)} episodes of {_range(map(len, imported.episodes))} steps, {steps} in all, of "
+        f"{imported.rows} rows{broken}",
+        f"truth: {_known(imported)}",
+    ]
 
 
 def _vector(numbers: np.ndarray) -> str:
@@ -47,7 +66,7 @@ def _range(numbers) -> str:
     return str(low) if low == high else f"{low} to {high}"
 
 
-def _known(imported: Imported) -> str:
+def _known(imported: Imported | Again) -> str:
     states = np.concatenate([episode.sensor("states") for episode in imported.episodes])
     known = np.isfinite(states)
     parts = []

@@ -27,8 +27,8 @@ from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard,
 from s2c2a.programs import compiled
 
 AXES = 0.5
-"""Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where an arm cannot have both, as one that
-is shorter than its file says, its ends stay near their places."""
+"""Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where an arm cannot have both, as one
+that is shorter than its file says, its ends stay near their places."""
 WORKSPACE_SHARE = 0.46 / 0.6
 """Half the width of the paper's workspace over the length of its arm (Chen et al. 2025, sec. II-D)."""
 
