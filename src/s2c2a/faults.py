@@ -12,18 +12,20 @@ MOST, LONGEST_NAME, LONGEST = 20, 64, 400  # told, of a file that may be all fau
 WORDS = {
     "missing": "this key is missing",
     "string_type": "write text, in quotes",
-    "float_type": "write a number",
-    "bool_type": "write true or false",
     "tuple_type": "write a list, in brackets",
     "model_type": "write a table of keys",
-    "string_pattern_mismatch": "this text is not of the form that is asked for",
+    "dataclass_type": "write a table of keys",
 }
-WORDS |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "write a whole number, without quotes")
+WORDS |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number is needed, without quotes")
+WORDS |= dict.fromkeys(("float_type", "float_parsing"), "a number is needed, without quotes")
+WORDS |= dict.fromkeys(("bool_type", "bool_parsing"), "write true or false, without quotes")
 """By kind of fault, where pydantic speaks of Python."""
+UNKNOWN = "extra_forbidden", "unexpected_keyword_argument"
 KEY_WORDS = {"literal_error": "write {expected}", "finite_number": "write a finite number"}
 KEY_WORDS |= {"less_than_equal": "write {le} or less", "greater_than_equal": "write {ge} or more"}
 KEY_WORDS |= {"less_than": "write less than {lt}", "greater_than": "write more than {gt}"}
 KEY_WORDS |= {"too_short": "give at least {min_length}", "too_long": "give at most {max_length}"}
+KEY_WORDS |= {"string_pattern_mismatch": "write text of the form {pattern}"}
 KEY_WORDS |= {"string_too_short": "write something", "string_too_long": "write at most {max_length} letters"}
 """The same, with what is allowed."""
 
@@ -42,8 +44,8 @@ def told(
     known = [name for kind in kinds for name in kind.model_fields]
     faults = error.errors(include_url=False)
     # where every part of a list is faulty, pydantic adds that none is left: true, and no help
-    inside = {fault["loc"][0] for fault in faults if len(fault["loc"]) > 1}
-    faults = [fault for fault in faults if not (fault["type"] == "too_short" and {*fault["loc"]} <= inside)]
+    inside = {fault["loc"][:count] for fault in faults for count in range(len(fault["loc"]))}
+    faults = [fault for fault in faults if not (fault["type"] == "too_short" and fault["loc"] in inside)]
     lines = [heading.replace("{count}", str(len(faults)))]
     for fault in faults[:MOST]:
         lines.append(f"  {_place(fault)}: {said(fault, known)[:LONGEST]}{_got(fault)}{hint(fault) if hint else ''}")
@@ -53,7 +55,7 @@ def told(
 def said(fault: Any, known: Iterable[str] = ()) -> str:
     """What is wrong, and what is allowed."""
     kind = fault["type"]
-    if kind == "extra_forbidden":
+    if kind in UNKNOWN:
         near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], list(known), n=1)
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     allowed = KEY_WORDS.get(kind, "").format(**fault.get("ctx", {}))

@@ -25,7 +25,8 @@ def import_(
 ) -> None:
     """Make a recording of logs of an arm: CSV, NPZ or MAT, told by a map file (docs/real-data.md).
 
-    Writes the recording, and beside it the arm file that was found, with the uncertainty of each number.
+    Writes the recording, and beside it the arm file that was found, with the uncertainty of each number; with
+    --like the recording alone.
 
     Args:
         logs: files of measurements; each is a session, or as many as the map joins are.
@@ -45,9 +46,9 @@ def import_(
         raise S2C2AError("say which logs to import: s2c2a import LOG... --map FILE --out FILE")
     if arm and like:
         raise S2C2AError("--arm and --like were given; the arm is that of the recording, so leave --arm out")
-    there = [path for path in (out, *([] if like else [arm_file_of(out)])) if path.exists()]
-    if there and not overwrite:
-        raise S2C2AError(f"{there[0]} exists; choose another name, or say --overwrite")
+    there = [path for path in (out, arm_file_of(out)) if path.exists()]
+    if there and (like or not overwrite):  # what --like writes stands beside no arm file, nor over what it is like
+        raise S2C2AError(f"{there[0]} exists; choose another name{'' if like else ', or say --overwrite'}")
     told = load_map(map)
     options = {"map": map.name, "logs": [path.name for path in logs], **told.source.model_dump()}
     if like:

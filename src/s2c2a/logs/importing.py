@@ -20,7 +20,7 @@ from s2c2a.logs.frames import Registration, first_registration
 from s2c2a.logs.map import LogMap
 from s2c2a.logs.resampling import stretches
 from s2c2a.logs.resampling import told as commands_of
-from s2c2a.logs.rig import Rig, apart
+from s2c2a.logs.rig import KEY, Nearby, Rig, nearby
 from s2c2a.logs.session import Session, session_of
 from s2c2a.logs.tables import Asked, read_table
 from s2c2a.logs.tendons import Guess, turned
@@ -87,9 +87,11 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
     else:
         text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
     axes = _turn(layout.turn) @ _rotation(seen.frame, fit.guess).T
-    rig = Rig(_names(told), layout.drive, layout.factor, fit.guess.base, axes)
+    rig = Rig.found(told, layout.drive, layout.factor, np.asarray(fit.guess.base), axes)
     episodes = _episodes(parts, arm, rig, told)
-    return Imported(arm, text, episodes, rig, layout, fit, motors, residual, _stand(told), tuple(doubts), broken, rows)
+    return Imported(
+        arm, text, episodes, rig, layout, fit, motors, residual, _at_rest(told), tuple(doubts), broken, rows
+    )
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,7 @@ class Again:
     Attributes:
         episodes: in its base frame.
         rig: of the first session.
-        apart: how far the tip is from where it was then, of those rows whose cables stood much as then [m], shape
-            (rows, 3): what cameras and motors moved in between, and what cables remember.
+        nearby: the rows whose cables stood most as they did then.
         at_rest: whether every row is a shape at rest.
         broken: rows that could not be read.
         rows: that were read.
@@ -108,7 +109,7 @@ class Again:
 
     episodes: tuple[Episode, ...]
     rig: Rig
-    apart: np.ndarray
+    nearby: Nearby
     at_rest: bool
     broken: int
     rows: int
@@ -123,19 +124,17 @@ def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Record
         first: the recording that the earlier import made.
 
     Raises:
-        LogError: a file cannot be used, or the recording was made of no log, or of other columns.
+        LogError: a file cannot be used, the recording was made of no log, or the map tells of another arm.
     """
-    rig = Rig.kept_in(first.options)
-    if rig.names != _names(told):
-        raise LogError(f"the map's drives are {', '.join(_names(told))}; that recording has {', '.join(rig.names)}")
+    rig = Rig.of(first, told)
     parts, rows, broken = _parts(paths, told)
     episodes = _episodes(parts, first.arm, rig, told)
     now, then = (
         [np.concatenate([one.sensor(name) for one in some]) for name in ("cables", "states")]
         for some in (episodes, first.episodes)
     )
-    moved = apart(now[0], now[1][:, -1, POSITION], then[0], then[1][:, -1, POSITION])
-    return Again(episodes, rig, moved, _stand(told), broken, rows)
+    near = nearby(now[0], now[1][:, -1, POSITION], then[0], then[1][:, -1, POSITION])
+    return Again(episodes, rig, near, _at_rest(told), broken, rows)
 
 
 def _parts(paths: Sequence[str | os.PathLike], told: LogMap) -> tuple[list[Session], int, int]:
@@ -149,11 +148,7 @@ def _parts(paths: Sequence[str | os.PathLike], told: LogMap) -> tuple[list[Sessi
     return parts, sum(map(len, sessions)), sum(one.broken for one in sessions)
 
 
-def _names(told: LogMap) -> tuple[str, ...]:
-    return tuple(drive.measured or drive.commanded or "" for drive in told.drives)
-
-
-def _stand(told: LogMap) -> bool:
+def _at_rest(told: LogMap) -> bool:
     return told.rows.kind == "steps"
 
 
@@ -169,7 +164,7 @@ def save_imported(imported: Imported | Again, path: str | os.PathLike, options: 
         S2C2AError: one of them cannot be written.
     """
     said = {"babbling": "imported log", "body": "a log", "episodes": len(imported.episodes)}
-    said |= {"at_rest": imported.at_rest} | imported.rig.kept()
+    said |= {"at_rest": imported.at_rest, KEY: imported.rig.model_dump()}
     if isinstance(imported, Again):
         save_episodes(imported.episodes, path, options | said)
         return None

@@ -20,11 +20,13 @@ Three = tuple[Number, Number, Number]
 Part = Annotated[int, Field(ge=0, lt=MOST_MODULES)]
 
 
-class _Frozen(BaseModel):
+class Frozen(BaseModel):
+    """A table of numbers and words, checked when built."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Source(_Frozen):
+class Source(Frozen):
     """Where a log comes from; kept with what is made of it."""
 
     name: str = Field(default="", max_length=LONGEST, description="whose arm, which session")
@@ -33,7 +35,7 @@ class Source(_Frozen):
     licence: str = Field(default="", max_length=LONGEST, description="under which it may be used")
 
 
-class Rows(_Frozen):
+class Rows(Frozen):
     """How rows follow each other, and where episodes end."""
 
     kind: Literal["timed", "steps"] = Field(
@@ -74,7 +76,7 @@ class Rows(_Frozen):
         return self
 
 
-class Join(_Frozen):
+class Join(Frozen):
     """Several files of one session, rows matched by a key."""
 
     key: Column = Field(description="column that every file has")
@@ -83,14 +85,14 @@ class Join(_Frozen):
     )
 
 
-class Pulled(_Frozen):
+class Pulled(Frozen):
     """A cable that a motor pulls."""
 
     turn_deg: Number = Field(default=0.0, ge=-360, le=360, description="how far round from the motor's direction [deg]")
     sign: Literal[-1, 1] = Field(default=1, description="-1 where it is let go while the motor pulls")
 
 
-class Drive(_Frozen):
+class Drive(Frozen):
     """A motor's column, and the cables on it."""
 
     commanded: Column | None = Field(default=None, description="column of what it was told")
@@ -117,7 +119,7 @@ class Drive(_Frozen):
         return self
 
 
-class End(_Frozen):
+class End(Frozen):
     """The end of a module, as something outside saw it."""
 
     module: Part | None = Field(default=None, description="from 0 at the base; the last one if none")
@@ -149,7 +151,7 @@ class End(_Frozen):
         return self
 
 
-class Frame(_Frozen):
+class Frame(Frozen):
     """The frame in which positions were measured."""
 
     along: Annotated[str, Field(pattern=SIGNED_AXIS)] | Three | None = Field(
@@ -162,7 +164,7 @@ class Frame(_Frozen):
     base: Three | None = Field(default=None, description="where the base is in it, in metres; found if none")
 
 
-class KnownArm(_Frozen):
+class KnownArm(Frozen):
     """What the user knows of the arm; what is left out is found, or a guess that the arm file marks."""
 
     name: str = Field(pattern=NAME, description="of the arm")
@@ -193,7 +195,7 @@ class KnownArm(_Frozen):
         return self
 
 
-class LogMap(_Frozen):
+class LogMap(Frozen):
     """What a log holds."""
 
     source: Source = Source()

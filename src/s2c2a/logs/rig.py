@@ -3,75 +3,138 @@
 An import finds it and leaves it in its recording, so that another session of the same arm can be read alike.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field, ValidationError, model_validator
 
+from s2c2a.arm import ArmSpec
+from s2c2a.data import Recording
 from s2c2a.logs.errors import LogError
+from s2c2a.logs.map import MOST_CABLES, Column, Frozen, LogMap, Three
+from s2c2a.logs.session import factor_of
+from s2c2a.logs.tables import listed
 
 KEY = "rig"
 NEAREST = 0.1  # share of the rows that are compared with another recording: those whose cables stood nearest to its own
+Drive = Annotated[int, Field(ge=0, lt=MOST_CABLES)]
 
 
-@dataclass(frozen=True)
-class Rig:
+class Rig(Frozen):
     """See the module.
 
     Attributes:
         names: of the drives: their columns.
-        drive: number of the drive on each cable, shape (modules, cables).
-        factor: displacement [m], positive where the cable gets longer, or tension [N], for a unit of the column.
+        scales: what turned these columns into metres or newtons.
+        drive: number of the drive on each cable, by module and cable.
+        factor: displacement [m], positive where the cable gets longer, or tension [N], for a unit of the drive.
         base: of the arm, in the log's frame [m].
-        axes: x, y and z of the arm's base frame there, shape (3, 3).
+        axes: x, y and z of the arm's base frame there.
     """
 
-    names: tuple[str, ...]
-    drive: np.ndarray
-    factor: np.ndarray
-    base: np.ndarray
-    axes: np.ndarray
+    names: tuple[Column, ...] = Field(max_length=MOST_CABLES)
+    scales: tuple[float, ...] = Field(max_length=MOST_CABLES)
+    drive: tuple[tuple[Drive, ...], ...] = Field(max_length=MOST_CABLES)
+    factor: tuple[tuple[float, ...], ...] = Field(max_length=MOST_CABLES)
+    base: Three
+    axes: tuple[Three, Three, Three]
+
+    @model_validator(mode="after")
+    def _fits_together(self):
+        counts = [[len(row) for row in rows] for rows in (self.drive, self.factor)]
+        if counts[0] != counts[1] or len(self.scales) != len(self.names):
+            raise ValueError("its numbers of cables or drives disagree")
+        if max((drive for row in self.drive for drive in row), default=0) >= len(self.names):
+            raise ValueError(f"it names a drive beyond the {len(self.names)} there are")
+        if not np.allclose(np.array(self.axes) @ np.array(self.axes).T, np.eye(3), atol=1e-3):
+            raise ValueError("its axes are not those of a frame")
+        return self
 
     @classmethod
-    def kept_in(cls, options: Mapping[str, Any]) -> "Rig":
-        """That of a recording.
+    def found(cls, told: LogMap, drive: np.ndarray, factor: np.ndarray, base: np.ndarray, axes: np.ndarray) -> "Rig":
+        """What an import found, for the drives of a map."""
+        arrays = {"drive": drive, "factor": factor, "base": base, "axes": axes}
+        return cls(names=_names(told), scales=_scales(told), **{name: one.tolist() for name, one in arrays.items()})
+
+    @classmethod
+    def of(cls, recording: Recording, told: LogMap) -> "Rig":
+        """That of a recording, for another log of the same arm.
 
         Raises:
-            LogError: it was not made of a log.
+            LogError: it was made of no log, or the map tells of another arm or other drives.
         """
-        kept = options.get(KEY)
-        if not isinstance(kept, Mapping) or set(kept) != set(cls.__dataclass_fields__):
-            raise LogError("that recording does not say how cameras and motors stood: import its logs anew")
-        arrays = {name: np.array(kept[name], int if name == "drive" else float) for name in kept if name != "names"}
-        return cls(tuple(map(str, kept["names"])), **arrays)
+        try:
+            rig = cls.model_validate(recording.options.get(KEY))
+        except ValidationError as error:
+            raise LogError(
+                "that recording does not say how cameras and motors stood; import its logs anew, without --like"
+            ) from error
+        rig._check(recording.arm, told)
+        return rig
 
-    def kept(self) -> dict[str, Any]:
-        """What a recording keeps of it."""
-        rounded = {name: np.round(getattr(self, name), 9).tolist() for name in ("factor", "base", "axes")}
-        return {KEY: {"names": list(self.names), "drive": self.drive.tolist(), **rounded}}
+    def _check(self, arm: ArmSpec, told: LogMap) -> None:
+        """Refuse a map that would be read otherwise than the first one."""
+        pairs = {
+            "modules": (told.arm.modules, arm.module_count),
+            "control_rate": (float(told.arm.control_rate), float(arm.control_rate)),
+            "the drives": (listed(_names(told)), listed(self.names)),
+            "the units of the drives": (_scales(told), self.scales),
+        }
+        for what, (asked, there) in pairs.items():
+            if asked != there:
+                raise LogError(f"{what} in the map: {asked}; in that recording: {there}; let the map say the same")
+        if np.shape(self.drive) != (arm.module_count, arm.cable_count):
+            raise LogError(f"that recording's rig is not one of '{arm.name}'; import its logs anew, without --like")
 
     def cables(self, columns: Float[np.ndarray, "rows drives"]) -> Float[np.ndarray, "rows modules cables"]:
         """What the arm's cables do, when the drives' columns say this."""
-        return columns[:, self.drive] * self.factor
+        return columns[:, np.array(self.drive)] * np.array(self.factor)
 
     def in_base(self, states: Float[np.ndarray, "rows modules 6"]) -> Float[np.ndarray, "rows modules 6"]:
         """What was seen in the log's frame, in the arm's base frame."""
-        turned = self.axes.T
+        turned = np.array(self.axes).T
         return np.concatenate([(states[..., :3] - self.base) @ turned, states[..., 3:] @ turned], axis=-1)
 
 
-def apart(
+class Nearby(NamedTuple):
+    """Rows of a session whose cables stood nearest to some of the first one.
+
+    Attributes:
+        moved: of the tip from where it was then [m], base frame, shape (rows, 3).
+        cables: how far the cables' displacements [m] or tensions [N] were from those then, root of the mean square,
+            shape (rows,).
+    """
+
+    moved: Float[np.ndarray, "rows 3"]
+    cables: Float[np.ndarray, " rows"]
+
+
+def nearby(
     cables: Float[np.ndarray, "rows modules cables"],
     tips: Float[np.ndarray, "rows 3"],
-    others: Float[np.ndarray, "others modules cables"],
-    seen: Float[np.ndarray, "others 3"],
-) -> Float[np.ndarray, "near 3"]:
-    """Of rows whose cables stood nearest to others: how far the tip [m] is from where it was there."""
+    first_cables: Float[np.ndarray, "others modules cables"],
+    first_tips: Float[np.ndarray, "others 3"],
+) -> Nearby:
+    """Hold a session against the first one; without a row where neither saw the tip."""
     from scipy.spatial import KDTree  # noqa: PLC0415 (heavy)
 
-    known, there = np.isfinite(tips).all(axis=-1), np.isfinite(seen).all(axis=-1)
-    distances, places = KDTree(others[there].reshape(there.sum(), -1)).query(cables[known].reshape(known.sum(), -1))
+    sides = []
+    for moved, seen in ((cables, tips), (first_cables, first_tips)):
+        flat = moved.reshape(len(moved), -1)
+        whole = np.isfinite(seen).all(axis=-1) & np.isfinite(flat).all(axis=-1)
+        sides.append((flat[whole], seen[whole]))
+    (now, tip), (then, there) = sides
+    if not len(now) or not len(then):
+        return Nearby(np.zeros((0, 3)), np.zeros(0))
+    distances, places = KDTree(then).query(now)
     near = distances <= np.quantile(distances, NEAREST)
-    return (tips[known] - seen[there][places])[near]
+    return Nearby((tip - there[places])[near], distances[near] / np.sqrt(now.shape[1]))
+
+
+def _names(told: LogMap) -> tuple[str, ...]:
+    return tuple(drive.measured or drive.commanded or "" for drive in told.drives)
+
+
+def _scales(told: LogMap) -> tuple[float, ...]:
+    return tuple(float(factor_of(drive, told)) for drive in told.drives)

@@ -1,6 +1,6 @@
 """What an import found, in words."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -37,13 +37,18 @@ def summary(imported: Imported) -> list[str]:
 
 def summary_again(again: Again) -> list[str]:
     """The same of another session, and how far the tip is from where it was in the first."""
-    offset, off = 1e3 * np.median(again.apart, axis=0), 1e3 * np.median(np.linalg.norm(again.apart, axis=-1))
-    moved = ", ".join(f"{one:.1f}" for one in offset)
+    said = [*_read(again), "frame and cables: as in the first recording"]
+    moved, cables = again.nearby
+    if not len(moved):
+        return [*said, "the tip was not seen in both sessions, so whether a camera or a motor moved cannot be told"]
+    unit = "N" if again.episodes[0].arm.actuation == "tension" else "mm"
+    size = 1e3 if unit == "mm" else 1.0
     return [
-        *_read(again),
-        f"frame and cables: as in the first recording; where its cables stood much alike, in {len(again.apart)} steps, "
-        f"the tip is {off:.1f} mm (median) from where it was then, ({moved}) mm in the middle: if that is more than "
-        "cables remember, a camera or a motor has moved, and this session is better imported by itself",
+        *said,
+        f"in the {len(moved)} steps whose cables stood most as they did then, within {size * np.median(cables):.2g} "
+        f"{unit} (median), the tip is {1e3 * np.median(np.linalg.norm(moved, axis=-1)):.1f} mm from where it was then "
+        f"(median; by {_vector(1e3 * np.median(moved, axis=0), 1)} mm in the base frame): if that is more than cables "
+        "remember, a camera or a motor has moved, and this session is better imported by itself",
     ]
 
 
@@ -57,8 +62,8 @@ def _read(imported: Imported | Again) -> list[str]:
     ]
 
 
-def _vector(numbers: np.ndarray) -> str:
-    return f"({', '.join(f'{number:.4f}' for number in numbers)})"
+def _vector(numbers: Iterable[float], digits: int = 4) -> str:
+    return f"({', '.join(f'{number:.{digits}f}' for number in numbers)})"
 
 
 def _range(numbers) -> str:

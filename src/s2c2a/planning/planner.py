@@ -26,7 +26,7 @@ from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
 from s2c2a.programs import compiled
 
-AXES = 0.5
+AXES_WEIGHT = 0.5
 """Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where an arm cannot have both, as one
 that is shorter than its file says, its ends stay near their places."""
 WORKSPACE_SHARE = 0.46 / 0.6
@@ -86,7 +86,7 @@ class PlannerOptions:
 PAPER = PlannerOptions(
     Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
 )
-_WANTED = terms.Positions(), terms.Axes(AXES), terms.Shape(), terms.Evenness()
+_WANTED = terms.Positions(), terms.Axes(AXES_WEIGHT), terms.Shape(), terms.Evenness()
 _KEPT = terms.BendChange(), terms.Doubt(), terms.Limits(), terms.Obstacles()
 BEST = PlannerOptions(LeastSquares(), _WANTED + _KEPT, (Detour(), Pull()), engaged_slopes=True, rescue=Rescue())
 
