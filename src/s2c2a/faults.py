@@ -16,9 +16,9 @@ WORDS = {
     "model_type": "write a table of keys",
     "dataclass_type": "write a table of keys",
 }
-WORDS |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number is needed, without quotes")
-WORDS |= dict.fromkeys(("float_type", "float_parsing"), "a number is needed, without quotes")
-WORDS |= dict.fromkeys(("bool_type", "bool_parsing"), "write true or false, without quotes")
+WORDS |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "write a whole number")
+WORDS |= dict.fromkeys(("float_type", "float_parsing"), "write a number")
+WORDS |= dict.fromkeys(("bool_type", "bool_parsing"), "write true or false")
 """By kind of fault, where pydantic speaks of Python."""
 UNKNOWN = "extra_forbidden", "unexpected_keyword_argument"
 KEY_WORDS = {"literal_error": "write {expected}", "finite_number": "write a finite number"}

@@ -72,6 +72,6 @@ def test_faults_are_told_in_plain_words():
     with pytest.raises(LogError) as caught:
         map_from_toml(text)
     said = str(caught.value)
-    assert "arm.modules: a whole number is needed, without quotes (got 'three')" in said
+    assert "arm.modules: write a whole number (got 'three')" in said
     assert "arm.control_rate: write 0.5 or more" in said
     assert "Input" not in said

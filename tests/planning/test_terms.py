@@ -12,7 +12,7 @@ from s2c2a.arm import load_arm
 from s2c2a.goals import MOST_OBSTACLES
 from s2c2a.kinematics import PCCForwardModel, configurations_from_bends, states_from_bends
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
-from s2c2a.planning.planner import Step
+from s2c2a.planning.planner import AXES_WEIGHT, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
 from s2c2a.planning.terms import guarded_points, norm
 
@@ -302,7 +302,7 @@ def test_every_module_can_be_asked_for(residuals_at):
 def test_an_axis_is_missed_as_it_is(residuals_at):
     wanted = np.array([0.6, 0.0, 0.8])
     missed = residuals_at(NEXT, Goal.of(3).with_axis(wanted, weight=2.0))["axis"].reshape(3, 3)
-    np.testing.assert_allclose(missed[-1], np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - wanted), atol=1e-5)
+    np.testing.assert_allclose(missed[-1], AXES_WEIGHT * np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - wanted), atol=1e-5)
     assert not missed[:2].any()
 
 

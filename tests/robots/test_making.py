@@ -86,7 +86,7 @@ def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_m
 
 REFUSED = {
     "an option that it does not take": ("Own", {"colour": "red"}, r"Own takes no option 'colour'; it takes port, baud"),
-    "a word for a number": ("Own", {"baud": "fast"}, r"option baud=fast of Own: .*integer"),
+    "a word for a number": ("Own", {"baud": "fast"}, r"option baud=fast of Own: write a whole number"),
     "another word than those": ("Own", {"grip": "firm"}, r"option grip=firm of Own: .*'soft' or 'hard'"),
     "no number": ("Own", {"gain": "much"}, r"option gain=much of Own: .*number"),
     "one that it cannot do without": ("Needy", {}, r"Needy needs port; say --robot-option port=..."),
