@@ -4,6 +4,7 @@ import pytest
 
 from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
 from s2c2a.strategies import TrainedNetworks, save_strategy
+from s2c2a.studies.calibration import C2S_ERROR
 from s2c2a.studies.circle import track_circle
 
 
@@ -49,6 +50,10 @@ def test_with_the_papers_recipe_the_simulated_arm_follows_the_circle_as_well_as_
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
 def test_with_the_papers_recipe_the_controller_learns_to_the_papers_held_out_error(name, trained_as_the_paper):
     assert trained_as_the_paper[name].percent["C2A"][0] <= 0.91
+
+
+def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
+    assert C2S_ERROR.holds(trained_as_the_paper["twin_arm"].percent["C2S"][0])
 
 
 def test_with_the_papers_recipe_the_simulated_arms_forward_model_errs_by_less_than_one_percent(trained_as_the_paper):
