@@ -1,0 +1,20 @@
+"""Progress where nobody watches: lines in a file, now and then, so that a log tells how far work is."""
+
+from s2c2a.cli import console
+
+
+def lines_of(capsys) -> list[str]:
+    with console.progress_bar() as progress:
+        for done in range(4):
+            progress("training C2S", done, 3)
+        progress("making runs", 1, 9)
+    return capsys.readouterr().err.splitlines()
+
+
+def test_each_piece_of_work_has_its_line(capsys):
+    assert lines_of(capsys) == ["training C2S ...", "making runs ..."]
+
+
+def test_long_work_says_how_far_it_is(capsys, monkeypatch):
+    monkeypatch.setattr(console, "BETWEEN_LINES", 0.0)
+    assert lines_of(capsys)[1:4] == [f"training C2S: {done} of 3" for done in (1, 2, 3)]
