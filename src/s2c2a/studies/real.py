@@ -104,7 +104,7 @@ def real_rows(
     others = [load_recording(path) for path in unseen]
     shapes = {(one.arm.module_count, one.arm.cable_count) for one in (whole, *others)}
     if len(shapes) > 1:
-        raise RecordingError("other recordings must be of the same arm; import them with --arm and its arm file")
+        raise RecordingError("other recordings must be of the same arm; import them --like the first")
     splits = [blocks_of(whole, block)] if block > 0 else []
     splits += [last_of(whole, last)] if last > 0 else []
     splits = splits or [Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))]
