@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 ONE, EACH = "one", "each"
 """What tells two kinds of value of one key apart; no user has written it."""
@@ -30,18 +30,18 @@ KEY_WORDS |= {"string_too_short": "write something", "string_too_long": "write a
 """The same, with what is allowed."""
 
 
-def told(
-    error: ValidationError, heading: str, kinds: Iterable[type[BaseModel]], hint: Callable[[Any], str] | None = None
+def explained(
+    error: ValidationError, heading: str, known: Iterable[str], hint: Callable[[Any], str] | None = None
 ) -> str:
     """A heading, and a line for each fault.
 
     Args:
         error: what pydantic found.
         heading: of what, with {count} where the number of faults stands.
-        kinds: tables that the file can have; their keys are offered where one is misspelt.
+        known: keys that the file can have, offered where one is misspelt.
         hint: what else to say of a fault, if anything.
     """
-    known = [name for kind in kinds for name in kind.model_fields]
+    known = set(known)
     faults = error.errors(include_url=False)
     # where every part of a list is faulty, pydantic adds that none is left: true, and no help
     inside = {fault["loc"][:count] for fault in faults for count in range(len(fault["loc"]))}
@@ -56,7 +56,7 @@ def said(fault: Any, known: Iterable[str] = ()) -> str:
     """What is wrong, and what is allowed."""
     kind = fault["type"]
     if kind in UNKNOWN:
-        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], list(known), n=1)
+        near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], sorted(known), n=1)
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     allowed = KEY_WORDS.get(kind, "").format(**fault.get("ctx", {}))
     return WORDS.get(kind) or allowed or fault["msg"].removeprefix("Value error, ")

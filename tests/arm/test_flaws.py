@@ -38,7 +38,7 @@ def test_flaws_come_back_as_they_were_written(make_arm):
     [
         ("radius_errors = [0.1, 0.2]", "flaws.radius_errors has 2 numbers; give one for each of the 3 cables"),
         ("radius_errors = [0.1, 0.2, 0.9]", "flaws.radius_errors: write 0.5 or less"),
-        ("radius_errors = []", "flaws.radius_errors: write -0.5 or more"),
+        ("radius_errors = []", "flaws.radius_errors: give at least 1"),
         ('angle_errors_deg = [0.0, 0.0, "5"]', "a number is needed, without quotes, got '5'"),
         ("angle_errors_deg = [-40.0, 40.0, 0.0]", "leave a gap of 200 deg"),
         ("relaxing = [0.6, 0.4]", "below 1 together"),

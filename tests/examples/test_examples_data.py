@@ -54,7 +54,12 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
         main(command)
     assert "--overwrite" in capsys.readouterr().err
     other = tmp_path / "val.episodes"
-    main(["import", str(DATA / "opencr_v4" / "val.csv.gz"), *command[2:4], "--like", str(out), "--out", str(other)])
-    assert "mm from where it was then" in capsys.readouterr().out
+    again = ["import", str(DATA / "opencr_v4" / "val.csv.gz"), *command[2:4], "--like", str(out), "--overwrite"]
+    for _ in range(2):
+        main([*again, "--out", str(other)])
+        assert "mm from where it was then" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([*again, "--out", str(out)])
+    assert "choose another name" in capsys.readouterr().err
     assert load_recording(other).arm == recording.arm
     assert not (tmp_path / "val.arm.toml").exists()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_logs import recorded, written  # type: ignore[import-not-found]
 
-from s2c2a.logs import import_again, map_from_toml, summary
+from s2c2a.logs import import_again, import_logs, map_from_toml, summary
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.rig import Rig, nearby
 
@@ -26,9 +26,9 @@ def first(twin, tmp_path_factory):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('measured = "m0"', 'measured = "m1"', "the drives in the map: m1"),
-        ('unit = "mm"\n', 'unit = "m"\n', "the units of the drives in the map"),
-        ("control_rate = 10", "control_rate = 20", "control_rate in the map: 20.0; in that recording: 10.0"),
+        ('measured = "m0"', 'measured = "m1"', "the drives: m1"),
+        ('unit = "mm"\n', 'unit = "m"\n', "metres or newtons"),
+        ("control_rate = 10", "control_rate = 20", "control_rate: 20.0 in the map, 10.0 with the arm"),
     ],
 )
 def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
@@ -36,6 +36,13 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
     assert old in log.map
     with pytest.raises(LogError, match=said):
         import_again([log.log], map_from_toml(log.map.replace(old, new, 1)), recording)
+
+
+def test_an_arm_that_the_map_does_not_tell_of_is_refused_before_anything_is_fitted(first, twin):
+    log, _ = first
+    for changed in ({"control_rate": 50.0}, {"modules": twin.modules[:2]}):
+        with pytest.raises(LogError, match=f"{next(iter(changed))}: .* in the map"):
+            import_logs([log.log], map_from_toml(log.map), twin.model_copy(update=changed))
 
 
 @pytest.mark.parametrize(

@@ -80,12 +80,9 @@ def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
 def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
     """The tip on the arm's axis, but lower: a straight arm could go to any side, and so goes to none."""
     goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
-    even = tuple(
-        Axes() if isinstance(term, Axes) else term for term in BEST.terms
-    )  # places and axes as starts are judged
-    best = batch_of(replace(BEST, rescue=NO_RESCUE, terms=even)).best(
-        np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40
-    )
+    even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)  # as starts are judged
+    batch = batch_of(replace(BEST, rescue=NO_RESCUE, terms=even))
+    best = batch.best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
     assert best.value < 0.9 * best.values[0]
 
 

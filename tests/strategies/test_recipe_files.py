@@ -38,8 +38,8 @@ def test_names_and_files_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda text: text.replace("correction =", "corection ="), "corection"),
-        (lambda text: text.replace("depth =", "dept ="), "dept"),
+        (lambda text: text.replace("correction =", "corection ="), "corection: no such key; did you mean correction"),
+        (lambda text: text.replace("depth =", "dept ="), "dept: no such key; did you mean depth"),
         (lambda text: text.replace("iterations = 20", "iterations = 0"), "0 iterations"),
         (lambda text: text.replace("iterations = 20", "iterations = 'many'"), "iterations"),
         (lambda text: text[: text.index("[c2s]")], "c2s"),

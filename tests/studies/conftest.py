@@ -1,4 +1,4 @@
-"""Both networks of both arms, for both recipes: ours as shipped, the paper's trained once for all tests."""
+"""The real pipeline, once for all tests: 9000 samples and both networks of both arms, for both recipes."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
-from s2c2a.jobs import Cache, RecordingArtifact, made
+from s2c2a.jobs import Cache, NetworksArtifact, RecordingArtifact, made
 from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import recipe_named, shipped_networks, train_s2c2a
 from s2c2a.studies.circle import ARMS
@@ -23,9 +23,10 @@ def cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def trained():
-    """Both arms' networks by the recipe `best`, as they are shipped: name -> TrainedNetworks."""
-    return {name: shipped_networks(load_arm(name)) for name in ARMS}
+def trained(cache):
+    """Both arms' networks by the recipe `best`: name -> TrainedNetworks; one anew, the other as it is shipped."""
+    shipped = {name: shipped_networks(load_arm(name)) for name in ARMS}
+    return shipped | {"twin_arm": made(NetworksArtifact(load_arm("twin_arm"), recipe_named("best"), seed=0), cache)}
 
 
 @pytest.fixture(scope="session")

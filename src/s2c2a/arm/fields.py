@@ -60,7 +60,9 @@ class Within:
 
     def _checked(self, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
         each = value if isinstance(value, tuple) else (value,)
-        if not each or min(each) < self.low:
+        if not each:
+            raise PydanticKnownError("too_short", {"field_type": "Tuple", "min_length": 1, "actual_length": 0})
+        if min(each) < self.low:
             raise PydanticKnownError("greater_than_equal", {"ge": self.low})
         if max(each) > self.high:
             raise PydanticKnownError("less_than_equal", {"le": self.high})

@@ -10,13 +10,13 @@ from pydantic import ValidationError
 from s2c2a.arm.flaws import Flaws
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.faults import told
+from s2c2a.faults import explained
 from s2c2a.files import read_text, save_whole, toml_in
 
 PRESETS = Path(__file__).parent / "presets"
 """Arms that come with the package; each is a plain arm file."""
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
-TABLES = (ArmSpec, Module, Motor, Cable, Flaws)
+KEYS = tuple(name for table in (ArmSpec, Module, Motor, Cable, Flaws) for name in table.model_fields)
 
 
 @cache
@@ -52,7 +52,7 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
     except S2C2AError as error:
         raise ArmError(f"{source}: {error}; mend that place or start again from a preset") from error
     except ValidationError as error:
-        raise ArmError(told(error, f"{source}: {HEADING}", TABLES, _hint)) from error
+        raise ArmError(explained(error, f"{source}: {HEADING}", KEYS, _hint)) from error
 
 
 def arm_to_toml(arm: ArmSpec) -> str:

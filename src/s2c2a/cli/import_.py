@@ -47,8 +47,10 @@ def import_(
     if arm and like:
         raise S2C2AError("--arm and --like were given; the arm is that of the recording, so leave --arm out")
     there = [path for path in (out, arm_file_of(out)) if path.exists()]
-    if there and (like or not overwrite):  # what --like writes stands beside no arm file, nor over what it is like
-        raise S2C2AError(f"{there[0]} exists; choose another name{'' if like else ', or say --overwrite'}")
+    if there and not overwrite:
+        raise S2C2AError(f"{there[0]} exists; choose another name, or say --overwrite")
+    if like and (arm_file_of(out).exists() or out.resolve() == like.resolve()):
+        raise S2C2AError(f"{out} was imported by itself, or is what --like names; choose another name for --out")
     told = load_map(map)
     options = {"map": map.name, "logs": [path.name for path in logs], **told.source.model_dump()}
     if like:

@@ -157,7 +157,7 @@ def quoted(text: str) -> str:
 def _module_lines(module: int, fit: Fit, layout: Layout, told: LogMap, limit: float) -> list[str]:
     arm, length, drives = told.arm, float(np.exp(fit.guess.lengths[module])), layout.drive[module]
     off = fit.errors or Guess(*(np.full_like(part, np.nan) for part in fit.guess))
-    names = [told.drives[drive].measured or told.drives[drive].commanded or "" for drive in drives]
+    names = [told.drives[drive].name for drive in drives]
     spread = layout.radii[module] * np.sqrt(off.gain**2 + np.mean(off.gains[drives] ** 2) / len(drives))
     gains = zip(layout.gains[module], off.gains[drives], strict=True)
     return [

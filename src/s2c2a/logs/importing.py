@@ -20,7 +20,7 @@ from s2c2a.logs.frames import Registration, first_registration
 from s2c2a.logs.map import LogMap
 from s2c2a.logs.resampling import stretches
 from s2c2a.logs.resampling import told as commands_of
-from s2c2a.logs.rig import KEY, Nearby, Rig, nearby
+from s2c2a.logs.rig import KEY, Nearby, Rig, check_arm, in_frame, nearby
 from s2c2a.logs.session import Session, session_of
 from s2c2a.logs.tables import Asked, read_table
 from s2c2a.logs.tendons import Guess, turned
@@ -72,23 +72,25 @@ def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec |
         arm: take this one in place of the one that is found; its cables are matched with those found.
 
     Raises:
-        LogError: a file cannot be used, or says too little.
+        LogError: a file cannot be used, or says too little, or the map does not tell of the arm.
     """
+    if arm is not None:
+        check_arm(arm, told)
     parts, rows, broken = _parts(paths, told)
     seen, frame = _seen(parts, told)
     fit, motors, doubts = found_cables(seen, thinned(seen, MOST_FITTED), _start(frame, told), told)
     layout = layout_of(fit, motors, told)
     bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)
-    in_base = _in_base(seen.states, seen.frame, fit.guess)
-    residual = float(np.sqrt(np.nanmean(np.sum((states - in_base)[..., :3] ** 2, axis=-1))))
+    base, axes = np.asarray(fit.guess.base), (seen.frame @ np.asarray(turned(fit.guess.tilt))).T
+    apart = (states - in_frame(seen.states, base, axes))[..., POSITION]
+    residual = float(np.sqrt(np.nanmean(np.sum(apart**2, axis=-1))))
     text = arm_text(fit, motors, layout, told, _by_part(bends, parts), residual)
     if arm is None:
         arm = arm_from_toml(text, "the arm that was found")
     else:
         text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
-    axes = _turn(layout.turn) @ _rotation(seen.frame, fit.guess).T
-    rig = Rig.found(told, layout.drive, layout.factor, np.asarray(fit.guess.base), axes)
-    episodes = _episodes(parts, arm, rig, told)
+    rig = Rig.found(told, layout.drive, layout.factor, base, _turn(layout.turn) @ axes)
+    episodes = _episodes(parts, seen.states, arm, rig, told)
     return Imported(
         arm, text, episodes, rig, layout, fit, motors, residual, _at_rest(told), tuple(doubts), broken, rows
     )
@@ -128,7 +130,7 @@ def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Record
     """
     rig = Rig.of(first, told)
     parts, rows, broken = _parts(paths, told)
-    episodes = _episodes(parts, first.arm, rig, told)
+    episodes = _episodes(parts, _measured(parts, told), first.arm, rig, told)
     now, then = (
         [np.concatenate([one.sensor(name) for one in some]) for name in ("cables", "states")]
         for some in (episodes, first.episodes)
@@ -246,18 +248,10 @@ def _start(frame: Registration, told: LogMap) -> Guess:
     )
 
 
-def _in_base(states: np.ndarray, frame: np.ndarray, guess: Guess) -> np.ndarray:
-    rotation = _rotation(frame, guess)
-    return np.concatenate([(states[..., :3] - guess.base) @ rotation, states[..., 3:] @ rotation], axis=-1)
-
-
-def _rotation(frame: np.ndarray, guess: Guess) -> np.ndarray:
-    """Columns are the axes of the base frame in that of the log."""
-    return frame @ np.asarray(turned(guess.tilt))
-
-
-def _episodes(parts: Sequence[Session], arm: ArmSpec, rig: Rig, told: LogMap) -> tuple[Episode, ...]:
-    own = _by_part(rig.in_base(_measured(parts, told)), parts)
+def _episodes(
+    parts: Sequence[Session], states: np.ndarray, arm: ArmSpec, rig: Rig, told: LogMap
+) -> tuple[Episode, ...]:
+    own = _by_part(rig.in_base(states), parts)
     return tuple(_episode(part, each, arm, rig, told) for part, each in zip(parts, own, strict=True))
 
 

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from s2c2a.arm.spec import MOST_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
-from s2c2a.faults import told
+from s2c2a.faults import explained
 from s2c2a.files import read_text, toml_in
 from s2c2a.logs.errors import LogError
 
@@ -117,6 +117,11 @@ class Drive(Frozen):
         if self.commanded is None and self.measured is None:
             raise ValueError("name a column: commanded, measured, or both")
         return self
+
+    @property
+    def name(self) -> str:
+        """Its column, the measured one if there is one."""
+        return self.measured or self.commanded or ""
 
 
 class End(Frozen):
@@ -248,7 +253,8 @@ class LogMap(Frozen):
         return {self.rows.label} if self.rows.label else set()
 
 
-TABLES = (LogMap, Source, Rows, Join, Drive, Pulled, End, Frame, KnownArm)
+_TABLES = (LogMap, Source, Rows, Join, Drive, Pulled, End, Frame, KnownArm)
+KEYS = tuple(name for table in _TABLES for name in table.model_fields)
 
 
 def load_map(path: str | os.PathLike) -> LogMap:
@@ -269,6 +275,6 @@ def map_from_toml(text: str, source: str = "map") -> LogMap:
     try:
         return LogMap.model_validate(toml_in(text))
     except ValidationError as error:
-        raise LogError(told(error, f"{source}: {HEADING}", TABLES)) from error
+        raise LogError(explained(error, f"{source}: {HEADING}", KEYS)) from error
     except S2C2AError as error:
         raise LogError(f"{source}: {error}; mend that place") from error

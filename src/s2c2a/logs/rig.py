@@ -55,7 +55,11 @@ class Rig(Frozen):
     def found(cls, told: LogMap, drive: np.ndarray, factor: np.ndarray, base: np.ndarray, axes: np.ndarray) -> "Rig":
         """What an import found, for the drives of a map."""
         arrays = {"drive": drive, "factor": factor, "base": base, "axes": axes}
-        return cls(names=_names(told), scales=_scales(told), **{name: one.tolist() for name, one in arrays.items()})
+        return cls(
+            names=tuple(drive.name for drive in told.drives),
+            scales=_scales(told),
+            **{name: one.tolist() for name, one in arrays.items()},
+        )
 
     @classmethod
     def of(cls, recording: Recording, told: LogMap) -> "Rig":
@@ -70,22 +74,13 @@ class Rig(Frozen):
             raise LogError(
                 "that recording does not say how cameras and motors stood; import its logs anew, without --like"
             ) from error
-        rig._check(recording.arm, told)
-        return rig
-
-    def _check(self, arm: ArmSpec, told: LogMap) -> None:
-        """Refuse a map that would be read otherwise than the first one."""
-        pairs = {
-            "modules": (told.arm.modules, arm.module_count),
-            "control_rate": (float(told.arm.control_rate), float(arm.control_rate)),
-            "the drives": (listed(_names(told)), listed(self.names)),
-            "the units of the drives": (_scales(told), self.scales),
-        }
-        for what, (asked, there) in pairs.items():
-            if asked != there:
-                raise LogError(f"{what} in the map: {asked}; in that recording: {there}; let the map say the same")
-        if np.shape(self.drive) != (arm.module_count, arm.cable_count):
+        arm, names = recording.arm, tuple(drive.name for drive in told.drives)
+        check_arm(arm, told)
+        _check_alike("the drives", listed(names), listed(rig.names))
+        _check_alike("what turns their columns into metres or newtons", _scales(told), rig.scales)
+        if np.shape(rig.drive) != (arm.module_count, arm.cable_count):
             raise LogError(f"that recording's rig is not one of '{arm.name}'; import its logs anew, without --like")
+        return rig
 
     def cables(self, columns: Float[np.ndarray, "rows drives"]) -> Float[np.ndarray, "rows modules cables"]:
         """What the arm's cables do, when the drives' columns say this."""
@@ -93,8 +88,30 @@ class Rig(Frozen):
 
     def in_base(self, states: Float[np.ndarray, "rows modules 6"]) -> Float[np.ndarray, "rows modules 6"]:
         """What was seen in the log's frame, in the arm's base frame."""
-        turned = np.array(self.axes).T
-        return np.concatenate([(states[..., :3] - self.base) @ turned, states[..., 3:] @ turned], axis=-1)
+        return in_frame(states, np.array(self.base), np.array(self.axes))
+
+
+def in_frame(
+    states: Float[np.ndarray, "*batch 6"], base: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "*batch 6"]:
+    """Positions and axes in the frame that stands at a base, with these axes as rows."""
+    return np.concatenate([(states[..., :3] - base) @ axes.T, states[..., 3:] @ axes.T], axis=-1)
+
+
+def check_arm(arm: ArmSpec, told: LogMap) -> None:
+    """Refuse an arm that a map does not tell of.
+
+    Raises:
+        LogError: another number of modules, another control rate, or driven by another kind of command.
+    """
+    _check_alike("modules", told.arm.modules, arm.module_count)
+    _check_alike("control_rate", float(told.arm.control_rate), float(arm.control_rate))
+    _check_alike("actuation", "tension" if told.drives[0].unit == "N" else "displacement", arm.actuation)
+
+
+def _check_alike(what: str, told: object, there: object) -> None:
+    if told != there:
+        raise LogError(f"{what}: {told} in the map, {there} with the arm that was given; let both say the same")
 
 
 class Nearby(NamedTuple):
@@ -130,10 +147,6 @@ def nearby(
     distances, places = KDTree(then).query(now)
     near = distances <= np.quantile(distances, NEAREST)
     return Nearby((tip - there[places])[near], distances[near] / np.sqrt(now.shape[1]))
-
-
-def _names(told: LogMap) -> tuple[str, ...]:
-    return tuple(drive.measured or drive.commanded or "" for drive in told.drives)
 
 
 def _scales(told: LogMap) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ Files are what a sweep finds, and what a user writes down.
 import math
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from s2c2a.arm import ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.errors import S2C2AError, StrategyError
-from s2c2a.faults import said
+from s2c2a.faults import explained
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS, code_of, model_named, name_of
@@ -26,6 +26,7 @@ from s2c2a.sensing import DirectionEstimator, Estimator, estimator_for
 from s2c2a.training.fit import FitOptions, check_limits
 
 ENDING = ".toml"
+HEADING = "{count} fault(s) in the recipe (with a line such as based_on = 'best' a file need not say all)"
 TAGS = {"name", "model"}
 """What says of which form a table is."""
 
@@ -167,13 +168,15 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
         recipe.planner.made()  # now, not after the training
         return recipe
     except ValidationError as error:
-        places = ((".".join(map(str, fault["loc"])), said(fault)) for fault in error.errors(include_url=False))
-        faults = "; ".join(f"{place}: {message}" for place, message in places)
-        raise StrategyError(
-            f"{path}: {faults}; with a line such as based_on = 'best' a file need not say all"
-        ) from error
+        raise StrategyError(explained(error, f"{path}: {HEADING}", _keys())) from error
     except S2C2AError as error:
         raise StrategyError(f"{path} holds no recipe: {error}") from error
+
+
+def _keys() -> Iterator[str]:
+    """Of every table that recipes of ours have."""
+    for kind in (Recipe, C2AOptions, FitOptions, PlannerOptions, *MODELS.values()):
+        yield from (one.name for one in fields(kind))
 
 
 def recipe_in(table: dict[str, Any], model: Callable[[str], type[ForwardOptions]]) -> Recipe:
