@@ -17,10 +17,10 @@ from driving import straight, ticks_on
 
 
 def test_sense(benchmark, networks):
-    arm, truth = networks.arm, straight(networks.arm.module_count)
+    arm = networks.arm
     sense = compiled(operator.call, networks.recipe.estimator(arm))
-    cables = np.zeros((arm.module_count, arm.cable_count), np.float32)
-    benchmark(lambda: jax.block_until_ready(sense(cables, truth)))
+    sensors = {"cables": np.zeros((arm.module_count, arm.cable_count), np.float32)}
+    benchmark(lambda: jax.block_until_ready(sense(sensors)))
 
 
 @pytest.mark.asked("at most 0.15 ms")
