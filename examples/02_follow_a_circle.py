@@ -1,9 +1,10 @@
 """The whole pipeline in twenty lines: collect, train, follow a circle. Takes a minute or two."""
 
 import sys
+from dataclasses import replace
 
 from s2c2a.arm import load_arm
-from s2c2a.data import CollectOptions, collect
+from s2c2a.data import collect
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import recipe_named, s2c2a_strategy, train_s2c2a
@@ -13,7 +14,7 @@ episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 18
 arm = load_arm("twin_arm")  # or the path of an arm file
 recipe = recipe_named("best")
 
-options = CollectOptions(episodes=episodes, speeds=recipe.speeds)
+options = replace(recipe.data(), episodes=episodes)
 recording = collect("twin.episodes", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
 networks = train_s2c2a(recording, recipe, seed=0)
 strategy = s2c2a_strategy(networks)

@@ -31,7 +31,7 @@ def test_names_and_files_are_told_apart(tmp_path):
     assert recipe_from(save_recipe(RECIPES["paper"], tmp_path / "mine.toml")).c2s == RECIPES["paper"].c2s
     with pytest.raises(StrategyError, match="a name of its own"):
         recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml"))
-    with pytest.raises(StrategyError, match="choose one of best, paper"):
+    with pytest.raises(StrategyError, match="choose one of best, best-long, paper"):
         recipe_from("worst")
 
 
@@ -62,7 +62,7 @@ def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
 
 
 def test_a_file_that_is_missing_names_the_recipes(tmp_path):
-    with pytest.raises(StrategyError, match=r"no recipe at .*; take best, paper"):
+    with pytest.raises(StrategyError, match=r"no recipe at .*; take best, best-long, paper"):
         recipe_from(tmp_path / "none.toml")
 
 

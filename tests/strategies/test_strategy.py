@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.data import Recording
+from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.planning import PAPER, Adam, Goal
@@ -226,9 +226,15 @@ def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
 
 
 def test_recipes_are_known_by_name_and_others_refused():
-    assert {name: recipe_named(name).name for name in RECIPES} == {"best": "best", "paper": "paper"}
-    with pytest.raises(StrategyError, match=r"'soup'.*best, paper"):
+    assert [recipe_named(name).name for name in RECIPES] == ["best", "best-long", "paper"]
+    with pytest.raises(StrategyError, match=r"'soup'.*best, best-long, paper"):
         recipe_named("soup")
+
+
+def test_a_recipe_says_how_its_data_are_collected():
+    best, long = recipe_named("best"), recipe_named("best-long")
+    assert long.data(3) == CollectOptions("mixed", 72, seed=3, speeds=best.speeds)
+    assert replace(long, name="best", episodes=18) == best
 
 
 def test_the_papers_recipe_has_the_papers_numbers():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.data import CollectOptions
 from s2c2a.jobs import Cache, NetworksArtifact, RecordingArtifact, made
 from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import recipe_named, shipped_networks, train_s2c2a
@@ -33,8 +32,8 @@ def trained(cache):
 def trained_as_the_paper(cache):
     """Both arms' networks by the recipe `paper`, with fewer epochs: name -> TrainedNetworks."""
     recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
-    options = CollectOptions(speeds=recipe.speeds)
-    return {name: train_s2c2a(made(RecordingArtifact(load_arm(name), options), cache), recipe, seed=0) for name in ARMS}
+    recordings = {name: made(RecordingArtifact(load_arm(name), recipe.data()), cache) for name in ARMS}
+    return {name: train_s2c2a(recording, recipe, seed=0) for name, recording in recordings.items()}
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """`s2c2a collect`: a recording of an arm."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -15,7 +16,7 @@ def collect(
     out: Path,
     arm: Arm = "twin_arm",
     babbling: Literal["staged", "motor", "mixed"] | None = None,
-    episodes: int = 18,
+    episodes: int | None = None,
     samples: int = 500,
     seed: int = 0,
     recipe: RecipeName = "best",
@@ -34,10 +35,10 @@ def collect(
         arm: a preset or an arm file.
         babbling: staged as in the paper, each module its own way (motor), or all between (mixed); the recipe's if not
             stated.
-        episodes: number of episodes, each from rest.
+        episodes: number of episodes, each from rest; the recipe's if not stated.
         samples: control steps in an episode.
         seed: of everything random.
-        recipe: says how to babble, and how fast; train with the same one.
+        recipe: says how to babble, how fast, and how long; train with the same one.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         robot_option: what that class takes beside the arm.
         fidelity: of the simulation.
@@ -50,7 +51,9 @@ def collect(
     from s2c2a import data, strategies, viz
 
     spec, chosen, body = load_arm(arm), strategies.recipe_from(recipe), body_for(robot, robot_option, fidelity)
-    options = data.CollectOptions(babbling or chosen.babbling, episodes, samples, seed, chosen.speeds)
+    options = chosen.data(seed)
+    how, often = babbling or options.babbling, options.episodes if episodes is None else episodes
+    options = replace(options, babbling=how, episodes=often, samples=samples)
     if not body.simulated:
         if cluster or threads not in (None, 1):
             raise S2C2AError(f"{body} is one arm and does one episode at a time; leave out --threads and --cluster")

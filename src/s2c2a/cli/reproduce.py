@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from s2c2a import strategies
 
 app = SubcommandApp()
+Compared = Literal["best", "best-long", "paper", "pcc", "pcc-fitted"]
 TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
 
 ABOUT = {
@@ -96,7 +97,7 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
 def unknown_arms(
     arms: int = 10,
     strengths: tuple[float, ...] = (0.5, 1.0),
-    strategies: tuple[Literal["best", "paper", "pcc", "pcc-fitted"], ...] = ("best", "paper", "pcc", "pcc-fitted"),
+    strategies: tuple[Compared, ...] = ("best", "paper", "pcc", "pcc-fitted"),
     tasks: tuple[str, ...] = ("circle", *TILT_TASKS, "hold-middle"),
     targets: int = 200,
     base: Arm = "twin_arm",
@@ -110,7 +111,7 @@ def unknown_arms(
     Args:
         arms: how many are drawn at each strength, as `s2c2a arm random` does with seeds from zero.
         strengths: of their flaws.
-        strategies: best and paper are recipes of the paper's strategy.
+        strategies: best, best-long and paper are recipes of the paper's strategy.
         tasks: by name.
         targets: within reach, each held for five seconds, to see whether any strategy runs away; none if zero.
         base: a preset or an arm file: modules, cables, and all that controllers are told.

@@ -155,8 +155,7 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     @property
     def needs(self) -> tuple[RecordingArtifact]:
         """Their recording."""
-        options = CollectOptions(self.recipe.babbling, seed=self.seed, speeds=self.recipe.speeds)
-        return (RecordingArtifact(self.arm, options),)
+        return (RecordingArtifact(self.arm, self.recipe.data(self.seed)),)
 
     @property
     def file(self) -> str:

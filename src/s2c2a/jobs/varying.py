@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.strategies import Recipe
 
@@ -88,7 +87,7 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
     """
     for place, value in values.items():
         recipe = _put(recipe, place.split("."), value)
-    CollectOptions(speeds=recipe.speeds)  # says what speeds can be
+    recipe.data()  # says what speeds can be
     return recipe
 
 

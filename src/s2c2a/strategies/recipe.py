@@ -15,6 +15,7 @@ from jaxtyping import PRNGKeyArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.faults import explained
@@ -45,6 +46,7 @@ class Recipe:
         planner: how to plan.
         babbling: how data explore the arm (`data.babbling.BABBLING`).
         speeds: of their motion, as parts of the full bend per step, slowest and fastest.
+        episodes: how many of them there are.
         correction: part of the controller's lasting error that is integrated in every step; none if zero.
         axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that begin so.
         directions: whether sensed vectors are taken at unit length, whatever mixes them.
@@ -59,6 +61,7 @@ class Recipe:
     planner: PlannerOptions = PAPER
     babbling: str = "staged"
     speeds: tuple[float, float] = SPEEDS
+    episodes: int = 18
     correction: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     directions: bool = False
@@ -67,7 +70,7 @@ class Recipe:
 
     def __post_init__(self):
         """Refuse numbers that are none, or absurd; a forward model of one's own goes by the name of its class."""
-        limits = {"history_noise": (0, 1000), "speeds": (0, 10), "correction": (0, 10)}
+        limits = {"history_noise": (0, 1000), "speeds": (0, 10), "episodes": (1, 100_000), "correction": (0, 10)}
         check_limits(self, StrategyError, **limits)
         if self.babbling not in BABBLING:
             raise StrategyError(f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}")
@@ -84,6 +87,14 @@ class Recipe:
         at_work = ("name", "planner", "correction", "axis_weights")
         here = {name: value for name, value in asdict(self).items() if name not in at_work}
         return here | {"code": code_of(type(self.c2s))}
+
+    def data(self, seed: int = 0) -> CollectOptions:
+        """How data for it are collected.
+
+        Raises:
+            RecordingError: the recipe's speeds are none.
+        """
+        return CollectOptions(self.babbling, self.episodes, seed=seed, speeds=self.speeds)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """Both networks before training."""
@@ -110,23 +121,22 @@ def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
 
 _DECAYING = FitOptions(learning_rate=2e-3, most_epochs=60, patience=60, epochs_per_call=10, decay=True)
 
-RECIPES = {
-    "best": Recipe(
-        "best",
-        c2s=LocalOptions(),
-        c2a=C2AOptions(layers=2, hidden=32),
-        c2s_fit=_DECAYING,
-        c2a_fit=_DECAYING,
-        planner=BEST,
-        babbling="mixed",
-        speeds=(0.02, 0.06),
-        correction=0.2,
-        axis_weights=(("hold-", 3.0),),
-        directions=True,
-    ),
-    "paper": Recipe("paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32)),
-}
-"""What each ingredient of `best` is worth: docs/recipe.md."""
+_BEST = Recipe(
+    "best",
+    c2s=LocalOptions(),
+    c2a=C2AOptions(layers=2, hidden=32),
+    c2s_fit=_DECAYING,
+    c2a_fit=_DECAYING,
+    planner=BEST,
+    babbling="mixed",
+    speeds=(0.02, 0.06),
+    correction=0.2,
+    axis_weights=(("hold-", 3.0),),
+    directions=True,
+)
+_PAPER = Recipe("paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32))
+RECIPES = {one.name: one for one in (_BEST, replace(_BEST, name="best-long", episodes=72), _PAPER)}
+"""What each ingredient of `best` is worth, and who needs four times its data: docs/recipe.md."""
 
 
 def recipe_named(name: str) -> Recipe:

@@ -16,7 +16,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import Body
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import recipe_named
+from s2c2a.strategies import RECIPES, recipe_named
 from s2c2a.studies.tables import mean_rows
 from s2c2a.studies.targets import Held, HeldTargets, ReachableTask
 from s2c2a.tasks import Task, task_named
@@ -24,9 +24,7 @@ from s2c2a.tasks.registry import TILTS
 
 EXPERIMENT = "unknown-arms"
 TASKS = ("circle", *TILTS, "hold-middle")
-STRATEGIES = {"best": ("s2c2a", "best"), "paper": ("s2c2a", "paper"), "pcc": ("pcc", "best")} | {
-    "pcc-fitted": ("pcc-fitted", "best")
-}
+STRATEGIES = {name: ("s2c2a", name) for name in RECIPES} | {name: (name, "best") for name in ("pcc", "pcc-fitted")}
 """Name -> strategy and recipe; in the rows the name stands where a strategy's does."""
 STRENGTHS = (0.5, 1.0)
 FAITHFUL = 0.75  # strength from which targets are put within the true arm's reach
