@@ -1,5 +1,6 @@
 """Faults of a file that a user wrote, told in plain words: of each the key, what is allowed, and what was got."""
 
+import re
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from typing import Any
@@ -8,6 +9,8 @@ from pydantic import ValidationError
 
 ONE, EACH = "one", "each"
 """What tells two kinds of value of one key apart; no user has written it."""
+KIND = re.compile(r"(constrained-)?(str|int|float)|(tuple|list|literal)\[.*")
+"""The same, where a kind has no name of ours."""
 MOST, LONGEST_NAME, LONGEST = 20, 64, 400  # told, of a file that may be all faults
 WORDS = {
     "missing": "this key is missing",
@@ -46,9 +49,13 @@ def explained(
     # where every part of a list is faulty, pydantic adds that none is left: true, and no help
     inside = {fault["loc"][:count] for fault in faults for count in range(len(fault["loc"]))}
     faults = [fault for fault in faults if not (fault["type"] == "too_short" and fault["loc"] in inside)]
-    lines = [heading.replace("{count}", str(len(faults)))]
-    for fault in faults[:MOST]:
-        lines.append(f"  {_place(fault)}: {said(fault, known)[:LONGEST]}{_got(fault)}{hint(fault) if hint else ''}")
+    places: dict[str, list[Any]] = {}
+    for fault in faults:
+        places.setdefault(_place(fault), []).append(fault)
+    lines = [heading.replace("{count}", str(len(places)))]
+    for place, (fault, *others) in list(places.items())[:MOST]:  # others: of the kinds of value that a key can have
+        words = dict.fromkeys(said(one, known)[:LONGEST] for one in (fault, *others))
+        lines.append(f"  {place}: {', or '.join(words)}{_got(fault)}{hint(fault) if hint else ''}")
     return "\n".join(lines)
 
 
@@ -63,8 +70,15 @@ def said(fault: Any, known: Iterable[str] = ()) -> str:
 
 
 def _place(fault: Any) -> str:
-    keys = [str(part)[:LONGEST_NAME] for part in fault["loc"] if part not in (ONE, EACH)]
+    *before, last = fault["loc"] or ("",)
+    key = fault["type"] in UNKNOWN or not _names_a_kind(last)  # who misspells one may write any word
+    written = [part for part in before if not _names_a_kind(part)] + [last] * key
+    keys = [str(part)[:LONGEST_NAME] for part in written]
     return ".".join(keys) or "file"
+
+
+def _names_a_kind(part: Any) -> bool:
+    return part in (ONE, EACH) or bool(KIND.fullmatch(str(part)))
 
 
 def _got(fault: Any) -> str:
