@@ -2,7 +2,7 @@
 
 import pytest
 
-from s2c2a.data import CollectOptions, collect
+from s2c2a.data import collect
 from s2c2a.executors import all_cores
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import recipe_named
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.cores(2)
 
 @pytest.mark.asked("at most 8 s")
 def test_9000_samples(benchmark, arm, tmp_path):
-    how, cores = CollectOptions(speeds=recipe_named("best").speeds), all_cores()
+    how, cores = recipe_named("best").collect_options(), all_cores()
     assert how.episodes * how.samples == 9000
 
     def body(seed: int) -> SimulatedRobot:

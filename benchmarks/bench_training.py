@@ -7,7 +7,6 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from s2c2a.data import CollectOptions
 from s2c2a.executors import all_cores, compute_on_one_thread
 from s2c2a.jobs import Cache, RecordingArtifact, made
 from s2c2a.strategies import Recipe, recipe_named, train_s2c2a
@@ -40,8 +39,7 @@ class Course:
 
 def trained(benchmark, arm, recipe: Recipe) -> tuple:
     """Train once; the recording, and the course of the training."""
-    data = CollectOptions(speeds=recipe.speeds)
-    recording = made(RecordingArtifact(arm, data), Cache())
+    recording = made(RecordingArtifact(arm, recipe.collect_options()), Cache())
     course = Course()
     networks = benchmark.pedantic(train_s2c2a, args=(recording, recipe, 0, course.told))
     for name, epochs in course.epochs.items():

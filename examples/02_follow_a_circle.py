@@ -14,7 +14,7 @@ episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 18
 arm = load_arm("twin_arm")  # or the path of an arm file
 recipe = recipe_named("best")
 
-options = replace(recipe.data(), episodes=episodes)
+options = replace(recipe.collect_options(), episodes=episodes)
 recording = collect("twin.episodes", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
 networks = train_s2c2a(recording, recipe, seed=0)
 strategy = s2c2a_strategy(networks)

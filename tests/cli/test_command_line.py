@@ -122,7 +122,8 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
         ("s2c2a", "position", "cm"),
         ("pcc", "position", "cm"),
     ]
-    assert 0 < rows[0]["mean"] < 2.5  # cm, of an arm of 0.5 m
+    assert all(0 < row["mean"] < 30 for row in rows)
+    assert rows[0]["mean"] < 2.5  # cm, of an arm of 0.5 m
     with open(folder / "metrics.csv", newline="") as file:
         steps = list(csv.DictReader(file))
     assert len(steps) == 2 * 200

@@ -233,7 +233,7 @@ def test_recipes_are_known_by_name_and_others_refused():
 
 def test_a_recipe_says_how_its_data_are_collected():
     best, long = recipe_named("best"), recipe_named("best-long")
-    assert long.data(3) == CollectOptions("mixed", 72, seed=3, speeds=best.speeds)
+    assert long.collect_options(3) == CollectOptions("mixed", 72, seed=3, speeds=best.speeds)
     assert replace(long, name="best", episodes=18) == best
 
 

@@ -32,7 +32,7 @@ def trained(cache):
 def trained_as_the_paper(cache):
     """Both arms' networks by the recipe `paper`, with fewer epochs: name -> TrainedNetworks."""
     recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
-    recordings = {name: made(RecordingArtifact(load_arm(name), recipe.data()), cache) for name in ARMS}
+    recordings = {name: made(RecordingArtifact(load_arm(name), recipe.collect_options()), cache) for name in ARMS}
     return {name: train_s2c2a(recording, recipe, seed=0) for name, recording in recordings.items()}
 
 

@@ -38,7 +38,7 @@ def collect(
         episodes: number of episodes, each from rest; the recipe's if not stated.
         samples: control steps in an episode.
         seed: of everything random.
-        recipe: says how to babble, how fast, and how long; train with the same one.
+        recipe: says how to babble, how fast, and in how many episodes; train with the same one.
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         robot_option: what that class takes beside the arm.
         fidelity: of the simulation.
@@ -51,7 +51,7 @@ def collect(
     from s2c2a import data, strategies, viz
 
     spec, chosen, body = load_arm(arm), strategies.recipe_from(recipe), body_for(robot, robot_option, fidelity)
-    options = chosen.data(seed)
+    options = chosen.collect_options(seed)
     how, often = babbling or options.babbling, options.episodes if episodes is None else episodes
     options = replace(options, babbling=how, episodes=often, samples=samples)
     if not body.simulated:

@@ -140,7 +140,8 @@ class RecordingArtifact(Artifact[Recording]):
         return recording
 
     def __str__(self) -> str:
-        return f"recording of {self.arm.name}, {self.options.babbling}, seed {self.options.seed}"
+        options = self.options
+        return f"recording of {self.arm.name}, {options.babbling}, {options.episodes} episodes, seed {options.seed}"
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     @property
     def needs(self) -> tuple[RecordingArtifact]:
         """Their recording."""
-        return (RecordingArtifact(self.arm, self.recipe.data(self.seed)),)
+        return (RecordingArtifact(self.arm, self.recipe.collect_options(self.seed)),)
 
     @property
     def file(self) -> str:

@@ -87,7 +87,7 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
     """
     for place, value in values.items():
         recipe = _put(recipe, place.split("."), value)
-    recipe.data()  # says what speeds can be
+    recipe.collect_options()  # says what speeds can be
     return recipe
 
 

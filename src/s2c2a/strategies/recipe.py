@@ -17,6 +17,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
+from s2c2a.data.collecting import MOST_EPISODES
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.faults import explained
 from s2c2a.files import read_text, save_whole, toml_in
@@ -46,7 +47,7 @@ class Recipe:
         planner: how to plan.
         babbling: how data explore the arm (`data.babbling.BABBLING`).
         speeds: of their motion, as parts of the full bend per step, slowest and fastest.
-        episodes: how many of them there are.
+        episodes: number of episodes of its data.
         correction: part of the controller's lasting error that is integrated in every step; none if zero.
         axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that begin so.
         directions: whether sensed vectors are taken at unit length, whatever mixes them.
@@ -70,7 +71,7 @@ class Recipe:
 
     def __post_init__(self):
         """Refuse numbers that are none, or absurd; a forward model of one's own goes by the name of its class."""
-        limits = {"history_noise": (0, 1000), "speeds": (0, 10), "episodes": (1, 100_000), "correction": (0, 10)}
+        limits = {"history_noise": (0, 1000), "speeds": (0, 10), "episodes": (1, MOST_EPISODES), "correction": (0, 10)}
         check_limits(self, StrategyError, **limits)
         if self.babbling not in BABBLING:
             raise StrategyError(f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}")
@@ -88,7 +89,7 @@ class Recipe:
         here = {name: value for name, value in asdict(self).items() if name not in at_work}
         return here | {"code": code_of(type(self.c2s))}
 
-    def data(self, seed: int = 0) -> CollectOptions:
+    def collect_options(self, seed: int = 0) -> CollectOptions:
         """How data for it are collected.
 
         Raises:

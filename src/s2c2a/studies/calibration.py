@@ -4,7 +4,7 @@ How wrong sensors are and how far an arm reaches, as rows; and the search for a 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -148,7 +148,7 @@ def _digits(values: np.ndarray) -> Any:
 def sensing_rows(arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe) -> tuple[list[Row], Recording]:
     """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
     heading, rows = Heading("workspace", arm, recipe.name, tuple(seeds)), []
-    options = [[replace(recipe.data(seed), babbling=name) for seed in seeds] for name in EXTENTS]
+    options = [[CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds] for name in EXTENTS]
     every = in_groups(make, [[RecordingArtifact(arm, one) for one in group] for group in options])
     for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
         values = [measured(recording) for recording in recordings]

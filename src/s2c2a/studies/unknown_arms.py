@@ -51,7 +51,7 @@ class Unknown:
     base: ArmSpec
     arms: int = 10
     strengths: tuple[float, ...] = STRENGTHS
-    strategies: tuple[str, ...] = tuple(STRATEGIES)
+    strategies: tuple[str, ...] = ("best", "paper", "pcc", "pcc-fitted")
     tasks: tuple[str, ...] = TASKS
     targets: int = 200
     seed: int = 0
