@@ -27,8 +27,8 @@ def first(twin, tmp_path_factory):
     ("old", "new", "said"),
     [
         ('measured = "m0"', 'measured = "m1"', "the drives: m1"),
-        ('unit = "mm"\n', 'unit = "m"\n', "metres or newtons"),
-        ("control_rate = 10", "control_rate = 20", "control_rate: 20.0 in the map, 10.0 with the arm"),
+        ('unit = "mm"\n', 'unit = "m"\n', "what turns 'm0' into metres or newtons: 1.0 in the map, 0.001 in"),
+        ("control_rate = 10", "control_rate = 20", "control_rate: 20.0 in the map, 10.0 in the arm or recording"),
     ],
 )
 def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
@@ -36,6 +36,20 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
     assert old in log.map
     with pytest.raises(LogError, match=said):
         import_again([log.log], map_from_toml(log.map.replace(old, new, 1)), recording)
+
+
+def test_a_drive_in_other_units_than_the_rest_is_refused_before_anything_is_fitted(first):
+    log, _ = first
+    told = map_from_toml(log.map.replace('measured = "m3"\nunit = "mm"', 'measured = "m3"\nunit = "m"'))
+    with pytest.raises(LogError, match=r"'m3' moves by .* let the map say its unit"):
+        import_logs([log.log], told)
+
+
+def test_ends_that_no_end_of_the_arm_can_be_at_are_refused(first):
+    log, recording = first
+    rig = {**recording.options["rig"], "base": [40.0, 0.0, 0.0]}
+    with pytest.raises(LogError, match=r"ends are up to 40.* let the map say their unit"):
+        import_again([log.log], map_from_toml(log.map), replace(recording, options={"rig": rig}))
 
 
 def test_an_arm_that_the_map_does_not_tell_of_is_refused_before_anything_is_fitted(first, twin):

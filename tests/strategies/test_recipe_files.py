@@ -1,6 +1,7 @@
 """Recipes as files."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,15 @@ def test_a_recipe_comes_back_from_its_file_under_the_name_of_the_file(recipe, tm
         recipe.correction,
         recipe.axis_weights,
     )
+
+
+def test_the_recipe_that_the_page_shows_is_one(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "recipe.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "mine.toml").write_text(text)
+    mine, best = load_recipe(tmp_path / "mine.toml"), RECIPES["best"]
+    assert (mine.episodes, mine.c2s.hidden, mine.c2s_fit.most_epochs) == (40, 32, 30)
+    assert (mine.c2a_fit, len(mine.planner.terms)) == (best.c2a_fit, len(best.planner.terms))
 
 
 def test_names_and_files_are_told_apart(tmp_path):
@@ -51,7 +61,8 @@ def test_names_and_files_are_told_apart(tmp_path):
         ),
         (lambda text: text.replace('model = "local"', 'model = "json:loads"'), "no forward model's options"),
         (lambda text: text.replace('model = "local"', 'model = "bilstm"'), "layers"),
-        (lambda text: "no recipe", "holds no recipe"),
+        (lambda text: "no recipe", "mine.toml: not valid TOML"),
+        (lambda text: "most_epochs = 5\n" + text, "most_epochs: no such key here; it belongs into a table of its own"),
     ],
 )
 def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):

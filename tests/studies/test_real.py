@@ -7,7 +7,7 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
 from s2c2a.progress import quiet
-from s2c2a.studies.real import blocks_of, held_rows, last_of, real_rows
+from s2c2a.studies.real import Asked, blocks_of, held_rows, last_of, real_rows
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,27 @@ def test_models_answer_with_the_tip_s_error_and_learn_nothing_of_rows_held_out(r
     assert abs(moved[0].mean - 1e4 * np.sqrt(3.0)) < 60.0  # [mm] the truth moved away under the same answers
 
 
-def test_blocks_alone_are_held_out_where_no_last_rows_are_asked_for(recording, tmp_path):
-    save_episodes(recording.episodes, tmp_path / "log.episodes", recording.options)
-    rows = real_rows(tmp_path / "log.episodes", (), 25, 0, ["pcc-fitted"], [0], quiet)
+@pytest.fixture(scope="module")
+def log(recording, tmp_path_factory):
+    return save_episodes(recording.episodes, tmp_path_factory.mktemp("real") / "log.episodes", recording.options)
+
+
+def test_blocks_alone_are_held_out_where_no_last_rows_are_asked_for(log):
+    rows = real_rows(Asked.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
     assert [row.task.rpartition(", ")[2] for row in rows] == ["blocks of 25"] * 3
+
+
+@pytest.mark.parametrize(("block", "last"), [(0, 0), (-5, 0), (600, 0), (25, -1)])
+def test_where_nothing_would_be_held_out_nothing_is_tried(log, block, last):
+    with pytest.raises(RecordingError, match="nothing out"):
+        Asked.of(log, (), block, last, ())
+
+
+def test_another_arm_is_refused_and_other_recordings_go_by_the_names_of_their_files(recording, log, make_arm, tmp_path):
+    columns = {"time": np.arange(3.0), "actions": np.zeros((3, 2, 3)), "sensor.states": np.zeros((3, 2, 6))}
+    longer = save_episodes([Episode(make_arm(2), columns)], tmp_path / "longer.episodes", {"babbling": "imported log"})
+    with pytest.raises(RecordingError, match=r"longer is of test_arm \(2 modules.*imported --like"):
+        Asked.of(log, (longer,), 25, 0, ())
+    second = save_episodes(recording.episodes, tmp_path / "second.episodes", recording.options)
+    rows = real_rows(Asked.of(log, (second,), 0, 0, ["pcc-fitted"]), [0], quiet)
+    assert {row.task for row in rows} == {"test_arm, second"}

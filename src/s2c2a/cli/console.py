@@ -17,6 +17,7 @@ Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
 StrategyName = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
 RecipeName = Annotated[str, tyro.conf.arg(metavar="best|best-long|paper|FILE")]
+OptionalRecipe = Annotated[str | None, tyro.conf.arg(metavar="best|best-long|paper|FILE")]
 ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
 GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120

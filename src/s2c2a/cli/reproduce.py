@@ -153,11 +153,12 @@ def real(
         folder: where results go.
     """
     from s2c2a.evaluation.report import save_table
-    from s2c2a.studies.real import EXPERIMENT, real_rows
+    from s2c2a.studies.real import EXPERIMENT, Asked, real_rows
 
+    asked = Asked.of(recording, unseen, block, last, models)
     options = {"recording": str(recording), "unseen": [str(one) for one in unseen], "block": block, "last": last}
     with making(EXPERIMENT, options | {"models": models, "seeds": seeds}, folder) as (place, _), progress_bar() as told:
-        rows = real_rows(recording, unseen, block, last, models, range(seeds), told)
+        rows = real_rows(asked, range(seeds), told)
         written = save_table(EXPERIMENT, rows, place)
     print_results(EXPERIMENT, rows, [], place)
     print(f"table: {written} (.csv, .tex, .json beside it)")

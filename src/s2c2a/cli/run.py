@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from s2c2a.cli.console import Arm, FidelityName, File, GuardName, ModelName, RecipeName, StrategyName, print_results
+from s2c2a.cli.console import Arm, FidelityName, File, GuardName, ModelName, OptionalRecipe, StrategyName, print_results
 from s2c2a.cli.work import ALL_CORES, RobotName, RobotOptions, Work, body_for, making
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ def run(
     task: File,
     arm: Arm = "twin_arm",
     strategy: tuple[StrategyName, ...] = ("s2c2a",),
-    recipe: RecipeName | None = None,
+    recipe: OptionalRecipe = None,
     weights: Path | None = None,
     model: ModelName = None,
     pace: float = 1.0,

@@ -127,7 +127,7 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
         writer.close()
         raise RecordingError(
             f"{path} was begun with another arm or other options ({'; '.join(differing)}); "
-            "resume it as begun, or say overwrite"
+            "resume it as begun, or overwrite it (--overwrite)"
         )
     return writer
 

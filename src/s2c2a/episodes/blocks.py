@@ -83,7 +83,7 @@ def opened_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1
         DamagedRecordingError: too large, or no file of blocks.
     """
     if not Path(path).is_file():
-        raise RecordingError(f"no recording at {path}; make one with `s2c2a collect`")
+        raise RecordingError(f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`")
     try:
         file = open(path, mode, buffering)  # noqa: SIM115 (whoever asked closes it)
         begin, size = file.read(8), os.fstat(file.fileno()).st_size
@@ -99,7 +99,9 @@ def opened_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1
         )
     if size > MOST_BYTES:
         raise DamagedRecordingError(f"{path} has {size} bytes; files of episodes have at most {MOST_BYTES}")
-    raise DamagedRecordingError(f"{path} is no file of episodes, or its beginning is damaged; collect or run it anew")
+    raise DamagedRecordingError(
+        f"{path} is no file of episodes, or its beginning is damaged; collect, run or import it anew"
+    )
 
 
 def lock(file: BinaryIO, path: str | os.PathLike) -> None:
@@ -120,7 +122,7 @@ def lock(file: BinaryIO, path: str | os.PathLike) -> None:
 
 def damaged(path: str | os.PathLike, why: str) -> DamagedRecordingError:
     """The error that says so."""
-    return DamagedRecordingError(f"{path} is damaged, or no file of episodes: {why}; collect or run it anew")
+    return DamagedRecordingError(f"{path} is damaged, or no file of episodes: {why}; collect, run or import it anew")
 
 
 def _digest(size: int, before: bytes, *parts: bytes) -> bytes:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
@@ -28,6 +29,8 @@ from s2c2a.spaces import POSITION
 
 MOST_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
+FURTHEST = 10.0  # times the arm's length from its base: not even where a camera was moved
+UNLIKE = 100.0  # times what drives move by as a rule: then it is their unit
 
 
 @dataclass(frozen=True)
@@ -131,12 +134,22 @@ def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Record
     rig = Rig.of(first, told)
     parts, rows, broken = _parts(paths, told)
     episodes = _episodes(parts, _measured(parts, told), first.arm, rig, told)
+    _check_reach(episodes, first.arm)
     now, then = (
         [np.concatenate([one.sensor(name) for one in some]) for name in ("cables", "states")]
         for some in (episodes, first.episodes)
     )
     near = nearby(now[0], now[1][:, -1, POSITION], then[0], then[1][:, -1, POSITION])
     return Again(episodes, rig, near, _at_rest(told), broken, rows)
+
+
+def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
+    far = max(float(np.nanmax(np.abs(one.sensor("states")[..., POSITION]), initial=0.0)) for one in episodes)
+    if far > FURTHEST * arm.length:
+        raise LogError(
+            f"ends are up to {far:.3g} m from the base of an arm of {arm.length:.3g} m, in the frame of the first "
+            "recording; let the map say their unit, or, where cameras stand elsewhere now, import it without --like"
+        )
 
 
 def _parts(paths: Sequence[str | os.PathLike], told: LogMap) -> tuple[list[Session], int, int]:
@@ -196,8 +209,20 @@ def _measured(parts: Sequence[Session], told: LogMap) -> np.ndarray:
     return states
 
 
+def _check_drives(columns: Float[np.ndarray, "rows drives"], told: LogMap) -> None:
+    """Refuse a column whose unit cannot be that of the others."""
+    moved = np.ptp(np.nan_to_num(columns), axis=0)
+    usual, most = float(np.median(moved)), int(moved.argmax())
+    if told.drives[most].unit != "free" and 0 < UNLIKE * usual < moved[most]:
+        raise LogError(
+            f"'{told.drives[most].name}' moves by {moved[most]:.3g}, the drives by {usual:.3g} as a rule (metres or "
+            "newtons); let the map say its unit"
+        )
+
+
 def _seen(parts: Sequence[Session], told: LogMap) -> tuple[Seen, Registration]:
     columns = np.concatenate([_in_effect(part, told) for part in parts])
+    _check_drives(columns, told)
     states, positions = _measured(parts, told), np.concatenate([part.positions for part in parts])
     frame = first_registration(positions, told)
     return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), frame.lengths.sum()), frame

@@ -77,7 +77,8 @@ class Rig(Frozen):
         arm, names = recording.arm, tuple(drive.name for drive in told.drives)
         check_arm(arm, told)
         _check_alike("the drives", listed(names), listed(rig.names))
-        _check_alike("what turns their columns into metres or newtons", _scales(told), rig.scales)
+        for name, now, then in zip(names, _scales(told), rig.scales, strict=True):
+            _check_alike(f"what turns '{name}' into metres or newtons", now, then)
         if np.shape(rig.drive) != (arm.module_count, arm.cable_count):
             raise LogError(f"that recording's rig is not one of '{arm.name}'; import its logs anew, without --like")
         return rig
@@ -111,7 +112,9 @@ def check_arm(arm: ArmSpec, told: LogMap) -> None:
 
 def _check_alike(what: str, told: object, there: object) -> None:
     if told != there:
-        raise LogError(f"{what}: {told} in the map, {there} with the arm that was given; let both say the same")
+        raise LogError(
+            f"{what}: {told} in the map, {there} in the arm or recording that was given; let both say the same"
+        )
 
 
 class Nearby(NamedTuple):

@@ -75,6 +75,8 @@ def read_table(path: str | os.PathLike, asked: Asked) -> Table:
     """
     if Path(path).suffix.lower() in (".npz", ".mat"):
         return _of_arrays(path, asked)
+    if not Path(path).is_file():
+        raise LogError(f"no log at {path}")
     try:
         return _of_text(path, asked)
     except (OSError, EOFError, UnicodeError, zlib.error, csv.Error, ValueError) as error:

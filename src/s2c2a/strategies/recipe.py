@@ -28,7 +28,8 @@ from s2c2a.sensing import DirectionEstimator, Estimator, estimator_for
 from s2c2a.training.fit import FitOptions, check_limits
 
 ENDING = ".toml"
-HEADING = "{count} fault(s) in the recipe (with a line such as based_on = 'best' a file need not say all)"
+HEADING = "{count} fault(s) in the recipe"
+HINT = " (with a line such as based_on = 'best' a file need not say all)"
 TAGS = {"name", "model"}
 """What says of which form a table is."""
 
@@ -84,8 +85,8 @@ class Recipe:
 
     @property
     def training(self) -> dict[str, Any]:
-        """What trained networks depend on: all but how they are put to work, and the code of a user's own model."""
-        at_work = ("name", "planner", "correction", "axis_weights")
+        """What trained networks depend on beside their data: all but how they are put to work, and code of a user's."""
+        at_work = ("name", "episodes", "planner", "correction", "axis_weights")
         here = {name: value for name, value in asdict(self).items() if name not in at_work}
         return here | {"code": code_of(type(self.c2s))}
 
@@ -174,14 +175,15 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
     if Path(path).stem in RECIPES:
         raise StrategyError(f"{path} would go by the name of a recipe that is another; give the file a name of its own")
     try:
-        written = _in_full(toml_in(read_text(path)), Path(path).parent)
-        recipe = recipe_in(written | {"name": Path(path).stem}, model_named)
+        written = toml_in(read_text(path))
+        recipe = recipe_in(_in_full(written, Path(path).parent) | {"name": Path(path).stem}, model_named)
         recipe.planner.made()  # now, not after the training
         return recipe
     except ValidationError as error:
-        raise StrategyError(explained(error, f"{path}: {HEADING}", _keys())) from error
+        hint = "" if "based_on" in written else HINT
+        raise StrategyError(explained(error, f"{path}: {HEADING}{hint}", _keys())) from error
     except S2C2AError as error:
-        raise StrategyError(f"{path} holds no recipe: {error}") from error
+        raise StrategyError(f"{path}: {error}") from error
 
 
 def _keys() -> Iterator[str]:

@@ -4,15 +4,18 @@ Rows that are held out are whole blocks, the end of a recording, or other record
 along the whole of it, as it is on the arm, and the truth of those rows is never shown.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Bool
 
+from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation.report import Row, over_seeds
@@ -23,6 +26,7 @@ from s2c2a.studies.real_models import FittedArcs, KernelRegression, Recurrent
 from s2c2a.training import FitOptions, TrainingData
 
 EXPERIMENT = "real"
+_NONE: Mapping[str, Recording] = MappingProxyType({})
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
 BEST = recipe_named("best")
 PAPER = recipe_named("paper")
@@ -51,13 +55,19 @@ class Held:
 
 
 def blocks_of(recording: Recording, size: int) -> Held:
-    """Of every twenty blocks of so many rows the 7th, 14th and 20th, over all episodes in turn."""
+    """Of every twenty blocks of so many rows the 7th, 14th and 20th, over all episodes in turn.
+
+    Raises:
+        RecordingError: it has too few.
+    """
     rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
     before = 0
     for mine, length in zip(rows, recording.lengths, strict=True):
         numbers = (before + np.arange(length)) // size
         mine[:length] = np.isin(numbers % 20, HELD_OUT_BLOCKS)
         before += length
+    if not rows.any():
+        raise RecordingError(f"blocks of {size} rows hold nothing out of {before}; take smaller ones")
     return Held(f"blocks of {size}", rows)
 
 
@@ -74,49 +84,78 @@ def last_of(recording: Recording, count: int) -> Held:
     return Held(f"last {count}", rows)
 
 
-def real_rows(
-    recording: Path,
-    unseen: Sequence[Path],
-    block: int,
-    last: int,
-    models: Sequence[str],
-    seeds: Sequence[int],
-    progress: Callable[[str, int, int], None],
-) -> list[Row]:
+class Asked(NamedTuple):
+    """What is held against what.
+
+    Attributes:
+        recording: to learn from.
+        splits: of it.
+        unseen: other recordings of the same arm, tried as a whole, by the names of their files.
+        models: names of `MODELS`.
+    """
+
+    recording: Recording
+    splits: tuple[Held, ...]
+    unseen: dict[str, Recording]
+    models: tuple[str, ...]
+
+    @classmethod
+    def of(cls, recording: Path, unseen: Sequence[Path], block: int, last: int, models: Sequence[str]) -> "Asked":
+        """From files.
+
+        Args:
+            recording: to learn from.
+            unseen: other recordings.
+            block: rows of each block that is held out; none if zero.
+            last: rows at the end that are held out; none if zero.
+            models: names of `MODELS`; all if empty.
+
+        Raises:
+            RecordingError: a recording that is none, or of another arm, or too short; nothing to be tried on.
+            StrategyError: no such model.
+        """
+        names, whole = tuple(models) or tuple(MODELS), load_recording(recording)
+        if strange := [name for name in names if name not in MODELS]:
+            raise StrategyError(f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}")
+        others = {path.stem: load_recording(path) for path in unseen}
+        for name, other in others.items():
+            if _kind(other.arm) != _kind(whole.arm):
+                said = f"{name} is of {_kind(other.arm)}, {Path(recording).stem} of {_kind(whole.arm)}"
+                raise RecordingError(f"{said}; give recordings of one arm, imported --like the first")
+        asked = ((blocks_of, block), (last_of, last))
+        splits = tuple(held_out(whole, count) for held_out, count in asked if count > 0)
+        if not (others or splits) or block < 0 or last < 0:
+            raise RecordingError(f"--block {block} and --last {last} hold nothing out; say some, or --unseen RECORDING")
+        nothing = Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))
+        return cls(whole, splits or (nothing,), others, names)
+
+
+def _kind(arm: ArmSpec) -> str:
+    return f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, {arm.actuation})"
+
+
+def real_rows(asked: Asked, seeds: Sequence[int], progress: Callable[[str, int, int], None]) -> list[Row]:
     """Rows of every split and model.
 
     Args:
-        recording: to learn from.
-        unseen: other recordings of the same arm, tried as a whole.
-        block: rows of each block that is held out; none if zero.
-        last: rows at the end that are held out; none if zero.
-        models: names of `MODELS`; all if empty.
+        asked: what is tried.
         seeds: of training.
         progress: told what, how many of how many.
-
-    Raises:
-        RecordingError: a recording that is none, or of another arm, or too short.
-        StrategyError: no such model.
     """
-    names, whole = tuple(models) or tuple(MODELS), load_recording(recording)
-    if strange := [name for name in names if name not in MODELS]:
-        raise StrategyError(f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}")
-    others = [load_recording(path) for path in unseen]
-    shapes = {(one.arm.module_count, one.arm.cable_count) for one in (whole, *others)}
-    if len(shapes) > 1:
-        raise RecordingError("other recordings must be of the same arm; import them --like the first")
-    splits = [blocks_of(whole, block)] if block > 0 else []
-    splits += [last_of(whole, last)] if last > 0 else []
-    splits = splits or [Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))]
     rows: list[Row] = []
-    for number, (held, name) in enumerate(product(splits, names)):
-        progress("models", number, len(splits) * len(names))
-        rows += held_rows(whole, held, [name], seeds, others if held is splits[-1] else ())
+    for number, (held, name) in enumerate(product(asked.splits, asked.models)):
+        progress("models", number, len(asked.splits) * len(asked.models))
+        unseen = asked.unseen if held is asked.splits[-1] else {}
+        rows += held_rows(asked.recording, held, [name], seeds, unseen)
     return rows
 
 
 def held_rows(
-    recording: Recording, held: Held, models: Sequence[str], seeds: Sequence[int], unseen: Sequence[Recording] = ()
+    recording: Recording,
+    held: Held,
+    models: Sequence[str],
+    seeds: Sequence[int],
+    unseen: Mapping[str, Recording] = _NONE,
 ) -> Iterator[Row]:
     """Rows of one split, a model after the other: errors of the tip where it is known [mm].
 
@@ -125,15 +164,12 @@ def held_rows(
         held: what of it is held out.
         models: names of `MODELS`.
         seeds: of training.
-        unseen: other recordings of the same arm, tried as a whole.
+        unseen: other recordings of the same arm, tried as a whole, by name.
     """
     data = training_data(recording, BEST)
     states = np.array(data.states)
     states[held.rows] = np.nan
-    others = [
-        (str(other.options.get("name", f"recording {number}")), training_data(other, BEST), None)
-        for number, other in enumerate(unseen, 2)
-    ]
+    others = [(name, training_data(other, BEST), None) for name, other in unseen.items()]
     tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
     for name in models:
         options, fit = MODELS[name]
@@ -161,9 +197,20 @@ MEASURES: dict[str, Callable[[np.ndarray], np.floating]] = {
 
 
 def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
-    arm, task = recording.arm.name, f"{recording.options.get('name', recording.arm.name)}, {split}"
+    arm = recording.arm.name
     return [
-        Row(EXPERIMENT, task, arm, "real", name, name, metric, "mm", seeds=tuple(seeds), **over_seeds(values, spreads))
+        Row(
+            EXPERIMENT,
+            f"{arm}, {split}",
+            arm,
+            "real",
+            name,
+            name,
+            metric,
+            "mm",
+            seeds=tuple(seeds),
+            **over_seeds(values, spreads),
+        )
         for metric, measure in MEASURES.items()
         for values in [[float(measure(one)) for one in errors]]
         for spreads in [[float(one.std()) for one in errors] if metric == "tip" else []]
