@@ -33,7 +33,7 @@ LONGEST = (
 )
 """Files that go first, so that no worker is left with one of them when all others have ended."""
 HASTY = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
-"""Compiles in two thirds of the time; chains train as fast, networks of the paper's kind a third slower.
+"""Compiles in two thirds of the time; chains train as fast, networks of the paper's kind by two fifths more slowly.
 
 What users run is compiled with care, as in `make demo`. XLA ends a process that names a flag it does not know; those of
 jaxlib 0.7 to 0.10 know these.

@@ -65,7 +65,7 @@ def said(fault: Any, known: Iterable[str] = ()) -> str:
     if kind in UNKNOWN:
         near = get_close_matches(str(fault["loc"][-1])[:LONGEST_NAME], sorted(known), n=1)
         if near == [fault["loc"][-1]]:
-            return "no such key here; it belongs into a table of its own"
+            return "no such key here, though another table has one"
         return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
     allowed = KEY_WORDS.get(kind, "").format(**fault.get("ctx", {}))
     return WORDS.get(kind) or allowed or fault["msg"].removeprefix("Value error, ")

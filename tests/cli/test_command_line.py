@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from s2c2a.cli.main import main
+from s2c2a.data import load_recording
 from s2c2a.studies.tables import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -146,6 +147,16 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
     assert "trained for 'two_module_arm'" in other
     said = failing(capsys, "run", "circle", *arm, "--weights", str(strategy), "--recipe", "paper")
     assert "trains otherwise" in said
+
+
+def test_a_recipe_says_in_how_many_episodes_data_are_collected_unless_the_user_does(tmp_path):
+    recipe = tmp_path / "two.toml"
+    recipe.write_text('based_on = "best"\nepisodes = 2\n')
+    for stated, count in ((), 2), (("--episodes", "1"), 1):
+        out = tmp_path / f"{count}.episodes"
+        run("collect", "--recipe", str(recipe), "--samples", "10", "--out", str(out), *stated)
+        options = load_recording(out).options
+        assert (options["episodes"], options["babbling"]) == (count, "mixed")
 
 
 def test_a_task_goes_at_the_pace_that_is_asked_for(tmp_path, capsys):

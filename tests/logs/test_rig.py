@@ -38,7 +38,7 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
         import_again([log.log], map_from_toml(log.map.replace(old, new, 1)), recording)
 
 
-def test_a_drive_in_other_units_than_the_rest_is_refused_before_anything_is_fitted(first):
+def test_a_drive_that_winds_more_cable_than_the_arm_is_long_is_refused_before_anything_is_fitted(first):
     log, _ = first
     told = map_from_toml(log.map.replace('measured = "m3"\nunit = "mm"', 'measured = "m3"\nunit = "m"'))
     with pytest.raises(LogError, match=r"'m3' moves by .* let the map say its unit"):

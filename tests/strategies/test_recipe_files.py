@@ -62,7 +62,7 @@ def test_names_and_files_are_told_apart(tmp_path):
         (lambda text: text.replace('model = "local"', 'model = "json:loads"'), "no forward model's options"),
         (lambda text: text.replace('model = "local"', 'model = "bilstm"'), "layers"),
         (lambda text: "no recipe", "mine.toml: not valid TOML"),
-        (lambda text: "most_epochs = 5\n" + text, "most_epochs: no such key here; it belongs into a table of its own"),
+        (lambda text: "most_epochs = 5\n" + text, "most_epochs: no such key here, though another table has one"),
     ],
 )
 def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):

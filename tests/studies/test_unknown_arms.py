@@ -2,18 +2,20 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from s2c2a import jobs
 from s2c2a.arm import load_arm
+from s2c2a.cli.reproduce import Compared
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.strategies import recipe_named
 from s2c2a.studies import true_reach, unknown_arms
 from s2c2a.studies.targets import Held
-from s2c2a.studies.unknown_arms import AGED, TASKS, Unknown, held_rows, over_arms, unknown_arms_rows
+from s2c2a.studies.unknown_arms import AGED, STRATEGIES, TASKS, Unknown, held_rows, over_arms, unknown_arms_rows
 from s2c2a.tasks import Task
 
 TWIN = load_arm("twin_arm")
@@ -119,3 +121,7 @@ def test_a_whole_trial_makes_rows_of_tasks_and_of_targets(tmp_path, monkeypatch)
     assert told["mean of 1 arms at 0.5", "held", "distance"].mean == told["twin_arm_50_0", "held", "distance"].mean
     assert ("worst of 1 arms at 0.5", "beyond", "moved in the last second, largest") in told
     assert np.isfinite([row.mean for row in rows]).all()
+
+
+def test_the_command_offers_every_strategy():
+    assert set(get_args(Compared)) == set(STRATEGIES)

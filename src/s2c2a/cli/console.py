@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
 StrategyName = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
 FidelityName = Literal["fast", "accurate"]
-RecipeName = Annotated[str, tyro.conf.arg(metavar="best|best-long|paper|FILE")]
-OptionalRecipe = Annotated[str | None, tyro.conf.arg(metavar="best|best-long|paper|FILE")]
+_RECIPE = tyro.conf.arg(metavar="best|best-long|paper|FILE")
+RecipeName = Annotated[str, _RECIPE]
+OptionalRecipe = Annotated[str | None, _RECIPE]
 ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
 GuardName = Literal["tip", "arm"]
 WIDTH_IN_FILES = 120

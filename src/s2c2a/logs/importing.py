@@ -30,7 +30,6 @@ from s2c2a.spaces import POSITION
 MOST_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
 FURTHEST = 10.0  # times the arm's length from its base: not even where a camera was moved
-UNLIKE = 100.0  # times what drives move by as a rule: then it is their unit
 
 
 @dataclass(frozen=True)
@@ -209,23 +208,23 @@ def _measured(parts: Sequence[Session], told: LogMap) -> np.ndarray:
     return states
 
 
-def _check_drives(columns: Float[np.ndarray, "rows drives"], told: LogMap) -> None:
-    """Refuse a column whose unit cannot be that of the others."""
-    moved = np.ptp(np.nan_to_num(columns), axis=0)
-    usual, most = float(np.median(moved)), int(moved.argmax())
-    if told.drives[most].unit != "free" and 0 < UNLIKE * usual < moved[most]:
-        raise LogError(
-            f"'{told.drives[most].name}' moves by {moved[most]:.3g}, the drives by {usual:.3g} as a rule (metres or "
-            "newtons); let the map say its unit"
-        )
+def _check_drives(columns: Float[np.ndarray, "rows drives"], length: float, told: LogMap) -> None:
+    """Refuse a drive that winds more cable than the arm is long: its unit is another."""
+    moved = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
+    for drive, way in zip(told.drives, moved, strict=True):
+        if drive.unit not in ("free", "N") and way > length:
+            raise LogError(
+                f"'{drive.name}' moves by {way:.3g} m, and the arm is {length:.3g} m long; let the map say its unit"
+            )
 
 
 def _seen(parts: Sequence[Session], told: LogMap) -> tuple[Seen, Registration]:
     columns = np.concatenate([_in_effect(part, told) for part in parts])
-    _check_drives(columns, told)
     states, positions = _measured(parts, told), np.concatenate([part.positions for part in parts])
     frame = first_registration(positions, told)
-    return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), frame.lengths.sum()), frame
+    length = float(frame.lengths.sum())
+    _check_drives(columns, length, told)
+    return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), length), frame
 
 
 def _in_effect(part: Session, told: LogMap) -> np.ndarray:

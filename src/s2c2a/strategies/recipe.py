@@ -85,7 +85,7 @@ class Recipe:
 
     @property
     def training(self) -> dict[str, Any]:
-        """What trained networks depend on beside their data: all but how they are put to work, and code of a user's."""
+        """What trained networks depend on: all but how many data and how they are put to work; a user's code, too."""
         at_work = ("name", "episodes", "planner", "correction", "axis_weights")
         here = {name: value for name, value in asdict(self).items() if name not in at_work}
         return here | {"code": code_of(type(self.c2s))}

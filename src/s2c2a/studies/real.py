@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
@@ -26,7 +25,6 @@ from s2c2a.studies.real_models import FittedArcs, KernelRegression, Recurrent
 from s2c2a.training import FitOptions, TrainingData
 
 EXPERIMENT = "real"
-_NONE: Mapping[str, Recording] = MappingProxyType({})
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
 BEST = recipe_named("best")
 PAPER = recipe_named("paper")
@@ -117,14 +115,16 @@ class Asked(NamedTuple):
         names, whole = tuple(models) or tuple(MODELS), load_recording(recording)
         if strange := [name for name in names if name not in MODELS]:
             raise StrategyError(f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}")
-        others = {path.stem: load_recording(path) for path in unseen}
+        others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
         for name, other in others.items():
             if _kind(other.arm) != _kind(whole.arm):
                 said = f"{name} is of {_kind(other.arm)}, {Path(recording).stem} of {_kind(whole.arm)}"
                 raise RecordingError(f"{said}; give recordings of one arm, imported --like the first")
+        if min(block, last) < 0:
+            raise RecordingError(f"--block {block} and --last {last} asked for; say zero or more rows")
         asked = ((blocks_of, block), (last_of, last))
         splits = tuple(held_out(whole, count) for held_out, count in asked if count > 0)
-        if not (others or splits) or block < 0 or last < 0:
+        if not (others or splits):
             raise RecordingError(f"--block {block} and --last {last} hold nothing out; say some, or --unseen RECORDING")
         nothing = Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))
         return cls(whole, splits or (nothing,), others, names)
@@ -155,7 +155,7 @@ def held_rows(
     held: Held,
     models: Sequence[str],
     seeds: Sequence[int],
-    unseen: Mapping[str, Recording] = _NONE,
+    unseen: Mapping[str, Recording] | None = None,
 ) -> Iterator[Row]:
     """Rows of one split, a model after the other: errors of the tip where it is known [mm].
 
@@ -169,7 +169,7 @@ def held_rows(
     data = training_data(recording, BEST)
     states = np.array(data.states)
     states[held.rows] = np.nan
-    others = [(name, training_data(other, BEST), None) for name, other in unseen.items()]
+    others = [(name, training_data(other, BEST), None) for name, other in (unseen or {}).items()]
     tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
     for name in models:
         options, fit = MODELS[name]
@@ -198,19 +198,9 @@ MEASURES: dict[str, Callable[[np.ndarray], np.floating]] = {
 
 def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
     arm = recording.arm.name
+    heading = EXPERIMENT, f"{arm}, {split}", arm, "real", name, name
     return [
-        Row(
-            EXPERIMENT,
-            f"{arm}, {split}",
-            arm,
-            "real",
-            name,
-            name,
-            metric,
-            "mm",
-            seeds=tuple(seeds),
-            **over_seeds(values, spreads),
-        )
+        Row(*heading, metric, "mm", seeds=tuple(seeds), **over_seeds(values, spreads))
         for metric, measure in MEASURES.items()
         for values in [[float(measure(one)) for one in errors]]
         for spreads in [[float(one.std()) for one in errors] if metric == "tip" else []]
