@@ -12,7 +12,7 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import C2AOptions, ChainOptions
-from s2c2a.models.chain import samples_along
+from s2c2a.models.chain_training import samples_along
 from s2c2a.strategies import TrainedNetworks, load_strategy, recipe_named, save_strategy
 from s2c2a.training import FitOptions, TrainingData
 

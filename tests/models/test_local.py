@@ -10,7 +10,7 @@ import pytest
 
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
 from s2c2a.models import LocalOptions
-from s2c2a.models.chain import inputs_along
+from s2c2a.models.chain_training import inputs_along
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Doubt
 from s2c2a.training import FitOptions, TrainingData
@@ -57,7 +57,7 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
     along, memory = SIZE.answers(trained, data)[0], trained.start(data.sensed[0, 0])
     predict, observe = eqx.filter_jit(lambda m, c, k: m.predict(c, k)), eqx.filter_jit(lambda m, c, k: m.observe(c, k))
     chained, seen = SIZE.answers(trained.chain, data)[0], inputs_along(trained.chain, data)[0]
-    inputs = eqx.filter_jit(lambda m, c, k: m.chain.hysteresis.inputs(m.chain.body.displacements(c), k))
+    inputs = eqx.filter_jit(lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k))
     for step in range(20):
         now = data.sensed[0, step]
         np.testing.assert_allclose(inputs(trained, now, memory), seen[step], atol=1e-6)

@@ -64,6 +64,8 @@ class ArmGeometry:
         action_bends: what the whole range of actions would bend without any loss [rad], shape (modules,).
         planned_bends: largest bend that a plan may have, as it is sensed: encoders do not see what is lost on the way,
             for which cables that travel further may make up by half the bend limit [rad], shape (modules,).
+        cable_springs: what cables that hold still add to a module's stiffness against bending while all are taut
+            [N m/rad], none where they give way, shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
@@ -78,6 +80,7 @@ class ArmGeometry:
     bend_limits: np.ndarray
     action_bends: np.ndarray
     planned_bends: np.ndarray
+    cable_springs: np.ndarray
     pretensions: np.ndarray
     action_neutral: np.ndarray
     action_scale: np.ndarray
@@ -99,6 +102,7 @@ class ArmGeometry:
         pull = np.array([balanced_pull(matrix) for matrix in matrices])
         pretensions = per_module(arm, "pretension")[:, None] * pull
         tension = arm.actuation == "tension"
+        springs = per_module(arm, "cable.stiffness") * radii**2 * arm.cable_count / 2.0
         neutral = pretensions if tension else np.zeros_like(pretensions)
         # a displacement shortens, a tension grows, towards the bend
         scale = -per_module(arm, "tension_range") if tension else radii * bends
@@ -111,6 +115,7 @@ class ArmGeometry:
             bend_limits=bend_limits,
             action_bends=bends,
             planned_bends=np.minimum(bends, MADE_UP * bend_limits) if arm.sensing == "encoders" else bend_limits,
+            cable_springs=springs * (0.0 if tension else 1.0),
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,

@@ -4,10 +4,12 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
+from s2c2a.arm.senses import Senses
 from s2c2a.arm.spec import ArmSpec
 
 _INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "flaws")}
-_TABLES = {"": "", "motor": "[motor]", "modules": "[[modules]]"} | _INNER
+_SENSES = {f"senses.{name}": f"[senses.{name}]" for name in Senses.model_fields}
+_TABLES = {"": "", "motor": "[motor]", "senses": "[senses]", "modules": "[[modules]]"} | _SENSES | _INNER
 
 
 class Key(NamedTuple):

@@ -1,13 +1,14 @@
 """The description of an arm: frozen values, checked when built."""
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_gap_deg
 from s2c2a.arm.flaws import Flaws
+from s2c2a.arm.senses import Senses
 
 MOST_MODULES = 20
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
@@ -119,6 +120,8 @@ class ArmSpec(Frozen):
     Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
     """
 
+    unsaid: ClassVar[frozenset[str]] = frozenset(("senses",))
+
     name: str = Field(pattern=NAME, description="in tables, figures and names of files")
     description: str = Field("", description="a line about it")
     actuation: Literal["displacement", "tension"] = Field(description="what its motors are told")
@@ -146,6 +149,7 @@ class ArmSpec(Frozen):
         0.001, 180, "deg", "largest change of that change; 1.5 times as large if none", None
     )
     motor: Motor = Motor()
+    senses: Senses = Senses()
     modules: tuple[Module, ...] = Field(
         min_length=1, max_length=MOST_MODULES, description="base first, all with as many cables"
     )
@@ -194,12 +198,13 @@ class ArmSpec(Frozen):
             raise ValueError("motor.homing_error acts on displacement; a tension arm needs no homing")
 
     def same_body(self, other: "ArmSpec") -> bool:
-        """Whether another arm is the same in all but name and description."""
+        """Whether another arm is the same in all but name, description, and what it senses beside its motors."""
         return not self.differences(other)
 
     def differences(self, other: "ArmSpec") -> list[str]:
-        """Keys in which another arm differs, name and description aside."""
-        mine, others = (arm.model_dump(exclude={"name", "description"}) for arm in (self, other))
+        """Keys in which another arm differs, name, description and senses beside its motors' aside."""
+        aside: Any = {"name": True, "description": True, "senses": True, "motor": {"current_noise", "current_friction"}}
+        mine, others = (arm.model_dump(exclude=aside) for arm in (self, other))
         return [key for key in mine if mine[key] != others[key]]
 
     @property

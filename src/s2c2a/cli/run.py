@@ -25,6 +25,8 @@ def run(
     robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
+    told: float = 0.0,
+    estimates: bool = True,
     guard: GuardName = "tip",
     video: bool = False,
     work: Work = ALL_CORES,
@@ -50,7 +52,9 @@ def run(
         robot: what is driven: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         robot_option: what that class takes beside the arm.
         fidelity: of the simulation that is driven; data come from the fast one.
-        payload: mass at the tip [kg].
+        payload: mass that hangs at the tip of the simulated arm [kg].
+        told: mass that the strategy is told hangs there [kg]; recipes that observe count on it.
+        estimates: whether these find loads and leans from what is sensed beside encoders (docs/senses.md).
         guard: what keeps out of obstacles: the tip, or the whole arm.
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
         work: where results go, and who works.
@@ -61,7 +65,7 @@ def run(
     from s2c2a.models.registry import model_named
 
     spec, numbers = load_arm(arm), jobs.checked_seeds(seed, seeds)
-    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard)
+    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard, told, estimates)
     if model:
         model_named(model)
     given = (

@@ -23,7 +23,7 @@ from s2c2a.progress import Progress
 from s2c2a.robots import Body
 from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
 
-REVISION = 4
+REVISION = 5
 """Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
 
 DATA = Body.simulation()

@@ -32,10 +32,14 @@ class Conditions:
     Attributes:
         body: what is driven.
         guard: what keeps out of obstacles.
+        told: what strategies that observe are told hangs at the tip [kg].
+        estimates: whether these estimate loads and leans from what is sensed.
     """
 
     body: Body = Body.simulation()  # noqa: RUF009 (it is frozen)
     guard: Guard = "tip"
+    told: float = 0.0
+    estimates: bool = True
 
     @property
     def fidelity(self) -> str:
@@ -147,15 +151,17 @@ class Job(Artifact[Run]):
 
 
 def _networks(job: Job) -> tuple[Artifact, ...]:
-    return (job.weights or NetworksArtifact(job.arm, job.recipe, job.seed),)
+    return (job.weights or NetworksArtifact(job.recipe.felt(job.arm), job.recipe, job.seed),)
 
 
 def _motor_networks(job: Job) -> tuple[Artifact, ...]:
-    return (NetworksArtifact(job.arm, replace(job.recipe, babbling="motor"), job.seed),)
+    return (NetworksArtifact(job.recipe.felt(job.arm), replace(job.recipe, babbling="motor"), job.seed),)
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
-    return strategies.s2c2a_strategy(networks, job.conditions.guard)
+    under = job.conditions
+    watched = strategies.Watched(under.told, under.estimates)
+    return strategies.s2c2a_strategy(replace(networks, arm=job.arm), under.guard, watched)
 
 
 def _recording(job: Job) -> tuple[Artifact, ...]:

@@ -26,19 +26,39 @@ def states_from_bends(bends: Bends, lengths: Lengths) -> States:
     return states_from_arcs(bends, lengths, jnp.zeros(3))
 
 
-def states_from_arcs(bends: Bends, lengths: Lengths, off: Float[Array, "*#batch #modules 3"]) -> States:
-    """`states_from_bends` of arcs whose end points are off by so much [m], module frames."""
-    ends, axes = arc_ends(bends, lengths) + off, configurations_from_bends(bends)
-    rotations = _rotations_to(axes)
+def states_from_arcs(
+    bends: Bends,
+    lengths: Lengths,
+    off: Float[Array, "*#batch #modules 3"],
+    force: Float[Array, "3"] | None = None,
+    gives: Float[Array, " modules"] | None = None,
+) -> States:
+    """`states_from_bends` of arcs whose end points are off by so much [m], module frames.
+
+    Args:
+        bends: bend vectors [rad], module frames.
+        lengths: arc lengths [m].
+        off: of end points [m], module frames.
+        force: at the tip [N], base frame; across an arc it bends the near half more than the far one.
+        gives: how far that moves ends for a force of one [m/N].
+    """
+    ends, axes = arc_ends(bends, lengths), configurations_from_bends(bends)
+    chords = ends / jnp.linalg.norm(ends, axis=-1, keepdims=True)
+    rotations = rotations_to(axes)
     start = jnp.zeros((*bends.shape[:-2], 3)), jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))
 
     def on(base, arc):
-        (position, rotation), (end, axis, turn) = base, arc
+        (position, rotation), (end, chord, give, axis, turn) = base, arc
+        if force is not None:
+            felt = jnp.einsum("...ji,j->...i", rotation, force)
+            end = end + give * (felt - chord * jnp.sum(felt * chord, axis=-1, keepdims=True))
         position = position + _rotate(rotation, end)
         state = jnp.concatenate([position, _rotate(rotation, axis)], axis=-1)
         return (position, rotation @ turn), state
 
-    arcs = jnp.moveaxis(ends, -2, 0), jnp.moveaxis(axes, -2, 0), jnp.moveaxis(rotations, -3, 0)
+    gives = jnp.zeros(bends.shape[-2]) if gives is None else gives
+    arcs = (*(jnp.moveaxis(part, -2, 0) for part in (ends + off, chords)), gives)
+    arcs = *arcs, jnp.moveaxis(axes, -2, 0), jnp.moveaxis(rotations, -3, 0)
     return jnp.moveaxis(jax.lax.scan(on, start, arcs, unroll=UNROLLED)[1], 0, -2)
 
 
@@ -63,7 +83,7 @@ def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules
     for module in range(axes.shape[-2]):
         axis = xp.einsum("...ji,...j->...i", rotation, axes[..., module, :])
         configurations.append(axis / xp.linalg.norm(axis, axis=-1, keepdims=True))
-        rotation = rotation @ _rotations_to(configurations[-1])
+        rotation = rotation @ rotations_to(configurations[-1])
     return xp.stack(configurations, axis=-2)
 
 
@@ -74,7 +94,7 @@ def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -
     return lengths[..., None] * jnp.concatenate([across, sinc(squared)[..., None]], axis=-1)
 
 
-def _rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
+def rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
     """The rotation without torsion that turns z into each axis."""
     x, y, z = axes[..., 0], axes[..., 1], axes[..., 2]
     share = 1.0 / (1.0 + z)

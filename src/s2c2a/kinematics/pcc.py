@@ -73,9 +73,27 @@ class ForwardModel(eqx.Module):
     def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
         """Memory after one more sensed configuration."""
 
+    def given(self, unknowns: Any, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+        """Memory of a model that is told what came about since its recording; most take no notice.
+
+        Args:
+            unknowns: `models.unknowns.Unknowns`.
+            sensed: configurations, now.
+            memory: before.
+        """
+        return memory
+
     @abstractmethod
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
+
+    def tensions(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+        """Tensions of the cables there [N], shape (*batch, modules, cables); NaN of models that do not know."""
+        return jnp.full((*configurations.shape[:-1], 1), jnp.nan)
+
+    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+        """By how much tensions rise with the stretch of a cable over its radius [N/rad]; None if it does not know."""
+        return None
 
     @abstractmethod
     def for_planning(self) -> "ForwardModel":

@@ -2,5 +2,5 @@
 
 from s2c2a.models.actions import C2A, C2AOptions, History, LSTMOptions
 from s2c2a.models.c2s import C2S, C2SOptions, ForwardOptions
-from s2c2a.models.chain import ChainOptions
+from s2c2a.models.chain_training import ChainOptions
 from s2c2a.models.local import LocalOptions

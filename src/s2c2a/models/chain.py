@@ -5,66 +5,43 @@ come to rest (`bend_at_rest`), from bends to states along the chain of arcs. A s
 moments of gravity, bends and end points that arcs do not have.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
-from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.windows import Samples, Split, forward_samples
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.kinematics import ForwardModel
 from s2c2a.kinematics.chain import states_from_arcs
-from s2c2a.models.c2s import ForwardOptions
-from s2c2a.models.cables import Hysteresis, HysteresisMemory, Operators
-from s2c2a.models.statics import Equilibrium
-from s2c2a.training.fit import Batch, FitOptions, FromArm, Progress, check_limits, quiet
-from s2c2a.training.trained import Trained, TrainingData, known_error, train
+from s2c2a.models.cables import Hysteresis, HysteresisMemory
+from s2c2a.models.statics import Equilibrium, Rest
+from s2c2a.models.trunk import Trunk
+from s2c2a.models.unknowns import Unknowns, moments_of_weights
 
 BEND_UNIT = 0.5  # rad; inputs of the network are about one
 MOMENT_UNIT, BEND_CORRECTION_UNIT = 1.0, 0.2  # rad; an output of one
 END_CORRECTION_UNIT = 0.1  # of a module's length
 OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
-NO_WEIGHT = -7.0  # before a softplus
-LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
-AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
-DELAY = 0.1  # s; time constant of the filter for it
-MOST_CREEP = 0.5  # of a filter's weight before training
+LOADED = 3  # times that a load and the shape under it are brought together in a step
 
 
-class Trunk(FromArm):
-    """Lengths and cables.
+class ChainMemory(NamedTuple):
+    """What the chain remembers.
 
     Attributes:
-        lengths: of modules [m], shape (modules,).
-        matrices: B, shape (modules, cables, 2).
-        inverses: of B, shape (modules, 2, cables).
-        radii: of the cables [m], shape (modules,).
+        cables: what the sensors' past left behind.
+        unknowns: what came about since the recording.
+        hung: moments of what hangs at the tip, where the arm was of late [rad], shape (modules, 2). They hardly change
+            within a step, and are worked out once in each.
     """
 
-    lengths: Float[Array, " modules"]
-    matrices: Float[Array, "modules cables 2"]
-    inverses: Float[Array, "modules 2 cables"]
-    radii: Float[Array, " modules"]
-
-    @classmethod
-    def of(cls, arm: ArmSpec) -> "Trunk":
-        """The numbers of an arm."""
-        geometry = ArmGeometry.of(arm)
-        arrays = geometry.lengths, geometry.cable_matrices, geometry.bend_matrices, geometry.cable_radii
-        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
-
-    def displacements(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch modules cables"]:
-        """What sensed configurations say of the cables, over the cable radius [rad]."""
-        return jnp.einsum("mnk,...mk->...mn", self.matrices, bends_from_configurations(configurations))
-
-    def bends(self, displacements: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
-        """The other way."""
-        return jnp.einsum("mkn,...mn->...mk", self.inverses, displacements)
+    cables: HysteresisMemory
+    unknowns: Unknowns
+    hung: Float[Array, "modules 2"]
 
 
 class ChainC2S(ForwardModel):
@@ -93,41 +70,96 @@ class ChainC2S(ForwardModel):
         """The same predictions with the slopes of taut cables that follow their motors."""
         return replace(self, hysteresis=replace(self.hysteresis, engaged=True), engaged=True)
 
-    def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "ChainC2S":
+    def near(self, configurations: Float[Array, "modules 3"], memory: ChainMemory) -> "ChainC2S":
         """See `ForwardModel`: where the arm is once it has arrived there, if a step is shorter than its delay."""
         return replace(self, hysteresis=replace(self.hysteresis, arrived=self.hysteresis.delays > 0))
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
         """See `ForwardModel`."""
-        return self.hysteresis.start(self.body.displacements(sensed))
+        modules = len(self.body.lengths)
+        cables = self.hysteresis.start(self.body.displacements(sensed))
+        return ChainMemory(cables, Unknowns.none(modules), jnp.zeros((modules, 2)))
 
-    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> HysteresisMemory:
+    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
-        return self.hysteresis.advance(self.body.displacements(sensed), memory)
+        cables = self.hysteresis.advance(self.body.displacements(sensed), memory.cables)
+        return self.given(memory.unknowns, sensed, memory)._replace(cables=cables)
 
-    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+    def given(self, unknowns: Unknowns, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
+        """See `ForwardModel`."""
+        inputs = self.inputs(self.body.displacements(sensed), memory)
+        return memory._replace(unknowns=unknowns, hung=self._hung(unknowns.load, inputs, memory.hung))
+
+    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
-        return self.states(self.hysteresis.inputs(self.body.displacements(configurations), memory))
+        inputs = self.inputs(self.body.displacements(configurations), memory)
+        return self.states(inputs, memory)
 
-    def states(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 6"]:
-        """States for what the hysteresis weighs (`Hysteresis.inputs`); training goes in here."""
+    def inputs(self, displacements: Float[Array, "*batch modules cables"], memory: ChainMemory) -> Array:
+        """What the hysteresis weighs (`Hysteresis.inputs`)."""
+        return self.hysteresis.inputs(displacements, memory.cables)
+
+    def states(
+        self, inputs: Float[Array, "*batch modules inputs cables"], memory: ChainMemory | None = None
+    ) -> Float[Array, "*batch modules 6"]:
+        """States for what the hysteresis weighs; training goes in here.
+
+        Args:
+            inputs: see `inputs`.
+            memory: of what came about since the recording, if anything.
+        """
+        rest, lengths, said = self._at_rest(inputs, None if memory is None else memory.hung)
+        bends = rest.bends + BEND_CORRECTION_UNIT * said[..., 2:4]
+        ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
+        if memory is None:
+            return states_from_arcs(bends, lengths, ends)
+        force = memory.unknowns.load * self.body.gravity
+        return states_from_arcs(bends + memory.unknowns.leans, lengths, ends, force, self.body.gives)
+
+    def tensions(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
+        """See `ForwardModel`."""
+        inputs = self.inputs(self.body.displacements(configurations), memory)
+        pulls = self._at_rest(inputs, memory.hung)[0].pulls
+        return pulls / self.body.moments if self.statics else jnp.full_like(pulls, jnp.nan)
+
+    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+        """See `ForwardModel`."""
+        if not self.statics:
+            return None
+        return np.exp(np.asarray(self.equilibrium.log_stiffness)) / np.asarray(self.body.moments)[:, 0]
+
+    def _at_rest(self, inputs: Array, hung: Array | None = None) -> tuple[Rest, Array, Array]:
+        """Modules at rest under moments of what hangs at the tip [rad], their lengths [m], what the network says."""
         inputs = self.hysteresis.without_delay(inputs) if self.hysteresis.arrived else inputs
-        carried, lengths = self.hysteresis.transmitted(inputs), self.body.lengths
+        carried, more = self.hysteresis.transmitted(inputs), jnp.zeros(2) if hung is None else hung
         if self.statics:
             settled = partial(self.equilibrium.settled, carried, matrices=self.body.matrices, engaged=self.engaged)
             held = self._relaxed(inputs)
             alone = settled(held, before=None)
             said = self._network(jnp.concatenate([alone.bends, carried], axis=-1))
-            rest = settled(held + MOMENT_UNIT * said[..., :2], before=alone)
-            bends, lengths = rest.bends, lengths - self.body.radii * rest.shorter
-        else:
-            own = self.body.bends(carried)
-            mixed = own.reshape(*own.shape[:-2], -1) @ self.mixing
-            bends = mixed.reshape(own.shape)
-            said = self._network(bends)
-        bends = bends + BEND_CORRECTION_UNIT * said[..., 2:4]
-        ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
-        return states_from_arcs(bends, lengths, ends)
+            rest = settled(held + MOMENT_UNIT * said[..., :2] + more, before=alone)
+            return rest, self.body.lengths - self.body.radii * rest.shorter, said
+        own = self.body.bends(carried)
+        mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
+        bends = mixed + (self.body.yields / self.body.compliances)[:, None] * more
+        none = jnp.zeros_like(bends)
+        rest = Rest(bends, none[..., 0], none[..., :1], none, none, jnp.zeros_like(carried))
+        return rest, self.body.lengths, self._network(mixed)
+
+    def _hung(self, load: Float[Array, ""], inputs: Array, hung: Float[Array, "modules 2"]) -> Array:
+        """Moments of what hangs at the tip, and of modules that sink further under it, from those of the last step.
+
+        Step by step they come to rest as the arm itself does. Newton's steps get there sooner, but go round in circles
+        where cables become taut or slack; and slopes that know of sinking lead planners astray there.
+        """
+        weigh = partial(moments_of_weights, compliances=self.body.compliances, gravity=self.body.gravity)
+        loaded = self.body.weights.at[-1].add(load)
+        alone, lengths, _ = self._at_rest(inputs)
+        own = weigh(self.body.weights, alone.bends, lengths)
+        for _ in range(LOADED):
+            under, lengths, _ = self._at_rest(inputs, hung)
+            hung = weigh(loaded, under.bends, lengths) - own
+        return hung
 
     def _relaxed(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 2"]:
         """Moments of bends that cables asked for before [rad]."""
@@ -137,140 +169,3 @@ class ChainC2S(ForwardModel):
     def _network(self, features: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
         flat = features.reshape(-1, features.shape[-2] * features.shape[-1]) / BEND_UNIT
         return jax.vmap(self.network)(flat).reshape(*features.shape[:-1], OUTPUTS)
-
-
-@dataclass(frozen=True)
-class ChainOptions(ForwardOptions):
-    """What the forward model of the `best` recipe is made of.
-
-    Attributes:
-        hidden: units of each hidden layer of its network.
-        depth: number of hidden layers.
-        play_widths: half-widths of plays, in parts of the cable radius [rad]; none, and the model knows no play.
-        creep_times: time constants of filters [s].
-        statics: whether cables only pull and stretch, where the sensors are motors' encoders; else the network has to
-            find out.
-    """
-
-    hidden: int = 64
-    depth: int = 2
-    play_widths: tuple[float, ...] = (0.002, 0.005, 0.011, 0.019, 0.026, 0.033, 0.041, 0.052, 0.067)
-    creep_times: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0)
-    statics: bool = True
-    model: str = field(default="chain", kw_only=True)
-
-    def __post_init__(self):
-        """Refuse what cannot be built."""
-        check_limits(self, hidden=(1, 4096), depth=(1, 32), play_widths=(1e-6, 10), creep_times=(1e-6, 1e6))
-
-    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
-        """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
-        modules = arm.module_count
-        delays = (DELAY,) if arm.control_period < DELAY else ()  # else the last reading does
-        taken = [1.0 - np.exp(-arm.control_period / time) for time in (*delays, *self.creep_times)]
-        widths, shares = (jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (self.play_widths, taken))
-        shape = modules, len(self.play_widths) + 2, arm.cable_count
-        play_weights = jnp.full(shape, NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
-        statics = bool(self.statics) and _is_felt_through_cables(arm)
-        creep_weights = jnp.zeros((modules, len(shares), shape[-1]))
-        hysteresis = Hysteresis(Operators(widths, shares), play_weights, creep_weights, len(delays))
-        network = self._quiet_network(modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key)
-        equilibrium = Equilibrium.untrained(modules, len(shares))
-        return ChainC2S(Trunk.of(arm), hysteresis, equilibrium, jnp.eye(2 * modules), network, statics)
-
-    def train(
-        self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
-    ) -> Trained[ChainC2S]:
-        """See `ForwardOptions`; on whole episodes, each from rest, since the model remembers.
-
-        Hysteresis is first fitted by linear least squares with weights that are not negative, then everything together.
-        """
-        network_key, fit_key = jax.random.split(key)
-        model = self.untrained(data.arm, network_key)
-        split = samples_along(model, data)
-        unit = LENGTH_UNIT * data.arm.length
-
-        def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-            error = known_error(answer(model, batch), batch["targets"])
-            return jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
-
-        if np.isfinite(split.training.targets).all():
-            model = _with_fitted_hysteresis(model, split.training)
-        return train(model, loss, answer, split, fit, fit_key, progress)
-
-    def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """See `ForwardOptions`; where cables moved together, that counts too."""
-        chain: Any = getattr(model, "chain", model)
-        return np.stack([np.asarray(said(model, jnp.asarray(one))) for one in inputs_along(chain, data)])
-
-    def _quiet_network(self, features: int, outputs: int, key: PRNGKeyArray) -> eqx.nn.MLP:
-        network = eqx.nn.MLP(features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key)
-        head = network.layers[-1]
-        quiet = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
-        return eqx.tree_at(lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, quiet)
-
-
-def _is_felt_through_cables(arm: ArmSpec) -> bool:
-    """Whether sensed configurations are displacements of pulling cables, module by module."""
-    return arm.actuation == "displacement" and arm.sensing == "encoders" and arm.sensing_coupling is None
-
-
-said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
-
-
-def answer(model: Any, batch: Batch) -> Array:
-    """States for inputs that the hysteresis weighs."""
-    return model.states(batch["configurations"])
-
-
-def inputs_along(model: ChainC2S, data: TrainingData) -> Float[np.ndarray, "episodes samples modules inputs cables"]:
-    """What the hysteresis weighs at every sample, its memory carried along each episode."""
-
-    @jax.jit
-    def along(displacements: Float[Array, "samples episodes modules cables"]) -> Array:
-        def step(memory, now):
-            return model.hysteresis.advance(now, memory), model.hysteresis.inputs(now, memory)
-
-        return jax.lax.scan(step, model.hysteresis.start(displacements[0]), displacements)[1]
-
-    moved = data.displacements
-    if moved is None:
-        moved = np.asarray(model.body.displacements(jnp.asarray(data.sensed, dtype=jnp.float32)))
-    return np.moveaxis(np.asarray(along(jnp.asarray(np.moveaxis(moved, 1, 0), dtype=jnp.float32))), 0, 1)
-
-
-def samples_along(model: ChainC2S, data: TrainingData) -> Split:
-    """`forward_samples` with what the hysteresis weighs in place of configurations."""
-    return forward_samples(inputs_along(model, data), data.states, data.lengths)
-
-
-def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
-    """Weights with which each module's inputs, and the other modules' bends, best tell its true bend.
-
-    Only what moves with the motor or stays may weigh in plays; filters may weigh either way. With statics the weights
-    sum up to one, since there the stiffness says how much of a displacement becomes a bend.
-    """
-    true = np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(samples.targets))))
-    inputs = np.einsum("mkn,smjn->msjk", np.asarray(model.body.inverses), samples.inputs["configurations"])
-    plays = model.hysteresis.play_weights.shape[1]
-    fitted = np.array([_fitted(inputs, true, module, plays) for module in range(len(inputs))])
-    if model.statics:
-        fitted /= np.maximum(fitted.sum(axis=1, keepdims=True), 1e-3)
-    positive = np.maximum(fitted[:, :plays], np.log1p(np.exp(NO_WEIGHT)))
-    cables = model.hysteresis.play_weights.shape[-1]
-    alike = [np.repeat(part[..., None], cables, axis=-1) for part in (np.log(np.expm1(positive)), fitted[:, plays:])]
-    raw, creep = (jnp.asarray(part, dtype=jnp.float32) for part in alike)
-    return eqx.tree_at(lambda m: (m.hysteresis.play_weights, m.hysteresis.creep_weights), model, (raw, creep))
-
-
-def _fitted(inputs: np.ndarray, true: np.ndarray, module: int, plays: int) -> np.ndarray:
-    """Weights of one module's inputs."""
-    from scipy.optimize import lsq_linear  # noqa: PLC0415 (a third of a second that few starts need)
-
-    own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
-    others = [inputs[other, :, 0] for other in range(len(inputs)) if other != module]
-    columns = np.concatenate([own, *(bend[..., None] for bend in others)], axis=-1).reshape(2 * len(own), -1)
-    count = own.shape[-1]
-    low = np.full(columns.shape[1], -np.inf)
-    low[:plays], low[plays:count] = 0.0, -MOST_CREEP
-    return lsq_linear(columns.astype(float), true[:, module].reshape(-1).astype(float), (low, np.inf)).x[:count]

@@ -16,10 +16,11 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
-from s2c2a.models.cables import HysteresisMemory
-from s2c2a.models.chain import ChainC2S, ChainOptions, answer, said, samples_along
+from s2c2a.models.chain import ChainC2S, ChainMemory
+from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
 from s2c2a.models.doubt import Known, known_from
 from s2c2a.models.kernels import Kernels, fitted_kernels
+from s2c2a.models.unknowns import Unknowns
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
@@ -67,19 +68,31 @@ class LocalC2S(ForwardModel):
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
         """See `ForwardModel`."""
         return self.chain.start(sensed)
 
-    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> HysteresisMemory:
+    def observe(self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
         return self.chain.observe(sensed, memory)
+
+    def given(self, unknowns: Unknowns, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
+        """See `ForwardModel`."""
+        return self.chain.given(unknowns, sensed, memory)
+
+    def tensions(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
+        """See `ForwardModel`."""
+        return self.chain.tensions(configurations, memory)
+
+    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+        """See `ForwardModel`."""
+        return self.chain.cable_stiffnesses()
 
     def for_planning(self) -> "LocalC2S":
         """See `ForwardModel`."""
         return replace(self, chain=self.chain.for_planning())
 
-    def near(self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory) -> "LocalC2S":
+    def near(self, configurations: Float[Array, "modules 3"], memory: ChainMemory) -> "LocalC2S":
         """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
         bends, chain = bends_from_configurations(configurations), self.chain.near(configurations, memory)
         here = replace(self, chain=chain)
@@ -94,26 +107,25 @@ class LocalC2S(ForwardModel):
         slopes, value = jax.lax.cond(speaks, looked_at, lambda: nothing)
         return replace(here, tangent=Tangent(bends, features, value, slopes))
 
-    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
-        inputs = self.chain.hysteresis.inputs(self.chain.body.displacements(configurations), memory)
+        inputs = self.chain.inputs(self.chain.body.displacements(configurations), memory)
+        chained = self.chain.states(inputs, memory)
         if self.tangent is None:
-            return self.states(inputs)
-        return self._put_together(self.chain.states(inputs), self._along(self.tangent, configurations, memory))
+            return self._put_together(chained, self.kernels(self.features(inputs)))
+        return self._put_together(chained, self._along(self.tangent, configurations, memory))
 
-    def _along(
-        self, tangent: Tangent, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
-    ) -> Array:
+    def _along(self, tangent: Tangent, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """The local model along its slopes, as far as they are believed."""
         away = limit_lengths(bends_from_configurations(configurations) - tangent.bends, NEARBY)
         moved = self._features_at(tangent.bends + away, memory) - tangent.features
         return tangent.said + jnp.einsum("of,...f->...o", tangent.slopes, moved)
 
-    def _features_at(self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory) -> Array:
+    def _features_at(self, bends: Float[Array, "*batch modules 2"], memory: ChainMemory) -> Array:
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
-        return self.features(self.chain.hysteresis.inputs(moved, memory))
+        return self.features(self.chain.inputs(moved, memory))
 
-    def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory) -> Array:
+    def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """See `ForwardModel`."""
         return jnp.hypot(self.known.usual_error, self.doubt(configurations)[..., None])
 

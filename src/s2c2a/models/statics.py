@@ -41,6 +41,7 @@ class Rest(NamedTuple):
         slack: what the way of its cables is shorter by, over the cable radius, shape (*batch, modules, 1).
         led: bends of inner modules that take of that way [rad], shape (*batch, modules, 2).
         pulled: moments of outer modules' cables, over the bending stiffness [rad], the same shape.
+        pulls: of every cable, times its radius over the bending stiffness [rad], shape (*batch, modules, cables).
     """
 
     bends: Float[Array, "*batch modules 2"]
@@ -48,6 +49,7 @@ class Rest(NamedTuple):
     slack: Float[Array, "*batch modules 1"]
     led: Float[Array, "*batch modules 2"]
     pulled: Float[Array, "*batch modules 2"]
+    pulls: Float[Array, "*batch modules cables"]
 
 
 class Equilibrium(eqx.Module):
@@ -97,7 +99,7 @@ class Equilibrium(eqx.Module):
         """
         stiffness, give = jnp.exp(self.log_stiffness), jnp.exp(self.log_give * GIVE_UNIT)
         none, known = jnp.zeros((*carried.shape[:-1], 2)), before is not None
-        rest = before or Rest(none, none[..., 0], none[..., :1], none, none)
+        rest = before or Rest(none, none[..., 0], none[..., :1], none, none, jnp.zeros_like(carried))
         for sweep in range(SWEEPS):
             start = rest.bends if known or sweep else None
             displaced = carried + rest.slack - jnp.einsum("mnk,...mk->...mn", matrices, rest.led)
@@ -108,7 +110,7 @@ class Equilibrium(eqx.Module):
             slack = (rest.slack + jnp.cumsum(shorter, axis=-1)[..., None]) / 2.0  # half, lest it swings
             led, own = self.coupling[:, None] * bends, jnp.einsum("mnk,...mn->...mk", matrices, pulls)
             pulled = self.coupling[:, None] * (_and_outer(own, axis=-2) - own)
-            others = shorter, slack, jnp.cumsum(led, axis=-2) - led, pulled
+            others = shorter, slack, jnp.cumsum(led, axis=-2) - led, pulled, pulls
             rest = Rest(bends, *(jax.lax.stop_gradient(others) if engaged else others))
         return rest
 

@@ -210,7 +210,7 @@ class Planner:
 
     def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
         """Compile for an arm and a forward model."""
-        self._modules, step = arm.module_count, Step.of(arm, model, options)
+        self.model, self._modules, step = model, arm.module_count, Step.of(arm, model, options)
         self._start = compiled(Step.started, step)
         self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)

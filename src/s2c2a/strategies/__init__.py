@@ -4,6 +4,8 @@ from s2c2a.models import LSTMOptions
 from s2c2a.strategies.lstm import LSTMStrategy, TrainedLSTM, train_lstm_strategy
 from s2c2a.strategies.recipe import RECIPES, Recipe, load_recipe, recipe_from, recipe_named, save_recipe
 from s2c2a.strategies.s2c2a import (
+    Watched,
+    observer_of,
     planning_as,
     s2c2a_batch_planner,
     s2c2a_strategy,

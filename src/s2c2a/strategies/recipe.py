@@ -15,10 +15,12 @@ from jaxtyping import PRNGKeyArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.senses import Senses
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MOST_EPISODES
 from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.estimation import Swing
 from s2c2a.faults import explained
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
@@ -52,6 +54,8 @@ class Recipe:
         correction: part of the controller's lasting error that is integrated in every step; none if zero.
         axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that begin so.
         directions: whether sensed vectors are taken at unit length, whatever mixes them.
+        observes: whether plans are made in what motors do, and all else that is sensed says what comes of it
+            (`estimation`); else plans are made in what is sensed, as in the paper.
     """
 
     name: str
@@ -67,6 +71,7 @@ class Recipe:
     correction: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     directions: bool = False
+    observes: bool = False
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -99,16 +104,26 @@ class Recipe:
         return CollectOptions(self.babbling, self.episodes, seed=seed, speeds=self.speeds)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
-        """Both networks before training."""
-        return {"C2S": self.c2s.untrained(arm, key), "C2A": self.c2a.untrained(arm, key)}
+        """Both networks before training, and how the arm swings if that is asked for."""
+        felt = self.felt(arm)
+        networks = {"C2S": self.c2s.untrained(felt, key), "C2A": self.c2a.untrained(felt, key)}
+        return networks | ({"swing": Swing.nominal()} if self.observes else {})
 
     def axis_weight(self, task: str) -> float:
         """What mu_o of a task is multiplied by."""
         return next((weight for begin, weight in self.axis_weights if task.startswith(begin)), 1.0)
 
+    def felt(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as plans are made for it: what watches it beside its motors has no say in them."""
+        if not self.observes:
+            return arm
+        motor = arm.motor.model_copy(update={"current_noise": None, "current_friction": 0.0})
+        sensing = "encoders" if arm.sensing == "true" else arm.sensing
+        return arm.model_copy(update={"sensing": sensing, "senses": Senses(), "motor": motor})
+
     def estimator(self, arm: ArmSpec) -> Estimator:
         """What turns the arm's readings into the configurations that this recipe works on."""
-        estimator = estimator_for(arm)
+        estimator = estimator_for(self.felt(arm))
         return DirectionEstimator(estimator) if self.directions else estimator
 
 
@@ -135,6 +150,7 @@ _BEST = Recipe(
     correction=0.2,
     axis_weights=(("hold-", 3.0),),
     directions=True,
+    observes=True,
 )
 _PAPER = Recipe("paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32))
 RECIPES = {one.name: one for one in (_BEST, replace(_BEST, name="best-long", episodes=72), _PAPER)}

@@ -5,25 +5,52 @@ file holds what was learned; how plans are made with it is the recipe's as it is
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import resources
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.estimation import Observer, Sense, Swing, gains_of, identified_swing, senses_of, with_margins
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.recipe import Recipe, recipe_named
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks, arm_of_strategy, load_strategy
-from s2c2a.training import TrainingData
+from s2c2a.training import Trained, TrainingData
 
 FOLDER = resources.files("s2c2a.strategies").joinpath("weights")
+MOST_TOLD = 50.0  # kg
 TOGETHER = 0.05
 """Of all motion of the cables; less is noise."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What is known of an arm, and what is done with what it senses beside its encoders.
+
+    Attributes:
+        load: at its tip, as far as it is told [kg].
+        estimates: whether load and leans are estimated while it works, or stay as they are told.
+        senses: that are listened to; all that its description names if None.
+    """
+
+    load: float = 0.0
+    estimates: bool = True
+    senses: tuple[Sense, ...] | None = None
+
+    def __post_init__(self):
+        """Refuse loads that are none."""
+        if not 0.0 <= self.load < MOST_TOLD:
+            raise StrategyError(f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg")
+
+
+WATCHED = Watched()
 NetworkProgress = Callable[[str, int, int, float], None]
 
 
@@ -46,7 +73,22 @@ def train_s2c2a(
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
     control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
-    return TrainedNetworks.of(data.arm, recipe, seed, {"C2S": forward, "C2A": control})
+    networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
+    if recipe.observes:
+        networks["swing"] = _swing(data, recipe, forward.network)
+    return TrainedNetworks.of(recording.arm, recipe, seed, networks)
+
+
+def _swing(data: TrainingData, recipe: Recipe, model: ForwardModel) -> Trained[Swing]:
+    """How the arm swings about where its model says it rests; errors are in parts of what there is to explain."""
+    rests, bends = (_bends(states) for states in (recipe.c2s.answers(model, data), data.states))
+    swing, (without, left) = identified_swing(data.arm, rests, bends)
+    percent = 100.0 * left / without if without > 0 else 100.0
+    return Trained(swing, np.array([[0.0, without, without], [1.0, left, left]], np.float32), (percent, 0.0))
+
+
+def _bends(states: np.ndarray) -> np.ndarray:
+    return np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(states, jnp.float32))))
 
 
 def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
@@ -62,16 +104,15 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
     sensed = recipe.estimator(recording.arm).sensed(recording.readings())
     if not np.isfinite(sensed).all():
         raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
-    together = moved_together(recording)
-    return TrainingData(recording.arm, sensed, recording.actions, states, recording.lengths, together)
+    together = moved_together(recording, recipe.felt(recording.arm))
+    return TrainingData(recipe.felt(recording.arm), sensed, recording.actions, states, recording.lengths, together)
 
 
-def moved_together(recording: Recording) -> np.ndarray | None:
+def moved_together(recording: Recording, arm: ArmSpec) -> np.ndarray | None:
     """Displacements of the cables over their radius [rad], where they tell more than bends: all pulled, or let go.
 
     None where they were driven as bends, as they are here, or were not measured.
     """
-    arm = recording.arm
     if arm.actuation != "displacement" or arm.sensing != "encoders" or "cables" not in recording.sensors:
         return None
     moved = recording.sensor("cables") / ArmGeometry.of(arm).cable_radii[:, None]
@@ -79,19 +120,29 @@ def moved_together(recording: Recording) -> np.ndarray | None:
     return moved if together > TOGETHER * moved.std() else None
 
 
-def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip") -> Strategy:
+def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watched: Watched = WATCHED) -> Strategy:
     """Put trained networks to work, planning as their recipe says.
 
     Args:
         networks: of an arm.
         guard: what keeps out of obstacles.
+        watched: what is known of the arm, and what is done with what it senses.
     """
     arm, recipe = networks.arm, networks.recipe
-    planner = Planner(arm, networks.c2s, _planner_options(networks, guard))
+    planner = Planner(recipe.felt(arm), networks.c2s, _planner_options(networks, guard))
     controller: Controller = NetworkController(networks.c2a)
     if recipe.correction:
         controller = CorrectedController(controller, recipe.correction)
-    return Strategy("s2c2a", arm, recipe.estimator(arm), planner, controller)
+    observer = observer_of(networks, watched) if recipe.observes else None
+    return Strategy("s2c2a", arm, recipe.estimator(arm), planner, controller, observer, watched.load)
+
+
+def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -> Observer:
+    """What watches an arm with trained networks at work."""
+    arm = networks.arm
+    gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
+    senses = senses_of(arm, networks.c2s.cable_stiffnesses()) if watched.senses is None else watched.senses
+    return with_margins(arm, Observer.of(arm, gains, senses, watched.estimates))
 
 
 def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip", **sizes: int) -> BatchPlanner:
@@ -102,7 +153,7 @@ def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip",
         guard: what keeps out of obstacles.
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
-    return BatchPlanner(networks.arm, networks.c2s, _planner_options(networks, guard), **sizes)
+    return BatchPlanner(networks.recipe.felt(networks.arm), networks.c2s, _planner_options(networks, guard), **sizes)
 
 
 def shipped_networks(arm: ArmSpec) -> TrainedNetworks:

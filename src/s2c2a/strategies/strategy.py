@@ -14,12 +14,20 @@ from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller, InversePCC
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.kinematics import PCC, PCCForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.estimation import Observer
+from s2c2a.kinematics import (
+    PCC,
+    PCCForwardModel,
+    bends_from_configurations,
+    configurations_from_bends,
+    configurations_from_states,
+)
 from s2c2a.planning import Goal, Notes, Plan, Planner, PlannerOptions
 from s2c2a.programs import compiled
 from s2c2a.runtime import Driver
 from s2c2a.sensing import EncoderEstimator, Estimator
 from s2c2a.spaces import Actions, Reading
+from s2c2a.strategies.watch import Watch
 
 Carried = TypeVar("Carried")
 Sensed = Float[Array, "modules 3"]
@@ -44,8 +52,27 @@ class Strategy:
         sensors: names of the sensors that it needs.
     """
 
-    def __init__(self, name: str, arm: ArmSpec, estimator: Estimator, planner: Planner, controller: Controller):
-        """Put the parts together and compile them."""
+    def __init__(
+        self,
+        name: str,
+        arm: ArmSpec,
+        estimator: Estimator,
+        planner: Planner,
+        controller: Controller,
+        observer: Observer | None = None,
+        load: float = 0.0,
+    ):
+        """Put the parts together and compile them.
+
+        Args:
+            name: such as "s2c2a".
+            arm: the arm.
+            estimator: what configurations are.
+            planner: for them.
+            controller: for what is planned.
+            observer: of what comes of it; nothing is known but what encoders say if None.
+            load: at the tip, as far as it is told [kg].
+        """
         self.name, self.arm, self.sensors = name, arm, estimator.sensors
         self._planner = planner
         self._inputs = estimator.inputs  # Equinox takes as long to look a method up as sensing does
@@ -53,7 +80,8 @@ class Strategy:
         self._memory: Any = None
         self._sense = compiled(operator.call, estimator)
         self._start_control = compiled(type(controller).start, controller)
-        self._act = compiled(type(controller).act, controller)
+        self._act = compiled(_acted, controller)
+        self._watch = Watch(arm, planner, observer, load) if observer is not None else None
         self._after = compiled(type(controller).sent, controller)
         self._warm_up()
 
@@ -63,7 +91,7 @@ class Strategy:
         Raises:
             StrategyError: the sensors gave no finite numbers.
         """
-        self._begin(self._sensed_in(reading))
+        self._begin(self._sensed_in(reading), reading)
 
     def step(self, reading: Reading, goal: Goal) -> Actions:
         """The action of one control step.
@@ -79,7 +107,7 @@ class Strategy:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
         last = started(self._plan, "call start(reading) with the arm at rest first")
-        return self._action(last, self._sensed_in(reading), goal)
+        return self._action(last, self._sensed_in(reading), goal, reading)
 
     def sent(self, action: Actions) -> None:
         """An action was sent in place of the last one, which a limit did not allow."""
@@ -103,7 +131,8 @@ class Strategy:
         notes = Notes(*np.asarray(plan.search.numbers))
         search = {"rescued": np.asarray(notes.rescued), "standing": np.asarray(notes.standing)}
         shapes = {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations)}
-        return shapes | expected | search
+        watched = self._watch.told() if self._watch is not None else {}
+        return shapes | expected | search | watched
 
     def _sensed_in(self, reading: Reading):
         sensed = self._sense(self._inputs(reading))
@@ -111,26 +140,37 @@ class Strategy:
             raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
         return sensed
 
-    def _begin(self, sensed: Sensed) -> None:
+    def _begin(self, sensed: Sensed, reading: Reading) -> None:
         self._sensed, self._plan = sensed, self._planner.start(sensed)
         self._memory = self._start_control(sensed)
+        if self._watch is not None:
+            self._plan = self._watch.begun(self._plan)
 
-    def _action(self, last: Plan, sensed: Sensed, goal: Goal) -> Actions:
+    def _action(self, last: Plan, sensed: Sensed, goal: Goal, reading: Reading) -> Actions:
+        beside: Any = 0.0
+        if self._watch is not None:
+            last, beside = self._watch.seen(last, sensed, reading)
         self._sensed, self._plan = sensed, self._planner.plan(last, sensed, goal)
-        action, self._memory = self._act(self._plan.configurations, sensed, self._memory)
+        action, self._memory = self._act(self._plan.configurations, beside, sensed, self._memory)
         return np.asarray(action, dtype=np.float64)
 
     def _warm_up(self) -> None:
         """Compile all; of a sensor of the user's, whose shape is not known here, only the estimator is left."""
         straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (self.arm.module_count, 1))
         cables = np.zeros((self.arm.module_count, self.arm.cable_count))
-        known = {"cables": cables, "configurations": np.asarray(straight)}
-        sensed = self._sensed_in(Reading(0.0, known)) if set(self.sensors) <= set(known) else straight
-        self._begin(sensed)
-        self._action(started(self._plan, ""), sensed, Goal.of(self.arm.module_count))
+        known = Reading(0.0, {"cables": cables, "configurations": np.asarray(straight)})
+        sensed = self._sensed_in(known) if set(self.sensors) <= set(known.sensors) else straight
+        self._begin(sensed, known)
+        self._action(started(self._plan, ""), sensed, Goal.of(self.arm.module_count), known)
         self.sent(cables)
         self.told()
         self._plan = None
+
+
+def _acted(controller: Controller, wanted: Sensed, beside, sensed: Sensed, memory: Any):
+    """What a controller does for what is planned, and bends that are asked for beside it [rad]."""
+    asked = configurations_from_bends(bends_from_configurations(wanted) + beside)
+    return controller.act(asked, sensed, memory)
 
 
 def started(carried: Carried | None, otherwise: str) -> Carried:

@@ -150,7 +150,7 @@ def _load(
         networks, curves = filled(blanks, trained_for, arrays), _curves(arrays)
         if not set(networks) == set(curves) == set(metadata.percent):
             raise StrategyError("it lacks what is known of its training")
-    return TrainedNetworks(trained_for, recipe, metadata.seed, networks, metadata.percent, curves)
+    return TrainedNetworks(arm or trained_for, recipe, metadata.seed, networks, metadata.percent, curves)
 
 
 def _recipe_without_code(table: dict[str, Any]) -> Recipe:

@@ -14,8 +14,8 @@ from s2c2a.kinematics import ForwardModel, bends_from_configurations
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
-from s2c2a.models.chain import Trunk
 from s2c2a.models.layers import LSTM
+from s2c2a.models.trunk import Trunk
 from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
 from s2c2a.training.trained import as_batch, known_error
 

@@ -79,6 +79,8 @@ def build_model(arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0, watched:
     _set_options(spec, arm)
     _add_chain(spec, arm, fidelity, payload, watched)
     _add_cables(spec, arm, fidelity)
+    if arm.senses.imu is not None:
+        _add_inertial_sensors(spec, arm.module_count)
     model = spec.compile()
     _choose_steps(model, arm, fidelity)
     return model
@@ -167,6 +169,13 @@ def _add_watched_point(spec: mujoco.MjSpec, body, name: str, height: float) -> N
     body.add_site(name=name, pos=(0, 0, height))
     place, site = mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtObj.mjOBJ_SITE
     spec.add_sensor(name=name, type=place, objtype=site, objname=name)
+
+
+def _add_inertial_sensors(spec: mujoco.MjSpec, modules: int) -> None:
+    """What they accelerate by at the ends of modules, then how they turn, all in the frames there."""
+    site, kinds = mujoco.mjtObj.mjOBJ_SITE, (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
+    for (number, kind), module in product(enumerate(kinds), range(modules)):
+        spec.add_sensor(name=f"inertial_{number}_{module}", type=kind, objtype=site, objname=f"end_{module}")
 
 
 def _add_slide(body, module: FlawedModule, number: int) -> None:

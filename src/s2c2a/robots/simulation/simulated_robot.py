@@ -5,15 +5,17 @@ import numpy as np
 from jaxtyping import Float
 from mujoco.rollout import Rollout
 
-from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.robots.simulation.beside import camera, inertial_sensors, sensed_beside
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
 from s2c2a.robots.simulation.declared import declared_sensors
 from s2c2a.robots.simulation.relaxation import Relaxation
 from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path
-from s2c2a.spaces import Actions, Reading, Sensor, States
+from s2c2a.robots.simulation.twin import twin_of
+from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
@@ -56,7 +58,7 @@ class SimulatedRobot(Robot):
                 f"seed {seed}, jitter {jitter}, aged {aged} asked for; no seed is negative, the others are from 0 to 1"
             )
         self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
-        self._body = _twin_of(arm, twin) if twin else arm
+        self._body = twin_of(arm, twin) if twin else arm
         self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
         self._openings = 0
         self.model = self._model_with(payload)
@@ -65,6 +67,8 @@ class SimulatedRobot(Robot):
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
+        self._sensing = bool(self.model.nsensordata)
+        self._points = 3 * CENTRE_LINE_POINTS * arm.module_count if watched else 0
         self._relaxing = per_module(self._body, "flaws.relaxing").any()
         self._relaxation = Relaxation(self._body, self.model)
         self._rest()
@@ -73,6 +77,7 @@ class SimulatedRobot(Robot):
         self._random = np.random.default_rng(self._seed)
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
+        self._inertial, self._camera = inertial_sensors(self._body, self._openings), camera(self._body, self._openings)
         self._homed_at, self._winding = self._homing_errors(), np.zeros_like(self._motors)
         self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
         self._relaxation.used_to[:] = 0.0
@@ -85,7 +90,7 @@ class SimulatedRobot(Robot):
     def sensors(self) -> dict[str, Sensor]:
         """What readings hold."""
         moments = len(self._physics_times(self.arm.control_period)) + 1 if self._watched else 0
-        return declared_sensors(self.arm, self._geometry, moments)
+        return declared_sensors(self.arm, self._geometry, moments) | sensed_beside(self._body)
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
@@ -96,6 +101,8 @@ class SimulatedRobot(Robot):
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
         self.data.time, self._step = 0.0, 0
+        if self._camera is not None:
+            self._camera.begin(self.states())
         return self.read()
 
     def read(self) -> Reading:
@@ -110,6 +117,10 @@ class SimulatedRobot(Robot):
             said["tensions"] = self._told_by_currents(self.arm.motor.current_noise)
         if self._seen is not None:
             said["centre_line"] = self._seen
+        if self._inertial is not None:
+            said |= self._inertial.told()
+        if self._camera is not None:
+            said |= self._camera.told(self.data.time)
         return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
@@ -138,11 +149,16 @@ class SimulatedRobot(Robot):
             self._relaxation.advance((turns + self.data.qpos) / 2, times[-1])
             self.model.qpos_spring = self._relaxation.springs
         mujoco.mj_forward(self.model, self.data)
-        if self._watched:  # in a physics step, sensors say what was at its start
-            self._seen = np.vstack([seen, self.data.sensordata]).reshape(len(seen) + 1, -1, 3)
+        if self._sensing:  # in a physics step, sensors say what was at its start
+            moments = np.vstack([seen, self.data.sensordata])
+            self._seen = moments[:, : self._points].reshape(len(moments), -1, 3) if self._watched else None
+            if self._inertial is not None:
+                self._inertial.feel(moments[1:, self._points :])
         self._step += 1
         self._check_sane()
         self._last_states = self.states()
+        if self._camera is not None:
+            self._camera.look(self.data.time, self._last_states)
 
     def step(self, action: Actions) -> Actions:
         """Send an action and let one control period pass; returns what was really sent."""
@@ -228,7 +244,7 @@ class SimulatedRobot(Robot):
             control_spec=int(inputs),
             nstep=len(values),
             skip_checks=True,
-            sensordata=seen if self._watched else None,
+            sensordata=seen if self._sensing else None,
         )
         return seen[0]
 
@@ -279,12 +295,3 @@ class SimulatedRobot(Robot):
                 self._step,
                 self._last_states,
             )
-
-
-def _twin_of(arm: ArmSpec, file: str) -> ArmSpec:
-    twin = load_arm(file)
-    forms = [(one.actuation, one.module_count, one.cable_count) for one in (arm, twin)]
-    if forms[0] != forms[1]:
-        said = [f"{modules} modules of {cables} cables, driven by {how}" for how, modules, cables in forms]
-        raise S2C2AError(f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm")
-    return twin.model_copy(update={"control_rate": arm.control_rate})  # physics steps divide the control period

@@ -1,0 +1,129 @@
+"""From readings to what an observer hears: nothing (NaN) of what is missing, out of shape, not finite or frozen."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.estimation.senses import Sense
+from s2c2a.kinematics import configurations_from_states
+from s2c2a.spaces import Reading
+
+FROZEN_AFTER = 4  # readings without a changed bit
+MOST_OFF_LEVEL = 0.05  # rad; of inertial sensors on an arm that rests
+
+
+class Listener:
+    """Hears what senses say, reading by reading."""
+
+    def __init__(self, arm: ArmSpec, senses: tuple[Sense, ...]):
+        """For senses of an arm."""
+        self._silent = {name: value for sense in senses for name, value in sense.silent().items()}
+        self._inertial = Inclinometer(arm) if "inclinations" in self._silent else None
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was heard."""
+        self._bits: dict[str, bytes] = {}
+        self._same = dict.fromkeys(self._silent, 0)
+        if self._inertial is not None:
+            self._inertial.begin()
+
+    @property
+    def silence(self) -> dict[str, np.ndarray]:
+        """As if nothing was said."""
+        return self._silent
+
+    def heard(self, reading: Reading) -> dict[str, np.ndarray]:
+        """What is said, in single precision, by name."""
+        return {name: self._of(name, silent, reading) for name, silent in self._silent.items()}
+
+    def _of(self, name: str, silent: np.ndarray, reading: Reading) -> np.ndarray:
+        values = self._said(name, reading)
+        if values is None:
+            return silent
+        try:
+            found = np.asarray(values, np.float32)
+        except (TypeError, ValueError):
+            return silent
+        if found.shape != silent.shape:
+            return silent
+        bits = found.tobytes()
+        still = bits == self._bits.get(name) and bool(np.isfinite(found).any())
+        self._bits[name], self._same[name] = bits, self._same[name] + 1 if still else 0
+        return silent if self._same[name] >= FROZEN_AFTER else found
+
+    def _said(self, name: str, reading: Reading) -> Any:
+        if name == "inclinations" and self._inertial is not None:
+            return self._inertial.told(reading)
+        if name == "configurations" and reading.get(name) is None and reading.get("states") is not None:
+            return configurations_from_states(np.asarray(reading["states"], float))
+        return reading.get(name)
+
+
+class Inclinometer:
+    """Which way is down in the frames of inertial sensors: what they accelerate by, smoothed along how they turn.
+
+    The arm begins at rest, where it is straight: what they say then is their own error, unless it is too large for one.
+    The filter is VQF (Laidig and Seel 2023, Information Fusion 91), which also finds the zeros of the turn rates.
+    """
+
+    def __init__(self, arm: ArmSpec):
+        """For the inertial sensors of an arm.
+
+        Raises:
+            S2C2AError: the filter is not installed.
+        """
+        try:
+            from vqf import VQF  # noqa: PLC0415 (an extra)
+        except ImportError as error:
+            raise S2C2AError(
+                "inertial sensors need the package vqf; install it with `pip install 's2c2a[senses]'`, or leave "
+                "[senses.imu] out of the arm file"
+            ) from error
+        self._new, self._arm = VQF, arm
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was turned."""
+        self._filters: list[Any] = []
+        self._last: bytes = b""
+        self._told: Float[np.ndarray, "modules 3"] | None = None
+        self._level = np.zeros(3)
+
+    def told(self, reading: Reading) -> Float[np.ndarray, "modules 3"] | None:
+        """Unit vectors that point down, each in its sensor's frame; None where nothing is said."""
+        forces, turns = reading.get("accelerations"), reading.get("turn_rates")
+        if forces is None or turns is None or np.shape(forces) != np.shape(turns) or np.ndim(forces) != 3:
+            return None
+        forces, turns = (np.ascontiguousarray(part, dtype=float) for part in (forces, turns))
+        if not (np.isfinite(forces).all() and np.isfinite(turns).all()):
+            return None
+        if (bits := forces.tobytes()) == self._last:  # said before: nothing new
+            return self._told
+        self._last = bits
+        if not self._filters:
+            period = self._arm.control_period / len(forces)
+            self._filters = [self._new(period) for _ in range(forces.shape[1])]
+            self._settle(forces, turns)
+        found = np.stack([_down(one, forces[:, k], turns[:, k]) for k, one in enumerate(self._filters)])
+        if self._told is None:
+            off = found - np.asarray(self._arm.gravity_direction)
+            self._level = off * (np.linalg.norm(off, axis=-1, keepdims=True) < MOST_OFF_LEVEL)
+        level = found - self._level
+        self._told = level / np.linalg.norm(level, axis=-1, keepdims=True)
+        return self._told
+
+    def _settle(self, forces: np.ndarray, turns: np.ndarray) -> None:
+        """An arm at rest: its first samples hold for as long as the filters need."""
+        for _ in range(round(3.0 * self._arm.control_rate)):
+            for number, one in enumerate(self._filters):
+                _down(one, forces[:, number], turns[:, number])
+
+
+def _down(one: Any, forces: np.ndarray, turns: np.ndarray) -> Float[np.ndarray, "3"]:
+    one.updateBatch(np.ascontiguousarray(turns), np.ascontiguousarray(forces))
+    w, x, y, z = one.getQuat6D()
+    return -np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])

@@ -1,0 +1,187 @@
+"""How much the loop bears: by how much more an arm may answer, and how much later, before it swings for ever.
+
+The loop of observer, plan and calming is linear for small motions about rest. Its margins are those of the worst load
+of the table (`gains.LOADS`), with all senses that see the swing or the lean.
+"""
+
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.estimation.gains import REACH
+from s2c2a.estimation.observer import BEFORE, Observer
+from s2c2a.estimation.senses import Shape
+from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.models.trunk import Trunk
+
+MOST_GAIN, MOST_DELAY = 8.0, 8  # what is looked for
+CAUTION = 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0
+CARRIED = 0.8  # of the arm's mass: loads that margins are promised for
+STEPS = 400  # until a filter's gain stands
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Of a loop.
+
+    Attributes:
+        gain: by which factor the arm may answer more than expected.
+        delay: by how many control steps later; whole ones.
+    """
+
+    gain: float
+    delay: int
+
+
+AT_ONCE = -1
+PROMISED = Margins(2.0, 1)
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """The linear loop about rest, under one load; bends are n numbers.
+
+    Attributes:
+        steps: A of the swing.
+        inputs: B.
+        calming: gains.
+        slopes: of what is seen by bends, shape (numbers, n).
+        late: by how many steps each number is told late; `AT_ONCE` where it tells of the swing.
+        spread: standard deviations of what is seen.
+        noise: variance that a step adds to leans, bends and rates.
+        lag: part of leans that is forgotten in a step.
+    """
+
+    steps: np.ndarray
+    inputs: np.ndarray
+    calming: np.ndarray
+    slopes: np.ndarray
+    late: np.ndarray
+    spread: np.ndarray
+    noise: np.ndarray
+    kept: float
+
+
+def margins_of(arm: ArmSpec, observer: Observer) -> Margins:
+    """Of an arm that is watched so; without any sense there is no loop, and nothing that could swing."""
+    loops = [_loop(arm, observer, number) for number in _judged(observer)]
+    if not loops:
+        return Margins(MOST_GAIN, MOST_DELAY)
+    return Margins(min(map(_gain_margin, loops)), min(map(_delay_margin, loops)))
+
+
+def with_margins(arm: ArmSpec, observer: Observer) -> Observer:
+    """The same observer, so cautious with each load that its loop has the margins that are promised.
+
+    Loads under which none is enough are heavier than the arm can carry upright; there it is as cautious as can be.
+    """
+    caution = np.asarray(observer.gains.caution, float).copy()
+    for number in range(len(caution)) if observer.senses else ():
+        loop = _loop(arm, observer, number)
+        enough = (factor for factor in CAUTION if _has_margins(replace(loop, spread=factor * loop.spread)))
+        caution[number] = caution[number] * next(enough, CAUTION[-1])
+    gains = observer.gains._replace(caution=jnp.asarray(caution, jnp.float32))
+    return eqx.tree_at(lambda one: one.gains, observer, gains)
+
+
+def _judged(observer: Observer) -> list[int]:
+    """Loads that margins are promised for."""
+    within = np.asarray(observer.gains.loads) <= CARRIED * observer.mass
+    return [number for number, inside in enumerate(within) if inside] if observer.senses else []
+
+
+def _has_margins(loop: _Loop) -> bool:
+    filtering = _filter_gain(loop)
+    return _stable(loop, filtering, PROMISED.gain, 0) and _stable(loop, filtering, 1.0, PROMISED.delay)
+
+
+def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
+    """Of a straight arm that is taut, under one load of the table."""
+    straight, none = jnp.zeros((arm.module_count, 2)), jnp.zeros((BEFORE, arm.module_count, 2))
+    states = jnp.broadcast_to(states_from_bends(straight, Trunk.of(arm).lengths), (BEFORE, arm.module_count, 6))
+    shape = Shape(straight, straight, jnp.full((arm.module_count, arm.cable_count), jnp.inf), none, states, none)
+    seen = [
+        sense.off({name: jnp.asarray(nan) for name, nan in sense.silent().items()}, shape) for sense in observer.senses
+    ]
+    late = [min(int(np.ceil(sense.late)), BEFORE - 1) if sense.slow else AT_ONCE for sense in observer.senses]
+    caution = float(observer.gains.caution[number])
+    return _Loop(
+        steps=np.asarray(observer.gains.steps[number], float),
+        inputs=np.asarray(observer.gains.inputs[number], float),
+        calming=np.asarray(observer.gains.calming[number], float) * observer.calming,
+        slopes=np.concatenate([np.asarray(off.slopes, float) for off in seen]),
+        late=np.repeat(late, [len(off.numbers) for off in seen]),
+        spread=caution * np.concatenate([np.asarray(off.spread, float) for off in seen]),
+        noise=np.asarray(observer.noise(2 * arm.module_count), float)[1:],
+        kept=observer.kept,
+    )
+
+
+def _filter_gain(loop: _Loop) -> Float[np.ndarray, "states numbers"]:
+    """What stands after many steps."""
+    count = loop.inputs.shape[1]
+    change = np.zeros((3 * count, 3 * count))
+    change[:count, :count] = loop.kept * np.eye(count)
+    change[count:, :count], change[count:, count:] = loop.inputs * loop.kept, loop.steps
+    seen = np.zeros((len(loop.slopes), 3 * count))
+    seen[:, count : 2 * count] = np.where(loop.late[:, None] == AT_ONCE, loop.slopes, 0.0)
+    seen[:, :count] = np.where(loop.late[:, None] != AT_ONCE, loop.slopes, 0.0)
+    covariance, gain = np.diag(loop.noise), np.zeros((3 * count, len(seen)))
+    for _ in range(STEPS):
+        covariance = change @ covariance @ change.T + np.diag(loop.noise)
+        gain = np.linalg.solve(seen @ covariance @ seen.T + np.diag(loop.spread**2), seen @ covariance).T
+        covariance = covariance - gain @ seen @ covariance
+    return gain
+
+
+def _stable(loop: _Loop, filtering: np.ndarray, gain: float, delay: int) -> bool:
+    """Whether the loop comes to rest, of an arm that answers so much more, and so many steps later."""
+    n = loop.inputs.shape[1]
+    steps = int(max(loop.late.max() + 1, 1))
+    past = steps * n
+    sizes = [2 * n, (delay + 1) * n, n, 2 * n, past, past, past]  # arm, commands on their way, leans, expected, pasts
+    ends = np.cumsum(sizes)
+
+    def step(z: np.ndarray) -> np.ndarray:
+        arm, queue, leans, expected, was, thought, leant = np.split(z, ends[:-1])
+        arm = loop.steps @ arm + loop.inputs @ (gain * queue[-n:])
+        leans = loop.kept * leans
+        rests = queue[:n] + leans
+        expected = loop.steps @ expected + loop.inputs @ rests
+        now = (arm, was), (rests, thought), (leans, leant)
+        was, thought, leant = (np.concatenate([newest[:n], old[:-n]]) for newest, old in now)
+        ages = np.maximum(loop.late, 0)
+        missed = (was - thought + leant - np.tile(leans, steps)).reshape(steps, n)
+        off = np.einsum(
+            "ij,ij->i", loop.slopes, np.where(loop.late[:, None] == AT_ONCE, arm[:n] - expected[:n], missed[ages])
+        )
+        change = filtering @ off
+        leans, expected = leans + change[:n], expected + change[n:]
+        asked = -loop.calming @ expected
+        return np.concatenate([arm, REACH * asked - leans, queue[:-n], leans, expected, was, thought, leant])
+
+    whole = np.stack([step(unit) for unit in np.eye(ends[-1])], axis=1)
+    return bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0)
+
+
+def _gain_margin(loop: _Loop) -> float:
+    """To a twentieth."""
+    filtering = _filter_gain(loop)
+    if not _stable(loop, filtering, 1.0, 0):
+        return 0.0
+    low, high = 1.0, MOST_GAIN
+    if _stable(loop, filtering, high, 0):
+        return high
+    while high - low > 0.05:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if _stable(loop, filtering, middle, 0) else (low, middle)
+    return low
+
+
+def _delay_margin(loop: _Loop) -> int:
+    filtering = _filter_gain(loop)
+    return next((delay for delay in range(MOST_DELAY) if not _stable(loop, filtering, 1.0, delay + 1)), MOST_DELAY)

@@ -1,0 +1,247 @@
+"""What is known of an arm while it works: a Kalman filter over what no sensor says, and over how the arm swings.
+
+Its state is a load at the tip, leans of the modules (bends beside those that are expected: offsets of homing, drift,
+a softened cable, a push), and bends and their rates. The forward model says where the arm would rest, the swing how it
+gets there, senses what of it is seen; encoders alone see nothing of it. What a forward model is told of loads and leans
+(`Unknowns`) lets planner and feasibility count on them.
+
+A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv 2002.01407).
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.estimation.gains import Gains
+from s2c2a.estimation.senses import Off, Said, Sense, Shape
+from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states, limit_lengths
+from s2c2a.models.unknowns import Unknowns
+
+FIRST_LOAD, FIRST_LEAN = 0.4, 0.02  # before anything is sensed: of the arm's mass, and [rad]
+FORGET = 5.0  # s; a lean that nothing shows any more is forgotten
+LOAD_RATE, LEAN_RATE = 0.05, 0.03  # what they may change by in a second: of the arm's mass, and [rad]
+BEND_NOISE, TURN_NOISE = 0.03, 1.0  # of the swing, in a second [rad, rad/s]
+MOST_LOAD, MOST_LEAN = 1.5, 0.4  # of the arm's mass, and [rad]
+MOST_CALMING = 0.2  # rad; asked for beside the plan
+BEFORE = 8  # steps that are remembered, for what is told late
+STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
+SETTLING = 0.3  # s; over which strangeness is told
+
+
+class Belief(NamedTuple):
+    """What is believed of an arm.
+
+    Attributes:
+        mean: load [kg], leans [rad], bends [rad], their rates [rad/s]; shape (1 + 3 n,) with n = 2 modules.
+        covariance: of it.
+        calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
+        rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
+        before: bends at rest of the last steps [rad], the newest first, shape (steps, modules, 2).
+        states_before: there, of the same steps, shape (steps, modules, 6).
+        found_before: what was known of bends at rest beside what encoders tell, of the same steps [rad], shape
+            (steps, modules, 2).
+        strange: how strange each sense was of late, in standard deviations, shape (senses,).
+        left_out: seconds for which each is left out from now on, shape (senses,).
+    """
+
+    mean: Float[Array, " states"]
+    covariance: Float[Array, "states states"]
+    calming: Float[Array, "modules 2"]
+    rests: Float[Array, "modules 2"]
+    before: Float[Array, "steps modules 2"]
+    states_before: Float[Array, "steps modules 6"]
+    found_before: Float[Array, "steps modules 2"]
+    strange: Float[Array, " senses"]
+    left_out: Float[Array, " senses"]
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What a forward model is told."""
+        bends = self.calming.size
+        return Unknowns(self.mean[0], self.mean[1 : 1 + bends].reshape(-1, 2))
+
+
+class Observer(eqx.Module):
+    """Watches an arm.
+
+    Attributes:
+        gains: by load.
+        senses: what is seen of it beside encoders; none, and nothing is learned of it.
+        mass: of the arm [kg].
+        period: of the control steps [s].
+        estimates: whether load and leans are estimated, or stay as they are told.
+    """
+
+    gains: Gains
+    senses: tuple[Sense, ...]
+    mass: float = eqx.field(static=True)
+    period: float = eqx.field(static=True)
+    estimates: bool = eqx.field(static=True, default=True)
+
+    @classmethod
+    def of(cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], estimates: bool = True) -> "Observer":
+        """Of an arm."""
+        mass = sum(module.mass for module in arm.modules)
+        return cls(gains, senses, mass, arm.control_period, estimates)
+
+    @property
+    def kept(self) -> float:
+        """What is left of a lean after a control step that showed nothing of it."""
+        return float(np.exp(-self.period / FORGET))
+
+    @property
+    def calming(self) -> bool:
+        """Whether anything is done against the swing: something must see it at once."""
+        return any(not sense.slow for sense in self.senses)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of sensors that it can use."""
+        return tuple(name for sense in self.senses for name in sense.sensors)
+
+    def start(self, states: Float[Array, "modules 6"], load: Float[Array, ""]) -> Belief:
+        """Of an arm at rest.
+
+        Args:
+            states: at which a forward model says it is.
+            load: at its tip, as far as it is told [kg].
+        """
+        rests = _bends(states)
+        bends, none = rests.size, jnp.zeros_like(rests)
+        mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends)])
+        spread = FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends
+        held = jnp.array([float(self.estimates)] * (1 + bends) + [1.0] * (2 * bends))
+        covariance = jnp.diag((held * jnp.array(spread)) ** 2)
+        before = jnp.broadcast_to(rests, (BEFORE, *rests.shape)), jnp.broadcast_to(states, (BEFORE, *states.shape))
+        quiet = jnp.zeros(len(self.senses))
+        return Belief(mean, covariance, none, rests, *before, jnp.zeros_like(before[0]), quiet, quiet)
+
+    def update(
+        self,
+        belief: Belief,
+        model: ForwardModel,
+        memory: Any,
+        sensed: Float[Array, "modules 3"],
+        planned: Float[Array, "modules 3"],
+        said: Said,
+    ) -> Belief:
+        """What is believed after one more reading.
+
+        Args:
+            belief: before.
+            model: says where the arm would rest.
+            memory: of the model, before this reading.
+            sensed: configurations, by the encoders.
+            planned: configurations that were planned in the last step.
+            said: what sensors say; NaN where nothing.
+        """
+        expected, tensions, (rests, slopes) = self._rest(belief, model, memory, sensed)
+        belief = self._moved(belief, rests, slopes)
+        by_load = slopes[:, 0]
+        belief = belief._replace(
+            before=_pushed(belief.before, rests),
+            states_before=_pushed(belief.states_before, expected),
+            found_before=_pushed(belief.found_before, self._found(belief, by_load)),
+        )
+        for number, sense in enumerate(self.senses):
+            since = self._found(belief, by_load) - belief.found_before
+            past = belief.before, belief.states_before, since
+            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past)
+            belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
+        aimed = _bends(model.predict(planned, model.given(belief.unknowns, planned, memory)))
+        return self._calmed(self._within(belief), aimed)
+
+    def _rest(self, belief: Belief, model: ForwardModel, memory: Any, sensed: Array):
+        """Where the arm would rest, and how its bends there change with load and leans."""
+
+        def rest(load: Array) -> tuple[Array, tuple[Array, Array]]:
+            known = model.given(belief.unknowns._replace(load=load), sensed, memory)
+            states = model.predict(sensed, known)
+            return _bends(states), (states, model.tensions(sensed, known))
+
+        rests, by_load, (states, tensions) = jax.jvp(rest, (belief.mean[0],), (jnp.ones(()),), has_aux=True)
+        slopes = jnp.concatenate([by_load.reshape(-1, 1), jnp.eye(rests.size)], axis=1)
+        return states, tensions, (rests, slopes)
+
+    def _moved(self, belief: Belief, rests: Float[Array, "modules 2"], slopes: Array) -> Belief:
+        """One control step of the swing, as it is expected."""
+        slow = 1 + rests.size
+        steps, inputs, _, _ = self.gains.at(belief.mean[0])
+        motion = steps @ belief.mean[slow:] + inputs @ rests.reshape(-1)
+        kept = jnp.ones(slow).at[1:].set(self.kept)
+        change = jnp.block([[jnp.diag(kept), jnp.zeros((slow, 2 * rests.size))], [inputs @ slopes * kept, steps]])
+        covariance = change @ belief.covariance @ change.T + jnp.diag(self.noise(rests.size))
+        mean = jnp.concatenate([kept * belief.mean[:slow], motion])
+        return belief._replace(mean=mean, covariance=covariance)
+
+    def noise(self, bends: int) -> Array:
+        """What a control step adds to the variance, shape (1 + 3 bends,)."""
+        slow = float(self.estimates) * np.array([LOAD_RATE * self.mass, *[LEAN_RATE] * bends])
+        rates = np.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends])
+        return jnp.asarray(rates**2 * self.period, jnp.float32)
+
+    def _where(self, belief: Belief) -> Float[Array, "modules 2"]:
+        bends = belief.calming.size
+        return belief.mean[1 + bends : 1 + 2 * bends].reshape(-1, 2)
+
+    def _found(self, belief: Belief, by_load: Array) -> Float[Array, "modules 2"]:
+        """What is known of bends at rest beside what encoders tell."""
+        return belief.unknowns.leans + (belief.mean[0] * by_load).reshape(-1, 2)
+
+    def _told(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> Belief:
+        """After what one sense says; one that is too strange, or says nothing, is left out."""
+        bends = belief.calming.size
+        heard = jnp.isfinite(off.numbers)
+        at = 1 if sense.slow else 1 + bends  # what is told late tells of leans, not of the swing
+        slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
+        if sense.slow:
+            slopes = slopes.at[:, 0].set(off.slopes @ by_load)
+        slopes = jnp.where(heard[:, None], slopes, 0.0)
+        numbers = jnp.where(heard, off.numbers, 0.0)
+        caution = self.gains.at(belief.mean[0])[3]
+        spread = slopes @ belief.covariance @ slopes.T + jnp.diag((caution * off.spread) ** 2)
+        surprise = jnp.sqrt(jnp.mean(numbers**2 / jnp.diag(spread)) * heard.size / jnp.maximum(heard.sum(), 1))
+        share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
+        strange = belief.strange[number] + share * (surprise - belief.strange[number])
+        left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
+        left_out = jnp.where(jnp.maximum(strange, surprise) > STRANGE, LEFT_OUT_FOR, left_out)
+        gain = jnp.linalg.solve(spread, slopes @ belief.covariance).T
+        gain = jnp.where(left_out > 0.0, 0.0, gain)
+        covariance = belief.covariance - gain @ slopes @ belief.covariance
+        return belief._replace(
+            mean=belief.mean + gain @ numbers,
+            covariance=(covariance + covariance.T) / 2.0,
+            strange=belief.strange.at[number].set(strange),
+            left_out=belief.left_out.at[number].set(left_out),
+        )
+
+    def _within(self, belief: Belief) -> Belief:
+        """Loads are none or more, and leans no more than can be."""
+        bends, mean = belief.calming.size, belief.mean
+        load = jnp.clip(mean[0], 0.0, MOST_LOAD * self.mass)
+        leans = limit_lengths(mean[1 : 1 + bends].reshape(-1, 2), MOST_LEAN).reshape(-1)
+        mean = jnp.concatenate([load[None], leans, mean[1 + bends :]])
+        return belief._replace(mean=mean)
+
+    def _calmed(self, belief: Belief, aimed: Float[Array, "modules 2"]) -> Belief:
+        """With what is asked for beside the plan, so that the arm swings less about where the last plan aimed."""
+        if not self.calming:
+            return belief._replace(rests=aimed)
+        bends = aimed.size
+        rates = (aimed - belief.rests).reshape(-1) / self.period
+        off = belief.mean[1 + bends :] - jnp.concatenate([aimed.reshape(-1), rates])
+        asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
+        return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
+
+
+def _bends(states: Float[Array, "modules 6"]) -> Float[Array, "modules 2"]:
+    return bends_from_configurations(configurations_from_states(states))
+
+
+def _pushed(history: Array, newest: Array) -> Array:
+    return jnp.concatenate([newest[None], history[:-1]])

@@ -1,0 +1,104 @@
+"""What the simulated arm senses beside its motors: inertial sensors and a camera, with the faults of real ones."""
+
+from collections import deque
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.senses import Camera, Inertial
+from s2c2a.spaces import POSITION, Sensor, States
+
+LONGEST = 2.0  # s; what a camera may be behind
+_INERTIAL, _CAMERA = 3, 4  # streams of random numbers
+
+
+def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
+    """What readings hold of it, by the arm's description."""
+    said: dict[str, Sensor] = {}
+    modules = arm.module_count
+    if (inertial := arm.senses.imu) is not None:
+        shape = (samples(arm, inertial), modules, 3)
+        said |= {"accelerations": Sensor(shape, "m/s2"), "turn_rates": Sensor(shape, "rad/s")}
+    if arm.senses.camera is not None:
+        said |= {"seen": Sensor((modules, 3), "m"), "seen_age": Sensor((), "s")}
+    return said
+
+
+def samples(arm: ArmSpec, inertial: Inertial) -> int:
+    """Of inertial sensors in a control step."""
+    return max(1, round(inertial.rate * arm.control_period))
+
+
+class InertialSensors:
+    """One at the end of every module: what it accelerates by, gravity included, and how it turns, in its own frame."""
+
+    def __init__(self, arm: ArmSpec, part: Inertial, opening: int):
+        """Anew at every opening: their zeros differ."""
+        self._count, self._modules = samples(arm, part), arm.module_count
+        self._random = np.random.default_rng([opening, _INERTIAL])
+        turns = np.deg2rad([part.turn_noise_deg, part.turn_bias_deg])
+        self._noise = np.repeat([part.acceleration_noise, turns[0]], 3 * self._modules)
+        self._bias = self._random.normal(scale=np.repeat([part.acceleration_bias, turns[1]], 3 * self._modules))
+        self._felt: Float[np.ndarray, "samples numbers"] | None = None
+
+    def feel(self, moments: Float[np.ndarray, "moments numbers"]) -> None:
+        """What is felt at every physics step since the last reading: accelerations of all, then turn rates of all."""
+        chosen = np.linspace(0, len(moments) - 1, self._count + 1).round().astype(int)[1:]
+        self._felt = (
+            moments[chosen] + self._bias + self._noise * self._random.normal(size=(self._count, len(self._bias)))
+        )
+
+    def told(self) -> dict[str, np.ndarray]:
+        """In a reading; nothing before the arm has moved."""
+        if self._felt is None:
+            return {}
+        both = self._felt.reshape(self._count, 2, self._modules, 3)
+        return {"accelerations": both[:, 0], "turn_rates": both[:, 1]}
+
+
+class CameraView:
+    """Where a camera saw ends of modules: at its own rate, late, and not always."""
+
+    def __init__(self, arm: ArmSpec, part: Camera, opening: int):
+        """Anew at every opening: other pictures are lost."""
+        self._part, self._period, self._opening = part, arm.control_period, opening
+        self._past: deque[tuple[float, States]] = deque(maxlen=round(LONGEST * arm.control_rate) + 2)
+
+    def begin(self, states: States) -> None:
+        """The arm rests, and the clock is at zero."""
+        self._past.clear()
+        self.look(0.0, states)
+
+    def look(self, time: float, states: States) -> None:
+        """Where the arm is now."""
+        self._past.append((time, states))
+
+    def told(self, time: float) -> dict[str, np.ndarray]:
+        """The picture that arrived since the last control step, if one did; each with its age."""
+        part = self._part
+        number = np.floor((time - part.delay) * part.rate + 1e-9)
+        taken = number / part.rate
+        new = taken + part.delay > time - self._period + 1e-9
+        random = np.random.default_rng([self._opening, _CAMERA, max(int(number), 0)])
+        if number < 0 or not new or random.random() < part.lost:
+            return {}
+        positions = self._at(taken) + random.normal(scale=part.noise, size=self._at(taken).shape)
+        if part.sees == "tip":
+            positions[:-1] = np.nan
+        return {"seen": positions, "seen_age": np.asarray(time - taken)}
+
+    def _at(self, time: float) -> Float[np.ndarray, "modules 3"]:
+        times, states = zip(*self._past, strict=True)
+        positions = np.array(states)[..., POSITION].reshape(len(times), -1)
+        return np.array([np.interp(time, times, row) for row in positions.T]).reshape(-1, 3)
+
+
+def inertial_sensors(arm: ArmSpec, opening: int) -> InertialSensors | None:
+    """Those of an arm, if it has any."""
+    return None if arm.senses.imu is None else InertialSensors(arm, arm.senses.imu, opening)
+
+
+def camera(arm: ArmSpec, opening: int) -> CameraView | None:
+    """That of an arm, if it has one."""
+    return None if arm.senses.camera is None else CameraView(arm, arm.senses.camera, opening)

@@ -1,0 +1,129 @@
+"""What senses are worth: sets of them beside encoders, under loads that nobody told of, on given and drawn arms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2c2a import jobs
+from s2c2a.arm import ArmSpec, drawn_arm
+from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.errors import S2C2AError
+from s2c2a.estimation import margins_of
+from s2c2a.evaluation import Row
+from s2c2a.robots import Body
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import observer_of, recipe_named
+from s2c2a.studies.unknown_arms import over_arms
+
+EXPERIMENT = "senses"
+CURRENT = {"current_noise": 0.15, "current_friction": 0.2}
+"""Of a motor such as the XL330 on a pulley of 10 mm [N]."""
+SETS: dict[str, dict] = {
+    "encoders": {},
+    "bends": {"bends": True},
+    "imu": {"imu": Inertial()},
+    "current": {},
+    "camera": {"camera": Camera()},
+    "imu-current-camera": {"imu": Inertial(), "camera": Camera()},
+}
+"""Name -> what is sensed beside encoders; `current` in a name is motors' currents."""
+TOLD = "encoders-told"
+"""Encoders, and the word how much hangs at the tip."""
+SETTLED = 20  # steps after which the tip's way counts
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What is tried.
+
+    Attributes:
+        arms: that sense.
+        sets: names of `SETS`, or `TOLD`.
+        loads: [kg].
+        tasks: names.
+        seeds: of data, training and start.
+        strength: of drawn arms' flaws, for the rows.
+    """
+
+    arms: tuple[ArmSpec, ...]
+    sets: tuple[str, ...]
+    loads: tuple[float, ...]
+    tasks: tuple[str, ...]
+    seeds: tuple[int, ...]
+    strength: float = 0.0
+
+    def __post_init__(self):
+        """Refuse what cannot be tried."""
+        if unknown := set(self.sets) - {*SETS, TOLD}:
+            raise S2C2AError(f"no set of senses '{min(unknown)}'; choose among {', '.join((*SETS, TOLD))}")
+        if not (self.arms and self.sets and self.loads and self.tasks and self.seeds):
+            raise S2C2AError("nothing to try; name at least one arm, set, load, task and seed")
+
+
+def arms_of(base: ArmSpec, drawn: int, strength: float) -> tuple[ArmSpec, ...]:
+    """A given arm, or so many drawn ones."""
+    return tuple(drawn_arm(base, seed, strength) for seed in range(drawn)) or (base,)
+
+
+def sensing(arm: ArmSpec, name: str) -> ArmSpec:
+    """An arm with a set of senses."""
+    motor = arm.motor.model_copy(update=CURRENT if "current" in name else {"current_noise": None})
+    return arm.model_copy(update={"senses": Senses(**SETS.get(name, {})), "motor": motor})
+
+
+def senses_rows(asked: Worth, make: jobs.Make) -> list[Row]:
+    """Rows of every arm, set, load and task, and margins of every loop.
+
+    Args:
+        asked: what is tried.
+        make: finds or makes runs, networks and recordings.
+    """
+    tried = [(arm, name, load) for arm in asked.arms for name in asked.sets for load in asked.loads]
+    every = jobs.in_groups(make, [_jobs(asked, *one) for one in tried])
+    found = {one: _rows(runs, *one[1:]) for one, runs in zip(tried, every, strict=True)}
+    rows = [row for ofone in found.values() for row in ofone]
+    if len(asked.arms) == 1:
+        return rows
+    by_arm = [[row for one, ofone in found.items() if one[0] is arm for row in ofone] for arm in asked.arms]
+    return over_arms(by_arm, asked.strength) + rows
+
+
+def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
+    """Margins of every loop, with networks of the first seed."""
+    recipe, rows = recipe_named("best"), []
+    for arm in asked.arms:
+        networks = make([jobs.NetworksArtifact(recipe.felt(arm), recipe, asked.seeds[0])])[0]
+        for name in asked.sets:
+            if name in (TOLD, "encoders"):
+                continue
+            sensed = sensing(arm, name)
+            margins = margins_of(sensed, observer_of(replace(networks, arm=sensed)))
+            for metric, value, unit in (("gain", margins.gain, "times"), ("delay", margins.delay, "steps")):
+                where = "response", "margins", arm.name, "fast", name, recipe.name
+                rows.append(Row(*where, metric, unit, float(value), seeds=asked.seeds[:1]))
+    return rows
+
+
+def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
+    under = jobs.Conditions(Body.simulation(payload=load), told=load if name == TOLD else 0.0)
+    return jobs.jobs_for(asked.tasks, sensing(arm, name), ["s2c2a"], asked.seeds, recipe_named("best"), under)
+
+
+def _rows(runs: Sequence[jobs.Run], name: str, load: float) -> list[Row]:
+    """Scores, and how much further than its target the tip went."""
+    rows = jobs.score_rows(EXPERIMENT, runs)
+    for task in dict.fromkeys(run.task for run in runs):
+        ours = [run for run in runs if run.task == task]
+        ways = [_way(run) for run in ours]
+        rows.append(jobs.Heading.of(EXPERIMENT, ours).row(task, "s2c2a", "way", "times", ways, []))
+    said = f"{name}, {1000 * load:g} g"
+    return [replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows]
+
+
+def _way(run: jobs.Run) -> float:
+    """Of the tip, over that of its target."""
+    wanted = run.job.task.wanted_positions()[:, -1]
+    tip = run.episode.after("states")[: len(wanted), -1, POSITION]
+    ways = [np.linalg.norm(np.diff(path[SETTLED:], axis=0), axis=-1) for path in (tip, wanted)]
+    return float(np.nansum(ways[0]) / max(np.nansum(ways[1]), 1e-9))
