@@ -90,6 +90,11 @@ class Reading:
     | `tensions`       | tensions of the cables as the motors' currents tell them        | (modules, cables)  | N      |
     | `centre_line`    | where the true centre line was since the last reading, the      | (moments, points,  | m      |
     |                  | newest last; `CENTRE_LINE_POINTS` a module from base to tip     | 3)                 |        |
+    | `accelerations`, | what inertial sensors at modules' ends felt since the last      | (samples, modules, | m/s2,  |
+    | `turn_rates`     | reading, in module frames there; at rest they accelerate upward | 3)                 | rad/s  |
+    | `seen`           | ends as a camera saw them, NaN where it did not, base frame; in | (modules, 3)       | m      |
+    |                  | readings that no picture came with it is absent                 |                    |        |
+    | `seen_age`       | how old that picture is                                         | ()                 | s      |
 
     Attributes:
         time: seconds since the arm was opened.

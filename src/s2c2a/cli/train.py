@@ -19,6 +19,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     """
     from s2c2a import strategies, viz
     from s2c2a.data import load_recording
+    from s2c2a.estimation.margins import CARRIED, margins_of
 
     compute_on_one_thread()
     if out.exists() and not overwrite:
@@ -37,4 +38,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
     print_table("Held-out errors, of full range", ("network", "error"), held_out)
+    if chosen.observes:
+        margins = margins_of(networks.arm, strategies.observer_of(networks))
+        print(f"margins of the loop, with what this arm senses and up to {CARRIED:g} of its mass at the tip: {margins}")
     print(f"strategy: {out}; learning curves: {picture}")

@@ -33,6 +33,9 @@ class Episode:
     | `doubt`                           | of that, because nothing was learned there [m] |                       |
     | `rescued`                         | what took over from the plan, zero if nothing  |                       |
     | `standing`                        | one where it stood though its cost could fall  |                       |
+    | `load`                            | that is believed to hang at the tip [kg]       |                       |
+    | `leans`                           | by which modules are believed to lean [rad]    | (modules, 2)          |
+    | `left_out.NAME`                   | one where a sense was not believed             |                       |
     | `wanted_positions`, `wanted_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
     | `obstacles`                       | centres and thresholds [m]; 0: not there       | (obstacles, 4)        |
     | `tick_time`                       | sense, plan and act together [s]               |                       |
@@ -148,7 +151,7 @@ def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, 
     modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
     states, vectors = (modules, 6), (modules, 3)
     known = {"time": (), "actions": cables, "stage": (), "tick_time": (), "expected": states, "sensed": vectors}
-    known |= {"deviation": (modules,), "doubt": (), "rescued": (), "standing": ()}
+    known |= {"deviation": (modules,), "doubt": (), "rescued": (), "standing": (), "load": (), "leans": (modules, 2)}
     known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
     if "obstacles" in columns:
         known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)  # as many as there are

@@ -33,6 +33,11 @@ class Gains(NamedTuple):
     calming: Float[Array, "loads bends states"]
     caution: Float[Array, " loads"]
 
+    @classmethod
+    def none(cls) -> "Gains":
+        """Of an arm that nothing watches."""
+        return cls(*(jnp.zeros(0) for _ in cls._fields))
+
     def at(self, load: Float[Array, ""]) -> tuple[Array, Array, Array, Array]:
         """A, B, gains and caution for a load, between those of the table."""
         place = jnp.interp(load, self.loads, jnp.arange(len(self.loads), dtype=jnp.float32))

@@ -36,6 +36,11 @@ class Margins:
     gain: float
     delay: int
 
+    def __str__(self) -> str:
+        """In words."""
+        most = "or more" if self.gain >= MOST_GAIN else ""
+        return f"it may answer {self.gain:.1f} times as much {most} and {self.delay} steps later".replace("  ", " ")
+
 
 AT_ONCE = -1
 PROMISED = Margins(2.0, 1)
@@ -99,14 +104,15 @@ def _has_margins(loop: _Loop) -> bool:
     return _stable(loop, filtering, PROMISED.gain, 0) and _stable(loop, filtering, 1.0, PROMISED.delay)
 
 
+_off = eqx.filter_jit(lambda sense, said, shape: sense.off(said, shape))
+
+
 def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
     """Of a straight arm that is taut, under one load of the table."""
     straight, none = jnp.zeros((arm.module_count, 2)), jnp.zeros((BEFORE, arm.module_count, 2))
     states = jnp.broadcast_to(states_from_bends(straight, Trunk.of(arm).lengths), (BEFORE, arm.module_count, 6))
     shape = Shape(straight, straight, jnp.full((arm.module_count, arm.cable_count), jnp.inf), none, states, none)
-    seen = [
-        sense.off({name: jnp.asarray(nan) for name, nan in sense.silent().items()}, shape) for sense in observer.senses
-    ]
+    seen = [_off(sense, sense.silent(), shape) for sense in observer.senses]
     late = [min(int(np.ceil(sense.late)), BEFORE - 1) if sense.slow else AT_ONCE for sense in observer.senses]
     caution = float(observer.gains.caution[number])
     return _Loop(

@@ -129,8 +129,8 @@ class Observer(eqx.Module):
         sensed: Float[Array, "modules 3"],
         planned: Float[Array, "modules 3"],
         said: Said,
-    ) -> Belief:
-        """What is believed after one more reading.
+    ) -> tuple[Belief, Any]:
+        """What is believed after one more reading, and the memory of a model that counts on it.
 
         Args:
             belief: before.
@@ -153,8 +153,9 @@ class Observer(eqx.Module):
             past = belief.before, belief.states_before, since
             shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past)
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
-        aimed = _bends(model.predict(planned, model.given(belief.unknowns, planned, memory)))
-        return self._calmed(self._within(belief), aimed)
+        belief = self._within(belief)
+        memory = model.given(belief.unknowns, sensed, memory)
+        return self._calmed(belief, _bends(model.predict(planned, memory))), memory
 
     def _rest(self, belief: Belief, model: ForwardModel, memory: Any, sensed: Array):
         """Where the arm would rest, and how its bends there change with load and leans."""

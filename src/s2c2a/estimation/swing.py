@@ -25,6 +25,7 @@ from s2c2a.models.trunk import TAUT, Trunk
 from s2c2a.training.fit import Fixed
 
 FIRST_DAMPING = 2.0  # of the nominal one
+NEARLY = 1e-3  # rad; of a straight arm
 SLOW = 1.3  # s; what is slower is no swing
 EPISODES, SAMPLES = 8, 600  # that are enough to see it
 FACTORS = np.log([[0.2, 0.3], [5.0, 20.0]])
@@ -85,16 +86,22 @@ class Body(NamedTuple):
         """From the description."""
         trunk, modules = Trunk.of(arm), arm.module_count
 
-        def ends(bends: Array) -> Array:
-            return states_from_bends(bends.reshape(modules, 2), trunk.lengths)[:, :3]
-
-        nearly = jnp.full(2 * modules, 1e-3)
-        levers = np.asarray(jax.jacfwd(ends)(nearly))
-        rises = np.einsum("mcij,c->mij", np.asarray(jax.jacfwd(jax.jacrev(ends))(nearly)), np.asarray(trunk.gravity))
+        levers, turns = _slopes_of_ends(jnp.full(2 * modules, NEARLY), trunk.lengths)
+        rises = np.einsum("mcij,c->mij", np.asarray(turns), np.asarray(trunk.gravity))
         elastic = 1.0 / np.asarray(trunk.compliances)
         damping = elastic * np.array([module.damping_time for module in arm.modules])
         springs = elastic + TAUT * ArmGeometry.of(arm).cable_springs
-        return cls(levers, rises, np.asarray(trunk.weights), np.repeat(springs, 2), np.repeat(damping, 2))
+        return cls(np.asarray(levers), rises, np.asarray(trunk.weights), np.repeat(springs, 2), np.repeat(damping, 2))
+
+
+@jax.jit
+def _slopes_of_ends(bends: Float[Array, " n"], lengths: Float[Array, " modules"]) -> tuple[Array, Array]:
+    """First and second slopes of where modules' ends are, by bends."""
+
+    def ends(bends: Array) -> Array:
+        return states_from_bends(bends.reshape(-1, 2), lengths)[:, :3]
+
+    return jax.jacfwd(ends)(bends), jax.jacfwd(jax.jacrev(ends))(bends)
 
 
 def motion(body: Body, swing: Swing, load: float, period: float) -> Motion:

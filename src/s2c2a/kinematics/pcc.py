@@ -74,7 +74,7 @@ class ForwardModel(eqx.Module):
         """Memory after one more sensed configuration."""
 
     def given(self, unknowns: Any, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
-        """Memory of a model that is told what came about since its recording; most take no notice.
+        """Memory of a model that is told, in every step, what came about since its recording; most take no notice.
 
         Args:
             unknowns: `models.unknowns.Unknowns`.

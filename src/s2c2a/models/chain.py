@@ -82,8 +82,7 @@ class ChainC2S(ForwardModel):
 
     def observe(self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
-        cables = self.hysteresis.advance(self.body.displacements(sensed), memory.cables)
-        return self.given(memory.unknowns, sensed, memory)._replace(cables=cables)
+        return memory._replace(cables=self.hysteresis.advance(self.body.displacements(sensed), memory.cables))
 
     def given(self, unknowns: Unknowns, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
@@ -156,10 +155,12 @@ class ChainC2S(ForwardModel):
         loaded = self.body.weights.at[-1].add(load)
         alone, lengths, _ = self._at_rest(inputs)
         own = weigh(self.body.weights, alone.bends, lengths)
-        for _ in range(LOADED):
+
+        def sunk(_, hung: Array) -> Array:
             under, lengths, _ = self._at_rest(inputs, hung)
-            hung = weigh(loaded, under.bends, lengths) - own
-        return hung
+            return weigh(loaded, under.bends, lengths) - own
+
+        return jax.lax.fori_loop(0, LOADED, sunk, hung)
 
     def _relaxed(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 2"]:
         """Moments of bends that cables asked for before [rad]."""

@@ -16,7 +16,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import Observer, Sense, Swing, gains_of, identified_swing, senses_of, with_margins
+from s2c2a.estimation import Gains, Observer, Sense, Swing, gains_of, identified_swing, senses_of, with_margins
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.recipe import Recipe, recipe_named
@@ -140,8 +140,10 @@ def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watc
 def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -> Observer:
     """What watches an arm with trained networks at work."""
     arm = networks.arm
-    gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
     senses = senses_of(arm, networks.c2s.cable_stiffnesses()) if watched.senses is None else watched.senses
+    if not senses:
+        return Observer.of(arm, Gains.none(), (), watched.estimates)
+    gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
     return with_margins(arm, Observer.of(arm, gains, senses, watched.estimates))
 
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -12,6 +13,7 @@ from s2c2a.planning import Plan, Planner
 from s2c2a.programs import compiled
 from s2c2a.spaces import Reading
 
+NOTHING = np.zeros((), np.float32)
 FIRST = 3  # times that a load that is told and the shape under it are brought together
 
 
@@ -24,7 +26,8 @@ class Watch:
         self._listener = Listener(arm, observer.senses)
         self._start = compiled(_started, planner.model, observer)
         self._update = compiled(_updated, planner.model, observer)
-        self._belief: Belief | None = None
+        self._count_on = compiled(_counting_on, planner.model)
+        self._belief: Any = None  # a Belief once it has begun
 
     def begun(self, plan: Plan) -> Plan:
         """A plan of an arm at rest that counts on what is told of it."""
@@ -34,17 +37,15 @@ class Watch:
 
     def seen(self, plan: Plan, sensed: Float[Array, "modules 3"], reading: Reading) -> tuple[Plan, Array | np.ndarray]:
         """A plan that counts on what one more reading says, and bends to ask for beside what is planned [rad]."""
-        if not self._observer.senses:
-            return plan, np.zeros((), np.float32)
-        plan, belief = self._update(plan, self._belief, sensed, self._listener.heard(reading))
-        self._belief = belief
-        return plan, belief.calming
+        if self._observer.senses:
+            plan, self._belief = self._update(plan, self._belief, sensed, self._listener.heard(reading))
+        elif self._load > 0.0:
+            plan = self._count_on(plan, self._belief, sensed)
+        return plan, self._belief.calming if self._observer.senses else NOTHING
 
     def told(self) -> dict[str, np.ndarray]:
         """Load [kg], leans [rad], and which senses are left out, by column of an episode."""
-        belief = self._belief
-        if belief is None:
-            return {}
+        belief: Belief = self._belief
         load, leans = (np.asarray(part, float) for part in belief.unknowns)
         told: dict[str, Any] = {"load": load, "leans": leans}
         left_out = {f"left_out.{sense.name}": belief.left_out[k] > 0 for k, sense in enumerate(self._observer.senses)}
@@ -54,13 +55,17 @@ class Watch:
 def _started(model: ForwardModel, observer: Observer, plan: Plan, load: Array) -> tuple[Plan, Belief]:
     configurations, memory = plan.configurations, plan.memory
     unknowns = observer.start(model.predict(configurations, memory), load).unknowns
-    for _ in range(FIRST):
-        memory = model.given(unknowns, configurations, memory)
+    memory = jax.lax.fori_loop(0, FIRST, lambda _, known: model.given(unknowns, configurations, known), memory)
     return plan._replace(memory=memory), observer.start(model.predict(configurations, memory), load)
 
 
 def _updated(
     model: ForwardModel, observer: Observer, plan: Plan, belief: Belief, sensed: Array, said: dict[str, Array]
 ) -> tuple[Plan, Belief]:
-    belief = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
-    return plan._replace(memory=model.given(belief.unknowns, sensed, plan.memory)), belief
+    belief, memory = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
+    return plan._replace(memory=memory), belief
+
+
+def _counting_on(model: ForwardModel, plan: Plan, belief: Belief, sensed: Array) -> Plan:
+    """A plan that counts on what is believed, where the arm is now."""
+    return plan._replace(memory=model.given(belief.unknowns, sensed, plan.memory))
