@@ -70,8 +70,8 @@ def test_what_is_missing_broken_or_frozen_is_not_heard(arm):
     for broken in (straight[:2], "no", np.full((3, 3), np.nan), np.array([["a"] * 3] * 3)):
         heard = listener.heard(Reading(0.0, {"configurations": broken}))
         np.testing.assert_array_equal(heard["configurations"], np.full((3, 3), np.nan))
-    heard = [listener.heard(Reading(0.1 * step, {"configurations": straight})) for step in range(8)]
+    heard = [listener.heard(Reading(0.1 * step, {"configurations": straight})) for step in range(2)]
     assert np.isfinite(heard[0]["configurations"]).all()
-    assert np.isnan(heard[-1]["configurations"]).all()
+    assert np.isnan(heard[1]["configurations"]).all()
     bent = np.asarray(configurations_from_bends(jnp.full((3, 2), 0.1)))
     assert np.isfinite(listener.heard(Reading(0.9, {"configurations": bent}))["configurations"]).all()

@@ -38,7 +38,7 @@ def train(recording: File, out: Path, recipe: RecipeName = "best", seed: int = 0
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
     print_table("Held-out errors, of full range", ("network", "error"), held_out)
-    if chosen.observes:
-        margins = margins_of(networks.arm, strategies.observer_of(networks))
-        print(f"margins of the loop, with what this arm senses and up to {CARRIED:g} of its mass at the tip: {margins}")
+    if chosen.observes and (observer := strategies.observer_of(networks)).senses:
+        found = margins_of(networks.arm, observer)
+        print(f"margins of the loop, with up to {CARRIED:g} of the arm's mass at its tip: {found}")
     print(f"strategy: {out}; learning curves: {picture}")

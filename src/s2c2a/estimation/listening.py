@@ -1,4 +1,4 @@
-"""From readings to what an observer hears: nothing (NaN) of what is missing, out of shape, not finite or frozen."""
+"""From readings to what an observer hears: nothing (NaN) of what is missing, broken, or was said before."""
 
 from typing import Any
 
@@ -11,7 +11,6 @@ from s2c2a.estimation.senses import Sense
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import Reading
 
-FROZEN_AFTER = 4  # readings without a changed bit
 MOST_OFF_LEVEL = 0.05  # rad; of inertial sensors on an arm that rests
 
 
@@ -27,7 +26,6 @@ class Listener:
     def begin(self) -> None:
         """Forget what was heard."""
         self._bits: dict[str, bytes] = {}
-        self._same = dict.fromkeys(self._silent, 0)
         if self._inertial is not None:
             self._inertial.begin()
 
@@ -51,9 +49,8 @@ class Listener:
         if found.shape != silent.shape:
             return silent
         bits = found.tobytes()
-        still = bits == self._bits.get(name) and bool(np.isfinite(found).any())
-        self._bits[name], self._same[name] = bits, self._same[name] + 1 if still else 0
-        return silent if self._same[name] >= FROZEN_AFTER else found
+        said_before, self._bits[name] = bits == self._bits.get(name), bits
+        return silent if said_before else found
 
     def _said(self, name: str, reading: Reading) -> Any:
         if name == "inclinations" and self._inertial is not None:

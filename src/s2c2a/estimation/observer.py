@@ -210,7 +210,8 @@ class Observer(eqx.Module):
         share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
         strange = belief.strange[number] + share * (surprise - belief.strange[number])
         left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
-        left_out = jnp.where(jnp.maximum(strange, surprise) > STRANGE, LEFT_OUT_FOR, left_out)
+        wrong = (jnp.maximum(strange, surprise) > STRANGE) | (jnp.abs(numbers).max() > off.most)
+        left_out = jnp.where(wrong, LEFT_OUT_FOR, left_out)
         gain = jnp.linalg.solve(spread, slopes @ belief.covariance).T
         gain = jnp.where(left_out > 0.0, 0.0, gain)
         covariance = belief.covariance - gain @ slopes @ belief.covariance

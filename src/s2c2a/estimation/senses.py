@@ -19,6 +19,7 @@ LEVEL_SPREAD = 0.02  # rad; of what inertial sensors on a moving arm call down
 END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the swing
 LEAST_TENSION = 0.05  # N
 USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
+MOST_TURN, MOST_WAY = 0.14, 0.5  # rad, and of the arm's length
 Said = Mapping[str, Array]
 
 
@@ -49,11 +50,13 @@ class Off(NamedTuple):
         numbers: what was said less what was expected, shape (numbers,); not finite where nothing was said.
         slopes: of what is expected by bends, shape (numbers, n) with n = 2 modules.
         spread: standard deviation of what is left, shape (numbers,).
+        most: that can be true from one control step to the next; what is further off is a fault.
     """
 
     numbers: Float[Array, " numbers"]
     slopes: Float[Array, "numbers bends"]
     spread: Float[Array, " numbers"]
+    most: float | Float[Array, ""]
 
 
 class Sense(eqx.Module):
@@ -93,7 +96,7 @@ class SeenBends(Sense):
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
         numbers = (bends_from_configurations(said["configurations"]) - shape.bends).reshape(-1)
-        return Off(numbers, jnp.eye(len(numbers)), jnp.full(len(numbers), SEEN_SPREAD))
+        return Off(numbers, jnp.eye(len(numbers)), jnp.full(len(numbers), SEEN_SPREAD), MOST_TURN)
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -116,7 +119,8 @@ class Inclinations(Sense):
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
         expected, slopes = _with_slopes(self._expected, shape.bends)
-        return Off(said["inclinations"].reshape(-1) - expected, slopes, jnp.full(expected.shape, LEVEL_SPREAD))
+        numbers = said["inclinations"].reshape(-1) - expected
+        return Off(numbers, slopes, jnp.full(expected.shape, LEVEL_SPREAD), MOST_TURN)
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -158,7 +162,7 @@ class Tensions(Sense):
         each = self.stiffness[..., None] * self.matrices * taut[..., None]
         slopes = jnp.einsum("mnk,ml->mnlk", each, jnp.eye(modules)).reshape(expected.size, -1)
         spread = jnp.broadcast_to(jnp.hypot(self.noise, self.stiffness * USUAL_BEND), expected.shape)
-        return Off((said["tensions"] - expected).reshape(-1), slopes, spread.reshape(-1))
+        return Off((said["tensions"] - expected).reshape(-1), slopes, spread.reshape(-1), np.inf)
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -197,7 +201,8 @@ class SeenEnds(Sense):
         bends, states, since = ((1.0 - share) * part[first] + share * part[first + 1] for part in past)
         expected, slopes = _with_slopes(self._ends, bends + since)
         beside = states[:, :3].reshape(-1) - self._ends(_bends(states).reshape(-1))  # what arcs do not have
-        return Off(said["seen"].reshape(-1) - expected - beside, slopes, jnp.full(expected.shape, END_SPREAD))
+        numbers = said["seen"].reshape(-1) - expected - beside
+        return Off(numbers, slopes, jnp.full(expected.shape, END_SPREAD), MOST_WAY * jnp.sum(self.lengths))
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
