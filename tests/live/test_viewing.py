@@ -94,12 +94,12 @@ def test_what_cannot_be_viewed_is_said(tmp_path):
             window_on(nothing, 0)
 
 
-def test_a_training_shows_the_curves_of_both_networks(twin, shown):
+def test_a_training_shows_the_curves_of_both_networks_and_of_the_swing(twin, shown):
     networks = shipped_networks(twin)
-    assert set(networks.curves) == {"C2S", "C2A"}
+    assert set(networks.curves) == {"C2S", "C2A", "swing"}
     tab = shown(view_training(networks, 0))
     tab.page.get_by_text("of the full range").first.wait_for()
-    until(lambda: tab.page.locator(".uplot").count() == 2, what="two charts")
+    until(lambda: tab.page.locator(".uplot").count() == 3, what="three charts")
     tab.keep("wide-training")
     assert tab.errors == []
 

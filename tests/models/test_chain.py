@@ -153,7 +153,7 @@ def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, 
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))
     configurations = way(5, 3, modules)
     memory = observe(model, configurations[0], start(model, configurations[0]))
-    assert memory.plays.shape == (modules, 2, cables)
+    assert memory.cables.plays.shape == (modules, 2, cables)
     states = predict(model, configurations[1], memory)
     assert states.shape == (modules, 6)
     assert np.isfinite(states).all()
@@ -180,7 +180,7 @@ def test_slopes_exist_at_rest_straight_and_bent(make_arm, kind):
 
 def test_training_cannot_move_what_follows_from_the_arm(make_arm):
     model, configurations = shaken(untrained(make_arm())), jnp.asarray(way(9, 1, 3)[0])
-    inputs = model.hysteresis.inputs(model.body.displacements(configurations), model.start(configurations))
+    inputs = model.inputs(model.body.displacements(configurations), model.start(configurations))
     gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).states(inputs) ** 2)))(model)
     fixed = jax.tree.leaves((gradient.body, gradient.hysteresis.operators))
     assert all(not np.any(leaf) for leaf in fixed)

@@ -9,7 +9,7 @@ import pytest
 
 from s2c2a import jobs
 from s2c2a.arm import load_arm
-from s2c2a.cli.reproduce import Compared
+from s2c2a.cli.beyond import Compared
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.strategies import recipe_named

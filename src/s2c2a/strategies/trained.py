@@ -26,6 +26,8 @@ from s2c2a.training import Trained
 
 Options = TypeVar("Options")
 
+SPARED = {"swing"}
+"""What files may lack: the arm's description then says it."""
 S2C2A, LSTM, CURVE = "s2c2a", "lstm", "curve."
 
 
@@ -147,6 +149,7 @@ def _load(
     with damaged(path):
         recipe = recipe_of(metadata.recipe)
         blanks = eqx.filter_eval_shape(untrained, recipe, trained_for, jax.random.key(0))
+        blanks = {name: blank for name, blank in blanks.items() if name in metadata.percent or name not in SPARED}
         networks, curves = filled(blanks, trained_for, arrays), _curves(arrays)
         if not set(networks) == set(curves) == set(metadata.percent):
             raise StrategyError("it lacks what is known of its training")

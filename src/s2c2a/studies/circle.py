@@ -82,9 +82,10 @@ def track_circle(networks: TrainedNetworks, speed: float, steps: int = 1000) -> 
         Angles between wanted and sensed configurations [deg].
     """
     arm, controller = networks.arm, NetworkController(networks.c2a)
-    sense, act = _sense(arm), compiled(NetworkController.act, controller)
+    felt = networks.recipe.felt(arm)  # as its networks are
+    sense, act = _sense(felt), compiled(NetworkController.act, controller)
     errors = []
-    wanted = recorded_reference(arm, speed, networks.seed, steps)
+    wanted = recorded_reference(felt, speed, networks.seed, steps)
     with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
         sensed = sense(robot.read())
         memory = controller.start(jnp.asarray(sensed))
