@@ -11,7 +11,7 @@ from s2c2a.estimation.senses import Sense
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import Reading
 
-MOST_OFF_LEVEL = 0.05  # rad; of inertial sensors on an arm that rests
+SMOOTHED, SETTLED = 1.0, 4.0  # s; over which forces tell which way is down, and what that needs at the start
 
 
 class Listener:
@@ -63,7 +63,6 @@ class Listener:
 class Inclinometer:
     """Which way is down in the frames of inertial sensors: what they accelerate by, smoothed along how they turn.
 
-    The arm begins at rest, where it is straight: what they say then is their own error, unless it is too large for one.
     The filter is VQF (Laidig and Seel 2023, Information Fusion 91), which also finds the zeros of the turn rates.
     """
 
@@ -88,7 +87,6 @@ class Inclinometer:
         self._filters: list[Any] = []
         self._last: bytes = b""
         self._told: Float[np.ndarray, "modules 3"] | None = None
-        self._level = np.zeros(3)
 
     def told(self, reading: Reading) -> Float[np.ndarray, "modules 3"] | None:
         """Unit vectors that point down, each in its sensor's frame; None where nothing is said."""
@@ -103,21 +101,18 @@ class Inclinometer:
         self._last = bits
         if not self._filters:
             period = self._arm.control_period / len(forces)
-            self._filters = [self._new(period) for _ in range(forces.shape[1])]
-            self._settle(forces, turns)
-        found = np.stack([_down(one, forces[:, k], turns[:, k]) for k, one in enumerate(self._filters)])
-        if self._told is None:
-            off = found - np.asarray(self._arm.gravity_direction)
-            self._level = off * (np.linalg.norm(off, axis=-1, keepdims=True) < MOST_OFF_LEVEL)
-        level = found - self._level
-        self._told = level / np.linalg.norm(level, axis=-1, keepdims=True)
+            self._filters = [self._new(period, tauAcc=SMOOTHED) for _ in range(forces.shape[1])]
+            self._settle(forces)
+        self._told = np.stack([_down(one, forces[:, k], turns[:, k]) for k, one in enumerate(self._filters)])
         return self._told
 
-    def _settle(self, forces: np.ndarray, turns: np.ndarray) -> None:
-        """An arm at rest: its first samples hold for as long as the filters need."""
-        for _ in range(round(3.0 * self._arm.control_rate)):
-            for number, one in enumerate(self._filters):
-                _down(one, forces[:, number], turns[:, number])
+    def _settle(self, forces: np.ndarray) -> None:
+        """An arm that is hardly moving: its first samples hold for as long as the filters need."""
+        for number, one in enumerate(self._filters):
+            steady = np.tile(
+                forces[:, number].mean(axis=0), (round(SETTLED / self._arm.control_period * len(forces)), 1)
+            )
+            _down(one, steady, np.zeros_like(steady))
 
 
 def _down(one: Any, forces: np.ndarray, turns: np.ndarray) -> Float[np.ndarray, "3"]:
