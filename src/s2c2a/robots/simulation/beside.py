@@ -21,7 +21,7 @@ def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
         shape = (samples(arm, inertial), modules, 3)
         said |= {"accelerations": Sensor(shape, "m/s2"), "turn_rates": Sensor(shape, "rad/s")}
     if arm.senses.camera is not None:
-        said |= {"seen": Sensor((modules, 3), "m"), "seen_age": Sensor((), "s")}
+        said |= {"seen": Sensor((modules, 3), "m", always=False), "seen_age": Sensor((), "s", always=False)}
     return said
 
 
@@ -33,10 +33,10 @@ def samples(arm: ArmSpec, inertial: Inertial) -> int:
 class InertialSensors:
     """One at the end of every module: what it accelerates by, gravity included, and how it turns, in its own frame."""
 
-    def __init__(self, arm: ArmSpec, part: Inertial, opening: int):
+    def __init__(self, arm: ArmSpec, part: Inertial, seed: int, opening: int):
         """Anew at every opening: their zeros differ."""
         self._count, self._modules = samples(arm, part), arm.module_count
-        self._random = np.random.default_rng([opening, _INERTIAL])
+        self._random = np.random.default_rng([seed, _INERTIAL, opening])
         turns = np.deg2rad([part.turn_noise_deg, part.turn_bias_deg])
         self._noise = np.repeat([part.acceleration_noise, turns[0]], 3 * self._modules)
         self._bias = self._random.normal(scale=np.repeat([part.acceleration_bias, turns[1]], 3 * self._modules))
@@ -60,9 +60,9 @@ class InertialSensors:
 class CameraView:
     """Where a camera saw ends of modules: at its own rate, late, and not always."""
 
-    def __init__(self, arm: ArmSpec, part: Camera, opening: int):
+    def __init__(self, arm: ArmSpec, part: Camera, seed: int, opening: int):
         """Anew at every opening: other pictures are lost."""
-        self._part, self._period, self._opening = part, arm.control_period, opening
+        self._part, self._period, self._stream = part, arm.control_period, (seed, _CAMERA, opening)
         self._past: deque[tuple[float, States]] = deque(maxlen=round(LONGEST * arm.control_rate) + 2)
 
     def begin(self, states: States) -> None:
@@ -80,10 +80,11 @@ class CameraView:
         number = np.floor((time - part.delay) * part.rate + 1e-9)
         taken = number / part.rate
         new = taken + part.delay > time - self._period + 1e-9
-        random = np.random.default_rng([self._opening, _CAMERA, max(int(number), 0)])
+        random = np.random.default_rng([*self._stream, max(int(number), 0)])
         if number < 0 or not new or random.random() < part.lost:
             return {}
-        positions = self._at(taken) + random.normal(scale=part.noise, size=self._at(taken).shape)
+        positions = self._at(taken)
+        positions += random.normal(scale=part.noise, size=positions.shape)
         if part.sees == "tip":
             positions[:-1] = np.nan
         return {"seen": positions, "seen_age": np.asarray(time - taken)}
@@ -94,11 +95,11 @@ class CameraView:
         return np.array([np.interp(time, times, row) for row in positions.T]).reshape(-1, 3)
 
 
-def inertial_sensors(arm: ArmSpec, opening: int) -> InertialSensors | None:
+def inertial_sensors(arm: ArmSpec, seed: int, opening: int) -> InertialSensors | None:
     """Those of an arm, if it has any."""
-    return None if arm.senses.imu is None else InertialSensors(arm, arm.senses.imu, opening)
+    return None if arm.senses.imu is None else InertialSensors(arm, arm.senses.imu, seed, opening)
 
 
-def camera(arm: ArmSpec, opening: int) -> CameraView | None:
+def camera(arm: ArmSpec, seed: int, opening: int) -> CameraView | None:
     """That of an arm, if it has one."""
-    return None if arm.senses.camera is None else CameraView(arm, arm.senses.camera, opening)
+    return None if arm.senses.camera is None else CameraView(arm, arm.senses.camera, seed, opening)

@@ -77,7 +77,8 @@ class SimulatedRobot(Robot):
         self._random = np.random.default_rng(self._seed)
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
-        self._inertial, self._camera = inertial_sensors(self._body, self._openings), camera(self._body, self._openings)
+        drawn = self._body, self._seed, self._openings
+        self._inertial, self._camera = inertial_sensors(*drawn), camera(*drawn)
         self._homed_at, self._winding = self._homing_errors(), np.zeros_like(self._motors)
         self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
         self._relaxation.used_to[:] = 0.0
