@@ -67,6 +67,7 @@ class Sensor:
         low: least plausible number, or one each.
         high: largest plausible number, or one each.
         fastest: largest plausible change of a number in a second.
+        always: whether every reading holds it; a camera has its pictures when it has them, and not of everything (NaN).
     """
 
     shape: tuple[int, ...]
@@ -74,6 +75,7 @@ class Sensor:
     low: float | np.ndarray = -np.inf
     high: float | np.ndarray = np.inf
     fastest: float | np.ndarray = np.inf
+    always: bool = True
 
 
 @dataclass(frozen=True)

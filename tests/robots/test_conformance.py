@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.arm.senses import Camera, Inertial, Senses
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot, check_robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
@@ -207,6 +208,10 @@ def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
             return 1e-4 * np.round(super().send(action) / 1e-4)
 
     check_robot(Rounding(twin))
+
+
+def test_a_camera_that_has_no_picture_in_most_readings_is_fine(twin):
+    check_robot(SimulatedRobot(twin.model_copy(update={"senses": Senses(imu=Inertial(), camera=Camera())})))
 
 
 def test_a_robot_that_nothing_watches_is_fine(twin):

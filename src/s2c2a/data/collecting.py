@@ -166,7 +166,7 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
     )
     robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
     limits = _limits(arm, options) if robot.own_time else None  # one of metal keeps its own, whatever babbles
-    with Loop(robot, _Player(arm, tuple(robot.sensors), actions), limits=limits) as loop:
+    with Loop(robot, _Player(arm, _needed(robot), actions), limits=limits) as loop:
         steps = []
         for _ in actions:
             steps.append(loop.tick(Ask()))
@@ -177,6 +177,11 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
         whole = episode_of(steps, arm)
     timeless = {name: values for name, values in whole.columns.items() if name != "tick_time"}
     return replace(whole, columns=timeless)  # a recording is the same to the last byte, wherever it is made
+
+
+def _needed(robot: Robot) -> tuple[str, ...]:
+    """Sensors without which there is no sample."""
+    return tuple(name for name, sensor in robot.sensors.items() if sensor.always)
 
 
 def _speeds(arm: ArmSpec, options: CollectOptions) -> tuple[float, float]:
