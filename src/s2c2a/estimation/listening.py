@@ -11,6 +11,7 @@ from s2c2a.estimation.senses import Sense
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import Reading
 
+MOST_FORCE, MOST_RATE = 500.0, 100.0  # m/s2 and rad/s; beyond any such sensor
 SMOOTHED, SETTLED = 1.0, 4.0  # s; over which forces tell which way is down, and what that needs at the start
 
 
@@ -29,35 +30,39 @@ class Listener:
         if self._inertial is not None:
             self._inertial.begin()
 
-    @property
-    def silence(self) -> dict[str, np.ndarray]:
-        """As if nothing was said."""
-        return self._silent
-
     def heard(self, reading: Reading) -> dict[str, np.ndarray]:
         """What is said, in single precision, by name."""
         return {name: self._of(name, silent, reading) for name, silent in self._silent.items()}
 
     def _of(self, name: str, silent: np.ndarray, reading: Reading) -> np.ndarray:
-        values = self._said(name, reading)
-        if values is None:
+        found = numbers(self._said(name, reading), silent.shape)
+        if found is None:
             return silent
-        try:
-            found = np.asarray(values, np.float32)
-        except (TypeError, ValueError):
-            return silent
-        if found.shape != silent.shape:
-            return silent
+        with np.errstate(over="ignore"):  # too large a number is none
+            found = found.astype(np.float32)
         bits = found.tobytes()
         said_before, self._bits[name] = bits == self._bits.get(name), bits
-        return silent if said_before else found
+        return silent if said_before and found.ndim else found  # one number, such as an age, may well be the same
 
     def _said(self, name: str, reading: Reading) -> Any:
         if name == "inclinations" and self._inertial is not None:
             return self._inertial.told(reading)
-        if name == "configurations" and reading.get(name) is None and reading.get("states") is not None:
-            return configurations_from_states(np.asarray(reading["states"], float))
+        if name == "configurations" and reading.get(name) is None:
+            states = numbers(reading.get("states"), (len(self._silent[name]), 6))
+            return None if states is None else configurations_from_states(states)
         return reading.get(name)
+
+
+def numbers(values: Any, shape: tuple[int | None, ...]) -> np.ndarray | None:
+    """What a body says, as numbers of a shape (None: any length but zero); None if it is something else."""
+    try:
+        found = np.asarray(values, float)
+    except (TypeError, ValueError):
+        return None
+    fits = found.ndim == len(shape) and all(
+        have == want if want is not None else have for have, want in zip(found.shape, shape, strict=True)
+    )
+    return found if fits else None
 
 
 class Inclinometer:
@@ -90,12 +95,12 @@ class Inclinometer:
 
     def told(self, reading: Reading) -> Float[np.ndarray, "modules 3"] | None:
         """Unit vectors that point down, each in its sensor's frame; None where nothing is said."""
-        forces, turns = reading.get("accelerations"), reading.get("turn_rates")
-        if forces is None or turns is None or np.shape(forces) != np.shape(turns) or np.ndim(forces) != 3:
+        shape = None, self._arm.module_count, 3
+        forces, turns = (numbers(reading.get(name), shape) for name in ("accelerations", "turn_rates"))
+        if forces is None or turns is None or forces.shape != turns.shape:
             return None
-        forces, turns = (np.ascontiguousarray(part, dtype=float) for part in (forces, turns))
-        if not (np.isfinite(forces).all() and np.isfinite(turns).all()):
-            return None
+        if not ((np.abs(forces) < MOST_FORCE).all() and (np.abs(turns) < MOST_RATE).all()):
+            return None  # the filter would never forget it
         if (bits := forces.tobytes()) == self._last:  # said before: nothing new
             return self._told
         self._last = bits
@@ -109,9 +114,8 @@ class Inclinometer:
     def _settle(self, forces: np.ndarray) -> None:
         """An arm that is hardly moving: its first samples hold for as long as the filters need."""
         for number, one in enumerate(self._filters):
-            steady = np.tile(
-                forces[:, number].mean(axis=0), (round(SETTLED / self._arm.control_period * len(forces)), 1)
-            )
+            count = round(SETTLED / self._arm.control_period) * len(forces)
+            steady = np.tile(forces[:, number].mean(axis=0), (count, 1))
             _down(one, steady, np.zeros_like(steady))
 
 
