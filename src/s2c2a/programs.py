@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
 
@@ -58,3 +59,9 @@ def _program(function: Callable[..., Any], structure: Hashable, built_in: tuple,
 
     run.__name__ = getattr(function, "__name__", "run")  # what profiles and logs of compilations show
     return jax.jit(run)
+
+
+def where_finite(new: Any, old: Any) -> Any:
+    """The new pytree, or the old one where anything in the new one is not finite."""
+    sound = jnp.all(jnp.array([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)], dtype=bool))
+    return jax.tree.map(lambda one, other: jnp.where(sound, one, other), new, old)

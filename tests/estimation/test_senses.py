@@ -8,11 +8,12 @@ import pytest
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.senses import Camera, Inertial, Senses
 from s2c2a.estimation.listening import Listener
-from s2c2a.estimation.observer import BEFORE
-from s2c2a.estimation.senses import Shape, senses_of
+from s2c2a.estimation.senses import LATEST, Shape, senses_of
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
+
+BEFORE = 9  # steps
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def moved(shape: Shape, way) -> Shape:
 def test_slopes_are_those_of_what_is_expected(arm):
     bends = jnp.asarray(np.random.default_rng(0).normal(0, 0.3, (3, 2)), jnp.float32)
     for sense in senses_of(arm, ArmGeometry.of(arm).cable_springs * 100.0):
-        said = {name: jnp.full(value.shape, 1.0) for name, value in sense.silent().items()}
+        said = {name: jnp.full(value.shape, 0.5) for name, value in sense.silent().items()}
         shape = standing(arm, bends)
         there = jax.jacfwd(lambda way: sense.off(said, moved(shape, way.reshape(3, 2))).numbers)(jnp.zeros(6))  # noqa: B023
         np.testing.assert_allclose(sense.off(said, shape).slopes, -there, atol=2e-4, err_msg=sense.name)
@@ -61,6 +62,32 @@ def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
     for sense in senses_of(arm, None):
         off = sense.off({name: jnp.asarray(heard[name]) for name in sense.silent()}, shape)
         assert np.abs(off.numbers).max() < 0.02, sense.name  # and finite
+
+
+def test_pictures_older_than_is_remembered_are_not_heard(arm):
+    (camera,) = (sense for sense in senses_of(arm, None) if sense.name == "camera")
+    heard = [
+        camera.off({"seen": jnp.zeros((3, 3)), "seen_age": jnp.asarray(age)}, standing(arm, jnp.zeros((3, 2)))).numbers
+        for age in (0.0, LATEST, LATEST + 0.1, -0.1)
+    ]
+    assert [bool(jnp.isfinite(numbers).all()) for numbers in heard] == [True, True, False, False]
+
+
+def test_the_same_age_again_is_still_an_age(arm):
+    listener = Listener(arm, senses_of(arm, None))
+    ages = [listener.heard(Reading(0.1 * step, {"seen_age": np.asarray(0.1)}))["seen_age"] for step in range(2)]
+    np.testing.assert_allclose(ages, 0.1)
+
+
+@pytest.mark.parametrize("absurd", [1e30, 1e9, -1e3])
+def test_absurd_numbers_of_inertial_sensors_are_not_heard(arm, absurd):
+    listener = Listener(arm, senses_of(arm, None))
+    down = np.tile([0.0, 0.0, -9.81], (10, 3, 1))
+    listener.heard(Reading(0.0, {"accelerations": down, "turn_rates": 0.0 * down}))
+    said = {"accelerations": np.full_like(down, absurd), "turn_rates": 0.0 * down}
+    assert np.isnan(listener.heard(Reading(0.1, said))["inclinations"]).all()
+    again = listener.heard(Reading(0.2, {"accelerations": down + 0.05, "turn_rates": 0.0 * down}))
+    np.testing.assert_allclose(again["inclinations"][:, 2], 1.0, atol=1e-3)
 
 
 def test_what_is_missing_broken_or_frozen_is_not_heard(arm):

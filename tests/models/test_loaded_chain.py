@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm.spec import GRAVITY
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, configurations_from_states
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ChainOptions
-from s2c2a.models.trunk import GRAVITY
 from s2c2a.models.unknowns import Unknowns, moments_of_weights
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks

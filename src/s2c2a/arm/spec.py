@@ -11,6 +11,7 @@ from s2c2a.arm.flaws import Flaws
 from s2c2a.arm.senses import Senses
 
 MOST_MODULES = 20
+GRAVITY = 9.81  # m/s2
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
 
@@ -221,6 +222,11 @@ class ArmSpec(Frozen):
     def length(self) -> float:
         """Length of the straight arm [m]."""
         return sum(module.length for module in self.modules)
+
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """In the base frame [m/s2]."""
+        return tuple(GRAVITY * part for part in self.gravity_direction)
 
     @property
     def control_period(self) -> float:

@@ -65,7 +65,8 @@ def run(
     from s2c2a.models.registry import model_named
 
     spec, numbers = load_arm(arm), jobs.checked_seeds(seed, seeds)
-    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard, told, estimates)
+    body, watched = body_for(robot, robot_option, fidelity, payload), strategies.Watched(told, estimates)
+    under = jobs.Conditions(body, guard, watched)
     if model:
         model_named(model)
     given = (

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.linalg import solve_discrete_are
 
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.swing import Body, Motion, Swing, motion
@@ -13,6 +12,7 @@ from s2c2a.estimation.swing import Body, Motion, Swing, motion
 LOADS = np.array([0.0, 0.1, 0.2, 0.4, 0.8, 1.6])  # of the arm's own mass
 EFFORT = 1.0  # of a bend that is asked for beside the plan, over one by which the arm is off, both as energy
 REACH = 0.8  # of a bend that is asked for, what the arm does
+DOUBLINGS, FADED = 40, 1e-12
 
 
 class Gains(NamedTuple):
@@ -62,8 +62,27 @@ def calming(swinging: Motion) -> Float[np.ndarray, "bends states"]:
     energy = np.zeros((2 * count, 2 * count))
     energy[:count, :count], energy[count:, count:] = swinging.springs, symmetric(swinging.masses)
     inputs, effort = REACH * swinging.inputs, EFFORT * np.diag(np.diag(swinging.springs))
-    cost = solve_discrete_are(swinging.steps, inputs, symmetric(energy), effort)
+    cost = riccati(swinging.steps, inputs, symmetric(energy), effort)
     return np.linalg.solve(effort + inputs.T @ cost @ inputs, inputs.T @ cost @ swinging.steps)
+
+
+def riccati(
+    steps: Float[np.ndarray, "n n"], inputs: Float[np.ndarray, "n k"], cost: np.ndarray, effort: np.ndarray
+) -> Float[np.ndarray, "n n"]:
+    """X = A' X A - A' X B (R + B' X B)^-1 B' X A + Q, for A, B, Q and R, by doubling (Chu et al. 2004).
+
+    SciPy's solver, which sorts eigenvalues, gives up on arms of many modules.
+    """
+    count = len(steps)
+    passed, moved, found = steps, inputs @ np.linalg.solve(effort, inputs.T), cost
+    for _ in range(DOUBLINGS):
+        both = np.linalg.solve(np.eye(count) + moved @ found, np.concatenate([passed, moved], axis=1))
+        moved = symmetric(moved + passed @ both[:, count:] @ passed.T)
+        found = symmetric(found + passed.T @ found @ both[:, :count])
+        passed = passed @ both[:, :count]
+        if np.abs(passed).max() < FADED:
+            break
+    return found
 
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:

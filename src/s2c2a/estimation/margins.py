@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.estimation.gains import REACH
-from s2c2a.estimation.observer import BEFORE, Observer
+from s2c2a.estimation.gains import REACH, riccati
+from s2c2a.estimation.observer import Observer
 from s2c2a.estimation.senses import Shape
 from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.trunk import Trunk
@@ -21,7 +21,7 @@ from s2c2a.models.trunk import Trunk
 MOST_GAIN, MOST_DELAY = 8.0, 8  # what is looked for
 CAUTION = 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0
 CARRIED = 0.8  # of the arm's mass: loads that margins are promised for
-STEPS = 400  # until a filter's gain stands
+MOST_LATE = 64  # steps
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class _Loop:
         late: by how many steps each number is told late; `AT_ONCE` where it tells of the swing.
         spread: standard deviations of what is seen.
         noise: variance that a step adds to leans, bends and rates.
-        lag: part of leans that is forgotten in a step.
+        kept: part of leans that is not forgotten in a step.
     """
 
     steps: np.ndarray
@@ -109,11 +109,11 @@ _off = eqx.filter_jit(lambda sense, said, shape: sense.off(said, shape))
 
 def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
     """Of a straight arm that is taut, under one load of the table."""
-    straight, none = jnp.zeros((arm.module_count, 2)), jnp.zeros((BEFORE, arm.module_count, 2))
-    states = jnp.broadcast_to(states_from_bends(straight, Trunk.of(arm).lengths), (BEFORE, arm.module_count, 6))
+    straight, none = jnp.zeros((arm.module_count, 2)), jnp.zeros((observer.history, arm.module_count, 2))
+    states = jnp.broadcast_to(states_from_bends(straight, Trunk.of(arm).lengths), (len(none), arm.module_count, 6))
     shape = Shape(straight, straight, jnp.full((arm.module_count, arm.cable_count), jnp.inf), none, states, none)
     seen = [_off(sense, sense.silent(), shape) for sense in observer.senses]
-    late = [min(int(np.ceil(sense.late)), BEFORE - 1) if sense.slow else AT_ONCE for sense in observer.senses]
+    late = [min(int(np.ceil(sense.late)), MOST_LATE) if sense.slow else AT_ONCE for sense in observer.senses]
     caution = float(observer.gains.caution[number])
     return _Loop(
         steps=np.asarray(observer.gains.steps[number], float),
@@ -136,39 +136,32 @@ def _filter_gain(loop: _Loop) -> Float[np.ndarray, "states numbers"]:
     seen = np.zeros((len(loop.slopes), 3 * count))
     seen[:, count : 2 * count] = np.where(loop.late[:, None] == AT_ONCE, loop.slopes, 0.0)
     seen[:, :count] = np.where(loop.late[:, None] != AT_ONCE, loop.slopes, 0.0)
-    covariance, gain = np.diag(loop.noise), np.zeros((3 * count, len(seen)))
-    for _ in range(STEPS):
-        covariance = change @ covariance @ change.T + np.diag(loop.noise)
-        gain = np.linalg.solve(seen @ covariance @ seen.T + np.diag(loop.spread**2), seen @ covariance).T
-        covariance = covariance - gain @ seen @ covariance
-    return gain
+    noise, spread = np.diag(loop.noise), np.diag(loop.spread**2)
+    covariance = riccati(change.T, seen.T, noise, spread)
+    return np.linalg.solve(seen @ covariance @ seen.T + spread, seen @ covariance).T
 
 
 def _stable(loop: _Loop, filtering: np.ndarray, gain: float, delay: int) -> bool:
     """Whether the loop comes to rest, of an arm that answers so much more, and so many steps later."""
     n = loop.inputs.shape[1]
     steps = int(max(loop.late.max() + 1, 1))
-    past = steps * n
-    sizes = [2 * n, (delay + 1) * n, n, 2 * n, past, past, past]  # arm, commands on their way, leans, expected, pasts
+    sizes = [2 * n, (delay + 1) * n, n, 2 * n, steps * n]  # arm, commands on their way, leans, expected, past
     ends = np.cumsum(sizes)
 
     def step(z: np.ndarray) -> np.ndarray:
-        arm, queue, leans, expected, was, thought, leant = np.split(z, ends[:-1])
+        arm, queue, leans, expected, past = np.split(z, ends[:-1])
         arm = loop.steps @ arm + loop.inputs @ (gain * queue[-n:])
         leans = loop.kept * leans
         rests = queue[:n] + leans
         expected = loop.steps @ expected + loop.inputs @ rests
-        now = (arm, was), (rests, thought), (leans, leant)
-        was, thought, leant = (np.concatenate([newest[:n], old[:-n]]) for newest, old in now)
-        ages = np.maximum(loop.late, 0)
-        missed = (was - thought + leant - np.tile(leans, steps)).reshape(steps, n)
-        off = np.einsum(
-            "ij,ij->i", loop.slopes, np.where(loop.late[:, None] == AT_ONCE, arm[:n] - expected[:n], missed[ages])
-        )
+        past = np.concatenate([arm[:n] - rests + leans, past[:-n]])  # where it was beside what encoders tell
+        missed = past.reshape(steps, n)[np.maximum(loop.late, 0)] - leans
+        seen = np.where(loop.late[:, None] == AT_ONCE, arm[:n] - expected[:n], missed)
+        off = np.einsum("ij,ij->i", loop.slopes, seen)
         change = filtering @ off
         leans, expected = leans + change[:n], expected + change[n:]
         asked = -loop.calming @ expected
-        return np.concatenate([arm, REACH * asked - leans, queue[:-n], leans, expected, was, thought, leant])
+        return np.concatenate([arm, REACH * asked - leans, queue[:-n], leans, expected, past])
 
     whole = np.stack([step(unit) for unit in np.eye(ends[-1])], axis=1)
     return bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0)

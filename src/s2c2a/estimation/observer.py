@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.gains import Gains
 from s2c2a.estimation.senses import Off, Said, Sense, Shape
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states, limit_lengths
+from s2c2a.kinematics import ForwardModel, bends_from_states, limit_lengths
 from s2c2a.models.unknowns import Unknowns
 
 FIRST_LOAD, FIRST_LEAN = 0.4, 0.02  # before anything is sensed: of the arm's mass, and [rad]
@@ -28,7 +28,6 @@ LOAD_RATE, LEAN_RATE = 0.05, 0.03  # what they may change by in a second: of the
 BEND_NOISE, TURN_NOISE = 0.03, 1.0  # of the swing, in a second [rad, rad/s]
 MOST_LOAD, MOST_LEAN = 1.5, 0.4  # of the arm's mass, and [rad]
 MOST_CALMING = 0.2  # rad; asked for beside the plan
-BEFORE = 8  # steps that are remembered, for what is told late
 STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
 SETTLING = 0.3  # s; over which strangeness is told
 
@@ -100,9 +99,9 @@ class Observer(eqx.Module):
         return any(not sense.slow for sense in self.senses)
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of sensors that it can use."""
-        return tuple(name for sense in self.senses for name in sense.sensors)
+    def history(self) -> int:
+        """How many steps are remembered, for what is told late."""
+        return 2 + int(max((sense.latest for sense in self.senses), default=0.0) / self.period)
 
     def start(self, states: Float[Array, "modules 6"], load: Float[Array, ""]) -> Belief:
         """Of an arm at rest.
@@ -111,15 +110,16 @@ class Observer(eqx.Module):
             states: at which a forward model says it is.
             load: at its tip, as far as it is told [kg].
         """
-        rests = _bends(states)
+        rests = bends_from_states(states)
         bends, none = rests.size, jnp.zeros_like(rests)
         mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends)])
         spread = FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends
         held = jnp.array([float(self.estimates)] * (1 + bends) + [1.0] * (2 * bends))
         covariance = jnp.diag((held * jnp.array(spread)) ** 2)
-        before = jnp.broadcast_to(rests, (BEFORE, *rests.shape)), jnp.broadcast_to(states, (BEFORE, *states.shape))
+        before, there = (jnp.broadcast_to(part, (self.history, *part.shape)) for part in (rests, states))
         quiet = jnp.zeros(len(self.senses))
-        return Belief(mean, covariance, none, rests, *before, jnp.zeros_like(before[0]), quiet, quiet)
+        found = jnp.zeros((self.history, *rests.shape))
+        return Belief(mean, covariance, none, rests, before, there, found, quiet, quiet)
 
     def update(
         self,
@@ -155,7 +155,7 @@ class Observer(eqx.Module):
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
         memory = model.given(belief.unknowns, sensed, memory)
-        return self._calmed(belief, _bends(model.predict(planned, memory))), memory
+        return self._calmed(belief, bends_from_states(model.predict(planned, memory))), memory
 
     def _rest(self, belief: Belief, model: ForwardModel, memory: Any, sensed: Array):
         """Where the arm would rest, and how its bends there change with load and leans."""
@@ -163,7 +163,7 @@ class Observer(eqx.Module):
         def rest(load: Array) -> tuple[Array, tuple[Array, Array]]:
             known = model.given(belief.unknowns._replace(load=load), sensed, memory)
             states = model.predict(sensed, known)
-            return _bends(states), (states, model.tensions(sensed, known))
+            return bends_from_states(states), (states, model.tensions(sensed, known))
 
         rests, by_load, (states, tensions) = jax.jvp(rest, (belief.mean[0],), (jnp.ones(()),), has_aux=True)
         slopes = jnp.concatenate([by_load.reshape(-1, 1), jnp.eye(rests.size)], axis=1)
@@ -206,7 +206,8 @@ class Observer(eqx.Module):
         numbers = jnp.where(heard, off.numbers, 0.0)
         caution = self.gains.at(belief.mean[0])[3]
         spread = slopes @ belief.covariance @ slopes.T + jnp.diag((caution * off.spread) ** 2)
-        surprise = jnp.sqrt(jnp.mean(numbers**2 / jnp.diag(spread)) * heard.size / jnp.maximum(heard.sum(), 1))
+        squared = jnp.sum(numbers**2 / jnp.diag(spread)) / jnp.maximum(heard.sum(), 1)
+        surprise = jnp.minimum(jnp.sqrt(squared), 2.0 * STRANGE)  # what is absurd is forgotten as soon as the rest
         share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
         strange = belief.strange[number] + share * (surprise - belief.strange[number])
         left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
@@ -239,10 +240,6 @@ class Observer(eqx.Module):
         off = belief.mean[1 + bends :] - jnp.concatenate([aimed.reshape(-1), rates])
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
         return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
-
-
-def _bends(states: Float[Array, "modules 6"]) -> Float[Array, "modules 2"]:
-    return bends_from_configurations(configurations_from_states(states))
 
 
 def _pushed(history: Array, newest: Array) -> Array:

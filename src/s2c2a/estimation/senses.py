@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, configurations_from_states
+from s2c2a.kinematics import bends_from_configurations, bends_from_states, configurations_from_bends
 from s2c2a.kinematics.chain import rotations_to, states_from_bends
 
 SEEN_SPREAD = 0.003  # rad; of bends that something sees
@@ -20,6 +20,7 @@ END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the sw
 LEAST_TENSION = 0.05  # N
 USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
 MOST_TURN, MOST_WAY = 0.14, 0.5  # rad, and of the arm's length
+LATEST = 0.7  # s; what is older is not heard
 Said = Mapping[str, Array]
 
 
@@ -66,11 +67,13 @@ class Sense(eqx.Module):
         name: the word for it.
         sensors: names in readings.
         slow: whether it is held against where the arm would rest, and tells nothing of the swing.
+        latest: how late it may tell [s].
     """
 
     name: ClassVar[str] = ""
     sensors: ClassVar[tuple[str, ...]] = ()
     slow: ClassVar[bool] = False
+    latest: ClassVar[float] = 0.0
 
     @property
     def late(self) -> float:
@@ -186,6 +189,7 @@ class SeenEnds(Sense):
     name = "camera"
     sensors = ("seen", "seen_age")
     slow = True
+    latest = LATEST
 
     @property
     def late(self) -> float:
@@ -194,14 +198,15 @@ class SeenEnds(Sense):
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
-        steps = jnp.nan_to_num(said["seen_age"] / self.period, nan=self.late)
-        place = jnp.clip(steps, 0.0, len(shape.before) - 1.001)
+        age = jnp.nan_to_num(said["seen_age"], nan=self.delay)
+        place = jnp.clip(age / self.period, 0.0, len(shape.before) - 1.001)
         first = jnp.floor(place).astype(int)
         share, past = place - first, (shape.before, shape.states_before, shape.since)
         bends, states, since = ((1.0 - share) * part[first] + share * part[first + 1] for part in past)
         expected, slopes = _with_slopes(self._ends, bends + since)
-        beside = states[:, :3].reshape(-1) - self._ends(_bends(states).reshape(-1))  # what arcs do not have
-        numbers = said["seen"].reshape(-1) - expected - beside
+        beside = states[:, :3].reshape(-1) - self._ends(bends_from_states(states).reshape(-1))  # what arcs do not have
+        known = (age >= 0.0) & (age <= self.latest)
+        numbers = jnp.where(known, said["seen"].reshape(-1) - expected - beside, jnp.nan)
         return Off(numbers, slopes, jnp.full(expected.shape, END_SPREAD), MOST_WAY * jnp.sum(self.lengths))
 
     def silent(self) -> dict[str, np.ndarray]:
@@ -235,10 +240,6 @@ def senses_of(arm: ArmSpec, stiffnesses: Float[np.ndarray, " modules"] | None) -
     if (camera := arm.senses.camera) is not None:
         found.append(SeenEnds(jnp.asarray(geometry.lengths, jnp.float32), arm.control_period, camera.delay))
     return tuple(found)
-
-
-def _bends(states: Float[Array, "modules 6"]) -> Float[Array, "modules 2"]:
-    return bends_from_configurations(configurations_from_states(states))
 
 
 def _with_slopes(expected: Callable[[Array], Array], bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:

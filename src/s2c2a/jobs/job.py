@@ -32,14 +32,12 @@ class Conditions:
     Attributes:
         body: what is driven.
         guard: what keeps out of obstacles.
-        told: what strategies that observe are told hangs at the tip [kg].
-        estimates: whether these estimate loads and leans from what is sensed.
+        watched: what strategies that observe know of the arm.
     """
 
     body: Body = Body.simulation()  # noqa: RUF009 (it is frozen)
     guard: Guard = "tip"
-    told: float = 0.0
-    estimates: bool = True
+    watched: strategies.Watched = strategies.Watched()  # noqa: RUF009 (it is frozen)
 
     @property
     def fidelity(self) -> str:
@@ -160,8 +158,7 @@ def _motor_networks(job: Job) -> tuple[Artifact, ...]:
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
     under = job.conditions
-    watched = strategies.Watched(under.told, under.estimates)
-    return strategies.s2c2a_strategy(replace(networks, arm=job.arm), under.guard, watched)
+    return strategies.s2c2a_strategy(replace(networks, arm=job.arm), under.guard, under.watched)
 
 
 def _recording(job: Job) -> tuple[Artifact, ...]:

@@ -2,5 +2,10 @@
 
 from s2c2a.arm.geometry import centre_line
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
-from s2c2a.kinematics.chain import configurations_from_states, states_from_bends, states_from_configurations
+from s2c2a.kinematics.chain import (
+    bends_from_states,
+    configurations_from_states,
+    states_from_bends,
+    states_from_configurations,
+)
 from s2c2a.kinematics.pcc import PCC, ForwardModel, MemorylessModel, PCCForwardModel

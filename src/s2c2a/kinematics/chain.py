@@ -87,6 +87,11 @@ def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules
     return xp.stack(configurations, axis=-2)
 
 
+def bends_from_states(states: Float[Array, "*batch modules 6"]) -> Bends:
+    """Bend vectors [rad] that the end axes of an arm without torsion stand for; see `configurations_from_states`."""
+    return bends_from_configurations(configurations_from_states(states))
+
+
 def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
     """End of an arc in its own frame: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)

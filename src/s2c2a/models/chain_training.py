@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import Samples, Split, forward_samples
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.kinematics import ForwardModel, bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
@@ -138,7 +138,7 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
     Only what moves with the motor or stays may weigh in plays; filters may weigh either way. With statics the weights
     sum up to one, since there the stiffness says how much of a displacement becomes a bend.
     """
-    true = np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(samples.targets))))
+    true = np.asarray(bends_from_states(jnp.asarray(samples.targets)))
     inputs = np.einsum("mkn,smjn->msjk", np.asarray(model.body.inverses), samples.inputs["configurations"])
     plays = model.hysteresis.play_weights.shape[1]
     fitted = np.array([_fitted(inputs, true, module, plays) for module in range(len(inputs))])

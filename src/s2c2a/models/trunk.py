@@ -8,7 +8,6 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.training.fit import FromArm
 
-GRAVITY = 9.81  # m/s2
 TAUT = 0.5  # of an arm's cables, as a rule
 
 
@@ -55,7 +54,7 @@ class Trunk(FromArm):
             (compliances * geometry.cable_radii)[:, None],
             (masses[:-1] + masses[1:]) / 2.0,
             compliances * geometry.lengths**2 / 12.0,
-            GRAVITY * np.asarray(arm.gravity_direction),
+            np.asarray(arm.gravity),
         )
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 

@@ -24,7 +24,7 @@ from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
 from s2c2a.planning.rescue import NO_RESCUE, RESCUES, Rescue, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
-from s2c2a.programs import compiled
+from s2c2a.programs import compiled, where_finite
 
 AXES_WEIGHT = 0.5
 """Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where an arm cannot have both, as one
@@ -164,7 +164,7 @@ class Step(NamedTuple):
 
     def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
         """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
-        memory = _where_finite(self.model.observe(sensed, plan.memory), plan.memory)
+        memory = where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
         following, search = problem.within_limits(self.solver.solve(problem)), plan.search
         if self.rescue.starts:
@@ -173,7 +173,7 @@ class Step(NamedTuple):
             other = problem.within_limits(configurations_from_bends(bends))
             following = jnp.where(search.notes.rescued > 0, other, following)
         new, old = (following, search), (plan.configurations, Search.none(problem.situation.last.bends))
-        following, search = _where_finite(new, old)
+        following, search = where_finite(new, old)
         return Plan(following, memory, search)
 
     def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
@@ -247,9 +247,3 @@ class Planner:
 
 def _single(values: Numbers) -> Numbers:
     return values if isinstance(values, jax.Array) else np.asarray(values, np.float32)
-
-
-def _where_finite(new: Any, old: Any) -> Any:
-    """The new pytree, or the old one where anything in the new one is not finite."""
-    sound = jnp.all(jnp.array([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)], dtype=bool))
-    return jax.tree.map(lambda one, other: jnp.where(sound, one, other), new, old)

@@ -16,8 +16,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import Gains, Observer, Sense, Swing, gains_of, identified_swing, senses_of, with_margins
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_states
+from s2c2a.estimation import Gains, Observer, Swing, gains_of, identified_swing, senses_of, with_margins
+from s2c2a.kinematics import ForwardModel, bends_from_states
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.recipe import Recipe, recipe_named
 from s2c2a.strategies.strategy import Strategy
@@ -37,12 +37,10 @@ class Watched:
     Attributes:
         load: at its tip, as far as it is told [kg].
         estimates: whether load and leans are estimated while it works, or stay as they are told.
-        senses: that are listened to; all that its description names if None.
     """
 
     load: float = 0.0
     estimates: bool = True
-    senses: tuple[Sense, ...] | None = None
 
     def __post_init__(self):
         """Refuse loads that are none."""
@@ -81,14 +79,13 @@ def train_s2c2a(
 
 def _swing(data: TrainingData, recipe: Recipe, model: ForwardModel) -> Trained[Swing]:
     """How the arm swings about where its model says it rests; errors are in parts of what there is to explain."""
-    rests, bends = (_bends(states) for states in (recipe.c2s.answers(model, data), data.states))
+    rests, bends = (
+        np.asarray(bends_from_states(jnp.asarray(states, jnp.float32)))
+        for states in (recipe.c2s.answers(model, data), data.states)
+    )
     swing, (without, left) = identified_swing(data.arm, rests, bends)
     percent = 100.0 * left / without if without > 0 else 100.0
     return Trained(swing, np.array([[0.0, without, without], [1.0, left, left]], np.float32), (percent, 0.0))
-
-
-def _bends(states: np.ndarray) -> np.ndarray:
-    return np.asarray(bends_from_configurations(configurations_from_states(jnp.asarray(states, jnp.float32))))
 
 
 def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
@@ -140,7 +137,7 @@ def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watc
 def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -> Observer:
     """What watches an arm with trained networks at work."""
     arm = networks.arm
-    senses = senses_of(arm, networks.c2s.cable_stiffnesses()) if watched.senses is None else watched.senses
+    senses = senses_of(arm, networks.c2s.cable_stiffnesses())
     if not senses:
         return Observer.of(arm, Gains.none(), (), watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))

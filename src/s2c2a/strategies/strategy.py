@@ -19,8 +19,8 @@ from s2c2a.kinematics import (
     PCC,
     PCCForwardModel,
     bends_from_configurations,
+    bends_from_states,
     configurations_from_bends,
-    configurations_from_states,
 )
 from s2c2a.planning import Goal, Notes, Plan, Planner, PlannerOptions
 from s2c2a.programs import compiled
@@ -203,7 +203,7 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     recording.check_complete()
     said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)))
     states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
-    true = np.asarray(bends_from_configurations(configurations_from_states(states)))
+    true = np.asarray(bends_from_states(states))
     everything = (0, 1, 3)
     together, alone = (true * said).sum(axis=everything), (said**2).sum(axis=everything)
     if not (np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()):

@@ -10,7 +10,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.estimation import Belief, Listener, Observer
 from s2c2a.kinematics import ForwardModel
 from s2c2a.planning import Plan, Planner
-from s2c2a.programs import compiled
+from s2c2a.programs import compiled, where_finite
 from s2c2a.spaces import Reading
 
 NOTHING = np.zeros((), np.float32)
@@ -62,7 +62,9 @@ def _started(model: ForwardModel, observer: Observer, plan: Plan, load: Array) -
 def _updated(
     model: ForwardModel, observer: Observer, plan: Plan, belief: Belief, sensed: Array, said: dict[str, Array]
 ) -> tuple[Plan, Belief]:
-    belief, memory = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
+    """What is not finite would stay in the belief."""
+    believed = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
+    belief, memory = where_finite(believed, (belief, plan.memory))
     return plan._replace(memory=memory), belief
 
 

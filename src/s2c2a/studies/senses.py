@@ -13,7 +13,7 @@ from s2c2a.estimation import margins_of
 from s2c2a.evaluation import Row
 from s2c2a.robots import Body
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import observer_of, recipe_named
+from s2c2a.strategies import Watched, observer_of, recipe_named
 from s2c2a.studies.unknown_arms import over_arms
 
 EXPERIMENT = "senses"
@@ -106,7 +106,8 @@ def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
 
 
 def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
-    under = jobs.Conditions(Body.simulation(payload=load), told=load if name == TOLD else 0.0)
+    watched = Watched(load if name == TOLD else 0.0)
+    under = jobs.Conditions(Body.simulation(payload=load), watched=watched)
     return jobs.jobs_for(asked.tasks, sensing(arm, name), ["s2c2a"], asked.seeds, recipe_named("best"), under)
 
 

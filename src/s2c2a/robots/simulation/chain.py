@@ -16,7 +16,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation.flawed_module import FlawedModule, passed_shares
 from s2c2a.spaces import CENTRE_LINE_POINTS
 
-GRAVITY = 9.81  # m/s2
 _ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
 _MOST_TENSION = 1e6  # N
 _TOLERANCE = 1e-6  # of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the time
@@ -122,7 +121,7 @@ def _springs_allow(model: mujoco.MjModel, step: float, hardest: float) -> bool:
 
 def _set_options(spec: mujoco.MjSpec, arm: ArmSpec) -> None:
     option = spec.option
-    option.gravity = np.multiply(GRAVITY, arm.gravity_direction)
+    option.gravity = arm.gravity
     option.tolerance = _TOLERANCE
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
