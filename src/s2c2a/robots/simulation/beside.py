@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmSpec, Motor
 from s2c2a.arm.senses import Camera, Inertial
 from s2c2a.spaces import POSITION, Sensor, States
 
@@ -93,6 +93,32 @@ class CameraView:
         times, states = zip(*self._past, strict=True)
         positions = np.array(states)[..., POSITION].reshape(len(times), -1)
         return np.array([np.interp(time, times, row) for row in positions.T]).reshape(-1, 3)
+
+
+class Currents:
+    """What motors' currents tell of tensions: with friction in their gears, and noise."""
+
+    def __init__(self, motor: Motor, motors: np.ndarray, inward: float):
+        """Of motors that stand.
+
+        Args:
+            motor: the description.
+            motors: where they are, shape (modules, cables).
+            inward: sign of a motion that winds a cable up.
+        """
+        self._motor, self._at, self._inward = motor, motors, inward
+        self.winding = np.zeros_like(motors)
+
+    def move(self, motors: np.ndarray) -> None:
+        """Motors are there at the end of a step; which way they went is kept while they stand."""
+        way = np.sign(motors - self._at) * self._inward
+        self.winding = np.where(way == 0, self.winding, way)
+        self._at = motors
+
+    def told(self, tensions: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Tensions at the motors [N] as the currents tell them."""
+        noise = random.normal(scale=self._motor.current_noise or 0.0, size=tensions.shape)
+        return tensions + self.winding * self._motor.current_friction + noise
 
 
 def inertial_sensors(arm: ArmSpec, seed: int, opening: int) -> InertialSensors | None:

@@ -9,17 +9,18 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
-from s2c2a.robots.simulation.beside import camera, inertial_sensors, sensed_beside
+from s2c2a.robots.simulation.beside import Currents, camera, inertial_sensors, sensed_beside
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
 from s2c2a.robots.simulation.declared import declared_sensors
+from s2c2a.robots.simulation.happenings import Happenings, happenings_from
 from s2c2a.robots.simulation.relaxation import Relaxation
+from s2c2a.robots.simulation.stepping import stepped, taken_over
 from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path
 from s2c2a.robots.simulation.twin import twin_of
 from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 MOST_PAYLOAD = 50.0  # kg
-_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class SimulatedRobot(Robot):
@@ -35,9 +36,10 @@ class SimulatedRobot(Robot):
         watched: whether readings tell the centre line at every physics step; it costs a little time.
         aged: how far it has gone on its way to the drift that its flaws tell of, 0 to 1: data are collected at 0.
         twin: an arm file, such as `s2c2a identify` writes: it moves as that one, while `arm` is what one is told of it.
+        happens: what comes about while it works (`happenings.SAMPLE`).
 
     Raises:
-        S2C2AError: unknown fidelity, impossible payload, seed, jitter or age, or a twin of another form.
+        S2C2AError: unknown fidelity, impossible payload, seed, jitter, age or happening, or a twin of another form.
     """
 
     own_time = True
@@ -52,6 +54,7 @@ class SimulatedRobot(Robot):
         watched: bool = False,
         aged: float = 0.0,
         twin: str = "",
+        happens: str = "",
     ):
         if seed < 0 or not (0 <= jitter <= 1 and 0 <= aged <= 1):
             raise S2C2AError(
@@ -60,7 +63,7 @@ class SimulatedRobot(Robot):
         self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
         self._body = twin_of(arm, twin) if twin else arm
         self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
-        self._openings = 0
+        self._openings, self._payload, self._every = 0, payload, happenings_from(happens)
         self.model = self._model_with(payload)
         self.data, self._rollout = mujoco.MjData(self.model), Rollout(nthread=0)
         modules = range(arm.module_count)
@@ -79,7 +82,9 @@ class SimulatedRobot(Robot):
         self._seen: np.ndarray | None = None
         drawn = self._body, self._seed, self._openings
         self._inertial, self._camera = inertial_sensors(*drawn), camera(*drawn)
-        self._homed_at, self._winding = self._homing_errors(), np.zeros_like(self._motors)
+        self._homed_at, self._happenings, self._blind = self._homing_errors(), Happenings(self._every), False
+        inward = -1.0 if self.arm.actuation == "displacement" else 1.0
+        self._currents = Currents(self._body.motor, self._motors, inward)
         self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
         self._relaxation.used_to[:] = 0.0
         self.model.qpos_spring = self._relaxation.springs
@@ -95,6 +100,8 @@ class SimulatedRobot(Robot):
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
+        if self._every:
+            self.load(self._payload)
         mujoco.mj_resetData(self.model, self.data)
         self._openings += 1
         self._rest()
@@ -115,13 +122,15 @@ class SimulatedRobot(Robot):
         self._check_sane()
         said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
         if self.arm.motor.current_noise is not None:
-            said["tensions"] = self._told_by_currents(self.arm.motor.current_noise)
+            said["tensions"] = self._currents.told(self._tensions_at_motors(), self._random)
         if self._seen is not None:
             said["centre_line"] = self._seen
         if self._inertial is not None:
             said |= self._inertial.told()
         if self._camera is not None:
             said |= self._camera.told(self.data.time)
+        for name in {"tensions", *sensed_beside(self._body)} & set(said) if self._blind else ():
+            del said[name]
         return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
@@ -140,12 +149,15 @@ class SimulatedRobot(Robot):
             SimulationError: the simulated arm blew up.
         """
         self._check_sane()
+        self._happenings.until(self.data.time, self)
         times = self._physics_times(seconds)
         path = motor_path(self._motors, self._command, times, self._body.motor)
         felt = self._transmission.pass_on(path + self._homed_at, times, self.tensions(), self._bend_angles())
-        self._wind(path[-1])
+        self._motors = path[-1]
+        self._currents.move(self._motors)
         turns = self.data.qpos.copy()
-        seen = self._advance(felt.reshape(len(felt), -1))
+        commands, wrenches = felt.reshape(len(felt), -1), self._wrenches() if self._push.any() else None
+        seen = stepped(self._rollout, self.model, self.data, commands, wrenches)
         if self._relaxing:
             self._relaxation.advance((turns + self.data.qpos) / 2, times[-1])
             self.model.qpos_spring = self._relaxation.springs
@@ -188,13 +200,21 @@ class SimulatedRobot(Robot):
             S2C2AError: impossible payload.
         """
         model = self._model_with(payload)
-        data, kind = mujoco.MjData(model), mujoco.mjtState.mjSTATE_INTEGRATION
-        state = np.empty(mujoco.mj_stateSize(model, kind))
-        mujoco.mj_getState(self.model, self.data, state, kind)
-        mujoco.mj_setState(model, data, state, kind)
-        model.qpos_spring = self.model.qpos_spring
-        mujoco.mj_forward(model, data)
-        self.model, self.data = model, data
+        self.model, self.data = model, taken_over(self.model, self.data, model)
+
+    def homed(self, slipped: float) -> None:
+        """Let the zeros of all motors slip, each by so much [m] one way or the other."""
+        ways = np.random.default_rng([self._seed, 3, self._openings]).choice([-1.0, 1.0], self._motors.shape)
+        self._homed_at = self._homed_at + slipped * ways
+
+    def softer(self, share: float) -> None:
+        """Let the first cable of the first module, which carries most, lose a share of its stiffness."""
+        self.model.actuator_gainprm[0, 0] *= 1.0 - share
+        self.model.actuator_biasprm[0, :2] *= 1.0 - share
+
+    def blind(self) -> None:
+        """From now on nothing is said of the arm beside what its motors say."""
+        self._blind = True
 
     def states(self) -> States:
         """True states, shape (modules, 6), base frame."""
@@ -226,33 +246,12 @@ class SimulatedRobot(Robot):
         step = self.model.opt.timestep
         return step * np.arange(1, max(1, round(seconds / step)) + 1)
 
-    def _advance(self, commands: Float[np.ndarray, "times cables"]) -> Float[np.ndarray, "times sensed"]:
-        """One physics step for every command: in one call, since Python between them costs as much as they do."""
-        inputs, values = mujoco.mjtState.mjSTATE_CTRL, commands
-        if self._push.any():
-            inputs = inputs | mujoco.mjtState.mjSTATE_XFRC_APPLIED
-            wrenches = np.zeros_like(self.data.xfrc_applied)
-            wrenches[self._tip_body] = self._wrench()
-            values = np.hstack([commands, np.tile(wrenches.ravel(), (len(commands), 1))])
-        state = np.empty((1, mujoco.mj_stateSize(self.model, _PHYSICS)))
-        mujoco.mj_getState(self.model, self.data, state[0], _PHYSICS)
-        seen = np.empty((1, len(values), self.model.nsensordata))
-        self._rollout.rollout(
-            [self.model],
-            [self.data],
-            state,
-            values[None],
-            control_spec=int(inputs),
-            nstep=len(values),
-            skip_checks=True,
-            sensordata=seen if self._sensing else None,
-        )
-        return seen[0]
-
-    def _wrench(self) -> Float[np.ndarray, "6"]:
+    def _wrenches(self) -> Float[np.ndarray, "bodies 6"]:
         """The push, and its torque: MuJoCo applies forces at centres of mass, this one is at the tip."""
+        wrenches = np.zeros_like(self.data.xfrc_applied)
         lever = self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]
-        return np.concatenate([self._push, np.cross(lever, self._push)])
+        wrenches[self._tip_body] = [*self._push, *np.cross(lever, self._push)]
+        return wrenches
 
     def _axes(self, sites: list[int]) -> Float[np.ndarray, "modules 3"]:
         return self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
@@ -271,21 +270,13 @@ class SimulatedRobot(Robot):
         random = np.random.default_rng([self._seed, 2, self._openings])
         return random.normal(scale=self._body.motor.homing_error, size=self._motors.shape)
 
-    def _wind(self, motors: Actions) -> None:
-        """Motors come to be where they are at the end of a step; which way they went is kept while they stand."""
-        inward = np.sign(motors - self._motors) * (-1 if self.arm.actuation == "displacement" else 1)
-        self._winding = np.where(inward == 0, self._winding, inward)
-        self._motors = motors
-
-    def _told_by_currents(self, noise: float) -> Actions:
-        """Tensions [N] as the motors' currents tell them: with friction in tubes and gears, and noise."""
-        tensions = self._motors
-        if self.arm.actuation == "displacement":
-            drag = per_cable(self._body, "cable.viscous_friction") * self.data.ten_velocity.reshape(tensions.shape)
-            taut = np.maximum(self.tensions() - drag, 0.0)
-            tensions = self._transmission.at_motors(taut, self._bend_angles(), self._winding)
-        gears = self._winding * self._body.motor.current_friction
-        return tensions + gears + self._random.normal(scale=noise, size=tensions.shape)
+    def _tensions_at_motors(self) -> Actions:
+        """With the friction in tubes [N]."""
+        if self.arm.actuation == "tension":
+            return self._motors
+        drag = per_cable(self._body, "cable.viscous_friction") * self.data.ten_velocity.reshape(self._motors.shape)
+        taut = np.maximum(self.tensions() - drag, 0.0)
+        return self._transmission.at_motors(taut, self._bend_angles(), self._currents.winding)
 
     def _check_sane(self) -> None:
         bad = self.data.warning.number.any()  # after any of them a rollout goes no further
