@@ -12,6 +12,7 @@ from s2c2a.estimation.swing import Body, Motion, Swing, motion
 LOADS = np.array([0.0, 0.1, 0.2, 0.4, 0.8, 1.6])  # of the arm's own mass
 EFFORT = 1.0  # of a bend that is asked for beside the plan, over one by which the arm is off, both as energy
 REACH = 0.8  # of a bend that is asked for, what the arm does
+SIDEWAYS = 0.1  # along a straight arm forces move nothing
 DOUBLINGS, FADED = 40, 1e-12
 
 
@@ -25,6 +26,7 @@ class Gains(NamedTuple):
         calming: what is asked for beside the plan, for bends and rates by which the arm is off, shape (loads, bends,
             states).
         caution: what spreads of senses are multiplied by, so that the loop has its margins (`margins`), shape (loads,).
+        forces: at the tip that would make modules lean so [N/rad], shape (3, bends).
     """
 
     loads: Float[Array, " loads"]
@@ -32,6 +34,7 @@ class Gains(NamedTuple):
     inputs: Float[Array, "loads states bends"]
     calming: Float[Array, "loads bends states"]
     caution: Float[Array, " loads"]
+    forces: Float[Array, "3 bends"]
 
     @classmethod
     def none(cls) -> "Gains":
@@ -43,7 +46,7 @@ class Gains(NamedTuple):
         place = jnp.interp(load, self.loads, jnp.arange(len(self.loads), dtype=jnp.float32))
         first = jnp.clip(jnp.floor(place).astype(int), 0, len(self.loads) - 2)
         share = place - first
-        steps, inputs, calming, caution = ((1.0 - share) * one[first] + share * one[first + 1] for one in self[1:])
+        steps, inputs, calming, caution = ((1.0 - share) * one[first] + share * one[first + 1] for one in self[1:5])
         return steps, inputs, calming, caution
 
 
@@ -53,7 +56,8 @@ def gains_of(arm: ArmSpec, swing: Swing) -> Gains:
     loads = LOADS * body.weights.sum()
     motions = [motion(body, swing, float(load), arm.control_period) for load in loads]
     tables = loads, *(np.stack(part) for part in zip(*((m.steps, m.inputs, calming(m)) for m in motions), strict=True))
-    return Gains(*(jnp.asarray(table, jnp.float32) for table in (*tables, np.ones(len(loads)))))
+    forces = np.linalg.pinv(body.levers[-1].T, rcond=SIDEWAYS) * (float(swing.stiffness) * body.springs)
+    return Gains(*(jnp.asarray(table, jnp.float32) for table in (*tables, np.ones(len(loads)), forces)))
 
 
 def calming(swinging: Motion) -> Float[np.ndarray, "bends states"]:

@@ -122,7 +122,7 @@ def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
         slopes=np.concatenate([np.asarray(off.slopes, float) for off in seen]),
         late=np.repeat(late, [len(off.numbers) for off in seen]),
         spread=caution * np.concatenate([np.asarray(off.spread, float) for off in seen]),
-        noise=np.asarray(observer.noise(2 * arm.module_count), float)[1:],
+        noise=np.asarray(observer.noise(2 * arm.module_count, float(observer.gains.loads[number])), float)[1:],
         kept=observer.kept,
     )
 

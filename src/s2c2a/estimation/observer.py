@@ -1,9 +1,9 @@
 """What is known of an arm while it works: a Kalman filter over what no sensor says, and over how the arm swings.
 
 Its state is a load at the tip, leans of the modules (bends beside those that are expected: offsets of homing, drift,
-a softened cable, a push), and bends and their rates. The forward model says where the arm would rest, the swing how it
-gets there, senses what of it is seen; encoders alone see nothing of it. What a forward model is told of loads and leans
-(`Unknowns`) lets planner and feasibility count on them.
+a softened cable, a push), bends and their rates, and zeros of sensors. The forward model says where the arm would rest,
+the swing how it gets there, senses what of it is seen; encoders alone see nothing of it. What a forward model is told
+of loads and leans (`Unknowns`) lets planner and feasibility count on them.
 
 A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv 2002.01407).
 """
@@ -24,8 +24,9 @@ from s2c2a.models.unknowns import Unknowns
 
 FIRST_LOAD, FIRST_LEAN = 0.4, 0.02  # before anything is sensed: of the arm's mass, and [rad]
 FORGET = 5.0  # s; a lean that nothing shows any more is forgotten
-LOAD_RATE, LEAN_RATE = 0.05, 0.03  # what they may change by in a second: of the arm's mass, and [rad]
-BEND_NOISE, TURN_NOISE = 0.03, 1.0  # of the swing, in a second [rad, rad/s]
+LOAD_RATE, LEAN_RATE = 0.07, 0.03  # what they may change by in a second: of the arm's mass, and [rad]
+LOADED_RATE = 0.06  # rad; a lean of an arm that carries as much as it weighs, beside that
+BEND_NOISE, TURN_NOISE = 0.04, 1.0  # of the swing, in a second [rad, rad/s]
 MOST_LOAD, MOST_LEAN = 1.5, 0.4  # of the arm's mass, and [rad]
 MOST_CALMING = 0.2  # rad; asked for beside the plan
 STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
@@ -36,7 +37,7 @@ class Belief(NamedTuple):
     """What is believed of an arm.
 
     Attributes:
-        mean: load [kg], leans [rad], bends [rad], their rates [rad/s]; shape (1 + 3 n,) with n = 2 modules.
+        mean: load [kg], leans [rad], bends [rad], their rates [rad/s], zeros of sensors; shape (states,).
         covariance: of it.
         calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
         rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
@@ -74,6 +75,7 @@ class Observer(eqx.Module):
         mass: of the arm [kg].
         period: of the control steps [s].
         estimates: whether load and leans are estimated, or stay as they are told.
+        yields: to what leans on it: no more than this force at the tip is made up for [N].
     """
 
     gains: Gains
@@ -81,12 +83,13 @@ class Observer(eqx.Module):
     mass: float = eqx.field(static=True)
     period: float = eqx.field(static=True)
     estimates: bool = eqx.field(static=True, default=True)
+    yields: float = eqx.field(static=True, default=np.inf)
 
     @classmethod
-    def of(cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], estimates: bool = True) -> "Observer":
-        """Of an arm."""
+    def of(cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], **how: Any) -> "Observer":
+        """Of an arm; `how` is `estimates` and `yields`."""
         mass = sum(module.mass for module in arm.modules)
-        return cls(gains, senses, mass, arm.control_period, estimates)
+        return cls(gains, senses, mass, arm.control_period, **how)
 
     @property
     def kept(self) -> float:
@@ -112,10 +115,11 @@ class Observer(eqx.Module):
         """
         rests = bends_from_states(states)
         bends, none = rests.size, jnp.zeros_like(rests)
-        mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends)])
-        spread = FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends
-        held = jnp.array([float(self.estimates)] * (1 + bends) + [1.0] * (2 * bends))
-        covariance = jnp.diag((held * jnp.array(spread)) ** 2)
+        zeros = np.repeat([one.zero for one in self.senses], [one.zeros for one in self.senses])
+        mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends + len(zeros))])
+        slow = float(self.estimates) * np.array([FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends])
+        spread = np.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends, *zeros])
+        covariance = jnp.diag(jnp.asarray(spread**2, jnp.float32))
         before, there = (jnp.broadcast_to(part, (self.history, *part.shape)) for part in (rests, states))
         quiet = jnp.zeros(len(self.senses))
         found = jnp.zeros((self.history, *rests.shape))
@@ -140,6 +144,7 @@ class Observer(eqx.Module):
             planned: configurations that were planned in the last step.
             said: what sensors say; NaN where nothing.
         """
+        memory = model.given(belief.unknowns, sensed, memory)
         expected, tensions, (rests, slopes) = self._rest(belief, model, memory, sensed)
         belief = self._moved(belief, rests, slopes)
         by_load = slopes[:, 0]
@@ -154,14 +159,14 @@ class Observer(eqx.Module):
             shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past)
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
-        memory = model.given(belief.unknowns, sensed, memory)
+        memory = model.corrected(belief.unknowns, memory)
         return self._calmed(belief, bends_from_states(model.predict(planned, memory))), memory
 
     def _rest(self, belief: Belief, model: ForwardModel, memory: Any, sensed: Array):
         """Where the arm would rest, and how its bends there change with load and leans."""
 
         def rest(load: Array) -> tuple[Array, tuple[Array, Array]]:
-            known = model.given(belief.unknowns._replace(load=load), sensed, memory)
+            known = model.corrected(belief.unknowns._replace(load=load), memory)
             states = model.predict(sensed, known)
             return bends_from_states(states), (states, model.tensions(sensed, known))
 
@@ -171,20 +176,23 @@ class Observer(eqx.Module):
 
     def _moved(self, belief: Belief, rests: Float[Array, "modules 2"], slopes: Array) -> Belief:
         """One control step of the swing, as it is expected."""
-        slow = 1 + rests.size
+        slow, fast = 1 + rests.size, 1 + 3 * rests.size
         steps, inputs, _, _ = self.gains.at(belief.mean[0])
-        motion = steps @ belief.mean[slow:] + inputs @ rests.reshape(-1)
+        motion = steps @ belief.mean[slow:fast] + inputs @ rests.reshape(-1)
         kept = jnp.ones(slow).at[1:].set(self.kept)
-        change = jnp.block([[jnp.diag(kept), jnp.zeros((slow, 2 * rests.size))], [inputs @ slopes * kept, steps]])
-        covariance = change @ belief.covariance @ change.T + jnp.diag(self.noise(rests.size))
-        mean = jnp.concatenate([kept * belief.mean[:slow], motion])
+        change = jnp.eye(len(belief.mean)).at[:slow, :slow].set(jnp.diag(kept))
+        change = change.at[slow:fast, :slow].set(inputs @ slopes * kept).at[slow:fast, slow:fast].set(steps)
+        noise = jnp.zeros(len(belief.mean)).at[:fast].set(self.noise(rests.size, belief.mean[0]))
+        covariance = change @ belief.covariance @ change.T + jnp.diag(noise)
+        mean = jnp.concatenate([kept * belief.mean[:slow], motion, belief.mean[fast:]])
         return belief._replace(mean=mean, covariance=covariance)
 
-    def noise(self, bends: int) -> Array:
-        """What a control step adds to the variance, shape (1 + 3 bends,)."""
-        slow = float(self.estimates) * np.array([LOAD_RATE * self.mass, *[LEAN_RATE] * bends])
-        rates = np.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends])
-        return jnp.asarray(rates**2 * self.period, jnp.float32)
+    def noise(self, bends: int, load: Float[Array, ""] | float) -> Float[Array, " states"]:
+        """What a control step adds to the variance of load, leans, bends and rates; models err more under loads."""
+        lean = LEAN_RATE + LOADED_RATE * load / self.mass
+        slow = float(self.estimates) * jnp.stack([jnp.asarray(LOAD_RATE * self.mass), *[lean] * bends])
+        rates = jnp.concatenate([slow, jnp.repeat(jnp.array([BEND_NOISE, TURN_NOISE]), bends)])
+        return rates**2 * self.period
 
     def _where(self, belief: Belief) -> Float[Array, "modules 2"]:
         bends = belief.calming.size
@@ -196,26 +204,22 @@ class Observer(eqx.Module):
 
     def _told(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> Belief:
         """After what one sense says; one that is too strange, or says nothing, is left out."""
-        bends = belief.calming.size
-        heard = jnp.isfinite(off.numbers)
-        at = 1 if sense.slow else 1 + bends  # what is told late tells of leans, not of the swing
-        slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
-        if sense.slow:
-            slopes = slopes.at[:, 0].set(off.slopes @ by_load)
-        slopes = jnp.where(heard[:, None], slopes, 0.0)
-        numbers = jnp.where(heard, off.numbers, 0.0)
-        caution = self.gains.at(belief.mean[0])[3]
-        spread = slopes @ belief.covariance @ slopes.T + jnp.diag((caution * off.spread) ** 2)
-        squared = jnp.sum(numbers**2 / jnp.diag(spread)) / jnp.maximum(heard.sum(), 1)
-        surprise = jnp.minimum(jnp.sqrt(squared), 2.0 * STRANGE)  # what is absurd is forgotten as soon as the rest
-        share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
-        strange = belief.strange[number] + share * (surprise - belief.strange[number])
-        left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
-        wrong = (jnp.maximum(strange, surprise) > STRANGE) | (jnp.abs(numbers).max() > off.most)
+        numbers, slopes, heard = self._against(belief, number, sense, off, by_load)
+        hung = jnp.where(heard, off.slopes @ by_load, 0.0)  # what a kilogram more would look like
+        spread = slopes @ belief.covariance @ slopes.T + jnp.diag((self.gains.at(belief.mean[0])[3] * off.spread) ** 2)
+        surprise = _surprise(numbers, spread, heard)
+        change, unless = self._unless_hung(belief, numbers, spread, hung)
+        strange, left_out, wrong = self._strange(
+            belief, number, jnp.minimum(surprise, _surprise(unless, spread, heard)), heard
+        )
+        wrong = wrong | (jnp.abs(unless).max() > off.most)
         left_out = jnp.where(wrong, LEFT_OUT_FOR, left_out)
-        gain = jnp.linalg.solve(spread, slopes @ belief.covariance).T
+        loaded = jnp.where((surprise > STRANGE) & ~wrong, change, 0.0)
+        before = belief.covariance.at[0, 0].add(float(self.estimates) * loaded**2)
+        spread = spread + jnp.outer(slopes[:, 0], slopes[:, 0]) * loaded**2
+        gain = jnp.linalg.solve(spread, slopes @ before).T
         gain = jnp.where(left_out > 0.0, 0.0, gain)
-        covariance = belief.covariance - gain @ slopes @ belief.covariance
+        covariance = before - gain @ slopes @ before
         return belief._replace(
             mean=belief.mean + gain @ numbers,
             covariance=(covariance + covariance.T) / 2.0,
@@ -223,13 +227,46 @@ class Observer(eqx.Module):
             left_out=belief.left_out.at[number].set(left_out),
         )
 
+    def _against(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> tuple[Array, ...]:
+        """What is heard against what is believed, its slopes by all that is believed, and which of it is heard."""
+        bends, heard = belief.calming.size, jnp.isfinite(off.numbers)
+        at = 1 if sense.slow else 1 + bends  # what is told late tells of leans, not of the swing
+        slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
+        numbers = off.numbers
+        if sense.slow:
+            slopes = slopes.at[:, 0].set(off.slopes @ by_load)
+        if sense.zeros:
+            first = 1 + 3 * bends + sum(one.zeros for one in self.senses[:number])
+            slopes = slopes.at[:, first : first + sense.zeros].set(jnp.eye(sense.zeros))
+            numbers = numbers - belief.mean[first : first + sense.zeros]
+        return jnp.where(heard, numbers, 0.0), jnp.where(heard[:, None], slopes, 0.0), heard
+
+    def _unless_hung(self, belief: Belief, numbers: Array, spread: Array, hung: Array) -> tuple[Array, Array]:
+        """A load that may have been hung on or taken off [kg], and what it would leave unexplained."""
+        weighed = jnp.linalg.solve(spread, hung)
+        change = weighed @ numbers / (weighed @ hung + 1.0 / self.mass**2)
+        change = jnp.clip(change, -belief.mean[0], MOST_LOAD * self.mass - belief.mean[0])
+        return change, numbers - hung * change
+
+    def _strange(self, belief: Belief, number: int, surprise: Array, heard: Array) -> tuple[Array, Array, Array]:
+        """How strange a sense is of late, for how long it was to be left out still, and whether it is wrong now."""
+        share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
+        strange = belief.strange[number] + share * (surprise - belief.strange[number])
+        left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
+        return strange, left_out, jnp.maximum(strange, surprise) > STRANGE
+
     def _within(self, belief: Belief) -> Belief:
         """Loads are none or more, and leans no more than can be."""
         bends, mean = belief.calming.size, belief.mean
         load = jnp.clip(mean[0], 0.0, MOST_LOAD * self.mass)
         leans = limit_lengths(mean[1 : 1 + bends].reshape(-1, 2), MOST_LEAN).reshape(-1)
+        leans = leans * jnp.minimum(1.0, self.yields / jnp.maximum(self.push(leans), 1e-9))
         mean = jnp.concatenate([load[None], leans, mean[1 + bends :]])
         return belief._replace(mean=mean)
+
+    def push(self, leans: Float[Array, " bends"]) -> Float[Array, ""]:
+        """Force at the tip that would make the modules lean so [N]."""
+        return jnp.linalg.norm(self.gains.forces @ leans)
 
     def _calmed(self, belief: Belief, aimed: Float[Array, "modules 2"]) -> Belief:
         """With what is asked for beside the plan, so that the arm swings less about where the last plan aimed."""
@@ -237,9 +274,15 @@ class Observer(eqx.Module):
             return belief._replace(rests=aimed)
         bends = aimed.size
         rates = (aimed - belief.rests).reshape(-1) / self.period
-        off = belief.mean[1 + bends :] - jnp.concatenate([aimed.reshape(-1), rates])
+        off = belief.mean[1 + bends : 1 + 3 * bends] - jnp.concatenate([aimed.reshape(-1), rates])
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
         return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
+
+
+def _surprise(numbers: Float[Array, " n"], spread: Float[Array, "n n"], heard: Array) -> Float[Array, ""]:
+    """In standard deviations; what is absurd is forgotten as soon as the rest."""
+    squared = jnp.sum(numbers**2 / jnp.diag(spread)) / jnp.maximum(heard.sum(), 1)
+    return jnp.minimum(jnp.sqrt(squared), 2.0 * STRANGE)
 
 
 def _pushed(history: Array, newest: Array) -> Array:

@@ -16,6 +16,7 @@ from s2c2a.kinematics.chain import rotations_to, states_from_bends
 
 SEEN_SPREAD = 0.003  # rad; of bends that something sees
 LEVEL_SPREAD = 0.02  # rad; of what inertial sensors on a moving arm call down
+LEVEL_ZERO = 0.01  # rad; of accelerometers as they are sold
 END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the swing
 LEAST_TENSION = 0.05  # N
 USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
@@ -68,12 +69,19 @@ class Sense(eqx.Module):
         sensors: names in readings.
         slow: whether it is held against where the arm would rest, and tells nothing of the swing.
         latest: how late it may tell [s].
+        zero: standard deviation of its zeros, which nobody knows; in its own unit.
     """
 
     name: ClassVar[str] = ""
     sensors: ClassVar[tuple[str, ...]] = ()
     slow: ClassVar[bool] = False
     latest: ClassVar[float] = 0.0
+    zero: ClassVar[float] = 0.0
+
+    @property
+    def zeros(self) -> int:
+        """How many of its numbers have a zero that nobody knows: all or none."""
+        return 0
 
     @property
     def late(self) -> float:
@@ -118,6 +126,12 @@ class Inclinations(Sense):
     modules: int = eqx.field(static=True)
     name = "imu"
     sensors = ("inclinations",)
+    zero = LEVEL_ZERO
+
+    @property
+    def zeros(self) -> int:
+        """See `Sense`."""
+        return 3 * self.modules
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""

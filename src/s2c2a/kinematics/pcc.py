@@ -83,6 +83,10 @@ class ForwardModel(eqx.Module):
         """
         return memory
 
+    def corrected(self, unknowns: Any, memory: Memory) -> Memory:
+        """After `given`, within the same step: memory of a model that is told a little otherwise."""
+        return memory
+
     @abstractmethod
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""

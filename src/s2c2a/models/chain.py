@@ -37,11 +37,13 @@ class ChainMemory(NamedTuple):
         unknowns: what came about since the recording.
         hung: moments of what hangs at the tip, where the arm was of late [rad], shape (modules, 2). They hardly change
             within a step, and are worked out once in each.
+        each: the same of a kilogram more, there [rad/kg], shape (modules, 2).
     """
 
     cables: HysteresisMemory
     unknowns: Unknowns
     hung: Float[Array, "modules 2"]
+    each: Float[Array, "modules 2"]
 
 
 class ChainC2S(ForwardModel):
@@ -77,8 +79,8 @@ class ChainC2S(ForwardModel):
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
         """See `ForwardModel`."""
         modules = len(self.body.lengths)
-        cables = self.hysteresis.start(self.body.displacements(sensed))
-        return ChainMemory(cables, Unknowns.none(modules), jnp.zeros((modules, 2)))
+        cables, none = self.hysteresis.start(self.body.displacements(sensed)), jnp.zeros((modules, 2))
+        return ChainMemory(cables, Unknowns.none(modules), none, none)
 
     def observe(self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
@@ -87,7 +89,13 @@ class ChainC2S(ForwardModel):
     def given(self, unknowns: Unknowns, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(sensed), memory)
-        return memory._replace(unknowns=unknowns, hung=self._hung(unknowns.load, inputs, memory.hung))
+        hung, each = self._hung(unknowns.load, inputs, memory.hung)
+        return memory._replace(unknowns=unknowns, hung=hung, each=each)
+
+    def corrected(self, unknowns: Unknowns, memory: ChainMemory) -> ChainMemory:
+        """See `ForwardModel`."""
+        more = (unknowns.load - memory.unknowns.load) * memory.each
+        return memory._replace(unknowns=unknowns, hung=memory.hung + more)
 
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
@@ -145,22 +153,25 @@ class ChainC2S(ForwardModel):
         rest = Rest(bends, none[..., 0], none[..., :1], none, none, jnp.zeros_like(carried))
         return rest, self.body.lengths, self._network(mixed)
 
-    def _hung(self, load: Float[Array, ""], inputs: Array, hung: Float[Array, "modules 2"]) -> Array:
+    def _hung(self, load: Float[Array, ""], inputs: Array, hung: Float[Array, "modules 2"]) -> tuple[Array, Array]:
         """Moments of what hangs at the tip, and of modules that sink further under it, from those of the last step.
+
+        Also those of a kilogram more.
 
         Step by step they come to rest as the arm itself does. Newton's steps get there sooner, but go round in circles
         where cables become taut or slack; and slopes that know of sinking lead planners astray there.
         """
         weigh = partial(moments_of_weights, compliances=self.body.compliances, gravity=self.body.gravity)
-        loaded = self.body.weights.at[-1].add(load)
+        tip = jnp.zeros_like(self.body.weights).at[-1].set(1.0)
         alone, lengths, _ = self._at_rest(inputs)
         own = weigh(self.body.weights, alone.bends, lengths)
 
-        def sunk(_, hung: Array) -> Array:
-            under, lengths, _ = self._at_rest(inputs, hung)
-            return weigh(loaded, under.bends, lengths) - own
+        def sunk(_, before: tuple[Array, Array]) -> tuple[Array, Array]:
+            under, lengths, _ = self._at_rest(inputs, before[0])
+            each = weigh(tip, under.bends, lengths)
+            return weigh(self.body.weights, under.bends, lengths) + load * each - own, each
 
-        return jax.lax.fori_loop(0, LOADED, sunk, hung)
+        return jax.lax.fori_loop(0, LOADED, sunk, (hung, jnp.zeros_like(own)))
 
     def _relaxed(self, inputs: Float[Array, "*batch modules inputs cables"]) -> Float[Array, "*batch modules 2"]:
         """Moments of bends that cables asked for before [rad]."""

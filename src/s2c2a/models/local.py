@@ -80,6 +80,10 @@ class LocalC2S(ForwardModel):
         """See `ForwardModel`."""
         return self.chain.given(unknowns, sensed, memory)
 
+    def corrected(self, unknowns: Unknowns, memory: ChainMemory) -> ChainMemory:
+        """See `ForwardModel`."""
+        return self.chain.corrected(unknowns, memory)
+
     def tensions(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """See `ForwardModel`."""
         return self.chain.tensions(configurations, memory)

@@ -37,15 +37,19 @@ class Watched:
     Attributes:
         load: at its tip, as far as it is told [kg].
         estimates: whether load and leans are estimated while it works, or stay as they are told.
+        yields: to what leans on it: no more than this force at the tip is made up for [N].
     """
 
     load: float = 0.0
     estimates: bool = True
+    yields: float = np.inf
 
     def __post_init__(self):
         """Refuse loads that are none."""
         if not 0.0 <= self.load < MOST_TOLD:
             raise StrategyError(f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg")
+        if not self.yields >= 0.0:
+            raise StrategyError(f"an arm that yields to {self.yields} N was asked for; say a force from 0, or none")
 
 
 WATCHED = Watched()
@@ -139,9 +143,10 @@ def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -
     arm = networks.arm
     senses = senses_of(arm, networks.c2s.cable_stiffnesses())
     if not senses:
-        return Observer.of(arm, Gains.none(), (), watched.estimates)
+        return Observer.of(arm, Gains.none(), (), estimates=watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
-    return with_margins(arm, Observer.of(arm, gains, senses, watched.estimates))
+    observer = Observer.of(arm, gains, senses, estimates=watched.estimates, yields=watched.yields)
+    return with_margins(arm, observer)
 
 
 def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip", **sizes: int) -> BatchPlanner:

@@ -23,7 +23,7 @@ class Watch:
     def __init__(self, arm: ArmSpec, planner: Planner, observer: Observer, load: float):
         """For the plans of one planner."""
         self._observer, self._load = observer, np.float32(load)
-        self._listener = Listener(arm, observer.senses)
+        self._listener, self._forces = Listener(arm, observer.senses), np.asarray(observer.gains.forces, float)
         self._start = compiled(_started, planner.model, observer)
         self._update = compiled(_updated, planner.model, observer)
         self._count_on = compiled(_counting_on, planner.model)
@@ -44,10 +44,12 @@ class Watch:
         return plan, self._belief.calming if self._observer.senses else NOTHING
 
     def told(self) -> dict[str, np.ndarray]:
-        """Load [kg], leans [rad], and which senses are left out, by column of an episode."""
+        """Load [kg], leans [rad], the push they stand for [N], senses that are left out, by column of an episode."""
         belief: Belief = self._belief
         load, leans = (np.asarray(part, float) for part in belief.unknowns)
         told: dict[str, Any] = {"load": load, "leans": leans}
+        if self._observer.senses:
+            told["push"] = np.linalg.norm(self._forces @ leans.reshape(-1))
         left_out = {f"left_out.{sense.name}": belief.left_out[k] > 0 for k, sense in enumerate(self._observer.senses)}
         return told | {name: np.asarray(value, float) for name, value in left_out.items()}
 
