@@ -1,10 +1,12 @@
 """How an arm answers: found again in motion that was made up, measured on simulated arms, and safe on every way out."""
 
+import json
+
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.cli.response import verdict
+from s2c2a.cli.response import check_alone, check_response, verdict
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Margins, Swing
 from s2c2a.estimation.expected import expected_tilts, rests_by_description, rests_by_model
@@ -182,3 +184,20 @@ def test_margins_are_held_against_the_worse_direction():
     margins = Margins(2.0, 2)
     for one, words in ((as_expected, ": within"), (more, "3.00 times"), (later, "2.3 steps later: BEYOND")):
         assert words in verdict([as_expected, one], [expected, expected], margins)
+
+
+def test_the_command_measures_prints_and_keeps_it(simulated, tmp_path, capsys):
+    out = tmp_path / "response.json"
+    check_response(SimulatedRobot(simulated), None, out)
+    said = capsys.readouterr().out
+    assert "first mode [Hz]" in said
+    assert "no margins: give --weights" in said
+    found = json.loads(out.read_text())
+    assert found["measured"]["x"]["frequency"] == pytest.approx(1.77, rel=0.1)
+    assert (tmp_path / "response.json.png").stat().st_size > 10_000
+
+
+def test_options_of_the_response_are_refused_without_it():
+    with pytest.raises(S2C2AError, match="--weights go with --response"):
+        check_alone(False, weights="some.safetensors", out=None)
+    check_alone(True, weights="some.safetensors", out=None)
