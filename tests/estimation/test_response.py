@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.cli.response import check_alone, check_response, verdict
+from s2c2a.cli.response import cells, check_alone, check_response, kept, verdict
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Margins, Swing
 from s2c2a.estimation.expected import expected_tilts, rests_by_description, rests_by_model
@@ -195,6 +195,14 @@ def test_the_command_measures_prints_and_keeps_it(simulated, tmp_path, capsys):
     found = json.loads(out.read_text())
     assert found["measured"]["x"]["frequency"] == pytest.approx(1.77, rel=0.1)
     assert (tmp_path / "response.json.png").stat().st_size > 10_000
+
+
+def test_a_mode_that_is_too_fast_for_the_control_rate_is_not_made_up(twin):
+    asked = asked_of(twin, 12.0)
+    found = response_of(asked, 0.8 * swing(asked, PERIOD, 13.0, 0.5, 0.2), PERIOD, 12.0)
+    assert cells(found)[:2] == ("too fast to see", "-")
+    assert kept(found)["frequency"] is None
+    assert found.gain == pytest.approx(0.8, rel=0.05)
 
 
 def test_options_of_the_response_are_refused_without_it():

@@ -104,9 +104,15 @@ def _print(arm: ArmSpec, sight: str, measured: "Sequence[Response]", expected: "
 
 def cells(one: "Response") -> tuple[str, ...]:
     """A response in words, row by row."""
-    damping = f"{one.damping:.2f}" if one.damping < 1.0 else "1 or more: no swing"
+    if np.isnan(one.frequency):
+        frequency, damping = "too fast to see", "-"
+    else:
+        frequency, damping = (
+            f"{one.frequency:.2f}",
+            f"{one.damping:.2f}" if one.damping < 1.0 else "1 or more: no swing",
+        )
     numbers = f"{one.gain:.2f}", f"{one.delay:.1f}", f"{np.rad2deg(one.lost):.1f}"
-    return f"{one.frequency:.2f}", damping, *numbers
+    return frequency, damping, *numbers
 
 
 def _margins(known: Knowledge) -> "Margins | str":
@@ -146,7 +152,7 @@ def _keep(
     from s2c2a.viz.response import response_figure
 
     both = {"measured": measured, "expected": expected}
-    rows = {name: dict(zip(TOWARDS, (one._asdict() for one in ones), strict=True)) for name, ones in both.items()}
+    rows = {name: dict(zip(TOWARDS, (kept(one) for one in ones), strict=True)) for name, ones in both.items()}
     print(f"kept in {save_whole(json.dumps({'arm': arm.name, 'seen_by': told.sight} | rows, indent=1), out)}")
     spectra = {}
     for number, towards in enumerate(TOWARDS):
@@ -154,6 +160,11 @@ def _keep(
         spectra[towards] = [spectrum(asked, came, arm.control_period) for came in (seen, wanted[number])]
     picture = response_figure(spectra, Path(f"{out}.png"), f"How {arm.name} answers")
     print(f"figure: {picture}")
+
+
+def kept(one: "Response") -> dict[str, float | None]:
+    """A response as it stands in a file, without what is not known."""
+    return {name: number if np.isfinite(number) else None for name, number in one._asdict().items()}
 
 
 def check_alone(response: bool, **options: object) -> None:

@@ -26,6 +26,8 @@ MOST_LOST = 0.4  # of the largest tilt
 STARTS = [(size, late, lost) for size in (0.5, 0.75, 1.1, 1.8) for late in (0.03, 0.3, 0.7) for lost in (0.01, 0.5)]
 """Frequencies over the expected one, delays and losses over the most; fits from all of them, for many end elsewhere."""
 FIRST_RATIO = 0.3
+MOST_AT_ONCE = 0.6  # of the gain; where the mode should be fast, and so much follows at once, it is
+SEEN = 0.45  # of the control rate
 FEWEST = 40  # readings
 CLEAR = 0.03  # of the strongest part of what was asked; weaker frequencies tell nothing
 
@@ -34,8 +36,8 @@ class Response(NamedTuple):
     """How a tip answers.
 
     Attributes:
-        frequency: of the first mode [Hz].
-        damping: its damping ratio; from 1 on nothing swings.
+        frequency: of the first mode [Hz]; NaN where it is too fast for the control rate.
+        damping: its damping ratio, the same; from 1 on nothing swings.
         gain: of slow motion, what comes over what is asked for beyond what is lost.
         delay: [control steps], the motors' lag included.
         lost: half of the motion that is lost at every turn [rad].
@@ -81,7 +83,11 @@ def response_of(asked: Series, seen: Series, period: float, expected: float) -> 
     missed, weights = fitted(best)
     frequency, damping, delay, lost = map(float, best)
     left = float(np.sqrt(np.mean(missed**2)) / np.std(seen[known]))
-    return Response(frequency, damping, float(weights[0] + weights[1]), delay, lost, left)
+    gain = float(weights[0] + weights[1])
+    at_once = expected * period > SEEN and weights[1] > MOST_AT_ONCE * gain
+    if at_once or frequency * period > SEEN:
+        frequency = damping = np.nan
+    return Response(frequency, damping, gain, delay, lost, left)
 
 
 def _bounds(asked: Series, period: float, expected: float) -> tuple[np.ndarray, np.ndarray]:
