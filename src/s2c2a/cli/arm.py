@@ -128,19 +128,36 @@ def random(
 
 
 @robot_app.command(name="check")
-def check_body(robot: RobotName = "sim", arm: Arm = "twin_arm", robot_option: RobotOptions = ()) -> None:
+def check_body(
+    robot: RobotName = "sim",
+    arm: Arm = "twin_arm",
+    robot_option: RobotOptions = (),
+    response: bool = False,
+    weights: Path | None = None,
+    out: Path | None = None,
+) -> None:
     """Open a body, drive it gently, and see that it keeps the promises that everything here relies on.
 
-    It moves every cable by at most 5 % of its range. Keep clear of the arm all the same.
+    It moves every cable by at most 5 % of its range; with --response it makes the arm swing. Keep clear of it.
 
     Args:
         robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         arm: a preset or an arm file: what the body is.
         robot_option: what the class takes.
+        response: measure how the arm swings and how late it answers, instead: it is shaken for about a minute, every
+            module by a tenth of its bend limit, slowly at first, then faster (docs/senses.md).
+        weights: made by `s2c2a train`: what is expected follows from them, and the response is held against the
+            margins of their loop.
+        out: a file (.json) for what was found, with a figure beside it.
     """
+    from s2c2a.cli.response import check_alone, check_response
     from s2c2a.robots import check_robot
 
+    check_alone(response, weights=weights, out=out)
     body = body_for(robot, robot_option)
-    for kept in check_robot(body.seeded(load_arm(arm), 0)):
+    opened = body.seeded(load_arm(arm), 0)
+    if response:
+        return check_response(opened, weights, out)
+    for kept in check_robot(opened):
         print(f"ok: {kept}")
     print(f"{body} keeps its promises")

@@ -132,7 +132,7 @@ def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrit
     return writer
 
 
-class _Player:
+class Player:
     """Actions that were chosen before, one a step; it needs everything that the body says, since all is recorded."""
 
     def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
@@ -166,7 +166,7 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
     )
     robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
     limits = _limits(arm, options) if robot.own_time else None  # one of metal keeps its own, whatever babbles
-    with Loop(robot, _Player(arm, _needed(robot), actions), limits=limits) as loop:
+    with Loop(robot, Player(arm, _needed(robot), actions), limits=limits) as loop:
         steps = []
         for _ in actions:
             steps.append(loop.tick(Ask()))

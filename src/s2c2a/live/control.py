@@ -27,7 +27,15 @@ from s2c2a.programs import compilations
 from s2c2a.robots import Body, Robot
 from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
 from s2c2a.spaces import POSITION, Stage
-from s2c2a.strategies import AnyStrategy, load_strategy, pcc_strategy, recipe_named, s2c2a_strategy, shipped_networks
+from s2c2a.strategies import (
+    AnyStrategy,
+    Strategy,
+    load_strategy,
+    pcc_strategy,
+    recipe_named,
+    s2c2a_strategy,
+    shipped_networks,
+)
 from s2c2a.tasks import TASKS, Task, task_named
 
 Strategies = Mapping[str, Callable[[], AnyStrategy]]
@@ -58,6 +66,7 @@ class ArmControl(Control):
         self._disturbances = Disturbances(robot)
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         driver, faults = strategies[self._name](), self._disturbances.spoilt
+        self._margins = _margins_of(driver)
         self._loop = Loop(robot, driver, WallClock(), patience=patience, faults=faults)
         self._orders: deque[Callable[[], None]] = deque()
         self._stopping, self._opened = threading.Event(), threading.Event()
@@ -82,7 +91,7 @@ class ArmControl(Control):
             raise S2C2AError(f"no strategy '{name}'; choose one of {', '.join(self.strategies)}")
         strategy = self._builders[name]()
         self._loop.needed_by(strategy)  # refused here, and the arm goes on
-        self._orders.append(partial(self._change_strategy, strategy, name))
+        self._orders.append(partial(self._change_strategy, strategy, name, _margins_of(strategy)))
 
     def prepare(self) -> None:
         """Make every task; in the thread of whoever asks."""
@@ -140,10 +149,10 @@ class ArmControl(Control):
         self._disturbances.begin()
         self._played, self._place = None, 0.0
 
-    def _change_strategy(self, strategy: AnyStrategy, name: str) -> None:
+    def _change_strategy(self, strategy: AnyStrategy, name: str, margins: str) -> None:
         self._loop.use(strategy)
         self._loop.release()
-        self._name = name
+        self._name, self._margins = name, margins
 
     @property
     def _task(self) -> Task | None:
@@ -175,7 +184,13 @@ class ArmControl(Control):
         deviation = float(np.ravel(step.told.get("deviation", np.nan))[-1])
         where = (np.array(states), np.array(self._expected), deviation, error, clearance)
         of_task = (int(self._place), len(self._task.goals) if self._task else 0)
-        self._show(Snapshot(step, step.stage, *where, *of_task, self._name, compilations(), step.fault))
+        self._show(Snapshot(step, step.stage, *where, *of_task, self._name, compilations(), step.fault, self._margins))
+
+
+def _margins_of(strategy: AnyStrategy) -> str:
+    """In words; nothing of what closes no loop."""
+    margins = strategy.margins if isinstance(strategy, Strategy) else None
+    return "" if margins is None else str(margins)
 
 
 def arm_control(

@@ -12,6 +12,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
+from s2c2a.live.belief import belief_said
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
@@ -196,7 +197,10 @@ class LivePage(Window):
             "nothing watches this arm: drawn as its model expects it": "states" not in latest.step.reading.sensors,
             f"**{latest.fault}**": latest.fault,
         }
-        return f"{head}\n\n{' · '.join(text for text, shown in said.items() if shown)}"
+        believed = belief_said(latest.step.told)
+        return "\n\n".join(
+            [head, " · ".join(text for text, shown in said.items() if shown), *[believed] * bool(believed)]
+        )
 
 
 def _wanted(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:

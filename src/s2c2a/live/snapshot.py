@@ -39,6 +39,7 @@ class Snapshot:
         strategy: name of what drives the arm.
         compiled: programs that the process has compiled (`programs.compilations`).
         fault: what is wrong, in words, or nothing.
+        margins: of the loop that the strategy closes, in words, or nothing.
     """
 
     step: Step
@@ -53,6 +54,7 @@ class Snapshot:
     strategy: str
     compiled: int = 0
     fault: str = ""
+    margins: str = ""
 
     @property
     def finished(self) -> bool:

@@ -4,6 +4,7 @@ They have PCC in the planner, inverse PCC behind it, and no feedback.
 """
 
 import operator
+from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.control import Controller, InversePCC
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import Observer
+from s2c2a.estimation import Margins, Observer, margins_of
 from s2c2a.kinematics import (
     PCC,
     PCCForwardModel,
@@ -84,6 +85,12 @@ class Strategy:
         self._watch = Watch(arm, planner, observer, load) if observer is not None else None
         self._after = compiled(type(controller).sent, controller)
         self._warm_up()
+
+    @cached_property
+    def margins(self) -> Margins | None:
+        """Of the loop of what it senses beside its encoders; None where there is none. Takes a moment, once."""
+        observer = self._watch.observer if self._watch is not None else None
+        return margins_of(self.arm, observer) if observer is not None and observer.senses else None
 
     def start(self, reading: Reading) -> None:
         """Begin from an arm at rest.

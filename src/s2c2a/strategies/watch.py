@@ -18,11 +18,15 @@ FIRST = 3  # times that a load that is told and the shape under it are brought t
 
 
 class Watch:
-    """An observer at work. Nothing compiles after the first step."""
+    """An observer at work. Nothing compiles after the first step.
+
+    Attributes:
+        observer: that is at work.
+    """
 
     def __init__(self, arm: ArmSpec, planner: Planner, observer: Observer, load: float):
         """For the plans of one planner."""
-        self._observer, self._load = observer, np.float32(load)
+        self.observer, self._load = observer, np.float32(load)
         self._listener, self._forces = Listener(arm, observer.senses), np.asarray(observer.gains.forces, float)
         self._start = compiled(_started, planner.model, observer)
         self._update = compiled(_updated, planner.model, observer)
@@ -37,20 +41,20 @@ class Watch:
 
     def seen(self, plan: Plan, sensed: Float[Array, "modules 3"], reading: Reading) -> tuple[Plan, Array | np.ndarray]:
         """A plan that counts on what one more reading says, and bends to ask for beside what is planned [rad]."""
-        if self._observer.senses:
+        if self.observer.senses:
             plan, self._belief = self._update(plan, self._belief, sensed, self._listener.heard(reading))
         elif self._load > 0.0:
             plan = self._count_on(plan, self._belief, sensed)
-        return plan, self._belief.calming if self._observer.senses else NOTHING
+        return plan, self._belief.calming if self.observer.senses else NOTHING
 
     def told(self) -> dict[str, np.ndarray]:
         """Load [kg], leans [rad], the push they stand for [N], senses that are left out, by column of an episode."""
         belief: Belief = self._belief
         load, leans = (np.asarray(part, float) for part in belief.unknowns)
         told: dict[str, Any] = {"load": load, "leans": leans}
-        if self._observer.senses:
+        if self.observer.senses:
             told["push"] = np.linalg.norm(self._forces @ leans.reshape(-1))
-        left_out = {f"left_out.{sense.name}": belief.left_out[k] > 0 for k, sense in enumerate(self._observer.senses)}
+        left_out = {f"left_out.{sense.name}": belief.left_out[k] > 0 for k, sense in enumerate(self.observer.senses)}
         return told | {name: np.asarray(value, float) for name, value in left_out.items()}
 
 

@@ -82,7 +82,7 @@ class SimulatedRobot(Robot):
         self._seen: np.ndarray | None = None
         drawn = self._body, self._seed, self._openings
         self._inertial, self._camera = inertial_sensors(*drawn), camera(*drawn)
-        self._homed_at, self._happenings, self._blind = self._homing_errors(), Happenings(self._every), False
+        self._homed_at, self._happenings, self._blind = self._homing_errors(), Happenings(()), False
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
         self._currents = Currents(self._body.motor, self._motors, inward)
         self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
@@ -108,7 +108,7 @@ class SimulatedRobot(Robot):
         self.step(self._jittered())
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
-        self.data.time, self._step = 0.0, 0
+        self.data.time, self._step, self._happenings = 0.0, 0, Happenings(self._every)
         if self._camera is not None:
             self._camera.begin(self.states())
         return self.read()
