@@ -1,9 +1,9 @@
 """What is known of an arm while it works: a Kalman filter over what no sensor says, and over how the arm swings.
 
 Its state is a load at the tip, leans of the modules (bends beside those that are expected: offsets of homing, drift,
-a softened cable, a push), and bends and their rates. The forward model says where the arm would rest, the swing how it
-gets there, senses what of it is seen; encoders alone see nothing of it. What a forward model is told of loads and leans
-(`Unknowns`) lets planner and feasibility count on them.
+a softened cable, a push), bends and their rates, and zeros of sensors that wander. The forward model says where the arm
+would rest, the swing how it gets there, senses what of it is seen; encoders alone see nothing of it. What a forward
+model is told of loads and leans (`Unknowns`) lets planner and feasibility count on them.
 
 A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv 2002.01407).
 """
@@ -14,11 +14,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.gains import Gains
-from s2c2a.estimation.senses import Off, Said, Sense, Shape
+from s2c2a.estimation.senses import Off, Said, Sense, Shape, Zeros
 from s2c2a.kinematics import ForwardModel, bends_from_states, limit_lengths
 from s2c2a.models.unknowns import Unknowns
 
@@ -36,7 +37,8 @@ class Belief(NamedTuple):
     """What is believed of an arm.
 
     Attributes:
-        mean: load [kg], leans [rad], bends [rad], their rates [rad/s]; shape (1 + 3 n,) with n = 2 modules.
+        mean: load [kg], leans [rad], bends [rad], their rates [rad/s], zeros of sensors [theirs]; shape (1 + 3 n +
+            zeros,) with n = 2 modules.
         covariance: of it.
         calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
         rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
@@ -44,6 +46,7 @@ class Belief(NamedTuple):
         states_before: there, of the same steps, shape (steps, modules, 6).
         found_before: what was known of bends at rest beside what encoders tell, of the same steps [rad], shape
             (steps, modules, 2).
+        lagging: what each sense keeps in mind of where the arm was (`Sense.lagging`).
         strange: how strange each sense was of late, in standard deviations, shape (senses,).
         left_out: seconds for which each is left out from now on, shape (senses,).
     """
@@ -55,6 +58,7 @@ class Belief(NamedTuple):
     before: Float[Array, "steps modules 2"]
     states_before: Float[Array, "steps modules 6"]
     found_before: Float[Array, "steps modules 2"]
+    lagging: tuple[Array | np.ndarray, ...]
     strange: Float[Array, " senses"]
     left_out: Float[Array, " senses"]
 
@@ -111,15 +115,18 @@ class Observer(eqx.Module):
             load: at its tip, as far as it is told [kg].
         """
         rests = bends_from_states(states)
-        bends, none = rests.size, jnp.zeros_like(rests)
-        mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends)])
+        bends, none, zeros = rests.size, jnp.zeros_like(rests), self._zeros().first
+        mean = jnp.concatenate(
+            [load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends), jnp.zeros_like(zeros)]
+        )
         spread = FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends
         held = jnp.array([float(self.estimates)] * (1 + bends) + [1.0] * (2 * bends))
-        covariance = jnp.diag((held * jnp.array(spread)) ** 2)
+        covariance = jnp.diag(jnp.concatenate([held * jnp.array(spread), zeros]) ** 2)
         before, there = (jnp.broadcast_to(part, (self.history, *part.shape)) for part in (rests, states))
         quiet = jnp.zeros(len(self.senses))
         found = jnp.zeros((self.history, *rests.shape))
-        return Belief(mean, covariance, none, rests, before, there, found, quiet, quiet)
+        lagging = tuple(sense.lagging(rests) for sense in self.senses)
+        return Belief(mean, covariance, none, rests, before, there, found, lagging, quiet, quiet)
 
     def update(
         self,
@@ -151,7 +158,7 @@ class Observer(eqx.Module):
         for number, sense in enumerate(self.senses):
             since = self._found(belief, by_load) - belief.found_before
             past = belief.before, belief.states_before, since
-            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past)
+            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past, belief.lagging[number])
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
         memory = model.given(belief.unknowns, sensed, memory)
@@ -171,20 +178,32 @@ class Observer(eqx.Module):
 
     def _moved(self, belief: Belief, rests: Float[Array, "modules 2"], slopes: Array) -> Belief:
         """One control step of the swing, as it is expected."""
-        slow = 1 + rests.size
+        slow, known = 1 + rests.size, 1 + 3 * rests.size
         steps, inputs, _, _ = self.gains.at(belief.mean[0])
-        motion = steps @ belief.mean[slow:] + inputs @ rests.reshape(-1)
+        motion = steps @ belief.mean[slow:known] + inputs @ rests.reshape(-1)
         kept = jnp.ones(slow).at[1:].set(self.kept)
         change = jnp.block([[jnp.diag(kept), jnp.zeros((slow, 2 * rests.size))], [inputs @ slopes * kept, steps]])
+        change = block_diag(change, jnp.eye(len(belief.mean) - known))
         covariance = change @ belief.covariance @ change.T + jnp.diag(self.noise(rests.size))
-        mean = jnp.concatenate([kept * belief.mean[:slow], motion])
+        mean = jnp.concatenate([kept * belief.mean[:slow], motion, belief.mean[known:]])
         return belief._replace(mean=mean, covariance=covariance)
 
     def noise(self, bends: int) -> Array:
-        """What a control step adds to the variance, shape (1 + 3 bends,)."""
+        """What a control step adds to the variance, shape (1 + 3 bends + zeros,)."""
         slow = float(self.estimates) * np.array([LOAD_RATE * self.mass, *[LEAN_RATE] * bends])
         rates = np.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends])
-        return jnp.asarray(rates**2 * self.period, jnp.float32)
+        wander = self._zeros().wander
+        return jnp.concatenate([jnp.asarray(rates**2 * self.period, jnp.float32), wander**2 * self.period])
+
+    def zeros_of(self, number: int, bends: int) -> slice:
+        """Where those of a sense stand in the state."""
+        begin, *counts = 1 + 3 * bends, *(len(sense.zeros.first) for sense in self.senses)
+        begin += sum(counts[:number])
+        return slice(begin, begin + counts[number])
+
+    def _zeros(self) -> Zeros:
+        every = Zeros.none(), *(sense.zeros for sense in self.senses)
+        return Zeros(*(jnp.concatenate(part) for part in zip(*every, strict=True)))
 
     def _where(self, belief: Belief) -> Float[Array, "modules 2"]:
         bends = belief.calming.size
@@ -202,8 +221,11 @@ class Observer(eqx.Module):
         slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
         if sense.slow:
             slopes = slopes.at[:, 0].set(off.slopes @ by_load)
+        zeros, missed = self.zeros_of(number, bends), off.numbers
+        if zeros.start < zeros.stop:
+            slopes, missed = slopes.at[:, zeros].set(jnp.eye(len(missed))), missed - belief.mean[zeros]
         slopes = jnp.where(heard[:, None], slopes, 0.0)
-        numbers = jnp.where(heard, off.numbers, 0.0)
+        numbers = jnp.where(heard, missed, 0.0)
         caution = self.gains.at(belief.mean[0])[3]
         spread = slopes @ belief.covariance @ slopes.T + jnp.diag((caution * off.spread) ** 2)
         squared = jnp.sum(numbers**2 / jnp.diag(spread)) / jnp.maximum(heard.sum(), 1)
@@ -219,6 +241,7 @@ class Observer(eqx.Module):
         return belief._replace(
             mean=belief.mean + gain @ numbers,
             covariance=(covariance + covariance.T) / 2.0,
+            lagging=(*belief.lagging[:number], off.lagging, *belief.lagging[number + 1 :]),
             strange=belief.strange.at[number].set(strange),
             left_out=belief.left_out.at[number].set(left_out),
         )
@@ -237,7 +260,7 @@ class Observer(eqx.Module):
             return belief._replace(rests=aimed)
         bends = aimed.size
         rates = (aimed - belief.rests).reshape(-1) / self.period
-        off = belief.mean[1 + bends :] - jnp.concatenate([aimed.reshape(-1), rates])
+        off = belief.mean[1 + bends : 1 + 3 * bends] - jnp.concatenate([aimed.reshape(-1), rates])
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
         return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
 
