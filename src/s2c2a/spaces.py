@@ -97,6 +97,7 @@ class Reading:
     | `seen`           | ends as a camera saw them, NaN where it did not, base frame; in | (modules, 3)       | m      |
     |                  | readings that no picture came with it is absent                 |                    |        |
     | `seen_age`       | how old that picture is                                         | ()                 | s      |
+    | `flex`           | what strips along the modules say of how far they bend          | (modules, strips)  | rad    |
 
     Attributes:
         time: seconds since the arm was opened.

@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from s2c2a.arm.flaws import Flaws
-from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.arm.senses import Camera, Flex, Inertial, Raw, Senses
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.faults import explained
@@ -17,9 +17,8 @@ from s2c2a.files import read_text, save_whole, toml_in
 PRESETS = Path(__file__).parent / "presets"
 """Arms that come with the package; each is a plain arm file."""
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
-KEYS = tuple(
-    name for table in (ArmSpec, Module, Motor, Cable, Flaws, Senses, Inertial, Camera) for name in table.model_fields
-)
+TABLES = ArmSpec, Module, Motor, Cable, Flaws, Senses, Inertial, Camera, Flex, Raw
+KEYS = tuple(name for table in TABLES for name in table.model_fields)
 
 
 @cache

@@ -9,7 +9,8 @@ from s2c2a.arm.spec import ArmSpec
 
 _INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "flaws")}
 _SENSES = {f"senses.{name}": f"[senses.{name}]" for name in Senses.model_fields}
-_TABLES = {"": "", "motor": "[motor]", "senses": "[senses]", "modules": "[[modules]]"} | _SENSES | _INNER
+_ROWS = {"modules": "[[modules]]", "senses.raw": "[[senses.raw]]"}
+_TABLES = {"": "", "motor": "[motor]", "senses": "[senses]"} | _SENSES | _ROWS | _INNER
 
 
 class Key(NamedTuple):
@@ -56,9 +57,9 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
             if "items" in form:
-                yield Key(
-                    table, name, f"{form['minItems']} to {form['maxItems']} tables", "needed", value["description"]
-                )
+                allowed = f"{form['minItems']} to {form['maxItems']} tables"
+                needed = "needed" if name in part["required"] else "none"
+                yield Key(table, name, allowed, needed, value["description"])
             inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
             continue
         otherwise = "needed" if name in part["required"] else _written(value["default"])

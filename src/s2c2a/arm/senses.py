@@ -1,10 +1,14 @@
 """What an arm senses beside what its motors tell: with the faults that real parts have."""
 
-from typing import Literal
+import math
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, between
+
+MOST_NUMBERS = 256
+"""Of one sensor of a body's own: a control step has to weigh them all."""
 
 
 class Inertial(Frozen):
@@ -27,9 +31,69 @@ class Camera(Frozen):
     sees: Literal["tip", "ends"] = Field(default="tip", description="the end of the last module, or of all")
 
 
+class Flex(Frozen):
+    """Strips along every module whose resistance says how far they bend; what each makes of it is learned.
+
+    Strips are cheap, and no two alike: how each errs goes with `strips`, and stays the same whenever the arm is opened.
+    """
+
+    angles_deg: tuple[Annotated[Number, Field(ge=-360, le=360)], ...] = Field(
+        default=(0.0, 120.0, 240.0),
+        min_length=1,
+        max_length=12,
+        description="where strips are round every module, from x to y [deg]",
+    )
+    strips: int = Field(default=0, ge=0, le=2**31, description="which strips: another number, others of the same kind")
+    gain_error: Number = between(0, 1, "1", "standard deviation of each one's own sensitivity", 0.2)
+    nonlinearity: Number = between(0, 1, "1/rad", "standard deviation of what that changes by, by bend", 0.2)
+    angle_error_deg: Number = between(0, 45, "deg", "standard deviation of where each one is", 5.0)
+    crosstalk: Number = between(0, 1, "1", "standard deviation of the parts of other modules' bends in it", 0.05)
+    hysteresis: Number = between(0, 1, "rad", "half-width of the bend that it does not follow when bent back", 0.02)
+    noise: Number = between(0, 1, "rad", "standard deviation of a reading", 0.01)
+    zero_error: Number = between(0, 1, "rad", "standard deviation of its zero, anew at every opening", 0.05)
+    drift: Number = between(0, 1, "rad", "standard deviation of how far its zero wanders in a minute", 0.02)
+
+
+class Raw(Frozen):
+    """A sensor of a body's own, of any kind; what its numbers have to do with bends is learned."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", description="its word in readings")
+    shape: tuple[Annotated[int, Field(ge=1, le=MOST_NUMBERS)], ...] = Field(
+        min_length=1, max_length=4, description="of one reading"
+    )
+
+    @model_validator(mode="after")
+    def _not_too_many(self):
+        if (count := math.prod(self.shape)) > MOST_NUMBERS:
+            raise ValueError(f"'{self.name}' has {count} numbers; take at most {MOST_NUMBERS}")
+        return self
+
+
 class Senses(Frozen):
     """Sensors beside the encoders, each there if it is named; what is there is used, but by recipes of the paper."""
+
+    unsaid: ClassVar[frozenset[str]] = frozenset(("raw",))
 
     bends: bool = Field(default=False, description="whether something sees how every module bends, at once")
     imu: Inertial | None = Field(default=None, description="inertial sensors at modules' ends")
     camera: Camera | None = Field(default=None, description="something that sees ends of modules")
+    flex: Flex | None = Field(default=None, description="strips that say how far modules bend")
+    raw: tuple[Raw, ...] = Field(default=(), min_length=0, max_length=8, description="of a body's own")
+
+    @model_validator(mode="after")
+    def _named_once(self):
+        names = [one.name for one in self.raw]
+        taken = {"flex", "cables", "states", "configurations"}
+        if wrong := [name for name in names if name in taken or names.count(name) > 1]:
+            raise ValueError(f"senses.raw names '{wrong[0]}', which is taken; give every sensor a name of its own")
+        return self
+
+    @property
+    def learned(self) -> "Senses":
+        """Those alone whose numbers have to be learned."""
+        return Senses(flex=self.flex, raw=self.raw)
+
+    def learned_shapes(self, modules: int) -> dict[str, tuple[int, ...]]:
+        """Names in readings of those whose numbers have to be learned, and their shapes."""
+        strips = {"flex": (modules, len(self.flex.angles_deg))} if self.flex else {}
+        return strips | {one.name: one.shape for one in self.raw}

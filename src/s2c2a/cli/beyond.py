@@ -53,7 +53,16 @@ def senses(
     arm: Arm = "twin_arm",
     drawn: int = 0,
     strength: float = 0.5,
-    sets: tuple[str, ...] = ("encoders", "encoders-told", "bends", "imu", "current", "camera", "imu-current-camera"),
+    sets: tuple[str, ...] = (
+        "encoders",
+        "encoders-told",
+        "bends",
+        "imu",
+        "current",
+        "camera",
+        "flex",
+        "imu-current-camera",
+    ),
     loads_g: tuple[float, ...] = (0.0, 50.0, 100.0),
     tasks: tuple[str, ...] = ("circle",),
     seeds: int = 1,
@@ -61,7 +70,8 @@ def senses(
 ) -> None:
     """What senses beside encoders are worth under loads that nobody told of, and the margins of each loop.
 
-    Networks are trained without load, once for all sets. Cut short, it goes on where it was (docs/senses.md).
+    Networks are trained without load, once for all sets but `flex`, whose strips are learned too. Cut short, it goes on
+    where it was (docs/senses.md).
 
     Args:
         arm: a preset or an arm file.

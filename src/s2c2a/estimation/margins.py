@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.gains import REACH, riccati
@@ -57,7 +58,8 @@ class _Loop:
         slopes: of what is seen by bends, shape (numbers, n).
         late: by how many steps each number is told late; `AT_ONCE` where it tells of the swing.
         spread: standard deviations of what is seen.
-        noise: variance that a step adds to leans, bends and rates.
+        zeros: of what is seen by zeros of sensors, shape (numbers, zeros).
+        noise: variance that a step adds to leans, bends, rates and zeros.
         kept: part of leans that is not forgotten in a step.
     """
 
@@ -67,6 +69,7 @@ class _Loop:
     slopes: np.ndarray
     late: np.ndarray
     spread: np.ndarray
+    zeros: np.ndarray
     noise: np.ndarray
     kept: float
 
@@ -112,9 +115,14 @@ def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
     straight, none = jnp.zeros((arm.module_count, 2)), jnp.zeros((observer.history, arm.module_count, 2))
     states = jnp.broadcast_to(states_from_bends(straight, Trunk.of(arm).lengths), (len(none), arm.module_count, 6))
     shape = Shape(straight, straight, jnp.full((arm.module_count, arm.cable_count), jnp.inf), none, states, none)
-    seen = [_off(sense, sense.silent(), shape) for sense in observer.senses]
+    lagging = [sense.lagging(straight) for sense in observer.senses]
+    seen = [
+        _off(sense, sense.silent(), shape._replace(lagging=lags))
+        for sense, lags in zip(observer.senses, lagging, strict=True)
+    ]
     late = [min(int(np.ceil(sense.late)), MOST_LATE) if sense.slow else AT_ONCE for sense in observer.senses]
     caution = float(observer.gains.caution[number])
+    zeros = [np.eye(len(off.numbers), len(sense.zeros.first)) for off, sense in zip(seen, observer.senses, strict=True)]
     return _Loop(
         steps=np.asarray(observer.gains.steps[number], float),
         inputs=np.asarray(observer.gains.inputs[number], float),
@@ -122,6 +130,7 @@ def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
         slopes=np.concatenate([np.asarray(off.slopes, float) for off in seen]),
         late=np.repeat(late, [len(off.numbers) for off in seen]),
         spread=caution * np.concatenate([np.asarray(off.spread, float) for off in seen]),
+        zeros=block_diag(*zeros),
         noise=np.asarray(observer.noise(2 * arm.module_count, float(observer.gains.loads[number])), float)[1:],
         kept=observer.kept,
     )
@@ -129,11 +138,11 @@ def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
 
 def _filter_gain(loop: _Loop) -> Float[np.ndarray, "states numbers"]:
     """What stands after many steps."""
-    count = loop.inputs.shape[1]
-    change = np.zeros((3 * count, 3 * count))
+    count, (numbers, zeros) = loop.inputs.shape[1], loop.zeros.shape
+    change = np.eye(3 * count + zeros)
     change[:count, :count] = loop.kept * np.eye(count)
-    change[count:, :count], change[count:, count:] = loop.inputs * loop.kept, loop.steps
-    seen = np.zeros((len(loop.slopes), 3 * count))
+    change[count : 3 * count, : 3 * count] = np.hstack([loop.inputs * loop.kept, loop.steps])
+    seen = np.hstack([np.zeros((numbers, 3 * count)), loop.zeros])
     seen[:, count : 2 * count] = np.where(loop.late[:, None] == AT_ONCE, loop.slopes, 0.0)
     seen[:, :count] = np.where(loop.late[:, None] != AT_ONCE, loop.slopes, 0.0)
     noise, spread = np.diag(loop.noise), np.diag(loop.spread**2)
@@ -145,11 +154,12 @@ def _stable(loop: _Loop, filtering: np.ndarray, gain: float, delay: int) -> bool
     """Whether the loop comes to rest, of an arm that answers so much more, and so many steps later."""
     n = loop.inputs.shape[1]
     steps = int(max(loop.late.max() + 1, 1))
-    sizes = [2 * n, (delay + 1) * n, n, 2 * n, steps * n]  # arm, commands on their way, leans, expected, past
+    # arm, commands on their way, leans, expected, past, zeros
+    sizes = [2 * n, (delay + 1) * n, n, 2 * n, steps * n, loop.zeros.shape[1]]
     ends = np.cumsum(sizes)
 
     def step(z: np.ndarray) -> np.ndarray:
-        arm, queue, leans, expected, past = np.split(z, ends[:-1])
+        arm, queue, leans, expected, past, zeros = np.split(z, ends[:-1])
         arm = loop.steps @ arm + loop.inputs @ (gain * queue[-n:])
         leans = loop.kept * leans
         rests = queue[:n] + leans
@@ -157,11 +167,10 @@ def _stable(loop: _Loop, filtering: np.ndarray, gain: float, delay: int) -> bool
         past = np.concatenate([arm[:n] - rests + leans, past[:-n]])  # where it was beside what encoders tell
         missed = past.reshape(steps, n)[np.maximum(loop.late, 0)] - leans
         seen = np.where(loop.late[:, None] == AT_ONCE, arm[:n] - expected[:n], missed)
-        off = np.einsum("ij,ij->i", loop.slopes, seen)
-        change = filtering @ off
-        leans, expected = leans + change[:n], expected + change[n:]
+        change = filtering @ (np.einsum("ij,ij->i", loop.slopes, seen) - loop.zeros @ zeros)
+        leans, expected, zeros = leans + change[:n], expected + change[n : 3 * n], zeros + change[3 * n :]
         asked = -loop.calming @ expected
-        return np.concatenate([arm, REACH * asked - leans, queue[:-n], leans, expected, past])
+        return np.concatenate([arm, REACH * asked - leans, queue[:-n], leans, expected, past, zeros])
 
     whole = np.stack([step(unit) for unit in np.eye(ends[-1])], axis=1)
     return bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0)

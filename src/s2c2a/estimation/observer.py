@@ -8,7 +8,7 @@ of loads and leans (`Unknowns`) lets planner and feasibility count on them.
 A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv 2002.01407).
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.estimation.belief import Belief
 from s2c2a.estimation.gains import Gains
-from s2c2a.estimation.senses import Off, Said, Sense, Shape
+from s2c2a.estimation.senses import Off, Said, Sense, Shape, Zeros
 from s2c2a.kinematics import ForwardModel, bends_from_states, limit_lengths
-from s2c2a.models.unknowns import Unknowns
 
 FIRST_LOAD, FIRST_LEAN = 0.4, 0.02  # before anything is sensed: of the arm's mass, and [rad]
 FORGET = 5.0  # s; a lean that nothing shows any more is forgotten
@@ -31,39 +31,6 @@ MOST_LOAD, MOST_LEAN = 1.5, 0.4  # of the arm's mass, and [rad]
 MOST_CALMING = 0.2  # rad; asked for beside the plan
 STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
 SETTLING = 0.3  # s; over which strangeness is told
-
-
-class Belief(NamedTuple):
-    """What is believed of an arm.
-
-    Attributes:
-        mean: load [kg], leans [rad], bends [rad], their rates [rad/s], zeros of sensors; shape (states,).
-        covariance: of it.
-        calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
-        rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
-        before: bends at rest of the last steps [rad], the newest first, shape (steps, modules, 2).
-        states_before: there, of the same steps, shape (steps, modules, 6).
-        found_before: what was known of bends at rest beside what encoders tell, of the same steps [rad], shape
-            (steps, modules, 2).
-        strange: how strange each sense was of late, in standard deviations, shape (senses,).
-        left_out: seconds for which each is left out from now on, shape (senses,).
-    """
-
-    mean: Float[Array, " states"]
-    covariance: Float[Array, "states states"]
-    calming: Float[Array, "modules 2"]
-    rests: Float[Array, "modules 2"]
-    before: Float[Array, "steps modules 2"]
-    states_before: Float[Array, "steps modules 6"]
-    found_before: Float[Array, "steps modules 2"]
-    strange: Float[Array, " senses"]
-    left_out: Float[Array, " senses"]
-
-    @property
-    def unknowns(self) -> Unknowns:
-        """What a forward model is told."""
-        bends = self.calming.size
-        return Unknowns(self.mean[0], self.mean[1 : 1 + bends].reshape(-1, 2))
 
 
 class Observer(eqx.Module):
@@ -114,16 +81,16 @@ class Observer(eqx.Module):
             load: at its tip, as far as it is told [kg].
         """
         rests = bends_from_states(states)
-        bends, none = rests.size, jnp.zeros_like(rests)
-        zeros = np.repeat([one.zero for one in self.senses], [one.zeros for one in self.senses])
+        bends, none, zeros = rests.size, jnp.zeros_like(rests), self._zeros().first
         mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends + len(zeros))])
         slow = float(self.estimates) * np.array([FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends])
-        spread = np.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends, *zeros])
-        covariance = jnp.diag(jnp.asarray(spread**2, jnp.float32))
+        spread = jnp.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends])
+        covariance = jnp.diag(jnp.concatenate([spread, zeros]) ** 2)
         before, there = (jnp.broadcast_to(part, (self.history, *part.shape)) for part in (rests, states))
         quiet = jnp.zeros(len(self.senses))
         found = jnp.zeros((self.history, *rests.shape))
-        return Belief(mean, covariance, none, rests, before, there, found, quiet, quiet)
+        lagging = tuple(sense.lagging(rests) for sense in self.senses)
+        return Belief(mean, covariance, none, rests, before, there, found, lagging, quiet, quiet)
 
     def update(
         self,
@@ -156,7 +123,7 @@ class Observer(eqx.Module):
         for number, sense in enumerate(self.senses):
             since = self._found(belief, by_load) - belief.found_before
             past = belief.before, belief.states_before, since
-            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past)
+            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past, belief.lagging[number])
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
         memory = model.corrected(belief.unknowns, memory)
@@ -182,17 +149,27 @@ class Observer(eqx.Module):
         kept = jnp.ones(slow).at[1:].set(self.kept)
         change = jnp.eye(len(belief.mean)).at[:slow, :slow].set(jnp.diag(kept))
         change = change.at[slow:fast, :slow].set(inputs @ slopes * kept).at[slow:fast, slow:fast].set(steps)
-        noise = jnp.zeros(len(belief.mean)).at[:fast].set(self.noise(rests.size, belief.mean[0]))
+        noise = self.noise(rests.size, belief.mean[0])
         covariance = change @ belief.covariance @ change.T + jnp.diag(noise)
         mean = jnp.concatenate([kept * belief.mean[:slow], motion, belief.mean[fast:]])
         return belief._replace(mean=mean, covariance=covariance)
 
     def noise(self, bends: int, load: Float[Array, ""] | float) -> Float[Array, " states"]:
-        """What a control step adds to the variance of load, leans, bends and rates; models err more under loads."""
+        """What a control step adds to the variance of all that is believed; models err more under loads."""
         lean = LEAN_RATE + LOADED_RATE * load / self.mass
         slow = float(self.estimates) * jnp.stack([jnp.asarray(LOAD_RATE * self.mass), *[lean] * bends])
-        rates = jnp.concatenate([slow, jnp.repeat(jnp.array([BEND_NOISE, TURN_NOISE]), bends)])
-        return rates**2 * self.period
+        swing = jnp.repeat(jnp.array([BEND_NOISE, TURN_NOISE]), bends)
+        return jnp.concatenate([slow, swing, self._zeros().wander]) ** 2 * self.period
+
+    def zeros_of(self, number: int, bends: int) -> slice:
+        """Where those of a sense stand in the state."""
+        begin, *counts = 1 + 3 * bends, *(len(sense.zeros.first) for sense in self.senses)
+        begin += sum(counts[:number])
+        return slice(begin, begin + counts[number])
+
+    def _zeros(self) -> Zeros:
+        every = Zeros.none(), *(sense.zeros for sense in self.senses)
+        return Zeros(*(jnp.concatenate(part) for part in zip(*every, strict=True)))
 
     def _where(self, belief: Belief) -> Float[Array, "modules 2"]:
         bends = belief.calming.size
@@ -223,6 +200,7 @@ class Observer(eqx.Module):
         return belief._replace(
             mean=belief.mean + gain @ numbers,
             covariance=(covariance + covariance.T) / 2.0,
+            lagging=(*belief.lagging[:number], off.lagging, *belief.lagging[number + 1 :]),
             strange=belief.strange.at[number].set(strange),
             left_out=belief.left_out.at[number].set(left_out),
         )
@@ -235,10 +213,9 @@ class Observer(eqx.Module):
         numbers = off.numbers
         if sense.slow:
             slopes = slopes.at[:, 0].set(off.slopes @ by_load)
-        if sense.zeros:
-            first = 1 + 3 * bends + sum(one.zeros for one in self.senses[:number])
-            slopes = slopes.at[:, first : first + sense.zeros].set(jnp.eye(sense.zeros))
-            numbers = numbers - belief.mean[first : first + sense.zeros]
+        zeros = self.zeros_of(number, bends)
+        if zeros.start < zeros.stop:
+            slopes, numbers = slopes.at[:, zeros].set(jnp.eye(len(numbers))), numbers - belief.mean[zeros]
         return jnp.where(heard, numbers, 0.0), jnp.where(heard[:, None], slopes, 0.0), heard
 
     def _unless_hung(self, belief: Belief, numbers: Array, spread: Array, hung: Array) -> tuple[Array, Array]:

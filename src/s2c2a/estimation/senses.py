@@ -16,12 +16,13 @@ from s2c2a.kinematics.chain import rotations_to, states_from_bends
 
 SEEN_SPREAD = 0.003  # rad; of bends that something sees
 LEVEL_SPREAD = 0.02  # rad; of what inertial sensors on a moving arm call down
-LEVEL_ZERO = 0.01  # rad; of accelerometers as they are sold
+LEVEL_ZERO, LEVEL_WANDER = 0.01, 1e-4  # rad, and in a second; of accelerometers as they are sold
 END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the swing
 LEAST_TENSION = 0.05  # N
 USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
 MOST_TURN, MOST_WAY = 0.14, 0.5  # rad, and of the arm's length
 LATEST = 0.7  # s; what is older is not heard
+NOTHING = np.zeros(0, np.float32)
 Said = Mapping[str, Array]
 
 
@@ -35,6 +36,7 @@ class Shape(NamedTuple):
         before: bends at rest of the last steps, the newest first, shape (steps, modules, 2).
         states_before: states there, of the same steps, shape (steps, modules, 6).
         since: what bends at rest were found to differ by since then [rad], shape (steps, modules, 2).
+        lagging: what the sense that looks lags by, as it said in the last step (`Sense.lagging`).
     """
 
     bends: Float[Array, "modules 2"]
@@ -43,6 +45,7 @@ class Shape(NamedTuple):
     before: Float[Array, "steps modules 2"]
     states_before: Float[Array, "steps modules 6"]
     since: Float[Array, "steps modules 2"]
+    lagging: Array | np.ndarray = NOTHING
 
 
 class Off(NamedTuple):
@@ -53,12 +56,31 @@ class Off(NamedTuple):
         slopes: of what is expected by bends, shape (numbers, n) with n = 2 modules.
         spread: standard deviation of what is left, shape (numbers,).
         most: that can be true from one control step to the next; what is further off is a fault.
+        lagging: what it lags by from now on (`Sense.lagging`).
     """
 
     numbers: Float[Array, " numbers"]
     slopes: Float[Array, "numbers bends"]
     spread: Float[Array, " numbers"]
     most: float | Float[Array, ""]
+    lagging: Array | np.ndarray = NOTHING
+
+
+class Zeros(NamedTuple):
+    """By how much a sensor's numbers are off whatever the arm does: nobody knows, and it wanders.
+
+    Attributes:
+        first: standard deviation when the arm is opened, shape (numbers,); no numbers, and it has none.
+        wander: standard deviation of the change in a second, shape (numbers,).
+    """
+
+    first: Float[Array, " numbers"]
+    wander: Float[Array, " numbers"]
+
+    @classmethod
+    def none(cls) -> "Zeros":
+        """Of a sensor whose zero is known."""
+        return cls(jnp.zeros(0), jnp.zeros(0))
 
 
 class Sense(eqx.Module):
@@ -66,27 +88,27 @@ class Sense(eqx.Module):
 
     Attributes:
         name: the word for it.
-        sensors: names in readings.
         slow: whether it is held against where the arm would rest, and tells nothing of the swing.
         latest: how late it may tell [s].
-        zero: standard deviation of its zeros, which nobody knows; in its own unit.
     """
 
     name: ClassVar[str] = ""
-    sensors: ClassVar[tuple[str, ...]] = ()
     slow: ClassVar[bool] = False
     latest: ClassVar[float] = 0.0
-    zero: ClassVar[float] = 0.0
-
-    @property
-    def zeros(self) -> int:
-        """How many of its numbers have a zero that nobody knows: all or none."""
-        return 0
 
     @property
     def late(self) -> float:
         """By how many control steps it tells late, as a rule."""
         return 0.0
+
+    @property
+    def zeros(self) -> Zeros:
+        """What is to be found of it beside the arm."""
+        return Zeros.none()
+
+    def lagging(self, bends: Float[Array, "modules 2"]) -> Array | np.ndarray:
+        """What it keeps in mind of an arm that begins at rest with such bends; nothing, if it does not lag."""
+        return NOTHING
 
     @abstractmethod
     def off(self, said: Said, shape: Shape) -> Off:
@@ -102,7 +124,6 @@ class SeenBends(Sense):
 
     modules: int = eqx.field(static=True)
     name = "bends"
-    sensors = ("configurations",)
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
@@ -125,17 +146,15 @@ class Inclinations(Sense):
     down: Float[Array, "3"]
     modules: int = eqx.field(static=True)
     name = "imu"
-    sensors = ("inclinations",)
-    zero = LEVEL_ZERO
 
     @property
-    def zeros(self) -> int:
+    def zeros(self) -> Zeros:
         """See `Sense`."""
-        return 3 * self.modules
+        return Zeros(jnp.full(3 * self.modules, LEVEL_ZERO), jnp.full(3 * self.modules, LEVEL_WANDER))
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
-        expected, slopes = _with_slopes(self._expected, shape.bends)
+        expected, slopes = with_slopes(self._expected, shape.bends)
         numbers = said["inclinations"].reshape(-1) - expected
         return Off(numbers, slopes, jnp.full(expected.shape, LEVEL_SPREAD), MOST_TURN)
 
@@ -167,7 +186,6 @@ class Tensions(Sense):
     matrices: Float[Array, "modules cables 2"]
     noise: float = eqx.field(static=True)
     name = "current"
-    sensors = ("tensions",)
     slow = True
 
     def off(self, said: Said, shape: Shape) -> Off:
@@ -201,7 +219,6 @@ class SeenEnds(Sense):
     period: float = eqx.field(static=True)
     delay: float = eqx.field(static=True)
     name = "camera"
-    sensors = ("seen", "seen_age")
     slow = True
     latest = LATEST
 
@@ -217,7 +234,7 @@ class SeenEnds(Sense):
         first = jnp.floor(place).astype(int)
         share, past = place - first, (shape.before, shape.states_before, shape.since)
         bends, states, since = ((1.0 - share) * part[first] + share * part[first + 1] for part in past)
-        expected, slopes = _with_slopes(self._ends, bends + since)
+        expected, slopes = with_slopes(self._ends, bends + since)
         beside = states[:, :3].reshape(-1) - self._ends(bends_from_states(states).reshape(-1))  # what arcs do not have
         known = (age >= 0.0) & (age <= self.latest)
         numbers = jnp.where(known, said["seen"].reshape(-1) - expected - beside, jnp.nan)
@@ -256,6 +273,7 @@ def senses_of(arm: ArmSpec, stiffnesses: Float[np.ndarray, " modules"] | None) -
     return tuple(found)
 
 
-def _with_slopes(expected: Callable[[Array], Array], bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
+def with_slopes(expected: Callable[[Array], Array], bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
+    """What is expected, shape (numbers,), and its slopes by bends, shape (numbers, n) with n = 2 modules."""
     flat = bends.reshape(-1)
     return expected(flat), jax.jacfwd(expected)(flat)

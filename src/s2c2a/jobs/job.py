@@ -149,11 +149,11 @@ class Job(Artifact[Run]):
 
 
 def _networks(job: Job) -> tuple[Artifact, ...]:
-    return (job.weights or NetworksArtifact(job.recipe.felt(job.arm), job.recipe, job.seed),)
+    return (job.weights or NetworksArtifact(job.recipe.learned_on(job.arm), job.recipe, job.seed),)
 
 
 def _motor_networks(job: Job) -> tuple[Artifact, ...]:
-    return (NetworksArtifact(job.recipe.felt(job.arm), replace(job.recipe, babbling="motor"), job.seed),)
+    return (NetworksArtifact(job.recipe.learned_on(job.arm), replace(job.recipe, babbling="motor"), job.seed),)
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:

@@ -20,7 +20,7 @@ from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MOST_EPISODES
 from s2c2a.errors import S2C2AError, StrategyError
-from s2c2a.estimation import Swing
+from s2c2a.estimation import Swing, untrained_senses
 from s2c2a.faults import explained
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
@@ -104,10 +104,10 @@ class Recipe:
         return CollectOptions(self.babbling, self.episodes, seed=seed, speeds=self.speeds)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
-        """Both networks before training, and how the arm swings if that is asked for."""
+        """Both networks before training; how the arm swings, and what its sensors say, if that is asked for."""
         felt = self.felt(arm)
         networks = {"C2S": self.c2s.untrained(felt, key), "C2A": self.c2a.untrained(felt, key)}
-        return networks | ({"swing": Swing.nominal()} if self.observes else {})
+        return networks | ({"swing": Swing.nominal()} | untrained_senses(arm, key) if self.observes else {})
 
     def axis_weight(self, task: str) -> float:
         """What mu_o of a task is multiplied by."""
@@ -120,6 +120,10 @@ class Recipe:
         motor = arm.motor.model_copy(update={"current_noise": None, "current_friction": 0.0})
         sensing = "encoders" if arm.sensing == "true" else arm.sensing
         return arm.model_copy(update={"sensing": sensing, "senses": Senses(), "motor": motor})
+
+    def learned_on(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as networks are trained for it: as plans are made, and with sensors that have to be learned."""
+        return self.felt(arm).model_copy(update={"senses": arm.senses.learned}) if self.observes else arm
 
     def estimator(self, arm: ArmSpec) -> Estimator:
         """What turns the arm's readings into the configurations that this recipe works on."""

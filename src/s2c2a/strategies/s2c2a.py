@@ -11,12 +11,25 @@ from importlib import resources
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController, NetworkController
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import Gains, Observer, Swing, gains_of, identified_swing, senses_of, with_margins
+from s2c2a.estimation import (
+    PREFIX,
+    Gains,
+    Heard,
+    Observer,
+    Swing,
+    gains_of,
+    identified_swing,
+    learn_numbers,
+    learned_senses,
+    senses_of,
+    with_margins,
+)
 from s2c2a.kinematics import ForwardModel, bends_from_states
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.recipe import Recipe, recipe_named
@@ -53,6 +66,7 @@ class Watched:
 
 
 WATCHED = Watched()
+SENSES = 2  # of what is drawn from a seed
 NetworkProgress = Callable[[str, int, int, float], None]
 
 
@@ -78,6 +92,7 @@ def train_s2c2a(
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
         networks["swing"] = _swing(data, recipe, forward.network)
+        networks |= _senses(recording, jax.random.fold_in(jax.random.key(seed), SENSES), progress)
     return TrainedNetworks.of(recording.arm, recipe, seed, networks)
 
 
@@ -90,6 +105,18 @@ def _swing(data: TrainingData, recipe: Recipe, model: ForwardModel) -> Trained[S
     swing, (without, left) = identified_swing(data.arm, rests, bends)
     percent = 100.0 * left / without if without > 0 else 100.0
     return Trained(swing, np.array([[0.0, without, without], [1.0, left, left]], np.float32), (percent, 0.0))
+
+
+def _senses(recording: Recording, key: PRNGKeyArray, progress: NetworkProgress) -> dict[str, Trained]:
+    """What sensors of its arm say of bends, by name; of those that are in the recording, and as they should be."""
+    bends = np.asarray(bends_from_states(jnp.asarray(recording.sensor("states"), jnp.float32)))
+    shapes, learned = recording.arm.senses.learned_shapes(recording.arm.module_count), {}
+    for name in (one for one in shapes if one in recording.sensors):
+        said = recording.sensor(name)
+        if said.shape[2:] == shapes[name]:
+            heard, told = Heard.of(bends, said, recording.lengths), _named(progress, name)
+            learned[f"{PREFIX}{name}"] = learn_numbers(recording.arm, heard, key, told)
+    return learned
 
 
 def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
@@ -141,7 +168,7 @@ def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watc
 def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -> Observer:
     """What watches an arm with trained networks at work."""
     arm = networks.arm
-    senses = senses_of(arm, networks.c2s.cable_stiffnesses())
+    senses = *senses_of(arm, networks.c2s.cable_stiffnesses()), *learned_senses(arm, networks.networks)
     if not senses:
         return Observer.of(arm, Gains.none(), (), estimates=watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))

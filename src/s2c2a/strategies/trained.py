@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.errors import StrategyError
+from s2c2a.estimation import PREFIX
 from s2c2a.kinematics import ForwardModel
 from s2c2a.models import C2A, LSTMOptions
 from s2c2a.models.registry import model_known, name_of
@@ -26,8 +27,8 @@ from s2c2a.training import Trained
 
 Options = TypeVar("Options")
 
-SPARED = {"swing"}
-"""What files may lack: the arm's description then says it."""
+SPARED = "swing", PREFIX
+"""How names begin of what files may lack: the arm's description then says it, or nothing does."""
 S2C2A, LSTM, CURVE = "s2c2a", "lstm", "curve."
 
 
@@ -149,7 +150,7 @@ def _load(
     with damaged(path):
         recipe = recipe_of(metadata.recipe)
         blanks = eqx.filter_eval_shape(untrained, recipe, trained_for, jax.random.key(0))
-        blanks = {name: blank for name, blank in blanks.items() if name in metadata.percent or name not in SPARED}
+        blanks = {name: one for name, one in blanks.items() if name in metadata.percent or not name.startswith(SPARED)}
         networks, curves = filled(blanks, trained_for, arrays), _curves(arrays)
         if not set(networks) == set(curves) == set(metadata.percent):
             raise StrategyError("it lacks what is known of its training")

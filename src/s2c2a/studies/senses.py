@@ -7,7 +7,7 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, drawn_arm
-from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.arm.senses import Camera, Flex, Inertial, Senses
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import margins_of
 from s2c2a.evaluation import Row
@@ -25,6 +25,7 @@ SETS: dict[str, dict] = {
     "imu": {"imu": Inertial()},
     "current": {},
     "camera": {"camera": Camera()},
+    "flex": {"flex": Flex()},
     "imu-current-camera": {"imu": Inertial(), "camera": Camera()},
 }
 """Name -> what is sensed beside encoders; `current` in a name is motors' currents."""
@@ -93,11 +94,11 @@ def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
     """Margins of every loop, with networks of the first seed."""
     recipe, rows = recipe_named("best"), []
     for arm in asked.arms:
-        networks = make([jobs.NetworksArtifact(recipe.felt(arm), recipe, asked.seeds[0])])[0]
         for name in asked.sets:
             if name in (TOLD, "encoders"):
                 continue
             sensed = sensing(arm, name)
+            networks = make([jobs.NetworksArtifact(recipe.learned_on(sensed), recipe, asked.seeds[0])])[0]
             margins = margins_of(sensed, observer_of(replace(networks, arm=sensed)))
             for metric, value, unit in (("gain", margins.gain, "times"), ("delay", margins.delay, "steps")):
                 where = "response", "margins", arm.name, "fast", name, recipe.name

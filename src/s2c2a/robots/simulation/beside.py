@@ -1,4 +1,4 @@
-"""What the simulated arm senses beside its motors: inertial sensors and a camera, with the faults of real ones."""
+"""What the simulated arm senses beside its motors, with the faults of real parts."""
 
 from collections import deque
 
@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, Motor
 from s2c2a.arm.senses import Camera, Inertial
+from s2c2a.robots.simulation.flex import FlexStrips
 from s2c2a.spaces import POSITION, Sensor, States
 
 LONGEST = 2.0  # s; what a camera may be behind
@@ -22,6 +23,8 @@ def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
         said |= {"accelerations": Sensor(shape, "m/s2"), "turn_rates": Sensor(shape, "rad/s")}
     if arm.senses.camera is not None:
         said |= {"seen": Sensor((modules, 3), "m", always=False), "seen_age": Sensor((), "s", always=False)}
+    if arm.senses.flex is not None:
+        said["flex"] = Sensor((modules, len(arm.senses.flex.angles_deg)), "rad")
     return said
 
 
@@ -121,11 +124,35 @@ class Currents:
         return tensions + self.winding * self._motor.current_friction + noise
 
 
-def inertial_sensors(arm: ArmSpec, seed: int, opening: int) -> InertialSensors | None:
-    """Those of an arm, if it has any."""
-    return None if arm.senses.imu is None else InertialSensors(arm, arm.senses.imu, seed, opening)
+class Beside:
+    """All of them, of one arm."""
 
+    def __init__(self, arm: ArmSpec, seed: int, opening: int):
+        """Anew at every opening."""
+        senses, drawn = arm.senses, (seed, opening)
+        self._inertial = None if senses.imu is None else InertialSensors(arm, senses.imu, *drawn)
+        self._camera = None if senses.camera is None else CameraView(arm, senses.camera, *drawn)
+        self._flex = None if senses.flex is None else FlexStrips(arm, senses.flex, *drawn)
 
-def camera(arm: ArmSpec, seed: int, opening: int) -> CameraView | None:
-    """That of an arm, if it has one."""
-    return None if arm.senses.camera is None else CameraView(arm, arm.senses.camera, seed, opening)
+    def begin(self, states: States) -> None:
+        """The arm rests, and the clock is at zero."""
+        if self._camera is not None:
+            self._camera.begin(states)
+
+    def feel(self, moments: Float[np.ndarray, "moments numbers"]) -> None:
+        """What inertial sensors feel at every physics step since the last reading."""
+        if self._inertial is not None:
+            self._inertial.feel(moments)
+
+    def look(self, time: float, seconds: float, states: States) -> None:
+        """Where the arm is now, so many seconds after the last time."""
+        if self._camera is not None:
+            self._camera.look(time, states)
+        if self._flex is not None:
+            self._flex.bend(states, seconds)
+
+    def told(self, time: float) -> dict[str, np.ndarray]:
+        """In a reading."""
+        inertial = {} if self._inertial is None else self._inertial.told()
+        camera = {} if self._camera is None else self._camera.told(time)
+        return inertial | camera | ({} if self._flex is None else self._flex.told())

@@ -9,7 +9,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
-from s2c2a.robots.simulation.beside import Currents, camera, inertial_sensors, sensed_beside
+from s2c2a.robots.simulation.beside import Beside, Currents, sensed_beside
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
 from s2c2a.robots.simulation.declared import declared_sensors
 from s2c2a.robots.simulation.happenings import Happenings, happenings_from
@@ -80,8 +80,7 @@ class SimulatedRobot(Robot):
         self._random = np.random.default_rng(self._seed)
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
-        drawn = self._body, self._seed, self._openings
-        self._inertial, self._camera = inertial_sensors(*drawn), camera(*drawn)
+        self._beside = Beside(self._body, self._seed, self._openings)
         self._homed_at, self._happenings, self._blind = self._homing_errors(), Happenings(()), False
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
         self._currents = Currents(self._body.motor, self._motors, inward)
@@ -109,8 +108,7 @@ class SimulatedRobot(Robot):
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
         self.data.time, self._step, self._happenings = 0.0, 0, Happenings(self._every)
-        if self._camera is not None:
-            self._camera.begin(self.states())
+        self._beside.begin(self.states())
         return self.read()
 
     def read(self) -> Reading:
@@ -125,10 +123,7 @@ class SimulatedRobot(Robot):
             said["tensions"] = self._currents.told(self._tensions_at_motors(), self._random)
         if self._seen is not None:
             said["centre_line"] = self._seen
-        if self._inertial is not None:
-            said |= self._inertial.told()
-        if self._camera is not None:
-            said |= self._camera.told(self.data.time)
+        said |= self._beside.told(self.data.time)
         for name in {"tensions", *sensed_beside(self._body)} & set(said) if self._blind else ():
             del said[name]
         return Reading(self.data.time, said)
@@ -165,13 +160,11 @@ class SimulatedRobot(Robot):
         if self._sensing:  # in a physics step, sensors say what was at its start
             moments = np.vstack([seen, self.data.sensordata])
             self._seen = moments[:, : self._points].reshape(len(moments), -1, 3) if self._watched else None
-            if self._inertial is not None:
-                self._inertial.feel(moments[1:, self._points :])
+            self._beside.feel(moments[1:, self._points :])
         self._step += 1
         self._check_sane()
         self._last_states = self.states()
-        if self._camera is not None:
-            self._camera.look(self.data.time, self._last_states)
+        self._beside.look(self.data.time, seconds, self._last_states)
 
     def step(self, action: Actions) -> Actions:
         """Send an action and let one control period pass; returns what was really sent."""
