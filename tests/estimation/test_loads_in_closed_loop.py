@@ -44,8 +44,8 @@ def strategy():
     return s2c2a_strategy(replace(shipped_networks(ARM), arm=ARM))
 
 
-def run(strategy, load, fault="", arm=ARM):
-    robot, task = Failing(arm, payload=load), circle(arm)
+def run(strategy, load=0.0, fault="", arm=ARM, happens=""):
+    robot, task = Failing(arm, payload=load, happens=happens), circle(arm)
     robot.fault = fault
     episode = rollout(robot, strategy, task)
     return episode, position_errors(episode.after("states"), task.wanted_positions())
@@ -68,6 +68,30 @@ def test_what_was_found_stays_when_they_fail(strategy, fault):
     episode, errors = run(strategy, LOAD, fault)
     assert episode.ran("load")[-1] == pytest.approx(LOAD, rel=0.3)
     assert errors[100:].mean() < 1.2
+
+
+def test_what_is_hung_on_while_it_works_is_a_load_and_no_fault(strategy):
+    episode, errors = run(strategy, happens="4 load 0.1")
+    assert not episode.ran("left_out.imu")[-100:].any()
+    assert episode.ran("load")[-1] == pytest.approx(0.1, rel=0.3)
+    assert errors[-50:].mean() < 2.5
+
+
+def test_it_yields_to_a_push_as_far_as_it_should_and_comes_back():
+    arm = TWIN.model_copy(update={"sensing": "true"})
+    yielding = s2c2a_strategy(replace(shipped_networks(TWIN), arm=arm), watched=Watched(yields=0.1))
+    episode, errors = run(yielding, arm=arm, happens="4 push 0.5 0 0; 10 push 0 0 0")
+    during, after = slice(60, 100), slice(140, None)
+    assert errors[during].mean() > 5.0
+    assert episode.ran("push").max() < 0.11
+    assert errors[after].mean() < 0.6
+
+
+def test_slipped_zeros_are_made_up_for():
+    arm = TWIN.model_copy(update={"sensing": "true"})
+    seeing = s2c2a_strategy(replace(shipped_networks(TWIN), arm=arm))
+    _, errors = run(seeing, arm=arm, happens="2 homed 0.0005")
+    assert errors[-60:].mean() < 0.6
 
 
 def test_the_next_start_knows_nothing_of_it(strategy):

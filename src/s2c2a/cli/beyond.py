@@ -66,6 +66,7 @@ def senses(
     loads_g: tuple[float, ...] = (0.0, 50.0, 100.0),
     tasks: tuple[str, ...] = ("circle",),
     seeds: int = 1,
+    happens: str = "",
     work: Work = ALL_CORES,
 ) -> None:
     """What senses beside encoders are worth under loads that nobody told of, and the margins of each loop.
@@ -81,6 +82,7 @@ def senses(
         loads_g: that hang at the tip [g].
         tasks: by name.
         seeds: how many, from zero.
+        happens: while the arm works, such as "6 load 0.05; 10 blind" (docs/senses.md).
         work: where results go, and who works.
     """
     from s2c2a.evaluation.report import save_rows
@@ -90,8 +92,9 @@ def senses(
     numbers = checked_seeds(0, seeds)
     arms = studied.arms_of(load_arm(arm), drawn, strength)
     loads = tuple(load / 1000 for load in loads_g)
-    asked = studied.Worth(arms, sets, loads, tasks, tuple(numbers), strength)
+    asked = studied.Worth(arms, sets, loads, tasks, tuple(numbers), strength, happens)
     options = {"arm": arm, "drawn": drawn, "strength": strength, "sets": sets, "loads_g": loads_g, "tasks": tasks}
+    options["happens"] = happens
     with making(studied.EXPERIMENT, options | {"seeds": seeds}, work, go_on=True) as (place, make):
         rows = studied.senses_rows(asked, make) + studied.margin_rows(asked, make)
         save_rows(rows, place / "results.json")

@@ -27,6 +27,7 @@ def run(
     payload: float = 0.0,
     told: float = 0.0,
     estimates: bool = True,
+    yields: float | None = None,
     guard: GuardName = "tip",
     video: bool = False,
     work: Work = ALL_CORES,
@@ -55,6 +56,7 @@ def run(
         payload: mass that hangs at the tip of the simulated arm [kg].
         told: mass that the strategy is told hangs there [kg]; recipes that observe count on it.
         estimates: whether these find loads and leans from what is sensed beside encoders (docs/senses.md).
+        yields: force at the tip that is made up for at most where something leans on the arm [N]; beyond, it gives way.
         guard: what keeps out of obstacles: the tip, or the whole arm.
         video: also write a moving picture of the first run: an MP4 where ffmpeg is found, a GIF otherwise.
         work: where results go, and who works.
@@ -65,7 +67,7 @@ def run(
     from s2c2a.models.registry import model_named
 
     spec, numbers = load_arm(arm), jobs.checked_seeds(seed, seeds)
-    body, watched = body_for(robot, robot_option, fidelity, payload), strategies.Watched(told, estimates)
+    body, watched = body_for(robot, robot_option, fidelity, payload), strategies.Watched(told, estimates, yields)
     under = jobs.Conditions(body, guard, watched)
     if model:
         model_named(model)

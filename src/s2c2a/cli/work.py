@@ -123,7 +123,7 @@ def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", paylo
     """
     given = options_from(options)
     if Body(robot).simulated:
-        return Body(robot, (*Body.simulation(fidelity, payload).options, *given))
+        return Body(robot, (*Body.simulation(fidelity, payload=payload).options, *given))
     if fidelity != "fast" or payload:
         raise S2C2AError(f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out")
     robot_class(robot)  # what is not there is told before anything else

@@ -49,9 +49,8 @@ class Body:
         return " ".join([self.name, *(f"{key}={value}" for key, value in self.options)])
 
     @classmethod
-    def simulation(cls, fidelity: str = "fast", payload: float = 0.0, aged: float = 0.0) -> "Body":
-        """The package's own simulation, with a mass at the tip [kg], and as far on its way to its drift as 0 to 1."""
-        chosen = {"payload": payload, "aged": aged}
+    def simulation(cls, fidelity: str = "fast", **chosen: float | str) -> "Body":
+        """The package's own simulation, such as with a payload; what is zero or nothing needs no word."""
         return cls(SIMULATED, (("fidelity", fidelity), *((name, value) for name, value in chosen.items() if value)))
 
     @property

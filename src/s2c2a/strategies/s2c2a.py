@@ -50,18 +50,18 @@ class Watched:
     Attributes:
         load: at its tip, as far as it is told [kg].
         estimates: whether load and leans are estimated while it works, or stay as they are told.
-        yields: to what leans on it: no more than this force at the tip is made up for [N].
+        yields: to what leans on it: no more than this force at the tip is made up for [N]; all of it if None.
     """
 
     load: float = 0.0
     estimates: bool = True
-    yields: float = np.inf
+    yields: float | None = None
 
     def __post_init__(self):
         """Refuse loads that are none."""
         if not 0.0 <= self.load < MOST_TOLD:
             raise StrategyError(f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg")
-        if not self.yields >= 0.0:
+        if self.yields is not None and not self.yields >= 0.0:
             raise StrategyError(f"an arm that yields to {self.yields} N was asked for; say a force from 0, or none")
 
 
@@ -172,7 +172,9 @@ def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -
     if not senses:
         return Observer.of(arm, Gains.none(), (), estimates=watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
-    observer = Observer.of(arm, gains, senses, estimates=watched.estimates, yields=watched.yields)
+    observer = Observer.of(
+        arm, gains, senses, estimates=watched.estimates, yields=np.inf if watched.yields is None else watched.yields
+    )
     return with_margins(arm, observer)
 
 

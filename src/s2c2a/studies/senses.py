@@ -10,8 +10,9 @@ from s2c2a.arm import ArmSpec, drawn_arm
 from s2c2a.arm.senses import Camera, Flex, Inertial, Senses
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import margins_of
-from s2c2a.evaluation import Row
+from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import Body
+from s2c2a.robots.simulation.happenings import happenings_from
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Watched, observer_of, recipe_named
 from s2c2a.studies.unknown_arms import over_arms
@@ -26,12 +27,14 @@ SETS: dict[str, dict] = {
     "current": {},
     "camera": {"camera": Camera()},
     "flex": {"flex": Flex()},
+    "motion-capture": {"camera": Camera(rate=10.0, delay=0.02, lost=0.0, sees="ends")},
     "imu-current-camera": {"imu": Inertial(), "camera": Camera()},
 }
 """Name -> what is sensed beside encoders; `current` in a name is motors' currents."""
 TOLD = "encoders-told"
 """Encoders, and the word how much hangs at the tip."""
 SETTLED = 20  # steps after which the tip's way counts
+LATE = 0.75  # of a run: what comes after is told by itself
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Worth:
         tasks: names.
         seeds: of data, training and start.
         strength: of drawn arms' flaws, for the rows.
+        happens: while the arm works (`robots.simulation.happenings`).
     """
 
     arms: tuple[ArmSpec, ...]
@@ -53,9 +57,11 @@ class Worth:
     tasks: tuple[str, ...]
     seeds: tuple[int, ...]
     strength: float = 0.0
+    happens: str = ""
 
     def __post_init__(self):
         """Refuse what cannot be tried."""
+        happenings_from(self.happens)
         if unknown := set(self.sets) - {*SETS, TOLD}:
             raise S2C2AError(f"no set of senses '{min(unknown)}'; choose among {', '.join((*SETS, TOLD))}")
         if not (self.arms and self.sets and self.loads and self.tasks and self.seeds):
@@ -82,7 +88,7 @@ def senses_rows(asked: Worth, make: jobs.Make) -> list[Row]:
     """
     tried = [(arm, name, load) for arm in asked.arms for name in asked.sets for load in asked.loads]
     every = jobs.in_groups(make, [_jobs(asked, *one) for one in tried])
-    found = {one: _rows(runs, *one[1:]) for one, runs in zip(tried, every, strict=True)}
+    found = {one: _rows(runs, _said(asked, *one[1:])) for one, runs in zip(tried, every, strict=True)}
     rows = [row for ofone in found.values() for row in ofone]
     if len(asked.arms) == 1:
         return rows
@@ -108,24 +114,43 @@ def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
 
 def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
     watched = Watched(load if name == TOLD else 0.0)
-    under = jobs.Conditions(Body.simulation(payload=load), watched=watched)
+    under = jobs.Conditions(Body.simulation(payload=load, happens=asked.happens), watched=watched)
     return jobs.jobs_for(asked.tasks, sensing(arm, name), ["s2c2a"], asked.seeds, recipe_named("best"), under)
 
 
-def _rows(runs: Sequence[jobs.Run], name: str, load: float) -> list[Row]:
-    """Scores, and how much further than its target the tip went."""
+def _said(asked: Worth, name: str, load: float) -> str:
+    """In place of the strategy's name."""
+    return ", ".join([name, f"{1000 * load:g} g", *[asked.happens] * bool(asked.happens)])
+
+
+def _rows(runs: Sequence[jobs.Run], said: str) -> list[Row]:
+    """Scores, how much further than its target the tip went, and both of the end alone."""
     rows = jobs.score_rows(EXPERIMENT, runs)
     for task in dict.fromkeys(run.task for run in runs):
         ours = [run for run in runs if run.task == task]
-        ways = [_way(run) for run in ours]
-        rows.append(jobs.Heading.of(EXPERIMENT, ours).row(task, "s2c2a", "way", "times", ways, []))
-    said = f"{name}, {1000 * load:g} g"
+        heading, late = jobs.Heading.of(EXPERIMENT, ours), [int(LATE * _steps(run)) for run in ours]
+        found = {
+            ("way", "times"): [_way(run, SETTLED) for run in ours],
+            ("way, last quarter", "times"): [_way(run, first) for run, first in zip(ours, late, strict=True)],
+            ("position, last quarter", "cm"): [_off(run, first) for run, first in zip(ours, late, strict=True)],
+        }
+        rows += [heading.row(task, "s2c2a", *metric, values, []) for metric, values in found.items()]
     return [replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows]
 
 
-def _way(run: jobs.Run) -> float:
-    """Of the tip, over that of its target."""
+def _steps(run: jobs.Run) -> int:
+    return len(run.job.task.wanted_positions())
+
+
+def _off(run: jobs.Run, first: int) -> float:
+    """Of the tip from its target, from a step on [cm]."""
+    errors = position_errors(run.episode.after("states"), run.job.task.wanted_positions())
+    return float(np.nanmean(errors[first:]))
+
+
+def _way(run: jobs.Run, first: int) -> float:
+    """Of the tip, over that of its target, from a step on."""
     wanted = run.job.task.wanted_positions()[:, -1]
     tip = run.episode.after("states")[: len(wanted), -1, POSITION]
-    ways = [np.linalg.norm(np.diff(path[SETTLED:], axis=0), axis=-1) for path in (tip, wanted)]
+    ways = [np.linalg.norm(np.diff(path[first:], axis=0), axis=-1) for path in (tip, wanted)]
     return float(np.nansum(ways[0]) / max(np.nansum(ways[1]), 1e-9))
