@@ -135,6 +135,35 @@ def real(
     print(f"table: {written} (.csv, .tex, .json beside it)")
 
 
+def loads(
+    weights: tyro.conf.Positional[Path],
+    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    seen: float = 20.0,
+    folder: Folder = NEW_FOLDER,
+) -> None:
+    """Loads in recordings of an arm that nobody here made, of which its networks know nothing.
+
+    The observer hears encoders, and where the tip was for the first seconds; then it must do with what it found.
+
+    Args:
+        weights: made by `s2c2a train` from a recording without load.
+        recordings: of the same arm with something at its tip, imported --like the first.
+        seen: for how long the tip is seen [s].
+        folder: where results go.
+    """
+    from s2c2a.data import load_recording
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.strategies import load_strategy
+    from s2c2a.studies.loads import EXPERIMENT, load_rows
+
+    given = {path.stem: load_recording(path) for path in recordings}
+    options = {"weights": weights, "recordings": [str(path) for path in recordings], "seen": seen}
+    with making(EXPERIMENT, options, folder) as (place, _):
+        rows = list(load_rows(load_strategy(weights), given, seen))
+        save_rows(rows, place / "results.json")
+    print_results(f"loads, the tip seen for {seen:g} s", rows, [], place)
+
+
 def plans(weights: tuple[Path, ...] = (), count: int = 10_000, seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
     """Drawn plans beside a long search: which of them stand although their cost could fall.
 
