@@ -88,6 +88,7 @@ def senses(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs import checked_seeds
     from s2c2a.studies import senses as studied
+    from s2c2a.viz.worth import worth_figure
 
     numbers = checked_seeds(0, seeds)
     arms = studied.arms_of(load_arm(arm), drawn, strength)
@@ -98,7 +99,12 @@ def senses(
     with making(studied.EXPERIMENT, options | {"seeds": seeds}, work, go_on=True) as (place, make):
         rows = studied.senses_rows(asked, make) + studied.margin_rows(asked, make)
         save_rows(rows, place / "results.json")
-    print_results(f"senses, {seeds} seeds", rows, [], place)
+        figures = [
+            worth_figure(errors, place / f"{named}-{task}.png", f"{task} with {named}")
+            for named, task in dict.fromkeys((row.arm, row.task) for row in rows)
+            if (errors := studied.errors_of(rows, named, task))
+        ]
+    print_results(f"senses, {seeds} seeds", rows, figures, place)
 
 
 def real(

@@ -112,6 +112,16 @@ def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
     return rows
 
 
+def errors_of(rows: Sequence[Row], arm: str, task: str) -> dict[str, dict[str, float]]:
+    """Errors of the tip [cm], by set of senses and by what hangs there and happens."""
+    errors: dict[str, dict[str, float]] = {}
+    for row in rows:
+        if (row.experiment, row.arm, row.task, row.metric) == (EXPERIMENT, arm, task, "position"):
+            name, under = row.strategy.split(", ", 1)
+            errors.setdefault(name, {})[under] = row.mean
+    return errors
+
+
 def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
     watched = Watched(load if name == TOLD else 0.0)
     under = jobs.Conditions(Body.simulation(payload=load, happens=asked.happens), watched=watched)
