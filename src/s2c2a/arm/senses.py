@@ -7,6 +7,9 @@ from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, between
 
+TAKEN = {"flex", "cables", "states", "configurations", "centre_line", "tensions", "seen", "seen_age", "inclinations"}
+TAKEN |= {"accelerations", "turn_rates", "bends", "imu", "current", "camera"}
+"""Words of the package's own."""
 MOST_NUMBERS = 256
 """Of one sensor of a body's own: a control step has to weigh them all."""
 
@@ -83,8 +86,7 @@ class Senses(Frozen):
     @model_validator(mode="after")
     def _named_once(self):
         names = [one.name for one in self.raw]
-        taken = {"flex", "cables", "states", "configurations"}
-        if wrong := [name for name in names if name in taken or names.count(name) > 1]:
+        if wrong := [name for name in names if name in TAKEN or names.count(name) > 1]:
             raise ValueError(f"senses.raw names '{wrong[0]}', which is taken; give every sensor a name of its own")
         return self
 

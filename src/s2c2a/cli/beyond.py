@@ -95,8 +95,8 @@ def senses(
     loads = tuple(load / 1000 for load in loads_g)
     asked = studied.Worth(arms, sets, loads, tasks, tuple(numbers), strength, happens)
     options = {"arm": arm, "drawn": drawn, "strength": strength, "sets": sets, "loads_g": loads_g, "tasks": tasks}
-    options["happens"] = happens
-    with making(studied.EXPERIMENT, options | {"seeds": seeds}, work, go_on=True) as (place, make):
+    options |= {"happens": happens, "seeds": seeds}
+    with making(studied.EXPERIMENT, options, work, go_on=True) as (place, make):
         rows = studied.senses_rows(asked, make) + studied.margin_rows(asked, make)
         save_rows(rows, place / "results.json")
         figures = [
@@ -162,7 +162,7 @@ def loads(
     from s2c2a.strategies import load_strategy
     from s2c2a.studies.loads import EXPERIMENT, load_rows
 
-    given = {path.stem: load_recording(path) for path in recordings}
+    given = {str(path.with_suffix("")): load_recording(path) for path in recordings}
     options = {"weights": weights, "recordings": [str(path) for path in recordings], "seen": seen}
     with making(EXPERIMENT, options, folder) as (place, _):
         rows = list(load_rows(load_strategy(weights), given, seen))

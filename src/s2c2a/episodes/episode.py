@@ -35,6 +35,7 @@ class Episode:
     | `standing`                        | one where it stood though its cost could fall  |                       |
     | `load`                            | that is believed to hang at the tip [kg]       |                       |
     | `leans`                           | by which modules are believed to lean [rad]    | (modules, 2)          |
+    | `push`                            | force at the tip that leans stand for [N]      |                       |
     | `left_out.NAME`                   | one where a sense was not believed             |                       |
     | `wanted_positions`, `wanted_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
     | `obstacles`                       | centres and thresholds [m]; 0: not there       | (obstacles, 4)        |
@@ -151,7 +152,15 @@ def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, 
     modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
     states, vectors = (modules, 6), (modules, 3)
     known = {"time": (), "actions": cables, "stage": (), "tick_time": (), "expected": states, "sensed": vectors}
-    known |= {"deviation": (modules,), "doubt": (), "rescued": (), "standing": (), "load": (), "leans": (modules, 2)}
+    known |= {
+        "deviation": (modules,),
+        "doubt": (),
+        "rescued": (),
+        "standing": (),
+        "load": (),
+        "leans": (modules, 2),
+        "push": (),
+    }
     known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
     if "obstacles" in columns:
         known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)  # as many as there are

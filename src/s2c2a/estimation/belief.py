@@ -17,7 +17,7 @@ class Belief(NamedTuple):
         covariance: of it.
         calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
         rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
-        before: bends at rest of the last steps [rad], the newest first, shape (steps, modules, 2).
+        before: bends of the last steps [rad] (`senses.Shape`), the newest first, shape (steps, modules, 2).
         states_before: there, of the same steps, shape (steps, modules, 6).
         found_before: what was known of bends at rest beside what encoders tell, of the same steps [rad], shape
             (steps, modules, 2).

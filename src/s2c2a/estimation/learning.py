@@ -19,6 +19,7 @@ FIT = FitOptions(learning_rate=3e-3, batch_size=64, most_epochs=40, patience=40,
 STRETCH, HELD_OUT = 50, 5  # samples in a row; every fifth such stretch is held out
 PLAYS = np.array([0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1])  # of the same
 LAGS = 5.0, 25.0  # s; in which what comes and goes has gone, and in which zeros are seen to wander
+UNHEARD = 1e9  # a spread with which nothing is believed
 LEAST_SPREAD, LEAST_ZERO, LEAST_WANDER = 0.005, 0.05, 3e-3  # of what a sensor's numbers range over, either way
 
 
@@ -146,7 +147,15 @@ def errors_of(
     wander = np.sqrt(np.maximum(later - soon, 0.0) / (LAGS[1] - LAGS[0]))
     found = spread, np.sqrt(_mean(zeros**2)), wander, play
     least = LEAST_SPREAD, LEAST_ZERO, LEAST_WANDER, 0.0
-    return Errors(*(jnp.asarray(np.fmax(one, low * half), jnp.float32) for one, low in zip(found, least, strict=True)))
+    errors = [np.fmax(one, low * half) for one, low in zip(found, least, strict=True)]
+    errors[0] = np.where(_varies(heard.numbers), errors[0], UNHEARD)
+    return Errors(*(jnp.asarray(one, jnp.float32) for one in errors))
+
+
+def _varies(numbers: np.ndarray) -> np.ndarray:
+    """Which numbers told something: that were said, and not always the same."""
+    low, high = np.where(np.isfinite(numbers), numbers, np.inf), np.where(np.isfinite(numbers), numbers, -np.inf)
+    return high.max(axis=0) > low.min(axis=0)
 
 
 def _changed(heard: Heard, left: np.ndarray, lag: int) -> Float[np.ndarray, " numbers"]:

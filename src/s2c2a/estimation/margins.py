@@ -164,7 +164,8 @@ def _stable(loop: _Loop, filtering: np.ndarray, gain: float, delay: int) -> bool
         leans = loop.kept * leans
         rests = queue[:n] + leans
         expected = loop.steps @ expected + loop.inputs @ rests
-        past = np.concatenate([arm[:n] - rests + leans, past[:-n]])  # where it was beside what encoders tell
+        thought = expected[:n] if (loop.late == AT_ONCE).any() else rests
+        past = np.concatenate([arm[:n] - thought + leans, past[:-n]])  # where it was beside what encoders tell
         missed = past.reshape(steps, n)[np.maximum(loop.late, 0)] - leans
         seen = np.where(loop.late[:, None] == AT_ONCE, arm[:n] - expected[:n], missed)
         change = filtering @ (np.einsum("ij,ij->i", loop.slopes, seen) - loop.zeros @ zeros)

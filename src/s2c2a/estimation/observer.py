@@ -29,6 +29,7 @@ LOADED_RATE = 0.06  # rad; a lean of an arm that carries as much as it weighs, b
 BEND_NOISE, TURN_NOISE = 0.04, 1.0  # of the swing, in a second [rad, rad/s]
 MOST_LOAD, MOST_LEAN = 3.0, 0.4  # of the arm's mass, and [rad]
 MOST_CALMING = 0.2  # rad; asked for beside the plan
+ABSURD = 1e6  # in any unit
 STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
 SETTLING = 0.3  # s; over which strangeness is told
 
@@ -53,10 +54,12 @@ class Observer(eqx.Module):
     yields: float = eqx.field(static=True, default=np.inf)
 
     @classmethod
-    def of(cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], **how: Any) -> "Observer":
-        """Of an arm; `how` is `estimates` and `yields`."""
+    def of(
+        cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], estimates: bool = True, yields: float = np.inf
+    ) -> "Observer":
+        """Of an arm."""
         mass = sum(module.mass for module in arm.modules)
-        return cls(gains, senses, mass, arm.control_period, **how)
+        return cls(gains, senses, mass, arm.control_period, estimates, yields)
 
     @property
     def kept(self) -> float:
@@ -71,7 +74,7 @@ class Observer(eqx.Module):
     @property
     def history(self) -> int:
         """How many steps are remembered, for what is told late."""
-        return 2 + int(max((sense.latest for sense in self.senses), default=0.0) / self.period)
+        return 3 + int(max((sense.latest for sense in self.senses), default=0.0) / self.period)
 
     def start(self, states: Float[Array, "modules 6"], load: Float[Array, ""]) -> Belief:
         """Of an arm at rest.
@@ -116,7 +119,7 @@ class Observer(eqx.Module):
         belief = self._moved(belief, rests, slopes)
         by_load = slopes[:, 0]
         belief = belief._replace(
-            before=_pushed(belief.before, rests),
+            before=_pushed(belief.before, self._where(belief) if self.calming else rests),
             states_before=_pushed(belief.states_before, expected),
             found_before=_pushed(belief.found_before, self._found(belief, by_load)),
         )
@@ -184,30 +187,26 @@ class Observer(eqx.Module):
         numbers, slopes, heard = self._against(belief, number, sense, off, by_load)
         hung = jnp.where(heard, off.slopes @ by_load, 0.0)  # what a kilogram more would look like
         spread = slopes @ belief.covariance @ slopes.T + jnp.diag((self.gains.at(belief.mean[0])[3] * off.spread) ** 2)
-        surprise = _surprise(numbers, spread, heard)
         change, unless = self._unless_hung(belief, numbers, spread, hung)
-        strange, left_out, wrong = self._strange(
-            belief, number, jnp.minimum(surprise, _surprise(unless, spread, heard)), heard
-        )
-        wrong = wrong | (jnp.abs(unless).max() > off.most)
-        left_out = jnp.where(wrong, LEFT_OUT_FOR, left_out)
-        loaded = jnp.where((surprise > STRANGE) & ~wrong, change, 0.0)
-        before = belief.covariance.at[0, 0].add(float(self.estimates) * loaded**2)
-        spread = spread + jnp.outer(slopes[:, 0], slopes[:, 0]) * loaded**2
-        gain = jnp.linalg.solve(spread, slopes @ before).T
-        gain = jnp.where(left_out > 0.0, 0.0, gain)
-        covariance = before - gain @ slopes @ before
+        surprise, less = (_surprise(one, spread, heard) for one in (numbers, unless))
+        strange = self._strange(belief, number, jnp.minimum(surprise, less), heard)
+        wrong = (jnp.maximum(strange, jnp.minimum(surprise, less)) > STRANGE) | (jnp.abs(unless).max() > off.most)
+        left_out = jnp.where(wrong, LEFT_OUT_FOR, jnp.maximum(belief.left_out[number] - self.period, 0.0))
+        believed = left_out <= 0.0
+        doubt = jnp.where((surprise > STRANGE) & believed, change, 0.0) ** 2  # the load may be another one now
+        covariance = belief.covariance.at[0, 0].add(doubt)
+        spread = spread + doubt * jnp.outer(slopes[:, 0], slopes[:, 0])
+        mean, covariance = _corrected(belief.mean, covariance, jnp.where(believed, slopes, 0.0), spread, numbers)
         return belief._replace(
-            mean=belief.mean + gain @ numbers,
-            covariance=(covariance + covariance.T) / 2.0,
-            lagging=(*belief.lagging[:number], off.lagging, *belief.lagging[number + 1 :]),
+            mean=mean,
+            covariance=covariance,
             strange=belief.strange.at[number].set(strange),
             left_out=belief.left_out.at[number].set(left_out),
         )
 
     def _against(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> tuple[Array, ...]:
         """What is heard against what is believed, its slopes by all that is believed, and which of it is heard."""
-        bends, heard = belief.calming.size, jnp.isfinite(off.numbers)
+        bends, heard = belief.calming.size, jnp.abs(off.numbers) < ABSURD  # NaN is not
         at = 1 if sense.slow else 1 + bends  # what is told late tells of leans, not of the swing
         slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
         numbers = off.numbers
@@ -221,16 +220,14 @@ class Observer(eqx.Module):
     def _unless_hung(self, belief: Belief, numbers: Array, spread: Array, hung: Array) -> tuple[Array, Array]:
         """A load that may have been hung on or taken off [kg], and what it would leave unexplained."""
         weighed = jnp.linalg.solve(spread, hung)
-        change = weighed @ numbers / (weighed @ hung + 1.0 / self.mass**2)
+        change = float(self.estimates) * (weighed @ numbers) / (weighed @ hung + 1.0 / self.mass**2)
         change = jnp.clip(change, -belief.mean[0], MOST_LOAD * self.mass - belief.mean[0])
         return change, numbers - hung * change
 
-    def _strange(self, belief: Belief, number: int, surprise: Array, heard: Array) -> tuple[Array, Array, Array]:
-        """How strange a sense is of late, for how long it was to be left out still, and whether it is wrong now."""
+    def _strange(self, belief: Belief, number: int, surprise: Array, heard: Array) -> Float[Array, ""]:
+        """How strange a sense is of late."""
         share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
-        strange = belief.strange[number] + share * (surprise - belief.strange[number])
-        left_out = jnp.maximum(belief.left_out[number] - self.period, 0.0)
-        return strange, left_out, jnp.maximum(strange, surprise) > STRANGE
+        return belief.strange[number] + share * (surprise - belief.strange[number])
 
     def _within(self, belief: Belief) -> Belief:
         """Loads are none or more, and leans no more than can be."""
@@ -254,6 +251,15 @@ class Observer(eqx.Module):
         off = belief.mean[1 + bends : 1 + 3 * bends] - jnp.concatenate([aimed.reshape(-1), rates])
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
         return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
+
+
+def _corrected(
+    mean: Float[Array, " n"], covariance: Float[Array, "n n"], slopes: Array, spread: Array, numbers: Array
+) -> tuple[Array, Array]:
+    """Kalman's step."""
+    gain = jnp.linalg.solve(spread, slopes @ covariance).T
+    covariance = covariance - gain @ slopes @ covariance
+    return mean + gain @ numbers, (covariance + covariance.T) / 2.0
 
 
 def _surprise(numbers: Float[Array, " n"], spread: Float[Array, "n n"], heard: Array) -> Float[Array, ""]:

@@ -17,6 +17,7 @@ from s2c2a.kinematics.chain import rotations_to, states_from_bends
 SEEN_SPREAD = 0.003  # rad; of bends that something sees
 LEVEL_SPREAD = 0.02  # rad; of what inertial sensors on a moving arm call down
 LEVEL_ZERO, LEVEL_WANDER = 0.01, 1e-4  # rad, and in a second; of accelerometers as they are sold
+FEW_PICTURES = 5.0  # a second
 END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the swing
 LEAST_TENSION = 0.05  # N
 USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
@@ -33,7 +34,8 @@ class Shape(NamedTuple):
         bends: of its modules [rad], shape (modules, 2).
         leans: of that, what nothing but leans is the reason of [rad], shape (modules, 2).
         tensions: of its cables at rest without leans [N], shape (modules, cables); NaN where the model does not know.
-        before: bends at rest of the last steps, the newest first, shape (steps, modules, 2).
+        before: bends of the last steps, the newest first, as believed if something sees the swing, else at rest, shape
+            (steps, modules, 2).
         states_before: states there, of the same steps, shape (steps, modules, 6).
         since: what bends at rest were found to differ by since then [rad], shape (steps, modules, 2).
         lagging: what the sense that looks lags by, as it said in the last step (`Sense.lagging`).
@@ -213,11 +215,13 @@ class SeenEnds(Sense):
         lengths: of the modules [m].
         period: of the control steps [s].
         delay: where a reading does not say how old a picture is [s].
+        spread: of ends [m]; more where many are seen often, which tell no more of what is slow.
     """
 
     lengths: Float[Array, " modules"]
     period: float = eqx.field(static=True)
     delay: float = eqx.field(static=True)
+    spread: float = eqx.field(static=True)
     name = "camera"
     slow = True
     latest = LATEST
@@ -236,9 +240,9 @@ class SeenEnds(Sense):
         bends, states, since = ((1.0 - share) * part[first] + share * part[first + 1] for part in past)
         expected, slopes = with_slopes(self._ends, bends + since)
         beside = states[:, :3].reshape(-1) - self._ends(bends_from_states(states).reshape(-1))  # what arcs do not have
-        known = (age >= 0.0) & (age <= self.latest)
+        known = (age >= 0.0) & (age <= self.latest + 1.01 * self.period)  # it is read up to a step later
         numbers = jnp.where(known, said["seen"].reshape(-1) - expected - beside, jnp.nan)
-        return Off(numbers, slopes, jnp.full(expected.shape, END_SPREAD), MOST_WAY * jnp.sum(self.lengths))
+        return Off(numbers, slopes, jnp.full(expected.shape, self.spread), MOST_WAY * jnp.sum(self.lengths))
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -269,7 +273,9 @@ def senses_of(arm: ArmSpec, stiffnesses: Float[np.ndarray, " modules"] | None) -
         each, matrices = (jnp.asarray(part, jnp.float32) for part in (stiffnesses, geometry.cable_matrices))
         found.append(Tensions(each[:, None], matrices, noise))
     if (camera := arm.senses.camera) is not None:
-        found.append(SeenEnds(jnp.asarray(geometry.lengths, jnp.float32), arm.control_period, camera.delay))
+        told = max(1.0, camera.rate / FEW_PICTURES) * (arm.module_count if camera.sees == "ends" else 1)
+        spread = END_SPREAD * told**0.5
+        found.append(SeenEnds(jnp.asarray(geometry.lengths, jnp.float32), arm.control_period, camera.delay, spread))
     return tuple(found)
 
 

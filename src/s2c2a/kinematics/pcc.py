@@ -84,7 +84,7 @@ class ForwardModel(eqx.Module):
         return memory
 
     def corrected(self, unknowns: Any, memory: Memory) -> Memory:
-        """After `given`, within the same step: memory of a model that is told a little otherwise."""
+        """After `given`, within the same step: memory of a model that is told a little otherwise; goes with `given`."""
         return memory
 
     @abstractmethod

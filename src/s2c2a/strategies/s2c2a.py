@@ -87,12 +87,13 @@ def train_s2c2a(
     """
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
+    senses_key = jax.random.fold_in(jax.random.key(seed), SENSES)
+    senses = _senses(recording, senses_key, progress) if recipe.observes else {}  # first: they may be too few to learn
     forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
     control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
-        networks["swing"] = _swing(data, recipe, forward.network)
-        networks |= _senses(recording, jax.random.fold_in(jax.random.key(seed), SENSES), progress)
+        networks |= {"swing": _swing(data, recipe, forward.network), **senses}
     return TrainedNetworks.of(recording.arm, recipe, seed, networks)
 
 

@@ -68,7 +68,7 @@ def _started(model: ForwardModel, observer: Observer, plan: Plan, load: Array) -
 def _updated(
     model: ForwardModel, observer: Observer, plan: Plan, belief: Belief, sensed: Array, said: dict[str, Array]
 ) -> tuple[Plan, Belief]:
-    """What is not finite would stay in the belief."""
+    """Plan and belief after one more reading; those of before where anything is not finite, for it would stay."""
     believed = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
     belief, memory = where_finite(believed, (belief, plan.memory))
     return plan._replace(memory=memory), belief

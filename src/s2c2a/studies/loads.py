@@ -50,32 +50,50 @@ def load_rows(networks: TrainedNetworks[Recipe], recordings: Mapping[str, Record
     Raises:
         RecordingError: a recording of another arm, or too short.
     """
-    arm = networks.arm
+    arm, first = networks.arm, round(seen * networks.arm.control_rate)
+    if not networks.recipe.observes:
+        raise RecordingError(f"recipe '{networks.recipe.name}' takes no notice of loads; train with one that observes")
+    observer = observer_of(replace(networks, arm=_with_tip_seen(networks.recipe.felt(arm))))
     for name, recording in recordings.items():
         if (recording.arm.module_count, recording.arm.cable_count) != (arm.module_count, arm.cable_count):
             raise RecordingError(f"{name} is of {recording.arm.name}, and the networks are of {arm.name}")
         if min(recording.lengths) <= seen * arm.control_rate + 1:
             raise RecordingError(f"{name} has episodes that end before the tip was seen for {seen:g} s; say less")
-        for said, seconds in ((NOBODY, 0.0), (FOUND, seen)):
-            every = [believed(networks, recording, one, seconds) for one in range(len(recording.lengths))]
-            yield from _rows(networks, name, said, recording, every, round(seen * arm.control_rate))
+        sensed, tips = training_data(recording, networks.recipe).sensed, recording.sensor("states")[:, :, -1, POSITION]
+        for label, steps in ((NOBODY, 0), (FOUND, first)):
+            every = [
+                believed(networks.c2s, observer, sensed[one, :length], tips[one, :length], steps)
+                for one, length in enumerate(recording.lengths)
+            ]
+            yield from _rows(networks, name, label, tips, every, first)
 
 
-def believed(networks: TrainedNetworks[Recipe], recording: Recording, episode: int, seen: float) -> Believed:
-    """What comes of one episode of a recording, whose tip is seen for so long [s]."""
-    arm, steps = networks.arm, recording.lengths[episode]
-    observer = observer_of(replace(networks, arm=_with_tip_seen(arm)))
-    sensed = training_data(recording, networks.recipe).sensed[episode, :steps].astype(np.float32)
-    tips = recording.sensor("states")[episode, :steps, -1, POSITION]
-    begin, follow = (compiled(part, networks.c2s, observer) for part in (_begun, _followed))
+def believed(
+    model: ForwardModel,
+    observer: Observer,
+    sensed: Float[np.ndarray, "steps modules 3"],
+    tips: Float[np.ndarray, "steps 3"],
+    seen: int,
+) -> Believed:
+    """What comes of one episode, whose tip is seen for so many steps.
+
+    Args:
+        model: of the arm without load.
+        observer: that hears where the tip is.
+        sensed: configurations, by encoders.
+        tips: where the tip was [m].
+        seen: steps.
+    """
+    begin, follow = (compiled(part, model, observer) for part in (_begun, _followed))
+    sensed = sensed.astype(np.float32)
     belief, memory = begin(sensed[0])
-    expected, loads = np.empty((steps, 3)), np.empty(steps)
-    for step in range(steps):
-        said = np.full((arm.module_count, 3), np.nan, np.float32)
-        if step < seen * arm.control_rate:
+    expected, loads = np.empty_like(tips), np.empty(len(tips))
+    for step, now in enumerate(sensed):
+        said = np.full((sensed.shape[1], 3), np.nan, np.float32)
+        if step < seen:
             said[-1] = tips[step]
         heard = {"seen": said, "seen_age": np.zeros((), np.float32)}
-        expected[step], belief, memory = follow(belief, memory, sensed[step], heard)
+        expected[step], belief, memory = follow(belief, memory, now, heard)
         loads[step] = belief.mean[0]
     return Believed(expected, loads)
 
@@ -97,16 +115,15 @@ def _with_tip_seen(arm: ArmSpec) -> ArmSpec:
 
 
 def _rows(
-    networks: TrainedNetworks[Recipe], name: str, said: str, recording: Recording, every: list[Believed], first: int
+    networks: TrainedNetworks[Recipe], name: str, label: str, tips: np.ndarray, every: list[Believed], first: int
 ) -> Iterator[Row]:
     """Of one recording, from a step on."""
-    off, loads = [], []
-    for one, (found, steps) in enumerate(zip(every, recording.lengths, strict=True)):
-        tips = recording.sensor("states")[one, :steps, -1, POSITION]
-        off.append(1000 * np.linalg.norm(found.tips - tips, axis=-1)[first:])
-        loads.append(1000 * found.loads[-1])
-    distances = np.concatenate(off)
-    heading = EXPERIMENT, name, networks.arm.name, "real", said, networks.recipe.name
+    off = [
+        np.linalg.norm(found.tips - true[: len(found.tips)], axis=-1) for found, true in zip(every, tips, strict=True)
+    ]
+    distances = 1000 * np.concatenate([one[first:] for one in off])
+    heading = EXPERIMENT, name, networks.arm.name, "real", label, networks.recipe.name
     far = over_seeds([float(np.nanmean(distances))], [float(np.nanstd(distances))])
     yield Row(*heading, "position", "mm", **far, seeds=(networks.seed,))
-    yield Row(*heading, "load", "g", **over_seeds([float(np.mean(loads))]), seeds=(networks.seed,))
+    load = 1000 * float(np.mean([found.loads[-1] for found in every]))
+    yield Row(*heading, "load", "g", **over_seeds([load]), seeds=(networks.seed,))

@@ -118,10 +118,10 @@ class Currents:
         self.winding = np.where(way == 0, self.winding, way)
         self._at = motors
 
-    def told(self, tensions: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    def told(self, tensions: np.ndarray, noise: float, random: np.random.Generator) -> np.ndarray:
         """Tensions at the motors [N] as the currents tell them."""
-        noise = random.normal(scale=self._motor.current_noise or 0.0, size=tensions.shape)
-        return tensions + self.winding * self._motor.current_friction + noise
+        gears = self.winding * self._motor.current_friction
+        return tensions + gears + random.normal(scale=noise, size=tensions.shape)
 
 
 class Beside:

@@ -8,6 +8,7 @@ import numpy as np
 from s2c2a.errors import S2C2AError
 
 SAMPLE = "8 load 0.05; 10 push 0.3 0 0; 12 push 0 0 0"
+MOST_PAYLOAD = 50.0  # kg
 KINDS = {"load": 1, "push": 3, "homed": 1, "softer": 1, "blind": 0}
 """Name -> how many numbers it takes: kg; N along x, y, z at the tip; m; a share of a cable's stiffness."""
 
@@ -42,7 +43,7 @@ def _one(words: Sequence[str]) -> Happening:
         said = Happening(float(words[0]), kind, numbers)
         if len(numbers) != KINDS[kind] or not np.isfinite([said.time, *numbers]).all() or said.time < 0:
             raise ValueError
-        if kind == "softer" and not 0 <= numbers[0] < 1:
+        if not (kind != "softer" or 0 <= numbers[0] < 1) or not (kind != "load" or 0 <= numbers[0] <= MOST_PAYLOAD):
             raise ValueError
     except (ValueError, KeyError, IndexError) as error:
         kinds = ", ".join(f"{kind} ({count} numbers)" for kind, count in KINDS.items())

@@ -12,7 +12,7 @@ from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.robots.simulation.beside import Beside, Currents, sensed_beside
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
 from s2c2a.robots.simulation.declared import declared_sensors
-from s2c2a.robots.simulation.happenings import Happenings, happenings_from
+from s2c2a.robots.simulation.happenings import MOST_PAYLOAD, Happenings, happenings_from
 from s2c2a.robots.simulation.relaxation import Relaxation
 from s2c2a.robots.simulation.stepping import stepped, taken_over
 from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path
@@ -20,7 +20,6 @@ from s2c2a.robots.simulation.twin import twin_of
 from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
-MOST_PAYLOAD = 50.0  # kg
 
 
 class SimulatedRobot(Robot):
@@ -63,7 +62,10 @@ class SimulatedRobot(Robot):
         self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
         self._body = twin_of(arm, twin) if twin else arm
         self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
-        self._openings, self._payload, self._every = 0, payload, happenings_from(happens)
+        self._openings, self._payload, self._hung, self._firm = 0, payload, payload, 1.0
+        self._every = happenings_from(happens)
+        if any(one.kind == "blind" for one in self._every) and (arm.sensing == "true" or arm.senses.bends):
+            raise S2C2AError("an arm that sees its bends cannot go blind: the simulation scores runs by them")
         self.model = self._model_with(payload)
         self.data, self._rollout = mujoco.MjData(self.model), Rollout(nthread=0)
         modules = range(arm.module_count)
@@ -99,7 +101,8 @@ class SimulatedRobot(Robot):
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
-        if self._every:
+        if self._every or self._firm < 1.0:
+            self._firm = 1.0
             self.load(self._payload)
         mujoco.mj_resetData(self.model, self.data)
         self._openings += 1
@@ -120,12 +123,14 @@ class SimulatedRobot(Robot):
         self._check_sane()
         said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
         if self.arm.motor.current_noise is not None:
-            said["tensions"] = self._currents.told(self._tensions_at_motors(), self._random)
+            said["tensions"] = self._currents.told(
+                self._tensions_at_motors(), self.arm.motor.current_noise, self._random
+            )
         if self._seen is not None:
             said["centre_line"] = self._seen
         said |= self._beside.told(self.data.time)
-        for name in {"tensions", *sensed_beside(self._body)} & set(said) if self._blind else ():
-            del said[name]
+        if self._blind:
+            said = {name: said[name] for name in said.keys() - {"tensions", *sensed_beside(self._body)}}
         return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
@@ -192,18 +197,18 @@ class SimulatedRobot(Robot):
         Raises:
             S2C2AError: impossible payload.
         """
-        model = self._model_with(payload)
+        self._hung, model = payload, self._model_with(payload)
         self.model, self.data = model, taken_over(self.model, self.data, model)
 
     def homed(self, slipped: float) -> None:
         """Let the zeros of all motors slip, each by so much [m] one way or the other."""
-        ways = np.random.default_rng([self._seed, 3, self._openings]).choice([-1.0, 1.0], self._motors.shape)
+        ways = np.random.default_rng([self._seed, 6, self._openings]).choice([-1.0, 1.0], self._motors.shape)
         self._homed_at = self._homed_at + slipped * ways
 
     def softer(self, share: float) -> None:
         """Let the first cable of the first module, which carries most, lose a share of its stiffness."""
-        self.model.actuator_gainprm[0, 0] *= 1.0 - share
-        self.model.actuator_biasprm[0, :2] *= 1.0 - share
+        self._firm *= 1.0 - share
+        self.load(self._hung)
 
     def blind(self) -> None:
         """From now on nothing is said of the arm beside what its motors say."""
@@ -226,7 +231,10 @@ class SimulatedRobot(Robot):
     def _model_with(self, payload: float) -> mujoco.MjModel:
         if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
             raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
-        return build_model(self._body, self._fidelity, payload, self._watched)
+        model = build_model(self._body, self._fidelity, payload, self._watched)
+        model.actuator_gainprm[0, 0] *= self._firm
+        model.actuator_biasprm[0, :2] *= self._firm
+        return model
 
     def _jittered(self) -> Actions:
         """An action a little off neutral, in a random direction of every module."""
