@@ -1,4 +1,4 @@
-"""`s2c2a reproduce`, beyond the paper's tables: drawn arms, senses, real recordings, plans beside a long search."""
+"""`s2c2a reproduce`, beyond the paper's tables: drawn arms, senses, transfer, real recordings, plans."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -86,6 +86,44 @@ def senses(
         rows = studied.senses_rows(asked, make) + studied.margin_rows(asked, make)
         save_rows(rows, place / "results.json")
     print_results(f"senses, {seeds} seeds", rows, [], place)
+
+
+def transfer(
+    arms: int = 3,
+    drawn: int = 1,
+    counts: tuple[int, int] = (4, 6),
+    first: int = 20,
+    strength: float = 0.5,
+    tasks: tuple[str, ...] = ("circle", "tilt-50"),
+    samples: int = 500,
+    base: Arm = "twin_arm",
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Networks of one arm for another of the same make, and for other module counts (docs/transfer.md).
+
+    Cut short, it goes on where it was.
+
+    Args:
+        arms: how many are drawn, each of which begins from the networks of the next; none if zero.
+        drawn: how many are drawn of other module counts; none if zero.
+        counts: of modules, learned from and begun; modules of half the base's length.
+        first: seed of the first that is drawn.
+        strength: of their flaws.
+        tasks: by name.
+        samples: of a short recording.
+        base: a preset or an arm file.
+        seed: of data, training and start.
+        work: where results go, and who works.
+    """
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.studies import transfer as studied
+
+    asked = studied.Transfer(load_arm(base), arms, counts, drawn, first, strength, tasks, samples, seed)
+    with making(studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
+        rows = studied.transfer_rows(asked, make)
+        save_rows(rows, place / "results.json")
+    print_results(studied.EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
 
 
 def real(
