@@ -89,10 +89,9 @@ def senses(
 
 
 def transfer(
-    arms: int = 3,
-    drawn: int = 1,
+    drawn: tuple[int, ...] = (0, 20, 21),
     counts: tuple[int, int] = (4, 6),
-    first: int = 20,
+    halves: tuple[int, ...] = (20,),
     strength: float = 0.5,
     tasks: tuple[str, ...] = ("circle", "tilt-50"),
     samples: int = 500,
@@ -105,10 +104,9 @@ def transfer(
     Cut short, it goes on where it was.
 
     Args:
-        arms: how many are drawn, each of which begins from the networks of the next; none if zero.
-        drawn: how many are drawn of other module counts; none if zero.
+        drawn: seeds of arms as `s2c2a arm random` draws them; each begins from the networks of the next.
         counts: of modules, learned from and begun; modules of half the base's length.
-        first: seed of the first that is drawn.
+        halves: seeds of arms of these counts.
         strength: of their flaws.
         tasks: by name.
         samples: of a short recording.
@@ -119,7 +117,7 @@ def transfer(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.studies import transfer as studied
 
-    asked = studied.Transfer(load_arm(base), arms, counts, drawn, first, strength, tasks, samples, seed)
+    asked = studied.Transfer(load_arm(base), drawn, counts, halves, strength, tasks, samples, seed)
     with making(studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
         rows = studied.transfer_rows(asked, make)
         save_rows(rows, place / "results.json")

@@ -29,6 +29,8 @@ LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 DELAY = 0.1  # s; time constant of the filter for it
 MOST_CREEP = 0.5  # of a filter's weight before training
+PULL = 3e-3
+"""Of a model that began elsewhere towards where it began, for a squared change of one beside squared errors."""
 REHEARSED = FitOptions(learning_rate=2e-3, most_epochs=20, patience=20, epochs_per_call=10, decay=True)
 """How a new network learns what weights do."""
 
@@ -84,19 +86,19 @@ class ChainOptions(ForwardOptions):
         samples = samples_along(model, data).training
         if np.isfinite(samples.targets).all():
             model = _with_fitted_hysteresis(model, samples)
-        return self.go_on(model, data, fit, fit_key, progress)
+        return _trained(model, data, lambda model: model, fit, fit_key, progress)
 
     def go_on(  # type: ignore[override]
         self, model: ChainC2S, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
     ) -> Trained[ChainC2S]:
-        """See `ForwardOptions`: everything together."""
-        return _trained(model, data, lambda model: model, fit, key, progress)
+        """See `ForwardOptions`: everything together, pulled towards where it began: few samples tell little of it."""
+        return _trained(model, data, lambda model: model, fit, key, progress, PULL)
 
     def carried(  # type: ignore[override]
         self, model: ChainC2S, old: ArmSpec, new: ArmSpec, babbling: CollectOptions, key: PRNGKeyArray
     ) -> ChainC2S:
         """See `ForwardOptions`: module by module; of another count the network learns anew, what weights do."""
-        chain = carried_over(model, old, self.untrained(new, key), new)
+        chain = carried_over(model, old, ChainOptions.untrained(self, new, key), new)
         if not chain.statics or old.module_count == new.module_count:
             return chain
         data, part = babbled(new, babbling), attrgetter("network")
@@ -117,14 +119,25 @@ class ChainOptions(ForwardOptions):
 
 
 def _trained(
-    model: ChainC2S, data: TrainingData, seen: Callable[[ChainC2S], ChainC2S], fit: FitOptions, key, progress: Progress
+    model: ChainC2S,
+    data: TrainingData,
+    seen: Callable[[ChainC2S], ChainC2S],
+    fit: FitOptions,
+    key: PRNGKeyArray,
+    progress: Progress,
+    pull: float = 0.0,
 ) -> Trained[ChainC2S]:
-    """Trained to say true states, as far as what is seen of it can."""
-    unit = LENGTH_UNIT * data.arm.length
+    """Trained to say true states, as far as what is seen of it can, and not to go far from where it began."""
+    unit, begun = LENGTH_UNIT * data.arm.length, eqx.filter(model, eqx.is_inexact_array)
+
+    def far(model: ChainC2S) -> Array:
+        moved = jax.tree.map(jnp.subtract, eqx.filter(model, eqx.is_inexact_array), begun)
+        return sum((jnp.sum(part**2) for part in jax.tree.leaves(moved)), jnp.zeros(()))
 
     def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
         error = known_error(answer(seen(model), batch), batch["targets"])
-        return jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+        missed = jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+        return missed if key is None or not pull else missed + pull * far(model)
 
     return train(model, loss, answer, samples_along(model, data), fit, key, progress)
 

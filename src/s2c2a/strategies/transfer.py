@@ -11,7 +11,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import FitOptions
 
-LONGER = 5  # times as many epochs
+LONGER = 2  # times as many epochs
 MAKE = ("actuation", "cable_count", "sensing", "sensing_coupling", "coupled_cables", "control_rate")
 """What arms of one make share: what motors are told, what tells how modules bend, and how long a step is."""
 

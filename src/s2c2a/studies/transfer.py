@@ -29,10 +29,9 @@ class Transfer:
 
     Attributes:
         base: whose flaws are drawn.
-        arms: how many; each begins from the networks of the next.
-        counts: of modules, of arms that are learned from, and that begin; none if zero.
-        drawn: how many of either count.
-        first: seed of the first that is drawn.
+        drawn: seeds of arms, each of which begins from the networks of the next.
+        counts: of modules, of arms that are learned from, and that begin.
+        halves: seeds of arms of either count.
         strength: of flaws.
         tasks: names.
         samples: of a short recording.
@@ -40,10 +39,9 @@ class Transfer:
     """
 
     base: ArmSpec
-    arms: int = 3
+    drawn: tuple[int, ...] = (0, 20, 21)
     counts: tuple[int, int] = (4, 6)
-    drawn: int = 1
-    first: int = 20
+    halves: tuple[int, ...] = (20,)
     strength: float = 0.5
     tasks: tuple[str, ...] = ("circle", "tilt-50")
     samples: int = 500
@@ -51,10 +49,10 @@ class Transfer:
 
     def __post_init__(self):
         """Refuse what cannot be tried."""
-        if self.arms == 1 or self.arms < 0 or self.drawn < 0 or not self.tasks or self.samples < EPISODE:
+        if len(self.drawn) == 1 or not self.tasks or self.samples < EPISODE:
             raise S2C2AError(
-                f"{self.arms} arms, {self.drawn} of other counts, {len(self.tasks)} tasks and {self.samples} samples "
-                f"asked for; take two arms or more, or none, at least a task, and {EPISODE} samples"
+                f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} samples asked for; take two arms "
+                f"or more, or none, at least a task, and {EPISODE} samples"
             )
 
     @property
@@ -64,14 +62,13 @@ class Transfer:
 
     def pairs(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """Arms that begin, and whose networks they begin from."""
-        drawn = [drawn_arm(self.base, self.first + one, self.strength) for one in range(self.arms)]
+        drawn = [drawn_arm(self.base, seed, self.strength) for seed in self.drawn]
         return list(zip(drawn, drawn[1:] + drawn[:1], strict=True))
 
     def longer(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """The same of other module counts."""
         old, new = (of_halves(self.base, count) for count in self.counts)
-        seeds = range(self.first, self.first + self.drawn)
-        return [tuple(drawn_arm(one, seed, self.strength) for one in (new, old)) for seed in seeds]  # type: ignore[misc]
+        return [tuple(drawn_arm(one, seed, self.strength) for one in (new, old)) for seed in self.halves]  # type: ignore[misc]
 
 
 def of_halves(arm: ArmSpec, count: int) -> ArmSpec:
