@@ -119,6 +119,12 @@ def test_other_cables_and_actuation_are_refused(tiny_best_networks, make_arm, si
         transferred(tiny_best_networks, simulated)
 
 
+def test_other_counts_are_refused_where_cables_are_not_felt(tiny_best_recipe, simulated):
+    model, fewer = tiny_best_recipe.c2s.untrained(simulated, jax.random.key(0)), of_count(simulated, 2)
+    with pytest.raises(TrainingError, match="of 2; other counts"):
+        tiny_best_recipe.c2s.carried(model, simulated, fewer, tiny_best_recipe.collect_options(), jax.random.key(0))
+
+
 def test_networks_of_another_recipe_are_refused(tiny_networks, recording, tiny_best_recipe):
     with pytest.raises(StrategyError, match="differs in c2s"):
         train_s2c2a(recording, tiny_best_recipe, 0, start=tiny_networks)

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
+from s2c2a.errors import TrainingError
 from s2c2a.kinematics import ForwardModel, bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
@@ -99,8 +100,13 @@ class ChainOptions(ForwardOptions):
     ) -> ChainC2S:
         """See `ForwardOptions`: module by module; of another count the network learns anew, what weights do."""
         chain = carried_over(model, old, ChainOptions.untrained(self, new, key), new)
-        if not chain.statics or old.module_count == new.module_count:
+        if old.module_count == new.module_count:
             return chain
+        if not chain.statics:
+            raise TrainingError(
+                f"networks of {old.module_count} modules were given for '{new.name}' of {new.module_count}; other "
+                "counts carry over where encoders tell of cables that motors move; collect, and train without --from"
+            )
         data, part = babbled(new, babbling), attrgetter("network")
         states = [np.asarray(under_weights(chain, jnp.asarray(one))) for one in inputs_along(chain, data)]
         weighed = replace(data, states=np.stack(states))

@@ -226,7 +226,7 @@ class LocalOptions(ChainOptions):
         """See `ForwardOptions`: the chain, and where it was shown; local models are of one arm alone."""
         chain, blank = super().carried(model.chain, old, new, babbling, key), self.untrained(new, key)
         begun, known = replace(blank, chain=chain), model.known
-        if old.module_count == new.module_count or not chain.statics:
+        if old.module_count == new.module_count:
             return replace(begun, known=known)
         longer = jnp.asarray(same_places(old.module_count, new.module_count)) * new.length / old.length
         known = self._known(begun, samples_along(chain, babbled(new, babbling)), new)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import jax
-import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
@@ -49,17 +48,15 @@ def check_alike(old: ArmSpec, new: ArmSpec) -> None:
     """Raise StrategyError where what was learned of one arm says nothing of another."""
     for key in MAKE:
         theirs, ours = getattr(old, key), getattr(new, key)
-        if key == "sensing_coupling" and theirs is None is ours:
-            continue
-        if theirs != ours or (key == "sensing_coupling" and old.module_count != new.module_count):
+        if theirs != ours:
             raise StrategyError(
-                f"'{new.name}' has {key} {_said(ours)}, '{old.name}', whose networks were given, {_said(theirs)}: "
+                f"'{new.name}' has {key} {ours!r}, '{old.name}', whose networks were given, {theirs!r}: "
                 "nothing carries over; collect a whole recording and train without --from"
             )
 
 
 def check_same_training(networks: TrainedNetworks[Recipe], recipe: Recipe) -> None:
-    """Raise StrategyError where networks have other shapes, or learned otherwise, than a recipe's."""
+    """Raise StrategyError where networks have other shapes, or were made for other senses, than a recipe's."""
     theirs, ours = networks.recipe, recipe
     parts = ("c2s", "c2a", "directions", "observes")
     if differing := [part for part in parts if getattr(theirs, part) != getattr(ours, part)]:
@@ -67,7 +64,3 @@ def check_same_training(networks: TrainedNetworks[Recipe], recipe: Recipe) -> No
             f"recipe '{ours.name}' differs in {', '.join(differing)} from '{theirs.name}', by which the networks to "
             f"begin from were trained; take --recipe {theirs.name}, or one that differs elsewhere"
         )
-
-
-def _said(value: object) -> str:
-    return str(np.asarray(value).tolist()) if isinstance(value, tuple) else repr(value)
