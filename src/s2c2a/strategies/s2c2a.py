@@ -77,15 +77,13 @@ def train_s2c2a(
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     told = _named(progress, "C2S"), _named(progress, "C2A")
-    control: Trained
-    if start is None:
-        forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, told[0])
-        control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1])
-    else:
+    if start is not None:
         check_same_training(start, recipe)
         begun = transferred(start, recording.arm, seed)
         forward = recipe.c2s.go_on(begun.c2s, data, longer(recipe.c2s_fit), c2s_key, told[0])
-        control = Trained(begun.c2a, begun.curves["C2A"], begun.percent["C2A"])  # motors know not what they pull
+        return begun.with_trained("C2S", forward, recipe)  # neither motors nor how modules swing are other ones
+    forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, told[0])
+    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1])
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
         networks["swing"] = _swing(data, recipe, forward.network)

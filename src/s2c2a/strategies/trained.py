@@ -57,6 +57,13 @@ class TrainedNetworks(Generic[Options]):
         said = ({name: getattr(one, part) for name, one in trained.items()} for part in ("network", "percent", "curve"))
         return cls(arm, recipe, seed, *said)
 
+    def with_trained(self, name: str, trained: Trained, recipe: Options) -> "TrainedNetworks[Options]":
+        """The same with one of them trained as a recipe says."""
+        networks, percent = {**self.networks, name: trained.network}, {**self.percent, name: trained.percent}
+        return replace(
+            self, recipe=recipe, networks=networks, percent=percent, curves={**self.curves, name: trained.curve}
+        )
+
     @property
     def c2s(self) -> ForwardModel:
         """The forward model of the paper's strategy."""
