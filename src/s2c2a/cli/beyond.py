@@ -91,7 +91,7 @@ def senses(
 def transfer(
     drawn: tuple[int, ...] = (0, 20, 21),
     counts: tuple[int, int] = (4, 6),
-    halves: tuple[int, ...] = (20,),
+    halves: tuple[int, ...] = (20, 21),
     strength: float = 0.5,
     tasks: tuple[str, ...] = ("circle", "tilt-50"),
     samples: int = 500,

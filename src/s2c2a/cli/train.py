@@ -31,7 +31,7 @@ def train(
     """Train both networks on a recording, and draw their learning curves beside the file.
 
     With --from, networks of another arm of the same make are begun from, its module count may differ, and a short
-    recording will do (docs/transfer.md): `s2c2a collect mine.toml --babbling motor --episodes 5 --samples 100`.
+    recording will do (docs/transfer.md): `s2c2a collect --arm mine.toml --babbling motor --episodes 5 --samples 100`.
 
     Args:
         out: the strategy to write, such as twin.safetensors.
@@ -55,7 +55,8 @@ def train(
     curves = {name: [dict(zip(columns, row, strict=True)) for row in rows] for name, rows in networks.curves.items()}
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
-    print_table("Held-out errors, of full range", ("network", "error"), held_out)
+    where = "" if begun is None else f"; what was not trained here, of {begun.arm.name}"
+    print_table(f"Held-out errors, of full range{where}", ("network", "error"), held_out)
     if chosen.observes and (observer := strategies.observer_of(networks)).senses:
         found = margins_of(networks.arm, observer)
         print(f"margins of the loop, with up to {CARRIED:g} of the arm's mass at its tip: {found}")

@@ -5,6 +5,7 @@ Recordings are of arms when they are young, runs of the same arms aged (docs/pro
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 
 from s2c2a import jobs
@@ -41,7 +42,7 @@ class Transfer:
     base: ArmSpec
     drawn: tuple[int, ...] = (0, 20, 21)
     counts: tuple[int, int] = (4, 6)
-    halves: tuple[int, ...] = (20,)
+    halves: tuple[int, ...] = (20, 21)
     strength: float = 0.5
     tasks: tuple[str, ...] = ("circle", "tilt-50")
     samples: int = 500
@@ -94,23 +95,36 @@ def transfer_rows(asked: Transfer, make: jobs.Make) -> list[Row]:
         make: finds or makes runs, networks and recordings.
     """
     rows = []
-    for pairs, ways in ((asked.pairs(), (FULL, SCRATCH, ANOTHER)), (asked.longer(), (FULL, SCRATCH, ANOTHER, NOTHING))):
-        tried = [(pair, way) for pair in pairs for way in ways]
-        every = jobs.in_groups(make, [_jobs(asked, *pair, way) for pair, way in tried])
-        found = [_named(jobs.score_rows(EXPERIMENT, runs), way) for (_, way), runs in zip(tried, every, strict=True)]
+    for pairs in (asked.pairs(), asked.longer()):
+        tried = [(pair, way) for pair in pairs for way in (FULL, SCRATCH, ANOTHER, NOTHING)]
+        make([job for pair, way in tried if way != SCRATCH for job in _jobs(asked, *pair, way)])  # all side by side
+        every = [_made(make, _jobs(asked, *pair, way), may_fail=way == SCRATCH) for pair, way in tried]
+        found = [
+            _named(jobs.score_rows(EXPERIMENT, runs), way) for (_, way), runs in zip(tried, every, strict=True) if runs
+        ]
         if found:
-            summed = over_arms(found, asked.strength)
+            summed = [
+                replace(row, arm=f"{row.arm}, {pairs[0][0].module_count} modules")
+                for row in over_arms(found, asked.strength)
+            ]
             rows += ratios(summed) + summed + [row for one in found for row in one]
     return rows
+
+
+def _made(make: jobs.Make, asked: Sequence[jobs.Job], may_fail: bool) -> list[jobs.Run]:
+    """Runs; none where so few samples could not be learned from."""
+    with suppress(S2C2AError) if may_fail else nullcontext():
+        return make(asked)
+    return []
 
 
 def ratios(rows: Sequence[Row]) -> list[Row]:
     """Errors over those of a whole recording."""
     whole = {(row.arm, row.task, row.metric): row.mean for row in rows if row.strategy == FULL}
     return [
-        replace(row, unit="times", mean=row.mean / whole[row.arm, row.task, row.metric])
+        replace(row, unit="times", mean=row.mean / whole[of])
         for row in rows
-        if row.strategy != FULL and row.arm.startswith("mean")
+        if row.strategy != FULL and row.arm.startswith("mean") and (of := (row.arm, row.task, row.metric)) in whole
     ]
 
 
