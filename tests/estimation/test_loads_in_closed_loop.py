@@ -91,7 +91,7 @@ def test_slipped_zeros_are_made_up_for():
     arm = TWIN.model_copy(update={"sensing": "true"})
     seeing = s2c2a_strategy(replace(shipped_networks(TWIN), arm=arm))
     _, errors = run(seeing, arm=arm, happens="2 homed 0.0005")
-    assert errors[-60:].mean() < 0.6
+    assert errors[-60:].mean() < 0.7  # 0.3 without; some 2 if nothing was done
 
 
 def test_the_next_start_knows_nothing_of_it(strategy):

@@ -1,4 +1,4 @@
-"""`s2c2a reproduce`, beyond the paper's tables: drawn arms, senses, real recordings, plans beside a long search."""
+"""`s2c2a reproduce`, beyond the paper's tables: drawn arms, senses, transfer, real recordings, plans."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -105,6 +105,42 @@ def senses(
             if (errors := studied.errors_of(rows, named, task))
         ]
     print_results(f"senses, {seeds} seeds", rows, figures, place)
+
+
+def transfer(
+    drawn: tuple[int, ...] = (0, 20, 21),
+    counts: tuple[int, int] = (4, 6),
+    halves: tuple[int, ...] = (20, 21),
+    strength: float = 0.5,
+    tasks: tuple[str, ...] = ("circle", "tilt-50"),
+    samples: int = 500,
+    base: Arm = "twin_arm",
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Networks of one arm for another of the same make, and for other module counts (docs/transfer.md).
+
+    Cut short, it goes on where it was.
+
+    Args:
+        drawn: seeds of arms as `s2c2a arm random` draws them; each begins from the networks of the next.
+        counts: of modules, learned from and begun; modules of half the base's length.
+        halves: seeds of arms of these counts.
+        strength: of their flaws.
+        tasks: by name.
+        samples: of a short recording.
+        base: a preset or an arm file.
+        seed: of data, training and start.
+        work: where results go, and who works.
+    """
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.studies import transfer as studied
+
+    asked = studied.Transfer(load_arm(base), drawn, counts, halves, strength, tasks, samples, seed)
+    with making(studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
+        rows = studied.transfer_rows(asked, make)
+        save_rows(rows, place / "results.json")
+    print_results(studied.EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
 
 
 def real(

@@ -92,7 +92,7 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
 
 
 app.command(name="unknown-arms")(beyond.unknown_arms)
-for _verb in (beyond.senses, beyond.loads, beyond.real, beyond.plans):
+for _verb in (beyond.senses, beyond.loads, beyond.transfer, beyond.real, beyond.plans):
     app.command(_verb)
 
 

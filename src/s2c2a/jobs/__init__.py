@@ -13,6 +13,7 @@ of versions to it.
 
 from s2c2a.executors import Processes, Serial, Threads
 from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks, LSTMArtifact, NetworksArtifact, RecordingArtifact
+from s2c2a.jobs.begun import BegunNetworks
 from s2c2a.jobs.job import SIMULATED_FAST, STRATEGIES, Conditions, Job, Run, checked_seeds, jobs_for
 from s2c2a.jobs.making import Make, check_robots, in_groups, made, make_all, run_all, try_all
 from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows

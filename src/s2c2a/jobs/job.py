@@ -14,7 +14,7 @@ from s2c2a import episodes, evaluation, strategies, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks, LSTMArtifact, NetworksArtifact, digest_of
+from s2c2a.jobs.artifacts import Artifact, Cache, LSTMArtifact, NetworksArtifact, digest_of
 from s2c2a.planning import Guard
 from s2c2a.progress import Progress
 from s2c2a.robots import Body, Robot
@@ -91,7 +91,7 @@ class Job(Artifact[Run]):
     recipe: Recipe
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
-    weights: GivenNetworks | None = None
+    weights: Artifact[strategies.TrainedNetworks] | None = None
 
     def __post_init__(self):
         """Refuse a strategy that nobody knows."""
@@ -194,7 +194,7 @@ def jobs_for(
     seeds: Sequence[int],
     recipe: Recipe,
     conditions: Conditions = SIMULATED_FAST,
-    weights: GivenNetworks | None = None,
+    weights: Artifact[strategies.TrainedNetworks] | None = None,
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.
 

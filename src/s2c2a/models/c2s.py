@@ -11,7 +11,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import forward_samples
+from s2c2a.data import CollectOptions, forward_samples
+from s2c2a.errors import TrainingError
 from s2c2a.kinematics.pcc import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
@@ -67,6 +68,29 @@ class ForwardOptions(ABC):
         Raises:
             TrainingError: too few samples, or the loss is not finite.
         """
+
+    def carried(
+        self, model: ForwardModel, old: ArmSpec, new: ArmSpec, babbling: CollectOptions, key: PRNGKeyArray
+    ) -> ForwardModel:
+        """What another arm of the same make begins with.
+
+        Args:
+            model: trained.
+            old: for which arm.
+            new: the arm that begins.
+            babbling: how its data would be collected.
+            key: of everything random.
+
+        Raises:
+            TrainingError: such models begin from nothing.
+        """
+        raise TrainingError(f"forward models '{self.model}' begin from nothing; train without --from")
+
+    def go_on(
+        self, model: ForwardModel, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[ForwardModel]:
+        """A model that began elsewhere, trained; see `train`."""
+        raise TrainingError(f"forward models '{self.model}' begin from nothing; train without --from")
 
 
 class C2S(MemorylessModel):

@@ -1,6 +1,8 @@
 """How the chain is made and trained: hysteresis first, by least squares, then everything together."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 import equinox as eqx
@@ -10,12 +12,15 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
+from s2c2a.errors import TrainingError
 from s2c2a.kinematics import ForwardModel, bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
 from s2c2a.models.statics import Equilibrium
+from s2c2a.models.transfer import babbled, carried_over, under_weights
 from s2c2a.models.trunk import Trunk
 from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
@@ -25,6 +30,10 @@ LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 DELAY = 0.1  # s; time constant of the filter for it
 MOST_CREEP = 0.5  # of a filter's weight before training
+PULL = 3e-3
+"""Of a model that began elsewhere towards where it began, for a squared change of one beside squared errors."""
+REHEARSED = FitOptions(learning_rate=2e-3, most_epochs=20, patience=20, epochs_per_call=10, decay=True)
+"""How a new network learns what weights do."""
 
 
 @dataclass(frozen=True)
@@ -75,16 +84,33 @@ class ChainOptions(ForwardOptions):
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
-        split = samples_along(model, data)
-        unit = LENGTH_UNIT * data.arm.length
+        samples = samples_along(model, data).training
+        if np.isfinite(samples.targets).all():
+            model = _with_fitted_hysteresis(model, samples)
+        return _trained(model, data, lambda model: model, fit, fit_key, progress)
 
-        def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-            error = known_error(answer(model, batch), batch["targets"])
-            return jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+    def go_on(  # type: ignore[override]
+        self, model: ChainC2S, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[ChainC2S]:
+        """See `ForwardOptions`: everything together, pulled towards where it began: few samples tell little of it."""
+        return _trained(model, data, lambda model: model, fit, key, progress, PULL)
 
-        if np.isfinite(split.training.targets).all():
-            model = _with_fitted_hysteresis(model, split.training)
-        return train(model, loss, answer, split, fit, fit_key, progress)
+    def carried(  # type: ignore[override]
+        self, model: ChainC2S, old: ArmSpec, new: ArmSpec, babbling: CollectOptions, key: PRNGKeyArray
+    ) -> ChainC2S:
+        """See `ForwardOptions`: module by module; of another count the network learns anew, what weights do."""
+        chain = carried_over(model, old, ChainOptions.untrained(self, new, key), new)
+        if old.module_count == new.module_count:
+            return chain
+        if not chain.statics:
+            raise TrainingError(
+                f"networks of {old.module_count} modules were given for '{new.name}' of {new.module_count}; other "
+                "counts carry over where encoders tell of cables that motors move; collect, and train without --from"
+            )
+        data, part = babbled(new, babbling), attrgetter("network")
+        states = [np.asarray(under_weights(chain, jnp.asarray(one))) for one in inputs_along(chain, data)]
+        weighed = replace(data, states=np.stack(states))
+        return _trained(chain, weighed, lambda m: eqx.tree_at(part, chain, m.network), REHEARSED, key, quiet).network
 
     def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`; where cables moved together, that counts too."""
@@ -96,6 +122,30 @@ class ChainOptions(ForwardOptions):
         head = network.layers[-1]
         quiet = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
         return eqx.tree_at(lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, quiet)
+
+
+def _trained(
+    model: ChainC2S,
+    data: TrainingData,
+    seen: Callable[[ChainC2S], ChainC2S],
+    fit: FitOptions,
+    key: PRNGKeyArray,
+    progress: Progress,
+    pull: float = 0.0,
+) -> Trained[ChainC2S]:
+    """Trained to say true states, as far as what is seen of it can, and not to go far from where it began."""
+    unit, begun = LENGTH_UNIT * data.arm.length, eqx.filter(model, eqx.is_inexact_array)
+
+    def far(model: ChainC2S) -> Array:
+        moved = jax.tree.map(jnp.subtract, eqx.filter(model, eqx.is_inexact_array), begun)
+        return sum((jnp.sum(part**2) for part in jax.tree.leaves(moved)), jnp.zeros(()))
+
+    def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
+        error = known_error(answer(seen(model), batch), batch["targets"])
+        missed = jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+        return missed if key is None or not pull else missed + pull * far(model)
+
+    return train(model, loss, answer, samples_along(model, data), fit, key, progress)
 
 
 def _is_felt_through_cables(arm: ArmSpec) -> bool:

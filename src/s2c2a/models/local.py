@@ -14,12 +14,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
 from s2c2a.models.chain import ChainC2S, ChainMemory
 from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
 from s2c2a.models.doubt import Known, known_from
 from s2c2a.models.kernels import Kernels, fitted_kernels
+from s2c2a.models.transfer import babbled, same_places
 from s2c2a.models.unknowns import Unknowns
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
@@ -203,8 +205,8 @@ class LocalOptions(ChainOptions):
         """The chain before training, and a local model that says nothing."""
         chain, modules = super().untrained(arm, key), arm.module_count
         kernels = Kernels.silent(len(self._kinds(chain)), 6 * modules, self.points)
-        unknown = Known.none(3 * modules, self.few, modules)
-        return LocalC2S(chain, kernels, jnp.ones((modules, 6)), unknown, UNIT * arm.length)
+        none = jnp.ones((modules, 6)), Known.none(3 * modules, self.few, modules)
+        return LocalC2S(chain, kernels, *none, UNIT * arm.length)
 
     def train(  # type: ignore[override]
         self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
@@ -212,7 +214,30 @@ class LocalOptions(ChainOptions):
         """See `ForwardOptions`: the chain first, then what it leaves out."""
         widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
         chain = ChainOptions(self.hidden, self.depth, widths, self.creep_times, self.statics)
-        result = chain.train(data, fit, key, progress)
+        return self._with_local(chain.train(data, fit, key, progress), data, key)
+
+    def go_on(  # type: ignore[override]
+        self, model: LocalC2S, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+    ) -> Trained[LocalC2S]:
+        """See `ForwardOptions`: the chain first, then what it leaves out; what was known before stays known."""
+        trained = self._with_local(super().go_on(model.chain, data, fit, key, progress), data, key)
+        known = replace(model.known, usual_error=trained.network.known.usual_error)
+        return replace(trained, network=replace(trained.network, known=known))
+
+    def carried(  # type: ignore[override]
+        self, model: LocalC2S, old: ArmSpec, new: ArmSpec, babbling: CollectOptions, key: PRNGKeyArray
+    ) -> LocalC2S:
+        """See `ForwardOptions`: the chain, and where it was shown; local models are of one arm alone."""
+        chain, blank = super().carried(model.chain, old, new, babbling, key), self.untrained(new, key)
+        begun = replace(blank, chain=chain, known=model.known)
+        if old.module_count == new.module_count:
+            return begun
+        longer = jnp.asarray(same_places(old.module_count, new.module_count)) * new.length / old.length
+        known = self._known(begun, samples_along(chain, babbled(new, babbling)), new)
+        return replace(begun, known=replace(known, usual_error=longer @ model.known.usual_error))
+
+    def _with_local(self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray) -> Trained[LocalC2S]:
+        """A trained chain, and beside it what does best on samples held out."""
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
         known = np.isfinite(split.training.targets).any(axis=0)
@@ -240,10 +265,8 @@ class LocalOptions(ChainOptions):
 
     def _known(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Known:
         """By the samples held out from training."""
-        seen, held_out = (
-            np.asarray(model.place(jnp.asarray(part.inputs["configurations"][:, :, 0])))
-            for part in (split.training, split.validation)
-        )
+        parts = (part.inputs["configurations"][:, :, 0] for part in (split.training, split.validation))
+        seen, held_out = (np.asarray(model.place(jnp.asarray(part))) for part in parts)
         return known_from(seen, held_out, _distances(model, split.validation), self.few, arm.length)
 
     def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:

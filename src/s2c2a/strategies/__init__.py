@@ -15,3 +15,4 @@ from s2c2a.strategies.s2c2a import (
 )
 from s2c2a.strategies.strategy import AnyStrategy, Strategy, fitted_gains, pcc_fitted_strategy, pcc_strategy
 from s2c2a.strategies.trained import TrainedNetworks, load_lstm, load_strategy, save_lstm, save_strategy
+from s2c2a.strategies.transfer import transferred

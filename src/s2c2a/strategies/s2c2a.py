@@ -35,6 +35,7 @@ from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.recipe import Recipe, recipe_named
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks, arm_of_strategy, load_strategy
+from s2c2a.strategies.transfer import check_same_training, longer, transferred
 from s2c2a.training import Trained, TrainingData
 
 FOLDER = resources.files("s2c2a.strategies").joinpath("weights")
@@ -71,7 +72,11 @@ NetworkProgress = Callable[[str, int, int, float], None]
 
 
 def train_s2c2a(
-    recording: Recording, recipe: Recipe, seed: int, progress: NetworkProgress = lambda *_: None
+    recording: Recording,
+    recipe: Recipe,
+    seed: int,
+    progress: NetworkProgress = lambda *_: None,
+    start: TrainedNetworks[Recipe] | None = None,
 ) -> TrainedNetworks[Recipe]:
     """Train both networks on a recording.
 
@@ -80,17 +85,25 @@ def train_s2c2a(
         recipe: sizes and options.
         seed: of everything random.
         progress: told network, epoch, most epochs, validation loss.
+        start: networks of another arm of the same make to begin from; a short recording will do then.
 
     Raises:
         RecordingError: episodes are missing or too short, or the recording holds no true states.
+        StrategyError: the networks to begin from are of another make or recipe.
         TrainingError: too few samples, or the loss is not finite.
     """
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     senses_key = jax.random.fold_in(jax.random.key(seed), SENSES)
     senses = _senses(recording, senses_key, progress) if recipe.observes else {}  # first: they may be too few to learn
-    forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, _named(progress, "C2S"))
-    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, _named(progress, "C2A"))
+    told = _named(progress, "C2S"), _named(progress, "C2A")
+    if start is not None:
+        check_same_training(start, recipe)
+        begun = transferred(start, recording.arm, seed)
+        forward = recipe.c2s.go_on(begun.c2s, data, longer(recipe.c2s_fit), c2s_key, told[0])
+        return begun.with_trained({"C2S": forward, **senses}, recipe)  # motors and swing are no other ones
+    forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, told[0])
+    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1])
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
         networks |= {"swing": _swing(data, recipe, forward.network), **senses}

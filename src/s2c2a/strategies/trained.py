@@ -58,6 +58,13 @@ class TrainedNetworks(Generic[Options]):
         said = ({name: getattr(one, part) for name, one in trained.items()} for part in ("network", "percent", "curve"))
         return cls(arm, recipe, seed, *said)
 
+    def with_trained(self, trained: Mapping[str, Trained], recipe: Options) -> "TrainedNetworks[Options]":
+        """The same with some of them trained as a recipe says."""
+        networks = {**self.networks, **{name: one.network for name, one in trained.items()}}
+        percent = {**self.percent, **{name: one.percent for name, one in trained.items()}}
+        curves = {**self.curves, **{name: one.curve for name, one in trained.items()}}
+        return replace(self, recipe=recipe, networks=networks, percent=percent, curves=curves)
+
     @property
     def c2s(self) -> ForwardModel:
         """The forward model of the paper's strategy."""
