@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.live.belief import belief_said
+from s2c2a.evaluation import belief_said
 from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.robots.simulation import SimulatedRobot

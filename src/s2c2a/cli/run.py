@@ -89,7 +89,7 @@ def run(
     save_results(place, rows, runs)
     print_results(f"{asked.name} with {spec.name}", rows, draw_runs(place, runs, video), place)
     for run in runs:
-        if said := evaluation.said_of_plans(run.episode):
+        for said in filter(None, (evaluation.said_of_plans(run.episode), evaluation.said_of_belief(run.episode))):
             print(f"{run.strategy}, seed {run.seed}: {said}")
     for row in rows:
         if row.metric == "position":

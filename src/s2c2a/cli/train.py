@@ -57,6 +57,8 @@ def train(
     held_out = [(name, f"{mean:.2f} ± {spread:.2f} %") for name, (mean, spread) in networks.percent.items()]
     where = "" if begun is None else f"; what was not trained here, of {begun.arm.name}"
     print_table(f"Held-out errors, of full range{where}", ("network", "error"), held_out)
+    if networks.percent.get("swing", (0.0,))[0] >= 100.0:
+        print("how it swings does not show in this recording, and is taken from the description: margins are a guess")
     if chosen.observes and (observer := strategies.observer_of(networks)).senses:
         found = margins_of(networks.arm, observer)
         print(f"margins of the loop, with up to {CARRIED:g} of the arm's mass at its tip: {found}")

@@ -169,6 +169,8 @@ def identified_swing(
 
     begun = np.log([float(nominal.stiffness), float(nominal.damping)])
     found = minimize(cost, begun, method="Nelder-Mead", options={"maxfev": 80, "xatol": 0.02, "fatol": 1e-6})
+    if found.fun >= left(told):  # it does not show
+        return nominal, (np.rad2deg(left(told)),) * 2
     swing = Swing(*(jnp.asarray(factor, jnp.float32) for factor in np.exp(np.clip(found.x, *FACTORS))))
     return swing, (np.rad2deg(left(told)), np.rad2deg(float(found.fun)))
 

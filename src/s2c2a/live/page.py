@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.live.belief import belief_said
+from s2c2a.evaluation import belief_said
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder

@@ -13,7 +13,6 @@ from typing import Any, cast
 from viser import ClientHandle, GuiButtonHandle, GuiSliderHandle, Icon
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.belief import margins_said
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import MOST_OBSTACLES, SPEED, WEIGHTS, Knob, Obstacle, Request, faults, point
 from s2c2a.live.session import Session
@@ -187,7 +186,12 @@ class Panel:
         for label, shown in view.items():
             self._changed(self._gui.add_checkbox(label, shown), partial(view.__setitem__, label))
         margins = self._gui.add_markdown("")
-        self._followers.append(lambda _: setattr(margins, "content", margins_said(self._latest.margins)))
+
+        def follow(_: Request) -> None:
+            said = self._latest.margins
+            margins.content = f"Margins of the loop: {said}." if said else ""
+
+        self._followers.append(follow)
 
     def _record(self) -> None:
         if not self._recorder.running:

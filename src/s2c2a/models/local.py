@@ -101,8 +101,7 @@ class LocalC2S(ForwardModel):
     def near(self, configurations: Float[Array, "modules 3"], memory: ChainMemory) -> "LocalC2S":
         """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
         bends, chain = bends_from_configurations(configurations), self.chain.near(configurations, memory)
-        here = replace(self, chain=chain)
-        features = here._features_at(bends, memory)
+        features = replace(self, chain=chain)._features_at(bends, memory)
         silent = jnp.zeros(self.kernels.constant.shape)
         nothing = jnp.zeros((*silent.shape, *features.shape)), silent
 
@@ -111,7 +110,7 @@ class LocalC2S(ForwardModel):
 
         speaks = self.kernels.speaks > 0.0  # the chain may do alone, and then nothing is looked at
         slopes, value = jax.lax.cond(speaks, looked_at, lambda: nothing)
-        return replace(here, tangent=Tangent(bends, features, value, slopes))
+        return replace(self, chain=chain, tangent=Tangent(bends, features, value, slopes))
 
     def predict(self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
@@ -287,8 +286,8 @@ def _reach(data: TrainingData) -> float:
 def _together(split: Split) -> Samples:
     """All samples, for what is told by none of them in particular."""
     parts = split.training, split.validation, split.test
-    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
-    return Samples({"configurations": inputs}, np.concatenate([part.targets for part in parts]))
+    inputs, targets = zip(*((part.inputs["configurations"], part.targets) for part in parts), strict=True)
+    return Samples({"configurations": np.concatenate(inputs)}, np.concatenate(targets))
 
 
 def _distances(model: LocalC2S, samples: Samples) -> Float[np.ndarray, "samples modules"]:

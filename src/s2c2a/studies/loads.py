@@ -51,6 +51,8 @@ def load_rows(networks: TrainedNetworks[Recipe], recordings: Mapping[str, Record
         RecordingError: a recording of another arm, or too short.
     """
     arm, first = networks.arm, round(seen * networks.arm.control_rate)
+    if seen <= 0.0 or not recordings:
+        raise RecordingError(f"{len(recordings)} recordings and {seen:g} s asked for; give one, and some seconds")
     if not networks.recipe.observes:
         raise RecordingError(f"recipe '{networks.recipe.name}' takes no notice of loads; train with one that observes")
     observer = observer_of(replace(networks, arm=_with_tip_seen(networks.recipe.felt(arm))))

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from s2c2a.episodes import Episode
+
 LEFT_OUT = "left_out."
 
 
@@ -23,6 +25,14 @@ def belief_said(told: Mapping[str, np.ndarray]) -> str:
     return f"{said} · **not believed: {', '.join(wrong)}**" if wrong else said
 
 
-def margins_said(margins: str) -> str:
-    """Those of the loop, for a panel."""
-    return f"Margins of the loop: {margins}." if margins else ""
+def said_of_belief(episode: Episode) -> str:
+    """What was heard in a run beside encoders, what was found by it, and what was not believed for how long."""
+    heard = [name.removeprefix(LEFT_OUT) for name in episode.columns if name.startswith(LEFT_OUT)]
+    if not heard or not len(episode.running):
+        return ""
+    leans = np.rad2deg(np.linalg.norm(episode.ran("leans"), axis=-1).max())
+    left_out = {name: int((episode.ran(LEFT_OUT + name) > 0).sum()) for name in heard}
+    grams = 1000 * episode.ran("load")[-1]
+    found = f"heard {', '.join(heard)}; found {grams:.0f} g at the tip, leans to {leans:.1f} deg"
+    wrong = "".join(f"; {name} was not believed in {count} steps" for name, count in left_out.items() if count)
+    return found + wrong
