@@ -34,6 +34,7 @@ SETS: dict[str, dict] = {
 TOLD = "encoders-told"
 """Encoders, and the word how much hangs at the tip."""
 SETTLED = 20  # steps after which the tip's way counts
+STANDS = 0.01  # m; a target that goes no further
 LATE = 0.75  # of a run: what comes after is told by itself
 
 
@@ -144,7 +145,8 @@ def _rows(runs: Sequence[jobs.Run], said: str) -> list[Row]:
             ("way, last quarter", "times"): [_way(run, first) for run, first in zip(ours, late, strict=True)],
             ("position, last quarter", "cm"): [_off(run, first) for run, first in zip(ours, late, strict=True)],
         }
-        rows += [heading.row(task, "s2c2a", *metric, values, []) for metric, values in found.items()]
+        told = {metric: values for metric, values in found.items() if np.isfinite(values).all()}
+        rows += [heading.row(task, "s2c2a", *metric, values, []) for metric, values in told.items()]
     return [replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows]
 
 
@@ -153,14 +155,14 @@ def _steps(run: jobs.Run) -> int:
 
 
 def _off(run: jobs.Run, first: int) -> float:
-    """Of the tip from its target, from a step on [cm]."""
-    errors = position_errors(run.episode.after("states"), run.job.task.wanted_positions())
-    return float(np.nanmean(errors[first:]))
+    """Of the tip from its target, from a step on [cm]; NaN where it has none."""
+    errors = position_errors(run.episode.after("states"), run.job.task.wanted_positions())[first:]
+    return float(errors[np.isfinite(errors)].mean()) if np.isfinite(errors).any() else np.nan
 
 
 def _way(run: jobs.Run, first: int) -> float:
-    """Of the tip, over that of its target, from a step on."""
+    """Of the tip, over that of its target, from a step on; NaN where that stands."""
     wanted = run.job.task.wanted_positions()[:, -1]
     tip = run.episode.after("states")[: len(wanted), -1, POSITION]
     ways = [np.linalg.norm(np.diff(path[first:], axis=0), axis=-1) for path in (tip, wanted)]
-    return float(np.nansum(ways[0]) / max(np.nansum(ways[1]), 1e-9))
+    return float(np.nansum(ways[0]) / np.nansum(ways[1])) if np.nansum(ways[1]) > STANDS else np.nan
