@@ -32,9 +32,16 @@ def plan_spread(benchmark, networks, task, size: int) -> None:
     """Plans of so many arms at rest, towards goals spread over a task."""
     chunk = CHUNK if jax.default_backend() == "cpu" else CHUNK_ON_GPU
     planner = s2c2a_batch_planner(networks, chunk=chunk, threads=all_cores())
-    goals = Goal.stacked([task.goals[place] for place in np.linspace(0, len(task.goals) - 1, size).astype(int)])
+    goals = Goal.stacked(
+        [
+            task.goals[place]
+            for place in np.linspace(0, len(task.goals) - 1, size).astype(int)
+        ]
+    )
     sensed = np.tile(straight(len(task.goals[0].positions)), (size, 1, 1))
     plans = planner.start(sensed)
-    benchmark.pedantic(planner.plan, args=(plans, sensed, goals), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(
+        planner.plan, args=(plans, sensed, goals), rounds=5, warmup_rounds=1
+    )
     if benchmark.stats:
         benchmark.extra_info["each [ms]"] = 1e3 * benchmark.stats.stats.median / size

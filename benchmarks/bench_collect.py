@@ -12,11 +12,14 @@ pytestmark = pytest.mark.cores(2)
 
 @pytest.mark.asked("at most 8 s")
 def test_9000_samples(benchmark, arm, tmp_path):
-    how, cores = recipe_named("best").collect_options(), all_cores()
+    how = recipe_named("best").collect_options()
+    cores = all_cores()
     assert how.episodes * how.samples == 9000
 
     def body(seed: int) -> SimulatedRobot:
         return SimulatedRobot(arm, "fast", seed)
 
     file = tmp_path / "recording.episodes"
-    benchmark.pedantic(lambda: collect(file, arm, body, how, threads=cores, overwrite=True), rounds=5)
+    benchmark.pedantic(
+        lambda: collect(file, arm, body, how, threads=cores, overwrite=True), rounds=5
+    )

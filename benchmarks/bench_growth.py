@@ -12,8 +12,10 @@ from s2c2a.tasks import circle, load_waypoints, out_of_reach, waypoints_task
 
 from driving import at_rest, following, planner_of, ticking, untrained
 
-MODULES, CABLES = (1, 2, 3, 5, 10, 20), (3, 4, 6, 8)
-OBSTACLES, WAYPOINTS = (0, 1, 2, 4, 8, 16, 32, 64), (100, 1000, 10_000, 100_000)
+MODULES = (1, 2, 3, 5, 10, 20)
+CABLES = (3, 4, 6, 8)
+OBSTACLES = (0, 1, 2, 4, 8, 16, 32, 64)
+WAYPOINTS = (100, 1000, 10_000, 100_000)
 ROUNDS = 200
 either_recipe = pytest.mark.parametrize("recipe", ["best", "paper"])
 plan_or_tick = pytest.mark.parametrize("what", ["plan", "tick"])
@@ -45,20 +47,31 @@ def test_obstacles(benchmark, arm, size, recipe):
 @pytest.mark.parametrize("size", WAYPOINTS)
 def test_waypoints_read(benchmark, arm, size, tmp_path):
     path = waypoints_file(tmp_path / "waypoints.csv", arm, size)
-    benchmark.pedantic(lambda: waypoints_task(path.stem, load_waypoints(path), arm), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(
+        lambda: waypoints_task(path.stem, load_waypoints(path), arm),
+        rounds=3,
+        warmup_rounds=1,
+    )
 
 
 @pytest.mark.parametrize("size", WAYPOINTS)
 def test_waypoints_checked(benchmark, arm, size, tmp_path):
     path = waypoints_file(tmp_path / "waypoints.csv", arm, size)
-    benchmark.pedantic(lambda: out_of_reach(load_waypoints(path), arm), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(
+        lambda: out_of_reach(load_waypoints(path), arm), rounds=3, warmup_rounds=1
+    )
 
 
 def grow(benchmark, arm: ArmSpec, recipe: str, what: str) -> None:
     """A plan or a tick of an arm; what compiling takes stands beside it."""
-    goals, began = circle(arm).goals, time.perf_counter()
+    goals = circle(arm).goals
+    began = time.perf_counter()
     networks = untrained(arm, recipe)
-    tick = ticking(s2c2a_strategy(networks), goals, [at_rest(arm)] * len(goals)) if what == "tick" else None
+    tick = (
+        ticking(s2c2a_strategy(networks), goals, [at_rest(arm)] * len(goals))
+        if what == "tick"
+        else None
+    )
     call = tick or following(planner_of(networks), goals)
     benchmark.extra_info["compiling [s]"] = time.perf_counter() - began
     benchmark.pedantic(call, rounds=ROUNDS, warmup_rounds=20)
@@ -69,30 +82,51 @@ def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:
     """The arm's modules over and over, from base to tip, each so much shorter that the arm's length stays."""
     kinds = [arm.modules[number % arm.module_count] for number in range(count)]
     scale = arm.length / sum(module.length for module in kinds)
-    return changed(arm, [module.model_copy(update={"length": scale * module.length}) for module in kinds])
+    return changed(
+        arm,
+        [
+            module.model_copy(update={"length": scale * module.length})
+            for module in kinds
+        ],
+    )
 
 
 def arm_of_cables(arm: ArmSpec, count: int) -> ArmSpec:
     """The arm with so many cables in every module, evenly spread from where its first one was."""
-    angles = [module.cable_angles_deg[0] + 360.0 * np.arange(count) / count for module in arm.modules]
+    angles = [
+        module.cable_angles_deg[0] + 360.0 * np.arange(count) / count
+        for module in arm.modules
+    ]
     pairs = zip(arm.modules, angles, strict=True)
     return changed(
-        arm, [module.model_copy(update={"cable_angles_deg": tuple(each.tolist())}) for module, each in pairs]
+        arm,
+        [
+            module.model_copy(update={"cable_angles_deg": tuple(each.tolist())})
+            for module, each in pairs
+        ],
     )
 
 
 def changed(arm: ArmSpec, modules: list) -> ArmSpec:
     """Another arm with these modules, checked anew; coupling of sensors is for the arm that it was given for."""
-    values = arm.model_dump() | {"sensing_coupling": None, "modules": [module.model_dump() for module in modules]}
+    values = arm.model_dump() | {
+        "sensing_coupling": None,
+        "modules": [module.model_dump() for module in modules],
+    }
     return ArmSpec.model_validate(values)
 
 
 def among_obstacles(arm: ArmSpec, count: int):
     """The circle with so many obstacles about it, none so near that the tip could not go round."""
     directions = np.random.default_rng(0).normal(size=(64, 3))
-    centres = arm.length * directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    centres = (
+        arm.length * directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    )
     thresholds = np.full(64, 0.02 * arm.length)
-    return [goal.with_obstacles(centres[:count], thresholds[:count]) for goal in circle(arm).goals]
+    return [
+        goal.with_obstacles(centres[:count], thresholds[:count])
+        for goal in circle(arm).goals
+    ]
 
 
 def waypoints_file(path, arm: ArmSpec, count: int):

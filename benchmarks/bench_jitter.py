@@ -12,9 +12,12 @@ from s2c2a.tasks import circle
 
 from driving import ticks_on, times_over
 
-PERIOD, TICKS = 0.01, 10_000  # s
+# s
+PERIOD = 0.01
+TICKS = 10_000
 SPUN = 1e-3  # s before a deadline that are not slept, since sleep comes back late
-ROUNDS, TICKS_A_ROUND = 10, 10_000
+ROUNDS = 10
+TICKS_A_ROUND = 10_000
 STATM = Path("/proc/self/statm")
 
 
@@ -28,7 +31,9 @@ def tick(networks_of):
 def test_ticks_on_time(benchmark, tick):
     """One missed ends after the next was to begin; the timetable stays as it is."""
     times_over(tick, 100)()
-    numbers, start, late = count(), time.perf_counter() + PERIOD, []
+    numbers = count()
+    start = time.perf_counter() + PERIOD
+    late = []
 
     def wait() -> None:
         due = start + next(numbers) * PERIOD
@@ -40,19 +45,33 @@ def test_ticks_on_time(benchmark, tick):
     benchmark.pedantic(tick, setup=wait, rounds=TICKS)
     if benchmark.stats:
         missed = np.sum(np.array(late) + benchmark.stats.stats.data > PERIOD)
-        benchmark.extra_info |= {"missed": f"{missed} of {TICKS}", "late at most [ms]": 1e3 * max(late)}
+        benchmark.extra_info |= {
+            "missed": f"{missed} of {TICKS}",
+            "late at most [ms]": 1e3 * max(late),
+        }
 
 
 @pytest.mark.asked("growth of at most 1 MiB")
-@pytest.mark.skipif(not STATM.is_file(), reason="this system does not tell how much memory a process holds")
+@pytest.mark.skipif(
+    not STATM.is_file(),
+    reason="this system does not tell how much memory a process holds",
+)
 def test_memory_over_ticks(benchmark, tick):
     """From the end of the first tenth."""
     held = []
-    benchmark.pedantic(times_over(tick, TICKS_A_ROUND), setup=lambda: held.append(resident()), rounds=ROUNDS)
+    benchmark.pedantic(
+        times_over(tick, TICKS_A_ROUND),
+        setup=lambda: held.append(resident()),
+        rounds=ROUNDS,
+    )
     grown = resident() - held[min(1, len(held) - 1)]
     benchmark.extra_info |= {"held [MiB]": held[-1], "grown [MiB]": grown}
 
 
 def resident() -> float:
     """Memory that this process holds [MiB]."""
-    return int(STATM.read_text(encoding="ascii").split()[1]) * resource.getpagesize() / 2**20
+    return (
+        int(STATM.read_text(encoding="ascii").split()[1])
+        * resource.getpagesize()
+        / 2**20
+    )

@@ -19,7 +19,9 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.cli.live import running_page
 from s2c2a.programs import compilations
 
-pytest.importorskip("viser", reason="the live page is not installed: `pip install '.[live]'`")
+pytest.importorskip(
+    "viser", reason="the live page is not installed: `pip install '.[live]'`"
+)
 
 import msgspec
 import viser
@@ -30,12 +32,17 @@ from websockets.typing import Origin, Subprotocol
 from s2c2a.spaces import Stage
 
 pytestmark = pytest.mark.cores(os.cpu_count())
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    shutil.which("chromium")
+    or shutil.which("chromium-browser")
+    or shutil.which("google-chrome")
+)
 FLAGS = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
-"""A browser without a graphics card. `--use-angle=swiftshader` would have it compose the page, too, through a card that
-it imitates: a third more of its time."""
+"""A browser without a graphics card. `--use-angle=swiftshader` would have it compose
+the page, too, through a card that it imitates: a third more of its time."""
 WATCHING = str(Path(__file__).with_name("watching.py"))
-SECONDS, FLOOD = 30.0, 10_000
+SECONDS = 30.0
+FLOOD = 10_000
 RANDOM = np.random.default_rng(0)
 SCENE = "canvas[data-engine]"
 SCENES_DRAWN = """() => new Promise(done => {
@@ -54,7 +61,8 @@ SCENES_DRAWN = """() => new Promise(done => {
   };
   requestAnimationFrame(tick);
 })""".replace("SCENE", SCENE)
-"""How often a second the scene, meshes all of it, is drawn: the browser shows frames in which it is not, too."""
+"""How often a second the scene, meshes all of it, is drawn: the browser shows frames in
+which it is not, too."""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +78,10 @@ def browser():
     """A headless one."""
     if CHROMIUM is None:
         pytest.skip("no chromium, chromium-browser or google-chrome on the path")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: `pip install '.[dev]'`")
+    api = pytest.importorskip(
+        "playwright.sync_api",
+        reason="playwright is not installed: `pip install '.[dev]'`",
+    )
     with api.sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield opened
@@ -80,13 +91,21 @@ def browser():
 @pytest.mark.asked("at most 6 s")
 def test_second_start(benchmark, browser, request):
     """From the start of a process to the page that says who drives; the browser is open before."""
-    benchmark.pedantic(start_and_look, args=(browser, request.config.getoption("--arm")), rounds=1, warmup_rounds=1)
+    benchmark.pedantic(
+        start_and_look,
+        args=(browser, request.config.getoption("--arm")),
+        rounds=1,
+        warmup_rounds=1,
+    )
 
 
 @pytest.mark.asked("at most 2 cm 1.5 s after it stops, no oscillation")
 def test_drag_of_20_cm_in_a_second(benchmark, live):
     after = benchmark.pedantic(drag, args=(live[0],))
-    benchmark.extra_info |= {"tip from target [cm]": 100 * after[0], "at most from then on [cm]": 100 * after.max()}
+    benchmark.extra_info |= {
+        "tip from target [cm]": 100 * after[0],
+        "at most from then on [cm]": 100 * after.max(),
+    }
 
 
 def test_control_steps_with_nobody_there(benchmark, live):
@@ -109,22 +128,34 @@ def test_control_steps_with_three_browsers_that_draw_here(benchmark, live, brows
 
 
 @pytest.mark.asked("at least 20 scenes a second")
-@pytest.mark.parametrize("address", ["/", "/?fixedDpr=0.5"], ids=["whole", "half the resolution"])
+@pytest.mark.parametrize(
+    "address", ["/", "/?fixedDpr=0.5"], ids=["whole", "half the resolution"]
+)
 def test_scenes_drawn_in_software(benchmark, live, browser, address):
     control, page = live
     tab = looking(browser, page.gate.address + address)
     tab.locator(SCENE).wait_for()
     with moving(control):
-        before, began = page.frames, time.perf_counter()
-        benchmark.extra_info["drawn a second"] = benchmark.pedantic(tab.evaluate, args=(SCENES_DRAWN,))
-        benchmark.extra_info["sent a second"] = (page.frames - before) / (time.perf_counter() - began)
+        before = page.frames
+        began = time.perf_counter()
+        benchmark.extra_info["drawn a second"] = benchmark.pedantic(
+            tab.evaluate, args=(SCENES_DRAWN,)
+        )
+        benchmark.extra_info["sent a second"] = (page.frames - before) / (
+            time.perf_counter() - began
+        )
     tab.close()
 
 
 @pytest.mark.asked("another origin is refused, control steps are unharmed")
 def test_flood_of_10_000_messages(benchmark, live):
     control, page = live
-    with suppress(InvalidStatus), connect(f"ws://127.0.0.1:{page.gate.port}", origin=Origin("http://evil.example")):
+    with (
+        suppress(InvalidStatus),
+        connect(
+            f"ws://127.0.0.1:{page.gate.port}", origin=Origin("http://evil.example")
+        ),
+    ):
         pass
     assert page.gate.refused["origin"] == 1
     calm = steps(control, 10.0)
@@ -132,37 +163,65 @@ def test_flood_of_10_000_messages(benchmark, live):
     sender.start()
     upset = benchmark.pedantic(steps, args=(control, 10.0))
     sender.join()
-    benchmark.extra_info |= {"control step, 99 % [ms]": upset[0], "before [ms]": calm[0]}
+    benchmark.extra_info |= {
+        "control step, 99 % [ms]": upset[0],
+        "before [ms]": calm[0],
+    }
 
 
-@pytest.mark.asked("no NaN, no fault, no step beyond a limit, no compilation; memory flat")
+@pytest.mark.asked(
+    "no NaN, no fault, no step beyond a limit, no compilation; memory flat"
+)
 def test_long_run_of_random_drags(benchmark, live, request):
     control = live[0]
     wander_for(control, 5.0)
-    geometry, bad, sizes = ArmGeometry.of(control.arm), {"NaN or fault": 0, "beyond a limit": 0}, [resident(control)]
-    first, here = control.latest, compilations()
+    geometry = ArmGeometry.of(control.arm)
+    bad = {"NaN or fault": 0, "beyond a limit": 0}
+    sizes = [resident(control)]
+    first = control.latest
+    here = compilations()
 
     def check(snapshot) -> None:
         within = (snapshot.step.action >= geometry.action_low - 1e-9) & (
             snapshot.step.action <= geometry.action_high + 1e-9
         )
-        bad["NaN or fault"] += not np.isfinite(snapshot.states).all() or snapshot.stage is Stage.FAULT
+        bad["NaN or fault"] += (
+            not np.isfinite(snapshot.states).all() or snapshot.stage is Stage.FAULT
+        )
         bad["beyond a limit"] += not within.all()
 
     stop = control.watch(check)
-    benchmark.pedantic(wander_for, args=(control, 60 * request.config.getoption("--minutes")))
+    benchmark.pedantic(
+        wander_for, args=(control, 60 * request.config.getoption("--minutes"))
+    )
     stop()
     sizes.append(resident(control))
     compiled = f"{control.latest.compiled - first.compiled}, {compilations() - here}"
     memory = ", ".join(f"{size:.0f}" for size in sizes)
-    benchmark.extra_info |= bad | {"compiled by control and page": compiled, "memory of both [MB], then": memory}
+    benchmark.extra_info |= bad | {
+        "compiled by control and page": compiled,
+        "memory of both [MB], then": memory,
+    }
 
 
 def start_and_look(browser, arm: str) -> None:
     """Start the command, look at its page until it says who drives, end it."""
-    command = [sys.executable, "-c", "from s2c2a.cli.main import main; main()", "live", "--arm", arm, "--port", "8190"]
-    user = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=user) as process:
+    command = [
+        sys.executable,
+        "-c",
+        "from s2c2a.cli.main import main; main()",
+        "live",
+        "--arm",
+        arm,
+        "--port",
+        "8190",
+    ]
+    user = {
+        name: value for name, value in os.environ.items() if not name.startswith("JAX_")
+    }
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env=user
+    ) as process:
         try:
             looking(browser, process.stdout.readline().split()[-1]).close()
         finally:
@@ -180,10 +239,12 @@ def looking(browser, address: str):
 def drag(control) -> np.ndarray:
     """20 cm in one second, then still: distances of the tip from the target from 1.5 s later on [m]."""
     scale = control.arm.length / 0.6
-    start, end = scale * np.array([0.10, -0.10, 0.568]), scale * np.array([0.10, 0.10, 0.568])
+    start = scale * np.array([0.10, -0.10, 0.568])
+    end = scale * np.array([0.10, 0.10, 0.568])
     control.ask(driven=True, task=None, target=start, obstacles=())
     time.sleep(3.0)
-    rows, began = [], time.perf_counter()
+    rows = []
+    began = time.perf_counter()
     stop = control.watch(rows.append)
     while (share := time.perf_counter() - began) < 1.0:
         control.ask(target=start + share * (end - start))
@@ -198,7 +259,10 @@ def drag(control) -> np.ndarray:
 def watch_steps(benchmark, control) -> None:
     """Control steps while a target is dragged."""
     tail, late = benchmark.pedantic(steps, args=(control, SECONDS))
-    benchmark.extra_info |= {"control step, 99 % [ms]": tail, "latest one behind its time [ms]": late}
+    benchmark.extra_info |= {
+        "control step, 99 % [ms]": tail,
+        "latest one behind its time [ms]": late,
+    }
 
 
 def steps(control, seconds: float) -> tuple[float, float]:
@@ -208,7 +272,9 @@ def steps(control, seconds: float) -> tuple[float, float]:
     wander_for(control, seconds)
     stop()
     late = np.diff([row.step.moment for row in rows]) - control.arm.control_period
-    return 1e3 * float(np.percentile([row.step.tick_time for row in rows], 99)), 1e3 * float(late.max())
+    return 1e3 * float(
+        np.percentile([row.step.tick_time for row in rows], 99)
+    ), 1e3 * float(late.max())
 
 
 def wander_for(control, seconds: float) -> None:
@@ -224,7 +290,9 @@ def wander(control) -> None:
     turn, out, high = RANDOM.uniform((-np.pi, 0.0, 0.5), (np.pi, 0.7, 1.1))
     end = control.arm.length * np.array([out * np.cos(turn), out * np.sin(turn), high])
     for share in np.linspace(0, 1, 25):
-        control.ask(driven=True, stopped=False, task=None, target=start + share * (end - start))
+        control.ask(
+            driven=True, stopped=False, task=None, target=start + share * (end - start)
+        )
         time.sleep(0.02)
 
 
@@ -250,7 +318,9 @@ def moving(control):
 def readers(page, count: int):
     """Watchers in a process of their own that take everything in and draw nothing."""
     before = len(page.session.present)
-    with subprocess.Popen([sys.executable, WATCHING, str(page.gate.port), str(count)]) as process:
+    with subprocess.Popen(
+        [sys.executable, WATCHING, str(page.gate.port), str(count)]
+    ) as process:
         try:
             while len(page.session.present) < before + count:
                 time.sleep(0.1)
@@ -261,18 +331,32 @@ def readers(page, count: int):
 
 def flood(page) -> None:
     """Malformed messages, with a new connection whenever the gate shows their sender out."""
-    sent, address = 0, f"ws://127.0.0.1:{page.gate.port}"
-    form = {"origin": Origin(page.gate.address), "subprotocols": [Subprotocol(f"viser-v{viser.__version__}")]}
+    sent = 0
+    address = f"ws://127.0.0.1:{page.gate.port}"
+    form = {
+        "origin": Origin(page.gate.address),
+        "subprotocols": [Subprotocol(f"viser-v{viser.__version__}")],
+    }
     while sent < FLOOD:
-        with suppress(ConnectionClosed, InvalidStatus, OSError), connect(address, **form, max_size=None) as sender:
+        with (
+            suppress(ConnectionClosed, InvalidStatus, OSError),
+            connect(address, **form, max_size=None) as sender,
+        ):
             while sent < FLOOD:
                 sent += 1
-                sender.send(RANDOM.bytes(64) if sent % 2 else msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
+                sender.send(
+                    RANDOM.bytes(64)
+                    if sent % 2
+                    else msgspec.msgpack.encode({"type": "ShareUrlRequest"})
+                )
 
 
 def resident(control) -> float:
     """Memory of this process and of the control process [MB]; NaN where the system does not say."""
     with suppress(OSError):
-        pages = [int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in ("self", control.process)]
+        pages = [
+            int(Path(f"/proc/{one}/statm").read_text().split()[1])
+            for one in ("self", control.process)
+        ]
         return sum(pages) * os.sysconf("SC_PAGESIZE") / 1e6
     return float("nan")

@@ -8,7 +8,9 @@ from s2c2a.tasks import circle
 from driving import following, module_with, planner_of, straight, times_over
 
 COMPARED = 50  # plans
-TOGETHER = 10  # PyTorch leaves the caches to nobody: a single plan right after one of its takes twice as long
+# PyTorch leaves the caches to nobody: a single plan right after one of its takes twice
+# as long
+TOGETHER = 10
 
 
 @pytest.mark.asked("at most 1.3 ms")
@@ -20,26 +22,42 @@ def test_plan(benchmark, networks):
 def test_ten_plans_beside_eager_pytorch(in_turn, networks_of):
     torch_planner = module_with("torch", "torch_planner")
     networks = networks_of("paper")
-    planner, goals = planner_of(networks), circle(networks.arm).goals
+    planner = planner_of(networks)
+    goals = circle(networks.arm).goals
     assert difference(networks, planner, goals, torch_planner) < 1e-4
-    ours, theirs = following(planner, goals), torch_planner.following(networks, goals)
-    in_turn(times_over(ours, TOGETHER), times_over(theirs, TOGETHER), "PyTorch", rounds=100)
+    ours = following(planner, goals)
+    theirs = torch_planner.following(networks, goals)
+    in_turn(
+        times_over(ours, TOGETHER), times_over(theirs, TOGETHER), "PyTorch", rounds=100
+    )
 
 
 @pytest.mark.asked("over no room at most 1.1, so the ratio at least 0.91")
 def test_plan_beside_one_without_room_for_obstacles(in_turn, networks):
     """No obstacle in use: room for as many as a goal holds, then for none."""
-    planner, goals = planner_of(networks), circle(networks.arm).goals
-    small = [goal._replace(obstacles=goal.obstacles[:0], thresholds=goal.thresholds[:0]) for goal in goals]
-    in_turn(following(planner, goals), following(planner, small), "no room", rounds=1000)
+    planner = planner_of(networks)
+    goals = circle(networks.arm).goals
+    small = [
+        goal._replace(obstacles=goal.obstacles[:0], thresholds=goal.thresholds[:0])
+        for goal in goals
+    ]
+    in_turn(
+        following(planner, goals), following(planner, small), "no room", rounds=1000
+    )
 
 
 def difference(networks, planner, goals, torch_planner) -> float:
     """Largest difference of any number between plans from the same start."""
-    theirs, plan, worst = torch_planner.planner_of(networks), planner.start(straight(networks.arm.module_count)), 0.0
+    theirs = torch_planner.planner_of(networks)
+    plan = planner.start(straight(networks.arm.module_count))
+    worst = 0.0
     for goal in goals[:COMPARED]:
         last = plan.configurations
         plan = planner.plan(plan, last, goal)
-        planned = theirs.plan(torch_planner.tensor(last), torch_planner.TorchGoal.of(goal)).numpy()
-        worst = max(worst, float(np.abs(planned - np.asarray(plan.configurations)).max()))
+        planned = theirs.plan(
+            torch_planner.tensor(last), torch_planner.TorchGoal.of(goal)
+        ).numpy()
+        worst = max(
+            worst, float(np.abs(planned - np.asarray(plan.configurations)).max())
+        )
     return worst

@@ -23,7 +23,11 @@ SQUARE = 256  # rows of the matrices whose product says what this core can do
 def planned(networks):
     """A planner, its first plan, and the goals of the circle."""
     planner = planner_of(networks)
-    return planner, planner.start(straight(networks.arm.module_count)), circle(networks.arm).goals
+    return (
+        planner,
+        planner.start(straight(networks.arm.module_count)),
+        circle(networks.arm).goals,
+    )
 
 
 def test_matrix_product(benchmark):
@@ -38,7 +42,9 @@ def test_plan(benchmark, planned):
     """Its operations over what the core does at best are the floor of its time."""
     planner, plan, goals = planned
     counted = count_operations(planner.plan, plan, plan.configurations, goals[0])
-    benchmark.extra_info |= {f"{kind} [million]": count / 1e6 for kind, count in counted.items()}
+    benchmark.extra_info |= {
+        f"{kind} [million]": count / 1e6 for kind, count in counted.items()
+    }
     benchmark(following(planner, goals))
 
 
@@ -71,7 +77,9 @@ def _turning(piece: Callable[..., Any], *inputs: Any) -> Call:
 
 
 def _turned(piece: Callable[..., Any], *inputs: Any):
-    return jax.lax.fori_loop(0, TURNS, lambda _, drift: 1e-6 * piece(drift, *inputs), jnp.zeros(()))
+    return jax.lax.fori_loop(
+        0, TURNS, lambda _, drift: 1e-6 * piece(drift, *inputs), jnp.zeros(())
+    )
 
 
 def _nothing(plan, sensed, goal):
@@ -85,10 +93,18 @@ def _look(drift, model, plan):
 def _look_with_slopes(drift, model, plan):
     """As least squares looks: every direction of bends goes through the model side by side."""
     modules = plan.configurations.shape[0]
-    directions = jnp.zeros((2 * modules, modules, 3)).at[:, :, :2].set(jnp.eye(2 * modules).reshape(-1, modules, 2))
+    directions = (
+        jnp.zeros((2 * modules, modules, 3))
+        .at[:, :, :2]
+        .set(jnp.eye(2 * modules).reshape(-1, modules, 2))
+    )
 
     def along(direction):
-        return jax.jvp(lambda c: model.predict(c, plan.memory), (plan.configurations + drift,), (direction,))
+        return jax.jvp(
+            lambda c: model.predict(c, plan.memory),
+            (plan.configurations + drift,),
+            (direction,),
+        )
 
     states, slopes = jax.vmap(along, out_axes=(None, 0))(directions)
     return jnp.sum(states) + jnp.sum(slopes)
@@ -96,7 +112,11 @@ def _look_with_slopes(drift, model, plan):
 
 def _look_with_gradient(drift, model, plan):
     """As Adam looks: forth through the model, and back."""
-    return jnp.sum(jax.grad(lambda c: jnp.sum(model.predict(c, plan.memory) ** 2))(plan.configurations + drift))
+    return jnp.sum(
+        jax.grad(lambda c: jnp.sum(model.predict(c, plan.memory) ** 2))(
+            plan.configurations + drift
+        )
+    )
 
 
 def _solve(drift, matrix):

@@ -12,7 +12,9 @@ from rod_cases import rod_cases
 
 CHUNK = 0.1  # s of the arm's time, one control step of the cases' arms
 TIMED = 20  # chunks of every case, in turn; then each goes on alone until it rests
-STILL, LONGEST = 1e-6, 400  # m that a tip at rest may still move in a chunk; chunks
+# m that a tip at rest may still move in a chunk; chunks
+STILL = 1e-6
+LONGEST = 400
 
 
 class Layout(NamedTuple):
@@ -34,7 +36,8 @@ class Ours:
     """A rod case in our simulation."""
 
     def __init__(self, case, fidelity: str):
-        self._robot, self._tensions = SimulatedRobot(case.arm, fidelity), case.tensions
+        self._robot = SimulatedRobot(case.arm, fidelity)
+        self._tensions = case.tensions
         self._robot.open()
         self._robot.push(case.tip_force)
 
@@ -57,21 +60,31 @@ def test_ours(benchmark, case, fidelity):
 @pytest.mark.parametrize("case", rod_cases(), ids=lambda case: f"case {case.name}")
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_pyelastica(in_turn, benchmark, case, layout):
-    engine, ours = module_with("elastica", "elastica_rod").ElasticaRod(case, *LAYOUTS[layout]), Ours(case, "fast")
-    in_turn(lambda: engine.advance(CHUNK), lambda: ours.advance(CHUNK), "our fast", rounds=TIMED)
+    engine = module_with("elastica", "elastica_rod").ElasticaRod(case, *LAYOUTS[layout])
+    ours = Ours(case, "fast")
+    in_turn(
+        lambda: engine.advance(CHUNK),
+        lambda: ours.advance(CHUNK),
+        "our fast",
+        rounds=TIMED,
+    )
     assert tell(benchmark, engine, case) < 5e-3
 
 
 def tell(benchmark, engine, case) -> float:
     """Arm seconds in a second, and the tip's distance from the rod's when both rest [m]."""
     if benchmark.stats:
-        benchmark.extra_info["arm seconds a second"] = CHUNK / benchmark.stats.stats.median
-    before, after = np.full(3, np.inf), engine.tip
+        benchmark.extra_info["arm seconds a second"] = (
+            CHUNK / benchmark.stats.stats.median
+        )
+    before = np.full(3, np.inf)
+    after = engine.tip
     for _ in range(LONGEST):
         if np.linalg.norm(after - before) < STILL:
             break
         engine.advance(CHUNK)
-        before, after = after, engine.tip
+        before = after
+        after = engine.tip
     error = float(np.linalg.norm(after - case.tip))
     benchmark.extra_info["error at rest [mm]"] = 1e3 * error
     return error

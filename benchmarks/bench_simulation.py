@@ -26,13 +26,21 @@ def errors():
 @pytest.mark.parametrize("crowd", ["one thread", "every core"])
 @pytest.mark.parametrize("fidelity", STEPS)
 def test_simulate(benchmark, arm, errors, fidelity, crowd):
-    steps, threads = STEPS[fidelity], 1 if crowd == "one thread" else all_cores()
-    babbles = [episode_actions(ArmGeometry.of(arm), "motor", n, threads, steps, 0) for n in range(threads)]
+    steps = STEPS[fidelity]
+    threads = 1 if crowd == "one thread" else all_cores()
+    babbles = [
+        episode_actions(ArmGeometry.of(arm), "motor", n, threads, steps, 0)
+        for n in range(threads)
+    ]
     robots = [SimulatedRobot(arm, fidelity, number) for number in range(threads)]
     for robot in robots:
         robot.open()
     with ThreadPoolExecutor(threads) as pool:
-        benchmark.pedantic(lambda: list(pool.map(hold_all, robots, babbles)), rounds=20, warmup_rounds=2)
+        benchmark.pedantic(
+            lambda: list(pool.map(hold_all, robots, babbles)),
+            rounds=20,
+            warmup_rounds=2,
+        )
     if benchmark.stats:
         speed = threads * steps * arm.control_period / benchmark.stats.stats.median
         benchmark.extra_info["arm seconds a second"] = speed

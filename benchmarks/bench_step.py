@@ -25,8 +25,13 @@ def test_sense(benchmark, networks):
 
 @pytest.mark.asked("at most 0.15 ms")
 def test_learned_controller(benchmark, networks):
-    controller, correction = NetworkController(networks.c2a), networks.recipe.correction
-    act(benchmark, networks.arm, CorrectedController(controller, correction) if correction else controller)
+    controller = NetworkController(networks.c2a)
+    correction = networks.recipe.correction
+    act(
+        benchmark,
+        networks.arm,
+        CorrectedController(controller, correction) if correction else controller,
+    )
 
 
 def test_inverse_pcc(benchmark, arm):
@@ -35,7 +40,8 @@ def test_inverse_pcc(benchmark, arm):
 
 def act(benchmark, arm, controller: Controller) -> None:
     sensed = jnp.asarray(straight(arm.module_count))
-    act, memory = compiled(_act, controller), controller.start(sensed)
+    act = compiled(_act, controller)
+    memory = controller.start(sensed)
     benchmark(lambda: jax.block_until_ready(act(sensed, sensed, memory)))
 
 
@@ -44,7 +50,9 @@ def _act(controller: Controller, wanted, sensed, memory):
 
 
 @pytest.mark.asked("at most 2 ms, 99 %: 4 ms")
-@pytest.mark.parametrize("where", ["free", "past two obstacles", "past them, whole arm guarded"])
+@pytest.mark.parametrize(
+    "where", ["free", "past two obstacles", "past them, whole arm guarded"]
+)
 def test_tick(benchmark, networks, where):
     task = circle(networks.arm) if where == "free" else reach(networks.arm, "risk-a")
     benchmark(ticks_on(networks, task, "arm" if "whole" in where else "tip"))

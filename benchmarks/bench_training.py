@@ -17,20 +17,26 @@ EPOCHS = 20  # that PyTorch trains of each network
 
 @pytest.fixture(scope="module", autouse=True)
 def _one_thread():
-    compute_on_one_thread()  # as whatever trains does; heeded until JAX's first computation
+    # as whatever trains does; heeded until JAX's first computation
+    compute_on_one_thread()
 
 
 class Course:
     """Epochs of each network, and what an epoch took [s], as training tells them."""
 
     def __init__(self):
-        self.epochs, self.seconds, self._resumed = {"C2S": 0, "C2A": 0}, {"C2S": [], "C2A": []}, time.perf_counter()
+        self.epochs = {"C2S": 0, "C2A": 0}
+        self.seconds = {"C2S": [], "C2A": []}
+        self._resumed = time.perf_counter()
 
     def told(self, network: str, epoch: int, most: int, loss: float) -> None:
         """One call of ours is several epochs."""
         now = time.perf_counter()
-        self.seconds[network].append((now - self._resumed) / (epoch - self.epochs[network]))
-        self.epochs[network], self._resumed = epoch, now
+        self.seconds[network].append(
+            (now - self._resumed) / (epoch - self.epochs[network])
+        )
+        self.epochs[network] = epoch
+        self._resumed = now
 
     def an_epoch(self, network: str) -> float:
         """The call that compiles left out [s]."""
@@ -43,7 +49,9 @@ def trained(benchmark, arm, recipe: Recipe) -> tuple:
     course = Course()
     networks = benchmark.pedantic(train_s2c2a, args=(recording, recipe, 0, course.told))
     for name, epochs in course.epochs.items():
-        benchmark.extra_info[f"epochs of {name}"] = f"{epochs} to {networks.percent[name][0]:.2f} %"
+        benchmark.extra_info[f"epochs of {name}"] = (
+            f"{epochs} to {networks.percent[name][0]:.2f} %"
+        )
         benchmark.extra_info[f"one of {name} [s]"] = course.an_epoch(name)
     return recording, course
 
@@ -62,10 +70,14 @@ def test_both_networks_of_the_paper_to_their_stop(benchmark, arm):
         benchmark.extra_info["PyTorch"] = "is not installed: `pip install '.[bench]'`"
         return
     whole = 0.0
-    for name, rival in import_module("torch_training").trainings(recording, recipe, 0).items():
+    for name, rival in (
+        import_module("torch_training").trainings(recording, recipe, 0).items()
+    ):
         threads = rival.take_best_threads(all_cores())
         an_epoch = float(np.median([rival.epoch() for _ in range(EPOCHS)]))
-        benchmark.extra_info[f"PyTorch, one of {name}"] = f"{an_epoch:.4g} s on {threads} thread(s)"
+        benchmark.extra_info[f"PyTorch, one of {name}"] = (
+            f"{an_epoch:.4g} s on {threads} thread(s)"
+        )
         whole += course.epochs[name] * an_epoch
     benchmark.extra_info["as many epochs in PyTorch [s]"] = whole
     if benchmark.stats:

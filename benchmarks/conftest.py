@@ -13,8 +13,15 @@ for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 def pytest_addoption(parser):
     parser.addoption("--arm", default="twin_arm", help="a preset or an arm file")
-    parser.addoption("--device", default="cpu", choices=("cpu", "gpu"), help="that JAX computes on: batch, training")
-    parser.addoption("--minutes", default=10.0, type=float, help="of random drags on the live page")
+    parser.addoption(
+        "--device",
+        default="cpu",
+        choices=("cpu", "gpu"),
+        help="that JAX computes on: batch, training",
+    )
+    parser.addoption(
+        "--minutes", default=10.0, type=float, help="of random drags on the live page"
+    )
 
 
 def pytest_configure(config):
@@ -35,9 +42,13 @@ def pytest_configure(config):
 
 def pytest_collection_finish(session):
     """Keep this process, and all that it starts, to its cores, where the system can; JAX has no threads yet."""
-    counts = [mark.args[0] for item in session.items for mark in item.iter_markers("cores")]
+    counts = [
+        mark.args[0] for item in session.items for mark in item.iter_markers("cores")
+    ]
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-max(counts, default=1) :])
+        os.sched_setaffinity(
+            0, sorted(os.sched_getaffinity(0))[-max(counts, default=1) :]
+        )
 
 
 def pytest_benchmark_update_machine_info(config, machine_info):
@@ -45,7 +56,11 @@ def pytest_benchmark_update_machine_info(config, machine_info):
     from s2c2a.versions import versions
 
     options = {name: config.getoption(f"--{name}") for name in ("arm", "device")}
-    machine_info |= options | {"load": os.getloadavg()[0], "cores": all_cores(), "versions": versions()}
+    machine_info |= options | {
+        "load": os.getloadavg()[0],
+        "cores": all_cores(),
+        "versions": versions(),
+    }
 
 
 def pytest_terminal_summary(terminalreporter, config):
@@ -53,17 +68,26 @@ def pytest_terminal_summary(terminalreporter, config):
     grown = {}
     for one in config._benchmarksession.benchmarks:
         if one.extra_info:
-            words = ", ".join(f"{name} {_shown(value)}" for name, value in one.extra_info.items())
+            words = ", ".join(
+                f"{name} {_shown(value)}" for name, value in one.extra_info.items()
+            )
             terminalreporter.write_line(f"{one.name}: {words}")
         size = (one.params or {}).get("size", 0)
         if size > 0:  # zero has no logarithm
-            others = [str(value) for name, value in one.params.items() if name != "size"]
-            grown.setdefault(" ".join([one.name.split("[")[0], *others]), []).append((size, one.stats.median))
+            others = [
+                str(value) for name, value in one.params.items() if name != "size"
+            ]
+            grown.setdefault(" ".join([one.name.split("[")[0], *others]), []).append(
+                (size, one.stats.median)
+            )
     for name, points in grown.items():
         if len(points) > 1:
             sizes, medians = np.log(np.array(sorted(points))).T
-            slope, steepest = np.polyfit(sizes, medians, 1)[0], max(np.diff(medians) / np.diff(sizes))
-            terminalreporter.write_line(f"{name} grows with exponent {slope:.2f}, {steepest:.2f} where steepest")
+            slope = np.polyfit(sizes, medians, 1)[0]
+            steepest = max(np.diff(medians) / np.diff(sizes))
+            terminalreporter.write_line(
+                f"{name} grows with exponent {slope:.2f}, {steepest:.2f} where steepest"
+            )
 
 
 def _shown(value) -> str:
@@ -83,7 +107,9 @@ def networks_of(arm):
     from s2c2a.jobs import Cache, NetworksArtifact, made
     from s2c2a.strategies import recipe_named
 
-    return cache(lambda recipe: made(NetworksArtifact(arm, recipe_named(recipe), 0), Cache()))
+    return cache(
+        lambda recipe: made(NetworksArtifact(arm, recipe_named(recipe), 0), Cache())
+    )
 
 
 @pytest.fixture(params=["best", "paper"])
@@ -109,11 +135,18 @@ def in_turn(benchmark):
 
     def timed(call, theirs, rival: str, rounds: int) -> None:
         times = []
-        benchmark.pedantic(call, setup=partial(_timed, theirs, times), rounds=rounds, warmup_rounds=-(-rounds // 10))
+        benchmark.pedantic(
+            call,
+            setup=partial(_timed, theirs, times),
+            rounds=rounds,
+            warmup_rounds=-(-rounds // 10),
+        )
         if benchmark.stats:
             theirs_median = float(np.median(times[-rounds:]))
             benchmark.extra_info[f"{rival} [ms]"] = 1e3 * theirs_median
-            benchmark.extra_info[f"{rival} over it"] = theirs_median / benchmark.stats.stats.median
+            benchmark.extra_info[f"{rival} over it"] = (
+                theirs_median / benchmark.stats.stats.median
+            )
 
     return timed
 

@@ -27,7 +27,9 @@ WATCHED = 200  # control steps whose readings are played again
 
 def module_with(package: str, module: str) -> ModuleType:
     """A module of this folder that needs a package; without it the benchmark is skipped."""
-    pytest.importorskip(package, reason=f"{package} is not installed: `pip install '.[bench]'`")
+    pytest.importorskip(
+        package, reason=f"{package} is not installed: `pip install '.[bench]'`"
+    )
     return import_module(module)
 
 
@@ -39,7 +41,9 @@ def hold(robot: SimulatedRobot, action: np.ndarray) -> None:
 def at_rest(arm: ArmSpec) -> Reading:
     """What a straight arm reads."""
     cables = np.zeros((arm.module_count, arm.cable_count))
-    return Reading(0.0, {"cables": cables, "configurations": straight(arm.module_count)})
+    return Reading(
+        0.0, {"cables": cables, "configurations": straight(arm.module_count)}
+    )
 
 
 def straight(modules: int) -> np.ndarray:
@@ -61,16 +65,21 @@ def planner_of(networks: TrainedNetworks) -> Planner:
 
 def following(planner: Planner, goals: Sequence[Goal]) -> Call:
     """A call that plans for one goal after the other, each from the last plan, the sensors agreeing with it."""
-    plan, asked = planner.start(straight(len(goals[0].positions))), cycle(goals)
+    plan = planner.start(straight(len(goals[0].positions)))
+    asked = cycle(goals)
 
     def call() -> None:
         nonlocal plan
-        plan = jax.block_until_ready(planner.plan(plan, plan.configurations, next(asked)))
+        plan = jax.block_until_ready(
+            planner.plan(plan, plan.configurations, next(asked))
+        )
 
     return call
 
 
-def ticking(strategy: AnyStrategy, goals: Sequence[Goal], readings: Sequence[Reading]) -> Call:
+def ticking(
+    strategy: AnyStrategy, goals: Sequence[Goal], readings: Sequence[Reading]
+) -> Call:
     """A call that does one control step: readings and their goals, again and again."""
     strategy.start(readings[0])
     pairs = cycle(zip(readings, goals, strict=False))

@@ -6,15 +6,21 @@ from s2c2a.cache import keep_programs
 
 keep_programs()
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from s2c2a.goals import Goal  # noqa: E402
-from s2c2a.spaces import Reading  # noqa: E402
-from s2c2a.strategies import load_strategy, s2c2a_strategy  # noqa: E402
+from s2c2a.goals import Goal
+from s2c2a.spaces import Reading
+from s2c2a.strategies import load_strategy, s2c2a_strategy
 
 networks = load_strategy(sys.argv[1])
-arm, strategy = networks.arm, s2c2a_strategy(networks)
+arm = networks.arm
+strategy = s2c2a_strategy(networks)
 straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
-reading = Reading(0.0, np.zeros((arm.module_count, arm.cable_count)), configurations=straight)
+reading = Reading(
+    0.0, np.zeros((arm.module_count, arm.cable_count)), configurations=straight
+)
 strategy.start(reading)
-strategy.step(reading, Goal.of(arm.module_count).with_position([0.2 * arm.length, 0.0, 0.9 * arm.length]))
+strategy.step(
+    reading,
+    Goal.of(arm.module_count).with_position([0.2 * arm.length, 0.0, 0.9 * arm.length]),
+)

@@ -1,7 +1,8 @@
 """Operations of a program, counted in what JAX traces of it: the floor that no compiler goes below.
 
-Loops count as often as they turn, those whose turns follow from data once; of branches the cheapest counts, so a plan
-counts as one without obstacles. XLA's own cost analysis counts every loop once.
+Loops count as often as they turn, those whose turns follow from data once; of branches
+the cheapest counts, so a plan counts as one without obstacles. XLA's own cost analysis
+counts every loop once.
 """
 
 import math
@@ -35,17 +36,24 @@ def _of_program(program: core.Jaxpr) -> Counter:
 
 
 def _of_equation(equation: core.JaxprEqn) -> Counter:
-    name, inner = equation.primitive.name, [_of_program(program) for program in _programs_in(equation.params)]
+    name = equation.primitive.name
+    inner = [_of_program(program) for program in _programs_in(equation.params)]
     if name == "cond":
         return min(inner, key=lambda counted: counted["arithmetic"])
     if inner:
         turns = equation.params["length"] if name == "scan" else 1
-        return Counter({kind: turns * count for kind, count in sum(inner, Counter()).items()})
-    first, results = equation.invars[0].aval.shape if equation.invars else (), sum(map(_size, equation.outvars))
+        return Counter(
+            {kind: turns * count for kind, count in sum(inner, Counter()).items()}
+        )
+    first = equation.invars[0].aval.shape if equation.invars else ()
+    results = sum(map(_size, equation.outvars))
     if name == "dot_general":
         (contracted, _), _ = equation.params["dimension_numbers"]
         multiplied = 2 * math.prod(first[axis] for axis in contracted) * results
-        return Counter(arithmetic=multiplied, bytes=4 * sum(map(_size, (*equation.invars, *equation.outvars))))
+        return Counter(
+            arithmetic=multiplied,
+            bytes=4 * sum(map(_size, (*equation.invars, *equation.outvars))),
+        )
     if name in TRANSCENDENTAL:
         return Counter(transcendental=results)
     arithmetic = {

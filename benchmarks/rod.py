@@ -1,19 +1,22 @@
 """The shape of a cable-driven arm at rest as an elastic rod: a reference that shares no code with the simulators.
 
-The arm is a Kirchhoff rod (Antman 2005, ch. 8): it bends (EI) and twists (GJ) but neither stretches nor shears. At arc
-length s let p be the centre line, R = [d1 d2 d3] the cross-section's frame, n and m the force and moment in rod and
-cables together, w the weight per length and u the curvature in the cross-section's frame:
+The arm is a Kirchhoff rod (Antman 2005, ch. 8): it bends (EI) and twists (GJ) but
+neither stretches nor shears. At arc length s let p be the centre line, R = [d1 d2 d3]
+the cross-section's frame, n and m the force and moment in rod and cables together, w
+the weight per length and u the curvature in the cross-section's frame:
 
     p' = d3,   R' = R hat(u),   n' = -w,   m' = n x d3,   n(L) = tip force,   m(L) = 0
 
-A module's cables are anchored at both of its ends; below it they run in housings that carry their pull, so weight and
-tip force alone set n and m. Inside, the cable at r_i with tension T_i lies along v_i = e3 + u x r_i and carries its
-share of the moment (Rucker and Webster 2011, with housings for the cables of higher modules):
+A module's cables are anchored at both of its ends; below it they run in housings that
+carry their pull, so weight and tip force alone set n and m. Inside, the cable at r_i
+with tension T_i lies along v_i = e3 + u x r_i and carries its share of the moment
+(Rucker and Webster 2011, with housings for the cables of higher modules):
 
     diag(EI, EI, GJ) u = R^T m - sum_i T_i r_i x v_i / |v_i|
 
-Without twist v_i is along e3 and the sum is the constant moment that bends the module towards the cable. With twist the
-cables wind round the centre line and resist it by about sum_i T_i |r_i|^2, which adds to GJ.
+Without twist v_i is along e3 and the sum is the constant moment that bends the module
+towards the cable. With twist the cables wind round the centre line and resist it by
+about sum_i T_i |r_i|^2, which adds to GJ.
 """
 
 from dataclasses import dataclass
@@ -28,12 +31,17 @@ from s2c2a.spaces import States
 
 _GRAVITY = 9.81  # m/s^2
 _NO_FORCE = np.zeros(3)
-_GUESS_STEPS = 10  # grid steps per module while the load grows; the full grid only polishes the last guess
+# grid steps per module while the load grows; the full grid only polishes the last guess
+_GUESS_STEPS = 10
 _LOAD_STRIDE = 1 / 8
 _LEAST_STRIDE = 1e-2
 _TWIST_SWEEPS = 3  # each shrinks the error by about (twist times cable radius)^2
 
-_POSITION, _FRAME, _AXIS, _MOMENT = 0, slice(1, 4), 3, 4  # columns of a cross-section, shape (batch, 3, 5)
+# columns of a cross-section, shape (batch, 3, 5)
+_POSITION = 0
+_FRAME = slice(1, 4)
+_AXIS = 3
+_MOMENT = 4
 
 
 @dataclass(frozen=True)
@@ -55,8 +63,9 @@ def rod_shape(
 ) -> States:
     """States of the arm at rest, found by shooting on the base moment while tensions, weight and tip force grow.
 
-    The equilibrium is the one that grows out of the straight arm; it need not be stable (a standing arm may buckle).
-    Shooting loses about 0.4 sqrt(|n| L^2 / EI) digits to a force n along the arm: metres of a soft hanging arm fail.
+    The equilibrium is the one that grows out of the straight arm; it need not be stable
+    (a standing arm may buckle). Shooting loses about 0.4 sqrt(|n| L^2 / EI) digits to a
+    force n along the arm: metres of a soft hanging arm fail.
 
     Args:
         arm: modules, their stiffness, mass and cables, and the direction of gravity.
@@ -68,32 +77,50 @@ def rod_shape(
         End position [m] and end axis of every module, base frame, shape (modules, 6).
 
     Raises:
-        ActionError: tensions or tip force have the wrong shape or are not finite, or a tension is negative.
+        ActionError: tensions or tip force have the wrong shape or are not finite, or a
+            tension is negative.
         SimulationError: no equilibrium was found.
     """
     tensions = _finite("tensions", tensions, (arm.module_count, arm.cable_count))
     tip_force = _finite("tip_force", tip_force, (3,))
     if np.any(tensions < 0):
-        raise ActionError(f"tensions reach {tensions.min()} N but cables only pull; give 0 N or more")
+        raise ActionError(
+            f"tensions reach {tensions.min()} N but cables only pull; give 0 N or more"
+        )
     segments = _segments(arm, tensions, tip_force)
     moment = _base_moment(segments, steps_per_module)
     ends = _module_ends(segments, moment[None], steps_per_module)
-    return np.array([np.concatenate([end[0, :, _POSITION], end[0, :, _AXIS]]) for end in ends])
+    return np.array(
+        [np.concatenate([end[0, :, _POSITION], end[0, :, _AXIS]]) for end in ends]
+    )
 
 
 def _finite(name: str, values, shape: tuple[int, ...]) -> np.ndarray:
     values = np.asarray(values, dtype=float)
     if values.shape != shape or not np.all(np.isfinite(values)):
-        raise ActionError(f"{name} is {values.tolist()}; give finite numbers [N] of shape {shape}")
+        raise ActionError(
+            f"{name} is {values.tolist()}; give finite numbers [N] of shape {shape}"
+        )
     return values
 
 
-def _segments(arm: ArmSpec, tensions: np.ndarray, tip_force: np.ndarray) -> list[_Segment]:
+def _segments(
+    arm: ArmSpec, tensions: np.ndarray, tip_force: np.ndarray
+) -> list[_Segment]:
     """The modules, base first, each with the force that the arm beyond it hands down."""
     gravity = _GRAVITY * np.array(arm.gravity_direction)
-    segments, force = [], tip_force
+    segments = []
+    force = tip_force
     for module, pulls in zip(reversed(arm.modules), reversed(tensions), strict=True):
-        segments.append(_Segment(module, force, gravity * module.mass / module.length, _levers(module), pulls))
+        segments.append(
+            _Segment(
+                module,
+                force,
+                gravity * module.mass / module.length,
+                _levers(module),
+                pulls,
+            )
+        )
         force = force + gravity * module.mass
     return segments[::-1]
 
@@ -107,24 +134,36 @@ def _levers(module: Module) -> np.ndarray:
 def _scaled(segments: list[_Segment], share: float) -> list[_Segment]:
     """The same modules under a share of every load."""
     return [
-        _Segment(part.module, share * part.end_force, share * part.weight, part.levers, share * part.tensions)
+        _Segment(
+            part.module,
+            share * part.end_force,
+            share * part.weight,
+            part.levers,
+            share * part.tensions,
+        )
         for part in segments
     ]
 
 
 def _base_moment(segments: list[_Segment], steps: int) -> np.ndarray:
     """Moment at the base [N m], shape (3,), followed from the unloaded arm with strides that halve on failure."""
-    moment, share, stride = np.zeros(3), 0.0, _LOAD_STRIDE
+    moment = np.zeros(3)
+    share = 0.0
+    stride = _LOAD_STRIDE
     while share < 1:
         target = min(share + stride, 1.0)
         found = _shoot(_scaled(segments, target), moment, _GUESS_STEPS)
         if found is not None:
-            moment, share = found, target
+            moment = found
+            share = target
         else:
             stride = _smaller(stride, share)
     found = _shoot(segments, moment, steps)
     if found is None:
-        raise SimulationError(f"the rod is not solved on {steps} steps per module; give more steps", step=0)
+        raise SimulationError(
+            f"the rod is not solved on {steps} steps per module; give more steps",
+            step=0,
+        )
     return found
 
 
@@ -137,13 +176,20 @@ def _smaller(stride: float, share: float) -> float:
     return stride / 2
 
 
-def _shoot(segments: list[_Segment], guess: np.ndarray, steps: int) -> np.ndarray | None:
+def _shoot(
+    segments: list[_Segment], guess: np.ndarray, steps: int
+) -> np.ndarray | None:
     """Base moment [N m] that leaves no moment at the tip, or None where the search fails."""
-    scale = segments[0].module.bending_stiffness / sum(part.module.length for part in segments)
+    scale = segments[0].module.bending_stiffness / sum(
+        part.module.length for part in segments
+    )
     offsets = 1e-7 * np.vstack([np.zeros(3), np.eye(3)])
 
     def tip_moment(moment):
-        tips = _module_ends(segments, scale * (moment + offsets), steps)[-1][:, :, _MOMENT] / scale
+        tips = (
+            _module_ends(segments, scale * (moment + offsets), steps)[-1][:, :, _MOMENT]
+            / scale
+        )
         return tips[0], (tips[1:] - tips[0]).T / 1e-7
 
     with np.errstate(over="ignore", invalid="ignore"):
@@ -151,7 +197,9 @@ def _shoot(segments: list[_Segment], guess: np.ndarray, steps: int) -> np.ndarra
     return scale * found.x if np.linalg.norm(found.fun) < 1e-8 else None
 
 
-def _module_ends(segments: list[_Segment], moments: np.ndarray, steps: int) -> list[np.ndarray]:
+def _module_ends(
+    segments: list[_Segment], moments: np.ndarray, steps: int
+) -> list[np.ndarray]:
     """Cross-sections (batch, 3, 5) at the module ends for base moments (batch, 3) [N m]."""
     section = np.zeros((len(moments), 3, 5))
     section[:, :, _FRAME] = np.eye(3)
@@ -178,21 +226,29 @@ def _runge_kutta(segment: _Segment, section: np.ndarray, steps: int) -> np.ndarr
 def _slope(segment: _Segment, to_end: float, section: np.ndarray) -> np.ndarray:
     """Derivative of a cross-section along s, `to_end` metres before the module's end."""
     force = segment.end_force + segment.weight * to_end
-    frame, axis, moment = section[:, :, _FRAME], section[:, :, _AXIS], section[:, :, _MOMENT]
+    frame = section[:, :, _FRAME]
+    axis = section[:, :, _AXIS]
+    moment = section[:, :, _MOMENT]
     slope = np.empty_like(section)
     slope[:, :, _POSITION] = axis
-    slope[:, :, _FRAME] = frame @ _hat(_curvature(segment, (moment[:, None] @ frame)[:, 0]))
+    slope[:, :, _FRAME] = frame @ _hat(
+        _curvature(segment, (moment[:, None] @ frame)[:, 0])
+    )
     slope[:, :, _MOMENT] = axis @ _hat(force).T
     return slope
 
 
 def _curvature(segment: _Segment, moment: np.ndarray) -> np.ndarray:
     """Curvature u [1/m] for a moment R^T m [N m] on rod and cables, both (batch, 3) in the cross-section's frame."""
-    module, levers, tensions = segment.module, segment.levers, segment.tensions
+    module = segment.module
+    levers = segment.levers
+    tensions = segment.tensions
     curvature = np.zeros_like(moment)
     straightness = np.ones((len(moment), len(tensions)))  # e3 component of v_i / |v_i|
     for _ in range(_TWIST_SWEEPS):
-        curvature[:, :2] = (moment[:, :2] - (tensions * straightness) @ levers) / module.bending_stiffness
+        curvature[:, :2] = (
+            moment[:, :2] - (tensions * straightness) @ levers
+        ) / module.bending_stiffness
         along = 1 + curvature[:, :2] @ levers.T  # e3 component of v_i
         stretch = np.hypot(along, module.cable_radius * curvature[:, 2:])  # |v_i|
         winding = module.cable_radius**2 * (tensions / stretch).sum(axis=-1)
@@ -204,5 +260,7 @@ def _curvature(segment: _Segment, moment: np.ndarray) -> np.ndarray:
 def _hat(vector: np.ndarray) -> np.ndarray:
     """The matrix (..., 3, 3) of the cross product with a vector (..., 3)."""
     matrix = np.zeros((*vector.shape, 3))
-    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = vector[..., 0], vector[..., 1], vector[..., 2]
+    matrix[..., 2, 1] = vector[..., 0]
+    matrix[..., 0, 2] = vector[..., 1]
+    matrix[..., 1, 0] = vector[..., 2]
     return matrix - np.swapaxes(matrix, -1, -2)

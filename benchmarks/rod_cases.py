@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from s2c2a.arm.spec import ArmSpec, Module
 
-# Turn the base frame into the world frame, in which gravity is -z and the tips were printed.
+# Turn the base frame into the world frame, in which gravity is -z and the tips were
+# printed.
 _HANGING = np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]])  # 180 deg about x
 _HORIZONTAL = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # +90 deg about x
 
@@ -41,22 +42,48 @@ def rod_cases() -> tuple[RodCase, ...]:
     bend = [[9, 1, 1], [9, 1, 9], [9, 1, 1]]
     s_shape = [[9, 1, 1], [1, 1, 8], [1, 9, 1]]
     return (
-        _case("A", _HANGING, _NO_GRAVITY, [[6, 0, 0], [6, 0, 6], [6, 0, 0]], _NO_FORCE, [0.432139, 0, -0.230940]),
+        _case(
+            "A",
+            _HANGING,
+            _NO_GRAVITY,
+            [[6, 0, 0], [6, 0, 6], [6, 0, 0]],
+            _NO_FORCE,
+            [0.432139, 0, -0.230940],
+        ),
         _case("B", _HANGING, _DOWN, bend, _NO_FORCE, [0.281370, 0, -0.458210]),
-        _case("C", _HANGING, _DOWN, s_shape, _NO_FORCE, [0.153782, 0.033123, -0.560987]),
-        _case("D", _HORIZONTAL, _DOWN, [[1, 1, 1]] * 3, _NO_FORCE, [0, -0.295656, -0.483758]),
+        _case(
+            "C", _HANGING, _DOWN, s_shape, _NO_FORCE, [0.153782, 0.033123, -0.560987]
+        ),
+        _case(
+            "D",
+            _HORIZONTAL,
+            _DOWN,
+            [[1, 1, 1]] * 3,
+            _NO_FORCE,
+            [0, -0.295656, -0.483758],
+        ),
         _case("E", _HANGING, _DOWN, bend, _TIP_WEIGHT, [0.147570, 0, -0.560464]),
     )
 
 
-def _case(name: str, mount: np.ndarray, gravity: np.ndarray, tensions: list, force: np.ndarray, tip: list) -> RodCase:
+def _case(
+    name: str,
+    mount: np.ndarray,
+    gravity: np.ndarray,
+    tensions: list,
+    force: np.ndarray,
+    tip: list,
+) -> RodCase:
     """Carry gravity, force and tip from the world frame into the base frame; row vectors, hence `@ mount`."""
     arm = _arm(f"rod-case-{name}", tuple(gravity @ mount))
-    return RodCase(name, arm, np.array(tensions, dtype=float), force @ mount, np.array(tip) @ mount)
+    return RodCase(
+        name, arm, np.array(tensions, dtype=float), force @ mount, np.array(tip) @ mount
+    )
 
 
 def _arm(name: str, gravity_direction: tuple[float, float, float]) -> ArmSpec:
-    straight, turned = (0.0, 120.0, 240.0), (60.0, 180.0, 300.0)
+    straight = (0.0, 120.0, 240.0)
+    turned = (60.0, 180.0, 300.0)
     return ArmSpec(
         name=name,
         actuation="tension",

@@ -30,7 +30,9 @@ def static_errors() -> list[StaticError]:
         rod_tip = rod_shape(case.arm, case.tensions, case.tip_force)[-1, :3]
         for fidelity in FIDELITIES:
             tip = settled_tip(case.arm, case, fidelity)
-            errors.append(StaticError(case.name, fidelity, float(np.linalg.norm(tip - rod_tip))))
+            errors.append(
+                StaticError(case.name, fidelity, float(np.linalg.norm(tip - rod_tip)))
+            )
     return errors
 
 

@@ -19,7 +19,13 @@ class TorchBiLSTM(nn.Module):
         super().__init__()
         features, gates = network.layers[0][0].weight_input.shape
         outputs = network.weight_head.shape[1]
-        self.lstm = nn.LSTM(features, gates // 4, len(network.layers), batch_first=True, bidirectional=True)
+        self.lstm = nn.LSTM(
+            features,
+            gates // 4,
+            len(network.layers),
+            batch_first=True,
+            bidirectional=True,
+        )
         self.head = nn.Linear(network.weight_head.shape[0], outputs)
         for number, directions in enumerate(network.layers):
             for direction, ending in zip(directions, ("", "_reverse"), strict=True):
@@ -42,7 +48,8 @@ class TorchScaling:
     """`Scaling` on tensors."""
 
     def __init__(self, scaling: Scaling):
-        self.centre, self.half_range = tensor(scaling.centre), tensor(scaling.half_range)
+        self.centre = tensor(scaling.centre)
+        self.half_range = tensor(scaling.half_range)
 
     def forward(self, values: Tensor) -> Tensor:
         """To [-1, 1]."""
@@ -64,7 +71,9 @@ class TorchC2S(nn.Module):
 
     def forward(self, configurations: Tensor) -> Tensor:
         """States [m, 1], shape (batch, modules, 6), base frame."""
-        return self.state_scaling.back(self.network(self.configuration_scaling.forward(configurations)))
+        return self.state_scaling.back(
+            self.network(self.configuration_scaling.forward(configurations))
+        )
 
 
 class TorchSumAndRange:
@@ -72,7 +81,8 @@ class TorchSumAndRange:
 
     def __init__(self, layer: SumAndRange):
         self.evenly_three = layer.evenly_three
-        self.matrices, self.inverses = tensor(layer.matrices), tensor(layer.pseudo_inverses)
+        self.matrices = tensor(layer.matrices)
+        self.inverses = tensor(layer.pseudo_inverses)
         self.low = tensor((layer.low - layer.neutral) / layer.unit)
         self.high = tensor((layer.high - layer.neutral) / layer.unit)
 
@@ -86,7 +96,9 @@ class TorchSumAndRange:
             return (3.0 * squashed - squashed.sum(-1, keepdim=True)) / 4.0
         wanted = torch.einsum("mkc,...mc->...mk", self.inverses, raw)
         length = torch.linalg.norm(wanted, dim=-1, keepdim=True).clamp(min=1e-6)
-        return torch.einsum("mck,...mk->...mc", self.matrices, wanted * torch.tanh(length) / length)
+        return torch.einsum(
+            "mck,...mk->...mc", self.matrices, wanted * torch.tanh(length) / length
+        )
 
 
 class TorchC2A(nn.Module):
@@ -99,7 +111,9 @@ class TorchC2A(nn.Module):
         self.layer = TorchSumAndRange(model.sum_and_range)
         self.labels = tensor(module_labels(len(model.sum_and_range.neutral)))[:, None]
 
-    def forward(self, wanted: Tensor, configurations: Tensor, actions: Tensor) -> Tensor:
+    def forward(
+        self, wanted: Tensor, configurations: Tensor, actions: Tensor
+    ) -> Tensor:
         """Normalised actions, shape (batch, modules, cables), from what is wanted and what was sensed and done."""
         parts = [
             self.configuration_scaling.forward(wanted),

@@ -1,7 +1,8 @@
 """The paper's planner in eager PyTorch: `nn.LSTM`, `backward()`, `torch.optim.Adam`, one Python loop.
 
-The same objective, projection and limits as ours, so that both give the same plan. Weights are frozen, and where no
-obstacle is in use none is looked at: PyTorch is not made to do what the paper does not need.
+The same objective, projection and limits as ours, so that both give the same plan.
+Weights are frozen, and where no obstacle is in use none is looked at: PyTorch is not
+made to do what the paper does not need.
 
 Needs PyTorch; the extra `bench` brings it.
 """
@@ -44,9 +45,12 @@ class TorchPlanner:
 
     def __init__(self, arm: ArmSpec, model: C2S, solver: Adam):
         self._model = TorchC2S(model).requires_grad_(False)
-        self._scale, self._solver = WORKSPACE_SHARE * arm.length, solver
+        self._scale = WORKSPACE_SHARE * arm.length
+        self._solver = solver
         self._bend_limits = tensor(ArmGeometry.of(arm).bend_limits)
-        self._longest_step = torch.tensor(np.deg2rad(arm.step_limit_deg), dtype=torch.float32)
+        self._longest_step = torch.tensor(
+            np.deg2rad(arm.step_limit_deg), dtype=torch.float32
+        )
 
     def plan(self, last: Tensor, goal: TorchGoal) -> Tensor:
         """The next configuration after the last one, shape (modules, 3)."""
@@ -57,16 +61,24 @@ class TorchPlanner:
             self._objective(configurations, last, goal).backward()
             optimiser.step()
             with torch.no_grad():
-                configurations /= torch.linalg.norm(configurations, dim=-1, keepdim=True)
+                configurations /= torch.linalg.norm(
+                    configurations, dim=-1, keepdim=True
+                )
         return self._within_limits(configurations.detach(), last)
 
-    def _objective(self, configurations: Tensor, last: Tensor, goal: TorchGoal) -> Tensor:
+    def _objective(
+        self, configurations: Tensor, last: Tensor, goal: TorchGoal
+    ) -> Tensor:
         """mu_p L_p + mu_o L_o + mu_d L_d (Chen et al. 2025, eq. (7))."""
         states = self._model(configurations[None])[0]
-        apart = torch.linalg.norm((goal.positions - states[:, :3]) / self._scale, dim=-1)
+        apart = torch.linalg.norm(
+            (goal.positions - states[:, :3]) / self._scale, dim=-1
+        )
         turned = torch.linalg.norm(goal.axes - states[:, 3:], dim=-1)
         change = torch.linalg.norm(configurations - last)
-        targets = torch.sum(goal.position_weights * apart) + torch.sum(goal.axis_weights * turned)
+        targets = torch.sum(goal.position_weights * apart) + torch.sum(
+            goal.axis_weights * turned
+        )
         return targets + goal.change_weight * change
 
     def _within_limits(self, wanted: Tensor, last: Tensor) -> Tensor:
@@ -80,13 +92,16 @@ def planner_of(networks: TrainedNetworks) -> TorchPlanner:
     torch.set_num_threads(1)
     solver = networks.recipe.planner.solver
     if not (isinstance(solver, Adam) and isinstance(networks.c2s, C2S)):
-        raise StrategyError(f"the recipe '{networks.recipe.name}' does not plan as the paper; take the paper's")
+        raise StrategyError(
+            f"the recipe '{networks.recipe.name}' does not plan as the paper; take the paper's"
+        )
     return TorchPlanner(networks.arm, networks.c2s, solver)
 
 
 def following(networks: TrainedNetworks, goals: Sequence[Goal]) -> Callable[[], Tensor]:
     """A call that plans for one goal after the other, each from the last plan."""
-    planner, asked = planner_of(networks), cycle([TorchGoal.of(goal) for goal in goals])
+    planner = planner_of(networks)
+    asked = cycle([TorchGoal.of(goal) for goal in goals])
     last = torch.tensor([[0.0, 0.0, 1.0]]).repeat(networks.arm.module_count, 1)
 
     def call() -> Tensor:
@@ -100,7 +115,9 @@ def following(networks: TrainedNetworks, goals: Sequence[Goal]) -> Callable[[], 
 def _bends(configurations: Float[Tensor, "modules 3"]) -> Float[Tensor, "modules 2"]:
     across = torch.linalg.norm(configurations[:, :2], dim=-1, keepdim=True)
     angle = torch.atan2(across, configurations[:, 2:])
-    return configurations[:, :2] * torch.where(across > 1e-6, angle / across.clamp(min=1e-6), 1.0)
+    return configurations[:, :2] * torch.where(
+        across > 1e-6, angle / across.clamp(min=1e-6), 1.0
+    )
 
 
 def _configurations(bends: Float[Tensor, "modules 2"]) -> Float[Tensor, "modules 3"]:
@@ -108,6 +125,8 @@ def _configurations(bends: Float[Tensor, "modules 2"]) -> Float[Tensor, "modules
     return torch.cat([bends * torch.sinc(angle / torch.pi), torch.cos(angle)], dim=-1)
 
 
-def _limited(vectors: Float[Tensor, "modules 2"], longest: Tensor) -> Float[Tensor, "modules 2"]:
+def _limited(
+    vectors: Float[Tensor, "modules 2"], longest: Tensor
+) -> Float[Tensor, "modules 2"]:
     length = torch.linalg.norm(vectors, dim=-1)
     return vectors * torch.clamp(longest / length.clamp(min=1e-12), max=1.0)[:, None]

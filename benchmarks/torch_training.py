@@ -33,9 +33,19 @@ COMPARED = 64  # samples
 class TorchTraining:
     """A network in training, an epoch at a time: shuffled batches, then the validation loss, the best weights kept."""
 
-    def __init__(self, model: nn.Module, loss: Loss, training: Batch, validation: Batch, options: FitOptions):
-        self.model, self._loss, self._size = model, loss, options.batch_size
-        self._training, self._validation = training, validation
+    def __init__(
+        self,
+        model: nn.Module,
+        loss: Loss,
+        training: Batch,
+        validation: Batch,
+        options: FitOptions,
+    ):
+        self.model = model
+        self._loss = loss
+        self._size = options.batch_size
+        self._training = training
+        self._validation = validation
         self._optimiser = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
         self.best_loss = float("inf")
 
@@ -45,8 +55,10 @@ class TorchTraining:
         self._steps(self._batches())
         with torch.no_grad():
             held_out = float(self._loss(self._validation, False))
-        if held_out < self.best_loss:  # as stopping early needs it, in the time of an epoch
-            self.best_loss, self.best_weights = held_out, deepcopy(self.model.state_dict())
+        # as stopping early needs it, in the time of an epoch
+        if held_out < self.best_loss:
+            self.best_weights = deepcopy(self.model.state_dict())
+            self.best_loss = held_out
         return time.perf_counter() - began
 
     def take_best_threads(self, most: int) -> int:
@@ -64,16 +76,22 @@ class TorchTraining:
 
     def _batches(self) -> Tensor:
         samples = len(self._training["targets"])
-        return torch.randperm(samples)[: samples // self._size * self._size].reshape(-1, self._size)
+        return torch.randperm(samples)[: samples // self._size * self._size].reshape(
+            -1, self._size
+        )
 
     def _steps(self, batches: Tensor) -> None:
         for picked in batches:
             self._optimiser.zero_grad()
-            self._loss({name: values[picked] for name, values in self._training.items()}, True).backward()
+            self._loss(
+                {name: values[picked] for name, values in self._training.items()}, True
+            ).backward()
             self._optimiser.step()
 
 
-def trainings(recording: Recording, recipe: Recipe, seed: int) -> dict[str, TorchTraining]:
+def trainings(
+    recording: Recording, recipe: Recipe, seed: int
+) -> dict[str, TorchTraining]:
     """Both networks of the paper's recipe before their first epoch, by the names that `train_s2c2a` tells."""
     torch.manual_seed(seed)
     sensed = recipe.estimator(recording.arm).sensed(recording.readings())
@@ -84,48 +102,74 @@ def trainings(recording: Recording, recipe: Recipe, seed: int) -> dict[str, Torc
     }
 
 
-def c2s_training(sensed: np.ndarray, recording: Recording, recipe: Recipe, key) -> TorchTraining:
+def c2s_training(
+    sensed: np.ndarray, recording: Recording, recipe: Recipe, key
+) -> TorchTraining:
     """NN_C2S on sensed configurations and true states.
 
     Raises:
         StrategyError: the recipe's forward model is not the paper's.
     """
     if not isinstance(recipe.c2s, C2SOptions):
-        raise StrategyError(f"the forward model of '{recipe.name}' is no biLSTM; take the recipe 'paper'")
+        raise StrategyError(
+            f"the forward model of '{recipe.name}' is no biLSTM; take the recipe 'paper'"
+        )
     split = forward_samples(sensed, recording.sensor("states"))
     blank = recipe.c2s.untrained(recording.arm, key)
-    scalings = Scaling.of(split.training.inputs["configurations"]), state_scaling(split.training.targets)
+    scalings = (
+        Scaling.of(split.training.inputs["configurations"]),
+        state_scaling(split.training.targets),
+    )
     model = TorchC2S(C2S(blank.network, *scalings))
 
     def loss(batch: Batch, learning: bool) -> Tensor:
         error = model(batch["configurations"]) - batch["targets"]
         return torch.mean((error / model.state_scaling.half_range) ** 2)
 
-    return TorchTraining(model, loss, _batch(split.training), _batch(split.validation), recipe.c2s_fit)
+    return TorchTraining(
+        model, loss, _batch(split.training), _batch(split.validation), recipe.c2s_fit
+    )
 
 
-def c2a_training(sensed: np.ndarray, recording: Recording, recipe: Recipe, key) -> TorchTraining:
+def c2a_training(
+    sensed: np.ndarray, recording: Recording, recipe: Recipe, key
+) -> TorchTraining:
     """NN_C2A on what led from one sensed configuration to the next."""
     arm = recording.arm
-    split = controller_samples(sensed, recording.actions, ArmGeometry.of(arm).action_neutral)
+    split = controller_samples(
+        sensed, recording.actions, ArmGeometry.of(arm).action_neutral
+    )
     blank = recipe.c2a.untrained(arm, key)
-    ours = C2A(blank.network, Scaling.of(split.training.inputs["wanted"]), blank.sum_and_range)
+    ours = C2A(
+        blank.network, Scaling.of(split.training.inputs["wanted"]), blank.sum_and_range
+    )
     model = TorchC2A(ours)
 
     def loss(batch: Batch, learning: bool) -> Tensor:
         actions = batch["actions"]
         if learning:
             actions = actions + recipe.history_noise * torch.randn_like(actions)
-        return torch.mean((model(batch["wanted"], batch["configurations"], actions) - batch["targets"]) ** 2)
+        return torch.mean(
+            (
+                model(batch["wanted"], batch["configurations"], actions)
+                - batch["targets"]
+            )
+            ** 2
+        )
 
-    seen, held_out = (_batch(_normalised(part, blank.sum_and_range)) for part in (split.training, split.validation))
+    seen, held_out = (
+        _batch(_normalised(part, blank.sum_and_range))
+        for part in (split.training, split.validation)
+    )
     _check_same(ours, model, {name: values[:COMPARED] for name, values in seen.items()})
     return TorchTraining(model, loss, seen, held_out, recipe.c2a_fit)
 
 
 def _check_same(ours: C2A, theirs: TorchC2A, batch: Batch) -> None:
     """Both networks say the same, or comparing them says nothing."""
-    wanted, configurations, actions = (batch[name] for name in ("wanted", "configurations", "actions"))
+    wanted, configurations, actions = (
+        batch[name] for name in ("wanted", "configurations", "actions")
+    )
     with torch.no_grad():
         said = theirs(wanted, configurations, actions).numpy()
     history = History(configurations.numpy(), actions.numpy())
@@ -134,10 +178,16 @@ def _check_same(ours: C2A, theirs: TorchC2A, batch: Batch) -> None:
 
 def _normalised(samples: Samples, layer: SumAndRange) -> Samples:
     """Actions in the network's units; past ones have an axis of ages before their cables."""
-    neutral, unit = np.asarray(layer.neutral), np.asarray(layer.unit)
+    neutral = np.asarray(layer.neutral)
+    unit = np.asarray(layer.unit)
     past = (samples.inputs["actions"] - neutral[:, None]) / unit[:, None]
-    return Samples(samples.inputs | {"actions": past}, (samples.targets - neutral) / unit)
+    return Samples(
+        samples.inputs | {"actions": past}, (samples.targets - neutral) / unit
+    )
 
 
 def _batch(samples: Samples) -> Batch:
-    return {name: tensor(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
+    return {
+        name: tensor(values)
+        for name, values in (samples.inputs | {"targets": samples.targets}).items()
+    }

@@ -36,7 +36,10 @@ def watch(port: int) -> None:
 
 
 if __name__ == "__main__":
-    watchers = [threading.Thread(target=watch, args=(int(sys.argv[1]),)) for _ in range(int(sys.argv[2]))]
+    watchers = [
+        threading.Thread(target=watch, args=(int(sys.argv[1]),))
+        for _ in range(int(sys.argv[2]))
+    ]
     for watcher in watchers:
         watcher.start()
     for watcher in watchers:

@@ -29,13 +29,17 @@ def headless():
     """A browser that draws in software."""
     with sync_playwright() as playwright:
         flags = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
-        yield playwright.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
+        yield playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=flags
+        )
 
 
 def keep(page, name: str) -> None:
     """Save what is seen, small."""
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    picture.resize((picture.width * 3 // 4, picture.height * 3 // 4)).save(FOLDER / f"{name}.png", optimize=True)
+    picture.resize((picture.width * 3 // 4, picture.height * 3 // 4)).save(
+        FOLDER / f"{name}.png", optimize=True
+    )
 
 
 def opened(browser, address: str, size: dict):
@@ -52,7 +56,10 @@ def opened(browser, address: str, size: dict):
 
 def live_pictures() -> None:
     """The live page with a dragged target, an obstacle, a target out of reach on a telephone."""
-    with running_page("twin_arm", out=Path("runs"), port=8192) as (control, live), headless() as browser:
+    with (
+        running_page("twin_arm", out=Path("runs"), port=8192) as (control, live),
+        headless() as browser,
+    ):
         page = opened(browser, live.gate.address, WIDE)
         for share in np.linspace(0, 1, 30):
             control.ask(target=(0.2 * share, -0.1 * share, 0.6 - 0.055 * share))
@@ -60,7 +67,9 @@ def live_pictures() -> None:
         time.sleep(3.0)
         keep(page, "live-target")
         page.get_by_role("tab", name="Avoid").click()
-        control.ask(target=(0.0, 0.0, 0.6), obstacles=(Obstacle((0.03, -0.01, 0.6), 0.08),))
+        control.ask(
+            target=(0.0, 0.0, 0.6), obstacles=(Obstacle((0.03, -0.01, 0.6), 0.08),)
+        )
         time.sleep(5.0)
         keep(page, "live-obstacle")
         page.get_by_text("Plots").click()

@@ -29,10 +29,14 @@ robot = SimulatedRobot(arm)
 check_robot(robot)
 
 with robot:
-    wanted = np.array([[0.6, 0.0], [0.0, -0.4]])  # rad: module I towards x, module II towards -y
+    # rad: module I towards x, module II towards -y
+    wanted = np.array([[0.6, 0.0], [0.0, -0.4]])
     action = np.asarray(PCC.of(arm).actions(wanted))
     for _ in range(30):
         robot.step(action)  # send, and let one control period pass
     for number, state in enumerate(robot.read()["states"], start=1):
-        position, axis = state[:3], state[3:]
-        print(f"module {number} ends at {position.round(3)} m and points along {axis.round(2)}")
+        position = state[:3]
+        axis = state[3:]
+        print(
+            f"module {number} ends at {position.round(3)} m and points along {axis.round(2)}"
+        )

@@ -15,7 +15,13 @@ arm = load_arm("twin_arm")  # or the path of an arm file
 recipe = recipe_named("best")
 
 options = replace(recipe.collect_options(), episodes=episodes)
-recording = collect("twin.episodes", arm, lambda seed: SimulatedRobot(arm, seed=seed), options, overwrite=True)
+recording = collect(
+    "twin.episodes",
+    arm,
+    lambda seed: SimulatedRobot(arm, seed=seed),
+    options,
+    overwrite=True,
+)
 networks = train_s2c2a(recording, recipe, seed=0)
 strategy = s2c2a_strategy(networks)
 

@@ -11,11 +11,16 @@ from s2c2a.strategies import pcc_strategy
 arm = load_arm("twin_arm")
 strategy = pcc_strategy(arm, PAPER)
 
-with Loop(SimulatedRobot(arm), strategy) as loop:  # paces a real arm, limits what is sent, checks what is read
+# paces a real arm, limits what is sent, checks what is read
+with Loop(SimulatedRobot(arm), strategy) as loop:
     for step in range(100):
         time = step * arm.control_period
         target = [0.15 * np.sin(0.5 * time), 0.15 * np.sin(0.25 * time), 0.57]
         obstacle = [0.2, 0.0, 0.45 + 0.01 * time]
-        goal = Goal.of(arm.module_count).with_position(target).with_obstacles([obstacle], [0.05])
+        goal = (
+            Goal.of(arm.module_count)
+            .with_position(target)
+            .with_obstacles([obstacle], [0.05])
+        )
         tip = loop.tick(Ask(goal)).reading["states"][-1, :3]
     print(f"the tip is at {tip.round(3)} m, its target was at {np.round(target, 3)} m")

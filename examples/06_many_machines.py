@@ -24,8 +24,16 @@ def gather(folder: str, executor, episodes: int) -> tuple[Path, float, float]:
     """Collect; returns the file, how long it took [s], and this process's share of the work [s of a core]."""
     path = Path(folder) / "twin.episodes"
     robot = partial(SimulatedRobot, load_arm("twin_arm"), "fast")
-    began, used = time.perf_counter(), time.process_time()
-    collect(path, load_arm("twin_arm"), robot, CollectOptions(episodes=episodes), executor=executor, overwrite=True)
+    began = time.perf_counter()
+    used = time.process_time()
+    collect(
+        path,
+        load_arm("twin_arm"),
+        robot,
+        CollectOptions(episodes=episodes),
+        executor=executor,
+        overwrite=True,
+    )
     return path, time.perf_counter() - began, time.process_time() - used
 
 
@@ -47,23 +55,41 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         gather(folder, Serial(), 1)
         recording, _, used = gather(folder, Serial(), 8)
-        speed, sample = 8 * EPISODE / used, recording.stat().st_size / (8 * 500)
-        print(f"fast, one thread: {speed:.0f} arm seconds per second of its core; {sample:.0f} bytes a sample")
+        speed = 8 * EPISODE / used
+        sample = recording.stat().st_size / (8 * 500)
+        print(
+            f"fast, one thread: {speed:.0f} arm seconds per second of its core; {sample:.0f} bytes a sample"
+        )
         with Cluster("local", WORKERS) as executor:
             gather(folder, executor, 2 * WORKERS)  # starts and imports
             _, took, _ = gather(folder, executor, 8 * WORKERS)
-            empty, full = handled(executor, 0), handled(executor, int(500 * sample))
-    print(f"{WORKERS} workers: {8 * WORKERS * EPISODE / took:.0f} arm seconds per second")
-    print(f"client and scheduler: {1e3 * full:.1f} ms a call of {sample / 2:.0f} kB, {1e3 * empty:.1f} an empty one")
+            empty = handled(executor, 0)
+            full = handled(executor, int(500 * sample))
+    print(
+        f"{WORKERS} workers: {8 * WORKERS * EPISODE / took:.0f} arm seconds per second"
+    )
+    print(
+        f"client and scheduler: {1e3 * full:.1f} ms a call of {sample / 2:.0f} kB, {1e3 * empty:.1f} an empty one"
+    )
     for workers in (1, 8 * WORKERS, 32 * WORKERS, 128 * WORKERS):
-        there = LocalCluster(n_workers=1, threads_per_worker=workers, dashboard_address="127.0.0.1:0")
+        there = LocalCluster(
+            n_workers=1, threads_per_worker=workers, dashboard_address="127.0.0.1:0"
+        )
         with there, Cluster(there.scheduler_address) as executor:
-            began, sizes = time.perf_counter(), [int(500 * sample)] * (4 * workers)
-            done = sum(1 for _ in in_order(executor, partial(stand_in, EPISODE / speed), sizes))
+            began = time.perf_counter()
+            sizes = [int(500 * sample)] * (4 * workers)
+            done = sum(
+                1 for _ in in_order(executor, partial(stand_in, EPISODE / speed), sizes)
+            )
             rate = done / (time.perf_counter() - began)
-        print(f"{workers:4d} stand-ins: {rate:5.1f} calls a second, {workers * speed / EPISODE:6.1f} without client")
-    days, disk = HOURS * 3600 / speed / 86400, HOURS * 3600 * 10 * sample
-    print(f"a million arm-hours: {days:.0f} core-days, {disk / 1e12:.1f} TB, {HOURS * 0.02 / rate:.0f} h of one client")
+        print(
+            f"{workers:4d} stand-ins: {rate:5.1f} calls a second, {workers * speed / EPISODE:6.1f} without client"
+        )
+    days = HOURS * 3600 / speed / 86400
+    disk = HOURS * 3600 * 10 * sample
+    print(
+        f"a million arm-hours: {days:.0f} core-days, {disk / 1e12:.1f} TB, {HOURS * 0.02 / rate:.0f} h of one client"
+    )
 
 
 if __name__ == "__main__":  # workers are processes that import this file

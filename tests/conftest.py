@@ -19,7 +19,13 @@ from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import Recipe, TrainedNetworks, recipe_named, save_strategy, train_s2c2a
+from s2c2a.strategies import (
+    Recipe,
+    TrainedNetworks,
+    recipe_named,
+    save_strategy,
+    train_s2c2a,
+)
 from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
@@ -31,24 +37,31 @@ LONGEST = (
     "test_live_page_in_browser",
     "test_local",
 )
-"""Files that go first, so that no worker is left with one of them when all others have ended."""
+"""Files that go first, so that no worker is left with one of them when all others have
+ended."""
 HASTY = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
-"""Compiles in two thirds of the time; chains train as fast, networks of the paper's kind by two fifths more slowly.
+"""Compiles in two thirds of the time; chains train as fast, networks of the paper's
+kind by two fifths more slowly.
 
-What users run is compiled with care, as in `make demo`. XLA ends a process that names a flag it does not know; those of
-jaxlib 0.7 to 0.10 know these.
+What users run is compiled with care, as in `make demo`. XLA ends a process that names a
+flag it does not know; those of jaxlib 0.7 to 0.10 know these.
 """
 EPISODES, SAMPLES = 6, 100
-MOST_MAPS = 30_000  # of memory; the system allows 65,530 to a process, and a compiled program takes a few
+# of memory; the system allows 65,530 to a process, and a compiled program takes a few
+MOST_MAPS = 30_000
 NO_DIGEST = "0" * 64
-TINY, QUICK = C2AOptions(layers=1, hidden=8), FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6)
+TINY, QUICK = (
+    C2AOptions(layers=1, hidden=8),
+    FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6),
+)
 
 
 def pytest_configure(config):
     """Keep what JAX compiles from test to test and run to run, and compile it hastily: that is most of the tests' time.
 
-    Processes that tests start keep theirs in the same folder, under the same bound: with the bound comes a lock, and
-    who writes without it leaves what the others take for half a program.
+    Processes that tests start keep theirs in the same folder, under the same bound:
+    with the bound comes a lock, and who writes without it leaves what the others take
+    for half a program.
     """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
@@ -58,7 +71,8 @@ def pytest_configure(config):
         "jax_compilation_cache_max_size": 2_000_000_000,
         "jax_persistent_cache_min_compile_time_secs": 0.1,
     }
-    os.environ["XLA_FLAGS"] = f"{HASTY} {os.environ.get('XLA_FLAGS', '')}"  # read when the first array is made
+    # read when the first array is made
+    os.environ["XLA_FLAGS"] = f"{HASTY} {os.environ.get('XLA_FLAGS', '')}"
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)
@@ -84,11 +98,25 @@ def _few_programs():
 def make_arm():
     """Builds a displacement arm of equal, evenly cabled modules of 0.2 m; `module` changes all of them."""
 
-    def make(modules: int = 3, cables: int = 3, module: dict | None = None, **changes) -> ArmSpec:
+    def make(
+        modules: int = 3, cables: int = 3, module: dict | None = None, **changes
+    ) -> ArmSpec:
         angles = tuple(360.0 * cable / cables for cable in range(cables))
-        values = {"length": 0.2, "cable_radius": 0.027, "mass": 0.075, "bending_stiffness": 0.16}
+        values = {
+            "length": 0.2,
+            "cable_radius": 0.027,
+            "mass": 0.075,
+            "bending_stiffness": 0.16,
+        }
         kind = Module(**{**values, "cable_angles_deg": angles, **(module or {})})
-        return ArmSpec(**{"name": "test_arm", "actuation": "displacement", "modules": (kind,) * modules, **changes})
+        return ArmSpec(
+            **{
+                "name": "test_arm",
+                "actuation": "displacement",
+                "modules": (kind,) * modules,
+                **changes,
+            }
+        )
 
     return make
 
@@ -123,13 +151,26 @@ def recording(twin, tmp_path_factory) -> Recording:
     """Six short episodes of the twin."""
     path = tmp_path_factory.mktemp("shared") / "twin.episodes"
     options = CollectOptions(episodes=EPISODES, samples=SAMPLES)
-    return collect(path, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, body="simulation fast")
+    return collect(
+        path,
+        twin,
+        lambda seed: SimulatedRobot(twin, seed=seed),
+        options,
+        body="simulation fast",
+    )
 
 
 @pytest.fixture(scope="session")
 def tiny_recipe() -> Recipe:
     """The paper's recipe with far smaller networks and a few quick epochs."""
-    return replace(recipe_named("paper"), name="tiny", c2s=C2SOptions(1, 8), c2a=TINY, c2s_fit=QUICK, c2a_fit=QUICK)
+    return replace(
+        recipe_named("paper"),
+        name="tiny",
+        c2s=C2SOptions(1, 8),
+        c2a=TINY,
+        c2s_fit=QUICK,
+        c2a_fit=QUICK,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -139,7 +180,14 @@ def tiny_best_recipe() -> Recipe:
         ChainOptions(hidden=8, depth=1, play_widths=(0.005, 0.02), creep_times=(1.0,)),
         replace(QUICK, decay=True),
     )
-    return replace(recipe_named("best"), name="tiny_best", c2s=size, c2a=TINY, c2s_fit=fit, c2a_fit=fit)
+    return replace(
+        recipe_named("best"),
+        name="tiny_best",
+        c2s=size,
+        c2a=TINY,
+        c2s_fit=fit,
+        c2a_fit=fit,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -173,7 +221,9 @@ def forged(tmp_path):
         beside = {"s2c2a": json.dumps(metadata), "digest": NO_DIGEST}
         content = save(arrays, metadata=beside)
         digest = blake2b(content, digest_size=32).hexdigest()
-        (tmp_path / "forged.safetensors").write_bytes(content.replace(NO_DIGEST.encode(), digest.encode(), 1))
+        (tmp_path / "forged.safetensors").write_bytes(
+            content.replace(NO_DIGEST.encode(), digest.encode(), 1)
+        )
         return tmp_path / "forged.safetensors"
 
     return write_anew

@@ -13,7 +13,11 @@ import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
-LEFT, RIGHT, SQUARE = np.ones((3, 4), np.float32), np.ones((4, 5), np.float32), np.eye(6, dtype=np.float32)
+LEFT, RIGHT, SQUARE = (
+    np.ones((3, 4), np.float32),
+    np.ones((4, 5), np.float32),
+    np.eye(6, dtype=np.float32),
+)
 
 
 @pytest.fixture
@@ -24,14 +28,29 @@ def count_operations(monkeypatch):
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "pytest", str(FOLDER), *arguments]
-    alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}  # no worker's child
-    return subprocess.run(command, env=alone, capture_output=True, text=True, check=False)
+    # no worker's child
+    alone = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith("PYTEST_")
+    }
+    return subprocess.run(
+        command, env=alone, capture_output=True, text=True, check=False
+    )
 
 
 def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
-    pytest.importorskip("pytest_benchmark", reason="pytest-benchmark comes with the extras bench and dev")
+    pytest.importorskip(
+        "pytest_benchmark",
+        reason="pytest-benchmark comes with the extras bench and dev",
+    )
     written = tmp_path / "figures.json"
-    done = run("-k", "test_inverse_pcc", "--benchmark-max-time=0.01", f"--benchmark-json={written}")
+    done = run(
+        "-k",
+        "test_inverse_pcc",
+        "--benchmark-max-time=0.01",
+        f"--benchmark-json={written}",
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 passed" in done.stdout
     figures = json.loads(written.read_text())
@@ -42,7 +61,10 @@ def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
 
 
 def test_a_gpu_that_is_not_there_is_refused():
-    pytest.importorskip("pytest_benchmark", reason="pytest-benchmark comes with the extras bench and dev")
+    pytest.importorskip(
+        "pytest_benchmark",
+        reason="pytest-benchmark comes with the extras bench and dev",
+    )
     if any(device.platform == "gpu" for device in jax.devices()):
         pytest.skip("there is a GPU here")
     done = run("--device", "gpu", "--collect-only")
@@ -53,10 +75,26 @@ def test_a_gpu_that_is_not_there_is_refused():
 @pytest.mark.parametrize(
     ("function", "inputs", "counted"),
     [
-        (jnp.matmul, (LEFT, RIGHT), {"arithmetic": 2 * 3 * 4 * 5, "bytes": 4 * (12 + 20 + 15)}),
-        (jax.vmap(lambda each: each @ RIGHT), (np.ones((7, 3, 4), np.float32),), {"arithmetic": 7 * 2 * 3 * 4 * 5}),
-        (lambda x: jnp.tanh(x * 2.0 + 1.0).sum(), (LEFT,), {"arithmetic": 12 + 12 + 12, "transcendental": 12}),
-        (lambda x: jax.lax.fori_loop(0, 10, lambda _, y: jnp.sin(y), x), (LEFT,), {"transcendental": 10 * 12}),
+        (
+            jnp.matmul,
+            (LEFT, RIGHT),
+            {"arithmetic": 2 * 3 * 4 * 5, "bytes": 4 * (12 + 20 + 15)},
+        ),
+        (
+            jax.vmap(lambda each: each @ RIGHT),
+            (np.ones((7, 3, 4), np.float32),),
+            {"arithmetic": 7 * 2 * 3 * 4 * 5},
+        ),
+        (
+            lambda x: jnp.tanh(x * 2.0 + 1.0).sum(),
+            (LEFT,),
+            {"arithmetic": 12 + 12 + 12, "transcendental": 12},
+        ),
+        (
+            lambda x: jax.lax.fori_loop(0, 10, lambda _, y: jnp.sin(y), x),
+            (LEFT,),
+            {"transcendental": 10 * 12},
+        ),
         (
             lambda x: jax.lax.cond(x[0, 0] > 0.0, lambda: x * x * x * x, lambda: x + x),
             (LEFT,),
@@ -71,5 +109,7 @@ def test_operations_are_counted_as_by_hand(count_operations, function, inputs, c
 
 
 def test_programs_within_programs_count_and_equations_are_solved_once(count_operations):
-    found = count_operations(jax.jit(lambda a: jnp.linalg.solve(a, a[0])), SQUARE)["arithmetic"]
+    found = count_operations(jax.jit(lambda a: jnp.linalg.solve(a, a[0])), SQUARE)[
+        "arithmetic"
+    ]
     assert 2 / 3 * 6**3 <= found <= 2 / 3 * 6**3 + 3 * 36

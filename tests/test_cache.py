@@ -51,12 +51,18 @@ def test_who_has_set_up_a_cache_of_jax_keeps_it(bare, monkeypatch):
     assert NAMES[1] not in os.environ
 
 
-def test_a_second_process_finds_what_the_first_compiled_and_a_damaged_one_is_made_anew(bare, tmp_path):
+def test_a_second_process_finds_what_the_first_compiled_and_a_damaged_one_is_made_anew(
+    bare, tmp_path
+):
     environment = {**os.environ, "S2C2A_CACHE": str(tmp_path)}
 
     def run() -> str:
         done = subprocess.run(
-            [sys.executable, "-c", COMPILE], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", COMPILE],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         return done.stdout
 

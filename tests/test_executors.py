@@ -63,7 +63,9 @@ def test_what_the_work_raises_comes_out_whole(executor):
 def test_no_more_is_begun_than_can_be_done_soon():
     taken = []
     with Threads(2) as executor:
-        results = in_order(executor, square, (taken.append(number) or number for number in range(100)))
+        results = in_order(
+            executor, square, (taken.append(number) or number for number in range(100))
+        )
         next(results)
         assert len(taken) <= most_begun(executor) == 4
         results.close()
@@ -111,10 +113,14 @@ print(len([name for name in names if "XLAEigen" in name]))
 """
 
 
-@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are counted under /proc")
+@pytest.mark.skipif(
+    not os.path.isdir("/proc/self/task"), reason="threads are counted under /proc"
+)
 def test_a_process_of_ours_computes_on_one_thread():
     """What XLA adds up in parts depends on how many threads it has, and a seed's networks must not."""
-    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], capture_output=True, text=True, check=True
+    )
     assert int(done.stdout) == 1
 
 
@@ -128,16 +134,24 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="looks for the process under /proc")
+@pytest.mark.skipif(
+    not os.path.isdir("/proc/self"), reason="looks for the process under /proc"
+)
 def test_no_worker_outlives_one_that_was_killed(tmp_path):
     (tmp_path / "orphans.py").write_text(ORPHANS)
-    with subprocess.Popen([sys.executable, tmp_path / "orphans.py"], stdout=subprocess.PIPE, text=True) as killed:
+    with subprocess.Popen(
+        [sys.executable, tmp_path / "orphans.py"], stdout=subprocess.PIPE, text=True
+    ) as killed:
         worker = int(killed.stdout.readline())
         killed.kill()
     ended = False
     for _ in range(100):
         try:
-            ended = Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0] == "Z"  # nobody fetched it
+            # nobody fetched it
+            ended = (
+                Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0]
+                == "Z"
+            )
         except OSError:
             ended = True
         if ended:

@@ -16,9 +16,15 @@ def test_a_known_name_a_file_and_a_module_are_found(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("other", "choose one of sim"), ("nowhere:Thing", "cannot be loaded"), ("nowhere.py:Thing", "no file")],
+    [
+        ("other", "choose one of sim"),
+        ("nowhere:Thing", "cannot be loaded"),
+        ("nowhere.py:Thing", "no file"),
+    ],
 )
-def test_what_cannot_be_found_is_said_with_what_there_is(name, said, tmp_path, monkeypatch):
+def test_what_cannot_be_found_is_said_with_what_there_is(
+    name, said, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(S2C2AError, match=said):
         found("robot", name, {"sim": 1})

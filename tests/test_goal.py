@@ -15,8 +15,14 @@ def test_a_new_goal_asks_for_nothing_but_little_change():
 
 
 def test_a_position_is_asked_of_the_tip_unless_a_module_is_named():
-    goal = Goal.of(3).with_position([0.1, 0.2, 0.5]).with_position([0.0, 0.0, 0.2], weight=4.0, module=0)
-    np.testing.assert_allclose(goal.positions, [[0, 0, 0.2], [0, 0, 0], [0.1, 0.2, 0.5]], rtol=1e-6)
+    goal = (
+        Goal.of(3)
+        .with_position([0.1, 0.2, 0.5])
+        .with_position([0.0, 0.0, 0.2], weight=4.0, module=0)
+    )
+    np.testing.assert_allclose(
+        goal.positions, [[0, 0, 0.2], [0, 0, 0], [0.1, 0.2, 0.5]], rtol=1e-6
+    )
     np.testing.assert_array_equal(goal.position_weights, [4, 0, 1])
 
 
@@ -27,15 +33,23 @@ def test_an_axis_of_any_length_becomes_a_direction():
 
 
 def test_obstacles_fill_the_first_places_and_replace_the_last_ones():
-    goal = Goal.of(3).with_obstacles(np.ones((3, 3)), [0.1, 0.2, 0.3]).with_obstacles([[0.1, 0.2, 0.3]], [0.05], 2.0)
+    goal = (
+        Goal.of(3)
+        .with_obstacles(np.ones((3, 3)), [0.1, 0.2, 0.3])
+        .with_obstacles([[0.1, 0.2, 0.3]], [0.05], 2.0)
+    )
     np.testing.assert_allclose(goal.obstacles[0], [0.1, 0.2, 0.3], rtol=1e-6)
-    np.testing.assert_allclose(goal.thresholds, [0.05] + [0] * (MOST_OBSTACLES - 1), rtol=1e-6)
+    np.testing.assert_allclose(
+        goal.thresholds, [0.05] + [0] * (MOST_OBSTACLES - 1), rtol=1e-6
+    )
     assert goal.obstacle_weight == 2.0
 
 
 def test_changing_a_goal_leaves_the_old_one_as_it_was():
     goal = Goal.of(3)
-    goal.with_position([1, 2, 3]).with_axis([1, 0, 0]).with_obstacles([[1, 1, 1]], [0.1])
+    goal.with_position([1, 2, 3]).with_axis([1, 0, 0]).with_obstacles(
+        [[1, 1, 1]], [0.1]
+    )
     assert not goal.positions.any()
     assert not goal.thresholds.any()
     np.testing.assert_array_equal(goal.axes, np.tile([0, 0, 1], (3, 1)))
@@ -82,10 +96,23 @@ def test_an_obstacle_of_negative_size_is_refused():
 
 
 @pytest.mark.parametrize(
-    "bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [0, 0, 0, 0], 0.5, [[0, 0, 0]], "abc", None, [[1], [1, 2]]]
+    "bad",
+    [
+        [np.nan, 0, 0],
+        [0, np.inf, 0],
+        [0, 0],
+        [0, 0, 0, 0],
+        0.5,
+        [[0, 0, 0]],
+        "abc",
+        None,
+        [[1], [1, 2]],
+    ],
 )
 def test_a_target_that_is_not_three_finite_numbers_is_refused(bad):
-    with pytest.raises(TargetError, match="target position must be three finite numbers"):
+    with pytest.raises(
+        TargetError, match="target position must be three finite numbers"
+    ):
         Goal.of(3).with_position(bad)
     with pytest.raises(TargetError, match="target axis must be three finite numbers"):
         Goal.of(3).with_axis(bad)
@@ -102,14 +129,22 @@ def test_more_obstacles_than_there_is_room_for_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("centres", "thresholds"), [([[0, 0, 1]], [0.1, 0.2]), ([[0, 0]], [0.1]), ([0, 0, 1], [0.1]), ([[0, 0, 1]], 0.1)]
+    ("centres", "thresholds"),
+    [
+        ([[0, 0, 1]], [0.1, 0.2]),
+        ([[0, 0]], [0.1]),
+        ([0, 0, 1], [0.1]),
+        ([[0, 0, 1]], 0.1),
+    ],
 )
 def test_obstacles_whose_shapes_do_not_fit_are_refused(centres, thresholds):
     with pytest.raises(TargetError, match=r"give \(n, 3\) centres"):
         Goal.of(3).with_obstacles(centres, thresholds)
 
 
-@pytest.mark.parametrize(("centre", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)])
+@pytest.mark.parametrize(
+    ("centre", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)]
+)
 def test_obstacles_that_are_not_finite_are_refused(centre, threshold):
     with pytest.raises(TargetError, match="must be finite"):
         Goal.of(3).with_obstacles([centre], [threshold])

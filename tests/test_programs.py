@@ -42,7 +42,10 @@ def compilations(caplog, call):
     caplog.clear()
     with jax.log_compiles(), caplog.at_level(logging.DEBUG):
         call()
-    return sum("Finished XLA compilation of jit(evaluated" in record.getMessage() for record in caplog.records)
+    return sum(
+        "Finished XLA compilation of jit(evaluated" in record.getMessage()
+        for record in caplog.records
+    )
 
 
 def test_other_numbers_of_the_same_shape_share_a_program(caplog):
@@ -55,13 +58,18 @@ def test_other_numbers_of_the_same_shape_share_a_program(caplog):
 
 def test_what_is_no_array_is_built_in_and_told_apart(caplog):
     x = np.float32(2.0)
-    programs = [compiled(evaluated_by_line, a_line(3.0, offset)) for offset in (10.0, 20.0)]
+    programs = [
+        compiled(evaluated_by_line, a_line(3.0, offset)) for offset in (10.0, 20.0)
+    ]
     assert compilations(caplog, lambda: [program(x) for program in programs]) == 2
     assert [float(program(x)) for program in programs] == [16.0, 26.0]
 
 
 def test_numbers_that_python_calls_equal_are_told_apart():
-    kinds = [compiled(jnp.multiply, number)(np.int32(3)).dtype.kind for number in (1, 1.0, True)]
+    kinds = [
+        compiled(jnp.multiply, number)(np.int32(3)).dtype.kind
+        for number in (1, 1.0, True)
+    ]
     assert kinds == ["i", "f", "i"]
 
 
@@ -74,12 +82,17 @@ def test_shapes_are_told_apart():
 def test_static_fields_are_told_apart(caplog):
     lines = [Line(jnp.asarray(1.0), 0.5, names) for names in (("a",), ("b",))]
     programs = [compiled(evaluated_by_line, line) for line in lines]
-    assert compilations(caplog, lambda: [program(np.float32(1.0)) for program in programs]) == 2
+    assert (
+        compilations(caplog, lambda: [program(np.float32(1.0)) for program in programs])
+        == 2
+    )
 
 
 def test_parts_can_hold_numpy_arrays_in_any_tree():
     pair = Pair(a_line(2.0, 0.0), np.array([1.0, 2.0], np.float32))
-    np.testing.assert_allclose(compiled(evaluated_by_pair, pair, 2)(np.float32(1.0)), [16.0, 36.0])
+    np.testing.assert_allclose(
+        compiled(evaluated_by_pair, pair, 2)(np.float32(1.0)), [16.0, 36.0]
+    )
 
 
 def test_without_parts_and_without_a_name_it_compiles_all_the_same():

@@ -33,7 +33,9 @@ def paper_configuration(a, turn):
     """Eqs. (2) and (3) as printed, in a frame turned by `turn` [rad] about z."""
     phi = np.sqrt(a[0] ** 2 + (a[1] - a[2]) ** 2 / 3) / 0.027
     direction = np.arctan2(-a[0], (a[1] - a[2]) / np.sqrt(3)) - np.pi / 2 + turn
-    return np.array([np.sin(phi) * np.cos(direction), np.sin(phi) * np.sin(direction), np.cos(phi)])
+    return np.array(
+        [np.sin(phi) * np.cos(direction), np.sin(phi) * np.sin(direction), np.cos(phi)]
+    )
 
 
 def unit_vectors(seed, shape):
@@ -42,11 +44,22 @@ def unit_vectors(seed, shape):
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.lists(st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)), min_size=3, max_size=3))
+@given(
+    st.lists(
+        st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
+        min_size=3,
+        max_size=3,
+    )
+)
 def test_encoders_tell_configurations_by_equations_2_and_3(pairs):
     cables = np.array([[first, second, -first - second] for first, second in pairs])
-    expected = [paper_configuration(a, turn) for a, turn in zip(cables, [0, np.pi / 3, 0], strict=True)]
-    np.testing.assert_allclose(ENCODERS({"cables": cables.astype(np.float32)}), expected, atol=3e-6)
+    expected = [
+        paper_configuration(a, turn)
+        for a, turn in zip(cables, [0, np.pi / 3, 0], strict=True)
+    ]
+    np.testing.assert_allclose(
+        ENCODERS({"cables": cables.astype(np.float32)}), expected, atol=3e-6
+    )
 
 
 def test_encoders_at_zero_tell_a_straight_arm_exactly():
@@ -73,20 +86,28 @@ def test_the_true_estimator_hands_on_the_truth_whatever_the_cables_say():
 def test_an_estimator_takes_what_it_needs_out_of_a_reading_in_single_precision():
     reading = Reading(0.0, {"cables": np.full((3, 3), 0.1), "flex": np.zeros(7)})
     inputs = estimator_for(TWIN).inputs(reading)
-    assert {name: values.dtype for name, values in inputs.items()} == {"cables": np.dtype(np.float32)}
+    assert {name: values.dtype for name, values in inputs.items()} == {
+        "cables": np.dtype(np.float32)
+    }
 
 
 def test_configurations_follow_from_states_where_a_body_says_only_those():
     """A middle module that is bent leans the last one, which is straight in its own frame."""
     lean = [np.sin(0.5), 0.0, np.cos(0.5)]
-    states = np.array([[0, 0, 0.2, 0, 0, 1], [0.05, 0, 0.39, *lean], [0.1, 0, 0.5, *lean]])
+    states = np.array(
+        [[0, 0, 0.2, 0, 0, 1], [0.05, 0, 0.39, *lean], [0.1, 0, 0.5, *lean]]
+    )
     inputs = estimator_for(SIMULATED).inputs(Reading(0.0, {"states": states}))
-    np.testing.assert_allclose(inputs["configurations"], [[0, 0, 1], lean, [0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(
+        inputs["configurations"], [[0, 0, 1], lean, [0, 0, 1]], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("arm", "lacking"), [(TWIN, "cables"), (SIMULATED, "states")])
 def test_a_reading_that_lacks_what_is_needed_is_refused_with_what_it_has(arm, lacking):
-    with pytest.raises(ReadingError, match=f"no '{lacking}' in this reading; it has flex"):
+    with pytest.raises(
+        ReadingError, match=f"no '{lacking}' in this reading; it has flex"
+    ):
         estimator_for(arm).inputs(Reading(0.0, {"flex": np.zeros(3)}))
 
 
@@ -121,19 +142,27 @@ def own_sensing(tmp_path, name):
 def test_an_estimator_of_ones_own_is_named_in_the_arm_file(tmp_path):
     estimate = estimator_for(own_sensing(tmp_path, "Flex"))
     assert estimate.sensors == ("flex",)
-    np.testing.assert_array_equal(estimate({"flex": np.ones((3, 3))}), 2 * np.ones((3, 3)))
+    np.testing.assert_array_equal(
+        estimate({"flex": np.ones((3, 3))}), 2 * np.ones((3, 3))
+    )
 
 
 def test_what_is_no_estimator_is_refused(tmp_path):
-    with pytest.raises(S2C2AError, match=r"is 3, no subclass of s2c2a\.sensing\.Estimator"):
+    with pytest.raises(
+        S2C2AError, match=r"is 3, no subclass of s2c2a\.sensing\.Estimator"
+    ):
         estimator_for(own_sensing(tmp_path, "thing"))
-    with pytest.raises(S2C2AError, match=r"no sensor 'nose'; choose one of encoders, true"):
+    with pytest.raises(
+        S2C2AError, match=r"no sensor 'nose'; choose one of encoders, true"
+    ):
         estimator_for(ArmSpec.model_validate(TWIN.model_dump() | {"sensing": "nose"}))
 
 
 @pytest.mark.parametrize("kind", [CoupledEstimator, DirectionEstimator])
 def test_an_estimator_that_goes_round_another_one_is_not_made_from_an_arm_alone(kind):
-    with pytest.raises(S2C2AError, match=f"{kind.__name__} goes round another estimator"):
+    with pytest.raises(
+        S2C2AError, match=f"{kind.__name__} goes round another estimator"
+    ):
         kind.of(TWIN)
 
 
@@ -144,18 +173,24 @@ def test_an_arm_file_chooses_its_estimator():
 
 
 def test_the_coupling_is_equation_11():
-    np.testing.assert_array_equal(PAPER_COUPLING, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]])
+    np.testing.assert_array_equal(
+        PAPER_COUPLING, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]]
+    )
     np.testing.assert_allclose(np.sum(PAPER_COUPLING, axis=1), 1.0)
 
 
 def test_coupled_sensors_mix_modules_as_worked_by_hand():
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     sensed = estimator_for(under(SIMULATED, PAPER_COUPLING))({"configurations": truth})
-    np.testing.assert_allclose(sensed, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]], atol=1e-7)
+    np.testing.assert_allclose(
+        sensed, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]], atol=1e-7
+    )
 
 
 def test_coupled_encoders_mix_what_the_encoders_say():
-    cables = np.array([[-0.01, 0.005, 0.005], [0.0, 0.0, 0.0], [0.002, -0.004, 0.002]], np.float32)
+    cables = np.array(
+        [[-0.01, 0.005, 0.005], [0.0, 0.0, 0.0], [0.002, -0.004, 0.002]], np.float32
+    )
     alone = np.asarray(estimator_for(TWIN)({"cables": cables}))
     mixed = estimator_for(under(TWIN, PAPER_COUPLING))({"cables": cables})
     by_hand = [sum(PAPER_COUPLING[i][j] * alone[j] for j in range(3)) for i in range(3)]
@@ -170,7 +205,9 @@ def test_coupled_vectors_are_shorter_than_one_unless_all_modules_are_alike():
     np.testing.assert_allclose(jnp.linalg.norm(alike, axis=-1), 1.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("matrix", [np.eye(2), np.eye(4), np.ones(3), np.ones((3, 2)), 0.5])
+@pytest.mark.parametrize(
+    "matrix", [np.eye(2), np.eye(4), np.ones(3), np.ones((3, 2)), 0.5]
+)
 def test_a_coupling_matrix_of_another_size_is_refused(matrix):
     with pytest.raises(ValidationError, match="sensing_coupling"):
         under(TWIN, matrix)
@@ -180,7 +217,9 @@ def test_a_coupling_matrix_of_another_size_is_refused(matrix):
 @pytest.mark.parametrize("coupling", [None, PAPER_COUPLING])
 def test_a_whole_recording_is_its_moments_one_by_one(batch, coupling):
     estimate = eqx.filter_jit(estimator_for(under(TWIN, coupling)))
-    cables = np.random.default_rng(2).uniform(-0.01, 0.01, (*batch, 3, 3)).astype(np.float32)
+    cables = (
+        np.random.default_rng(2).uniform(-0.01, 0.01, (*batch, 3, 3)).astype(np.float32)
+    )
     sensed = estimate({"cables": cables})
     assert sensed.shape == (*batch, 3, 3)
     alone = np.array([estimate({"cables": one}) for one in cables.reshape(-1, 3, 3)])

@@ -3,7 +3,8 @@
     s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
     s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
 
-Beside this file lies own_model.toml, the recipe `paper` whose part [c2s] names this model and gives its numbers.
+Beside this file lies own_model.toml, the recipe `paper` whose part [c2s] names this
+model and gives its numbers.
 """
 
 from dataclasses import dataclass
@@ -39,12 +40,17 @@ class ArcsOptions(ForwardOptions):
     hidden: int = 32
 
     def untrained(self, arm, key) -> Arcs:
-        network = eqx.nn.MLP(2 * arm.module_count, 6 * arm.module_count, self.hidden, depth=1, key=key)
+        network = eqx.nn.MLP(
+            2 * arm.module_count, 6 * arm.module_count, self.hidden, depth=1, key=key
+        )
         return Arcs(PCCForwardModel.of(arm), network)
 
-    def train(self, data: TrainingData, fit: FitOptions, key, progress=quiet) -> Trained[Arcs]:
+    def train(
+        self, data: TrainingData, fit: FitOptions, key, progress=quiet
+    ) -> Trained[Arcs]:
         network_key, fit_key = jax.random.split(key)
-        model, split = self.untrained(data.arm, network_key), forward_samples(data.sensed, data.states)
+        model = self.untrained(data.arm, network_key)
+        split = forward_samples(data.sensed, data.states)
         return train(model, loss, answer, split, fit, fit_key, progress)
 
 

@@ -1,7 +1,8 @@
 """A body of your own, in one file: an arm of ideal arcs that follows its commands with a lag, on the wall's time.
 
-s2c2a robot check --robot own_robot.py:LaggingArm --robot-option lag=0.05
-s2c2a collect --robot own_robot.py:LaggingArm --out own.episodes     # then train, run --robot, live --robot
+s2c2a robot check --robot own_robot.py:LaggingArm --robot-option lag=0.05 s2c2a collect
+--robot own_robot.py:LaggingArm --out own.episodes     # then train, run --robot, live
+--robot
 """
 
 import time
@@ -16,16 +17,24 @@ from s2c2a.spaces import Reading, Sensor
 
 class LaggingArm(Robot):
     def __init__(self, arm: ArmSpec, lag: float = 0.05, seed: int = 0):
-        self.arm, self._geometry, self._lag = arm, ArmGeometry.of(arm), lag  # [s]
+        # [s]
+        self.arm = arm
+        self._geometry = ArmGeometry.of(arm)
+        self._lag = lag
         self._random = np.random.default_rng(seed)
         self._begun = self._sent_at = time.perf_counter()
         self._command = self._start = self._geometry.action_neutral
 
     @property
     def sensors(self):
-        room = 0.1 * np.abs(self._geometry.action_scale)[:, None]  # what is still plausible beyond the limits
-        low, high = self._geometry.action_low - room, self._geometry.action_high + room
-        return {"cables": Sensor(low.shape, "m", low, high), "states": Sensor((self.arm.module_count, 6), "m, 1")}
+        # what is still plausible beyond the limits
+        room = 0.1 * np.abs(self._geometry.action_scale)[:, None]
+        low = self._geometry.action_low - room
+        high = self._geometry.action_high + room
+        return {
+            "cables": Sensor(low.shape, "m", low, high),
+            "states": Sensor((self.arm.module_count, 6), "m, 1"),
+        }
 
     def open(self) -> Reading:
         self._begun = self._sent_at = time.perf_counter()
@@ -34,10 +43,14 @@ class LaggingArm(Robot):
 
     def read(self) -> Reading:
         noise = self._random.normal(scale=1e-5, size=self._command.shape)
-        return Reading(time.perf_counter() - self._begun, {"cables": self._cables() + noise, "states": self._states()})
+        return Reading(
+            time.perf_counter() - self._begun,
+            {"cables": self._cables() + noise, "states": self._states()},
+        )
 
     def send(self, action):
-        self._start, self._command = self._cables(), checked_action(action, self._geometry)
+        self._start = self._cables()
+        self._command = checked_action(action, self._geometry)
         self._sent_at = time.perf_counter()
         return self._command.copy()
 
@@ -50,10 +63,19 @@ class LaggingArm(Robot):
 
     def _states(self):
         """Of arcs, module by module: what motion capture would see."""
-        pulled, turn, end, states = self._cables() / self._geometry.cable_radii[:, None], Rotation.identity(), 0.0, []
-        for length, bend in zip(self._geometry.lengths, self._geometry.bend_matrices @ pulled[..., None], strict=True):
-            (x, y), angle = bend[:, 0], np.linalg.norm(bend)
-            along, across = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+        pulled = self._cables() / self._geometry.cable_radii[:, None]
+        turn = Rotation.identity()
+        end = 0.0
+        states = []
+        for length, bend in zip(
+            self._geometry.lengths,
+            self._geometry.bend_matrices @ pulled[..., None],
+            strict=True,
+        ):
+            (x, y) = bend[:, 0]
+            angle = np.linalg.norm(bend)
+            along = np.sinc(angle / np.pi)
+            across = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
             end = end + turn.apply(length * np.array([across * x, across * y, along]))
             turn = turn * Rotation.from_rotvec([-y, x, 0.0])
             states.append([*end, *turn.apply([0.0, 0.0, 1.0])])

@@ -1,6 +1,7 @@
 """A sensor of your own, in one file: two flex sensors a module, and what tells configurations from their voltage.
 
-The body says `flex`, and the arm file names the estimator: `sensing = "own_sensor.py:FlexEstimator"`. Then
+The body says `flex`, and the arm file names the estimator: `sensing =
+"own_sensor.py:FlexEstimator"`. Then
 
     s2c2a robot check --robot own_sensor.py:FlexArm --arm flex_arm.toml
     s2c2a collect --robot own_sensor.py:FlexArm --arm flex_arm.toml --out flex.episodes
@@ -17,7 +18,9 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import Estimator
 from s2c2a.spaces import Reading, Sensor
 
-REST, GAIN = 1.5, 0.8  # V, V/rad
+# V, V/rad
+REST = 1.5
+GAIN = 0.8
 
 
 class FlexEstimator(Estimator):
@@ -40,7 +43,9 @@ class FlexArm(SimulatedRobot):
 
     @property
     def sensors(self):
-        return super().sensors | {"flex": Sensor((self.arm.module_count, 2), "V", 0.0, 3.0, fastest=20.0)}
+        return super().sensors | {
+            "flex": Sensor((self.arm.module_count, 2), "V", 0.0, 3.0, fastest=20.0)
+        }
 
     def read(self) -> Reading:
         reading = super().read()

@@ -12,9 +12,10 @@ and anything that takes a recipe takes it:
 
     s2c2a run circle --strategy pcc --recipe examples/extending/own_solver.toml
 
-A solver is given a problem in two forms: `sum_of_norms(configurations)`, as the paper has it, and `stacked(bends)`, for
-least squares. It begins at `problem.situation.last` and hands back configurations; the planner keeps them within a step
-and the arm's limits. It is traced by JAX: loops are `jax.lax`'s, and no branch depends on a value.
+A solver is given a problem in two forms: `sum_of_norms(configurations)`, as the paper
+has it, and `stacked(bends)`, for least squares. It begins at `problem.situation.last`
+and hands back configurations; the planner keeps them within a step and the arm's
+limits. It is traced by JAX: loops are `jax.lax`'s, and no branch depends on a value.
 """
 
 from dataclasses import dataclass
@@ -48,9 +49,15 @@ class Descent(Solver):
             tried = problem.within_step(bends - step * slope)
             there = cost(tried)
             better = there[0] < value
-            kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), (tried, *there), (bends, value, slope))
+            kept = jax.tree.map(
+                lambda new, old: jnp.where(better, new, old),
+                (tried, *there),
+                (bends, value, slope),
+            )
             return *kept, step * jnp.where(better, 1.5, 0.5)
 
         bends = problem.situation.last.bends
         begun = bends, *cost(bends), jnp.asarray(self.first)
-        return configurations_from_bends(jax.lax.fori_loop(0, self.iterations, iterate, begun)[0])
+        return configurations_from_bends(
+            jax.lax.fori_loop(0, self.iterations, iterate, begun)[0]
+        )

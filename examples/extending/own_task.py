@@ -2,8 +2,9 @@
 
     s2c2a run examples/extending/own_task.py:figure_of_eight --strategy pcc
 
-Any function that takes an arm and returns a Task will do; it is found as file.py:function, as module:function, or by a
-name that a package of yours registers under the entry points `s2c2a.tasks`.
+Any function that takes an arm and returns a Task will do; it is found as
+file.py:function, as module:function, or by a name that a package of yours registers
+under the entry points `s2c2a.tasks`.
 """
 
 import numpy as np
@@ -13,7 +14,10 @@ from s2c2a.goals import Goal
 from s2c2a.tasks import Score, Task
 
 SECONDS = 16.0
-WIDTH, DEPTH, HEIGHT = 0.3, 0.15, 0.97  # parts of the arm's length, so that any arm can try it
+# parts of the arm's length, so that any arm can try it
+WIDTH = 0.3
+DEPTH = 0.15
+HEIGHT = 0.97
 
 
 def figure_of_eight(arm: ArmSpec) -> Task:
@@ -21,8 +25,10 @@ def figure_of_eight(arm: ArmSpec) -> Task:
     steps = round(SECONDS * arm.control_rate)
     phase = np.arange(1, steps + 1) / steps
     angle = 2 * np.pi * phase - 0.3 * np.sin(4 * np.pi * phase)
-    x, y = DEPTH * np.sin(2 * angle), WIDTH * np.sin(angle)
-    path = arm.length * np.stack([x, y, HEIGHT - 0.7 * (x**2 + y**2)], axis=-1)  # [m], base frame
+    x = DEPTH * np.sin(2 * angle)
+    y = WIDTH * np.sin(angle)
+    # [m], base frame
+    path = arm.length * np.stack([x, y, HEIGHT - 0.7 * (x**2 + y**2)], axis=-1)
     nothing = Goal.of(arm.module_count)  # asks for little change, and no more
     goals = tuple(nothing.with_position(point) for point in path)
     begun = np.arange(steps) >= arm.control_rate

@@ -12,9 +12,10 @@ and anything that takes a recipe takes it:
 
     s2c2a run circle --strategy pcc --recipe examples/extending/own_term.toml
 
-A term is told a candidate for the next configuration (its configurations, bends, predicted states, guarded points) and
-the situation (goal, last plan, limits and length of the arm). It gives residuals in groups, shape (groups, axes), and
-the weight of each group, or one for all. Adam adds up their norms, least squares their squares.
+A term is told a candidate for the next configuration (its configurations, bends,
+predicted states, guarded points) and the situation (goal, last plan, limits and length
+of the arm). It gives residuals in groups, shape (groups, axes), and the weight of each
+group, or one for all. Adam adds up their norms, least squares their squares.
 """
 
 from dataclasses import dataclass

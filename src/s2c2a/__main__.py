@@ -6,7 +6,7 @@ from s2c2a.cli.interrupts import end_at_interrupts
 def main() -> None:
     """Entry point."""
     end_at_interrupts()
-    from s2c2a.cli.main import main as verbs  # noqa: PLC0415 (what it imports lasts)
+    from s2c2a.cli.main import main as verbs
 
     verbs()
 

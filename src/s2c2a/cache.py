@@ -17,7 +17,8 @@ def cache_folder() -> Path:
 def keep_programs() -> None:
     """Have JAX keep what it compiles, so that a second start is quick; the longest unused goes first.
 
-    It works before JAX is imported, and where the user has said nothing else of JAX's own cache.
+    It works before JAX is imported, and where the user has said nothing else of JAX's
+    own cache.
     """
     folder = cache_folder() / "programs"
     settings = {
@@ -34,5 +35,7 @@ def throw_out_halves(folder: Path) -> None:
     """Programs without the time of their last use, as a killed process leaves them: JAX keeps nothing beside them."""
     with suppress(OSError):
         for program in folder.glob("*-cache"):
-            if not program.with_name(program.name.removesuffix("-cache") + "-atime").exists():
+            if not program.with_name(
+                program.name.removesuffix("-cache") + "-atime"
+            ).exists():
                 program.unlink(missing_ok=True)

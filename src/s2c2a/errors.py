@@ -53,7 +53,8 @@ class SimulationError(S2C2AError):
 
     Attributes:
         step: control step, counted from the last `open`, in which it happened.
-        last_states: the last good states, shape (modules, 6), base frame, metres; None before the first.
+        last_states: the last good states, shape (modules, 6), base frame, metres; None
+            before the first.
     """
 
     def __init__(self, message: str, step: int, last_states=None):

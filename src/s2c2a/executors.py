@@ -1,7 +1,8 @@
 """Who does work side by side: executors of the standard kind, for this process, threads, all cores; dask's fit too.
 
-What is handed to them is a function and what it is given. It depends on nothing else (its seed is part of what it is
-given), so its result is the same wherever and in whatever order it is worked out, and what is lost is done again.
+What is handed to them is a function and what it is given. It depends on nothing else
+(its seed is part of what it is given), so its result is the same wherever and in
+whatever order it is worked out, and what is lost is done again.
 """
 
 import multiprocessing
@@ -20,16 +21,23 @@ Given = TypeVar("Given")
 Result = TypeVar("Result")
 
 BEGUN_EACH = 2
-"""Calls begun or waiting for each worker: nobody idles, and few results wait in memory."""
+"""Calls begun or waiting for each worker: nobody idles, and few results wait in
+memory."""
 WORKERS_UNSAID = 32
-"""Workers that an executor is taken to have if it does not say how many, by an attribute `workers`."""
+"""Workers that an executor is taken to have if it does not say how many, by an
+attribute `workers`."""
 MEMORY_EACH = 1.5e9
-"""What a process takes that trains networks or drives a strategy [bytes], with some room (docs/cluster.md)."""
+"""What a process takes that trains networks or drives a strategy [bytes], with some
+room (docs/cluster.md)."""
 
 
 def all_cores() -> int:
     """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 def processes_that_fit() -> int:
@@ -41,10 +49,12 @@ def processes_that_fit() -> int:
 def compute_on_one_thread() -> None:
     """Let JAX's CPU take one thread in this process; it heeds this until its first computation.
 
-    How XLA cuts up a sum depends on how many threads it has, and so does the last bit of a trained weight. With one, a
-    seed gives the same networks on any number of cores. These networks are so small that more threads gain nothing.
+    How XLA cuts up a sum depends on how many threads it has, and so does the last bit
+    of a trained weight. With one, a seed gives the same networks on any number of
+    cores. These networks are so small that more threads gain nothing.
     """
-    os.environ.update(PJRT_NPROC="1", NPROC="1")  # the second is what older versions of XLA read
+    # the second is what older versions of XLA read
+    os.environ.update(PJRT_NPROC="1", NPROC="1")
 
 
 class Serial(Executor):
@@ -73,7 +83,8 @@ class Processes(ProcessPoolExecutor):
 
     def __init__(self, workers: int | None = None):
         self.workers = checked_count(workers, processes_that_fit)
-        spawn = multiprocessing.get_context("spawn")  # forking a process that has threads, as JAX's has, can hang
+        # forking a process that has threads, as JAX's has, can hang
+        spawn = multiprocessing.get_context("spawn")
         super().__init__(self.workers, mp_context=spawn, initializer=_begin_process)
 
     def __exit__(self, kind, error, trace):
@@ -91,7 +102,8 @@ class Processes(ProcessPoolExecutor):
 
 
 def _begin_process() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt from the keyboard ends it without a word
+    # an interrupt from the keyboard ends it without a word
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compute_on_one_thread()
 
@@ -110,16 +122,24 @@ def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
         S2C2AError: fewer than one.
     """
     if count is not None and count < 1:
-        raise S2C2AError(f"{count} side by side asked for; take at least one, or leave it out for all cores")
+        raise S2C2AError(
+            f"{count} side by side asked for; take at least one, or leave it out for all cores"
+        )
     return otherwise() if count is None else count
 
 
 def most_begun(executor: Executor) -> int:
     """How many calls may be begun and not yet handed over, now; in this process none before the last is handed over."""
-    return 1 if isinstance(executor, Serial) else BEGUN_EACH * getattr(executor, "workers", WORKERS_UNSAID)
+    return (
+        1
+        if isinstance(executor, Serial)
+        else BEGUN_EACH * getattr(executor, "workers", WORKERS_UNSAID)
+    )
 
 
-def in_order(executor: Executor, work: Callable[[Given], Result], given: Iterable[Given]) -> Iterator[Result]:
+def in_order(
+    executor: Executor, work: Callable[[Given], Result], given: Iterable[Given]
+) -> Iterator[Result]:
     """Results in the order of what they are made from; a failure or interrupt cancels what has not begun.
 
     Raises:

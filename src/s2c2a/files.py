@@ -12,10 +12,13 @@ from s2c2a.errors import S2C2AError
 
 MOST_TEXT = 1_000_000
 """Bytes of a file of text, where nothing else is said."""
-MOST_DOTS = 1000  # in a line of TOML: what a dotted key costs grows with the square of its parts
+# in a line of TOML: what a dotted key costs grows with the square of its parts
+MOST_DOTS = 1000
 
 
-def read_text(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MOST_TEXT) -> str:
+def read_text(
+    path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MOST_TEXT
+) -> str:
     """The text of a file; of an endless one no more is read than allowed.
 
     Args:
@@ -33,7 +36,9 @@ def read_text(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, mos
             raise fault(f"{path} has more than {most} bytes; take a smaller file")
         return content.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise fault(f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that it is text") from error
+        raise fault(
+            f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that it is text"
+        ) from error
 
 
 def holds(path: str | os.PathLike, text: str) -> bool:
@@ -52,18 +57,23 @@ def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
     try:
         if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
             raise ValueError(f"a line with more than {MOST_DOTS} dots")
-        if re.search(r"0[xob]\w{400}", text):  # such numbers cannot even be shown in an error
+        # such numbers cannot even be shown in an error
+        if re.search(r"0[xob]\w{400}", text):
             raise ValueError("a whole number of hundreds of digits")
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # its own error, or a whole number of thousands of digits
+    # its own error, or a whole number of thousands of digits
+    except (ValueError, RecursionError) as error:
         raise fault(f"not valid TOML: {error}") from error
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError) -> Iterator[Path]:
+def written_whole(
+    path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
+) -> Iterator[Path]:
     """Where to write a file, beside its place; it is moved there in the end, or goes if that fails.
 
-    Missing folders are made; a file of that name is replaced. A process that is killed leaves at most its part, hidden.
+    Missing folders are made; a file of that name is replaced. A process that is killed
+    leaves at most its part, hidden.
 
     Args:
         path: the file.
@@ -84,11 +94,15 @@ def written_whole(path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError)
         with suppress(OSError):
             part.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise fault(f"cannot write {path}: {error}; choose a place where you may write") from error
+            raise fault(
+                f"cannot write {path}: {error}; choose a place where you may write"
+            ) from error
         raise
 
 
-def save_whole(content: bytes | str, path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError) -> Path:
+def save_whole(
+    content: bytes | str, path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
+) -> Path:
     """Write a file as `written_whole` does; text in UTF-8.
 
     Raises:

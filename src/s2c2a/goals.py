@@ -10,7 +10,8 @@ from s2c2a.errors import TargetError
 
 MOST_OBSTACLES = 64
 LARGEST = 1e6
-"""A position [m], weight or threshold beyond it is a slip, and would not be a number any more once it is squared."""
+"""A position [m], weight or threshold beyond it is a slip, and would not be a number
+any more once it is squared."""
 Numbers = np.ndarray  # inside the planner, the same fields are traced by JAX
 
 
@@ -19,11 +20,13 @@ class Goal(NamedTuple):
 
     Attributes:
         positions: wanted module ends [m], base frame, shape (modules, 3).
-        position_weights: mu_p of every module; zero where nothing is asked, shape (modules,).
+        position_weights: mu_p of every module; zero where nothing is asked, shape
+            (modules,).
         axes: wanted end axes, base frame, shape (modules, 3).
         axis_weights: mu_o of every module, shape (modules,).
         obstacles: centres [m], base frame, shape (MOST_OBSTACLES, 3).
-        thresholds: r of every obstacle [m]; zero where there is none, shape (MOST_OBSTACLES,).
+        thresholds: r of every obstacle [m]; zero where there is none, shape
+            (MOST_OBSTACLES,).
         obstacle_weight: mu_ob.
         change_weight: mu_d.
     """
@@ -57,19 +60,24 @@ class Goal(NamedTuple):
         Raises:
             TargetError: not three finite numbers, a negative weight, or no such module.
         """
-        vector, mu = _vector(position, "the target position"), _weight(weight)
+        vector = _vector(position, "the target position")
+        mu = _weight(weight)
         return self._with_module(module, positions=vector, position_weights=mu)
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
         """Also ask for a module's end axis, base frame, of any length.
 
         Raises:
-            TargetError: not three finite numbers, all zero, a negative weight, or no such module.
+            TargetError: not three finite numbers, all zero, a negative weight, or no
+                such module.
         """
-        vector, mu = _vector(axis, "the target axis"), _weight(weight)
+        vector = _vector(axis, "the target axis")
+        mu = _weight(weight)
         length = np.linalg.norm(vector)
         if length < 1e-9:
-            raise TargetError("the target axis is zero; give a direction such as [0, 0, 1]")
+            raise TargetError(
+                "the target axis is zero; give a direction such as [0, 0, 1]"
+            )
         return self._with_module(module, axes=vector / length, axis_weights=mu)
 
     @classmethod
@@ -80,7 +88,9 @@ class Goal(NamedTuple):
             TargetError: none, or for arms of different numbers of modules.
         """
         if len({len(goal.positions) for goal in goals}) != 1:
-            raise TargetError("goals of one arm are needed, at least one; got none, or goals for different arms")
+            raise TargetError(
+                "goals of one arm are needed, at least one; got none, or goals for different arms"
+            )
         return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
 
     def wanted_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
@@ -94,13 +104,17 @@ class Goal(NamedTuple):
     def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
         """Centres and thresholds [m], base frame, of those that any goal has."""
         every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
-        return every[..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :]
+        return every[
+            ..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :
+        ]
 
     def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
         """The same with other values of one module, by field."""
         count = len(self.positions)
         if not isinstance(module, int | np.integer) or not -count <= module < count:
-            raise TargetError(f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1")
+            raise TargetError(
+                f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1"
+            )
         changed = {name: np.array(getattr(self, name)) for name in values}
         for name, value in values.items():
             changed[name][module] = value
@@ -112,15 +126,22 @@ class Goal(NamedTuple):
         Raises:
             TargetError: too many, or not finite numbers of these shapes.
         """
-        centres, thresholds = _numbers(centres, "obstacles"), _numbers(thresholds, "thresholds of obstacles")
+        centres = _numbers(centres, "obstacles")
+        thresholds = _numbers(thresholds, "thresholds of obstacles")
         count = thresholds.size
-        if thresholds.shape != (count,) or centres.shape not in ((count, 3), (0,)) or count > MOST_OBSTACLES:
+        if (
+            thresholds.shape != (count,)
+            or centres.shape not in ((count, 3), (0,))
+            or count > MOST_OBSTACLES
+        ):
             raise TargetError(
                 f"obstacles of shape {centres.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centres "
                 f"and n thresholds, n at most {MOST_OBSTACLES}"
             )
         if (thresholds < 0).any():
-            raise TargetError(f"obstacle thresholds are lengths and must not be negative, got {thresholds.tolist()}")
+            raise TargetError(
+                f"obstacle thresholds are lengths and must not be negative, got {thresholds.tolist()}"
+            )
         goal = Goal.of(len(self.positions))
         return self._replace(
             obstacles=np.concatenate([centres.reshape(-1, 3), goal.obstacles[count:]]),
@@ -129,7 +150,12 @@ class Goal(NamedTuple):
         )
 
 
-def _numbers(values, name: str, kind: str = "finite numbers", shape: tuple[int, ...] | None = None) -> np.ndarray:
+def _numbers(
+    values,
+    name: str,
+    kind: str = "finite numbers",
+    shape: tuple[int, ...] | None = None,
+) -> np.ndarray:
     """As single precision, of one shape if it is given."""
     try:
         with np.errstate(over="ignore"):
@@ -138,7 +164,9 @@ def _numbers(values, name: str, kind: str = "finite numbers", shape: tuple[int, 
             return numbers
     except (TypeError, ValueError, OverflowError):
         pass  # told as all others
-    raise TargetError(f"{name} must be {kind} of at most {LARGEST:g}, got {_shown(values)}; the arm was not moved")
+    raise TargetError(
+        f"{name} must be {kind} of at most {LARGEST:g}, got {_shown(values)}; the arm was not moved"
+    )
 
 
 def _vector(values, name: str) -> Float[np.ndarray, "3"]:
@@ -155,5 +183,7 @@ def _shown(values) -> str:
 def _weight(value) -> np.ndarray:
     weight = _numbers(value, "a weight", "one number", ())
     if weight < 0:
-        raise TargetError(f"a weight must be one number and not negative, got {_shown(value)}")
+        raise TargetError(
+            f"a weight must be one number and not negative, got {_shown(value)}"
+        )
     return weight

@@ -30,10 +30,15 @@ class Part:
     def __post_init__(self):
         """Refuse what cannot be worked with."""
         object.__setattr__(self, "name", type(self).__name__)
-        for name, value in ((each.name, getattr(self, each.name)) for each in fields(self)):
-            least, most = LEAST.get(name, 0), MOST.get(name, 1_000_000)
+        for name, value in (
+            (each.name, getattr(self, each.name)) for each in fields(self)
+        ):
+            least = LEAST.get(name, 0)
+            most = MOST.get(name, 1_000_000)
             if isinstance(value, int | float) and not least <= value <= most:
-                raise S2C2AError(f"{value} {name} asked for in {self}; take {least} to {most}")
+                raise S2C2AError(
+                    f"{value} {name} asked for in {self}; take {least} to {most}"
+                )
 
 
 @dataclass(frozen=True)
@@ -41,14 +46,17 @@ class Own:
     """A part from outside the package, asked for by name; it is looked for when it is needed.
 
     Attributes:
-        name: `file.py:Name`, `module:Name` or an entry point's (`s2c2a.extensions.found`).
+        name: `file.py:Name`, `module:Name` or an entry point's
+            (`s2c2a.extensions.found`).
         parameters: what it is built with.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     name: str
-    parameters: dict[str, bool | int | float | str] = field(default_factory=dict, hash=False)
+    parameters: dict[str, bool | int | float | str] = field(
+        default_factory=dict, hash=False
+    )
 
 
 class Kind(NamedTuple):
@@ -77,11 +85,17 @@ class Kind(NamedTuple):
         """
         if isinstance(given, Part | Own):
             return given
-        table = {"name": given} if isinstance(given, str) else TypeAdapter(dict).validate_python(given)
+        table = (
+            {"name": given}
+            if isinstance(given, str)
+            else TypeAdapter(dict).validate_python(given)
+        )
         part = self.known.get(str(table.get("name")))
         if part is None:
             return TypeAdapter(Own).validate_python(table)
-        return TypeAdapter(part).validate_python({key: value for key, value in table.items() if key != "name"})
+        return TypeAdapter(part).validate_python(
+            {key: value for key, value in table.items() if key != "name"}
+        )
 
     def made(self, part: Part | Own, own_code: bool) -> Any:
         """The part to work with.
@@ -91,12 +105,15 @@ class Kind(NamedTuple):
             own_code: whether files and modules may be imported for it.
 
         Raises:
-            S2C2AError: it may not be or cannot be imported, is of another kind, or does not take its parameters.
+            S2C2AError: it may not be or cannot be imported, is of another kind, or does
+                not take its parameters.
         """
         if isinstance(part, Own):
             part = self._found(part, own_code)
         if not isinstance(part, self.form):
-            raise S2C2AError(f"{part} is no {self.name}; derive it from {self.form.__module__}.{self.form.__name__}")
+            raise S2C2AError(
+                f"{part} is no {self.name}; derive it from {self.form.__module__}.{self.form.__name__}"
+            )
         return part
 
     def _found(self, own: Own, own_code: bool) -> Any:
@@ -108,4 +125,6 @@ class Kind(NamedTuple):
         try:
             return found(self.name, own.name, self.known)(**own.parameters)
         except TypeError as error:
-            raise S2C2AError(f"the {self.name} {own.name} cannot be built from {own.parameters}: {error}") from error
+            raise S2C2AError(
+                f"the {self.name} {own.name} cannot be built from {own.parameters}: {error}"
+            ) from error

@@ -6,7 +6,7 @@ from typing import Protocol
 class Progress(Protocol):
     """Told what is being done, how many parts of it are done, and how many there are."""
 
-    def __call__(self, doing: str, done: int, total: int, /) -> None: ...  # noqa: D102 (the class says it)
+    def __call__(self, doing: str, done: int, total: int, /) -> None: ...
 
 
 def quiet(doing: str, done: int, total: int) -> None:

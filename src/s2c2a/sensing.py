@@ -16,7 +16,8 @@ from s2c2a.kinematics import PCC, configurations_from_bends, configurations_from
 from s2c2a.spaces import Reading
 
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
-"""How the configurations of three modules leak into each other's sensors (Chen et al. 2025, eq. (11))."""
+"""How the configurations of three modules leak into each other's sensors (Chen et al.
+2025, eq. (11))."""
 
 Sensors = Mapping[str, Array | np.ndarray]
 Sensed = Float[Array, "*batch modules 3"]
@@ -25,7 +26,8 @@ Sensed = Float[Array, "*batch modules 3"]
 class Estimator(eqx.Module):
     """A map from what was measured to configurations, for one moment or a whole recording.
 
-    One of your own is named in the arm file (`sensing = "my_sensor.py:MyEstimator"`) and built by `of`.
+    One of your own is named in the arm file (`sensing = "my_sensor.py:MyEstimator"`)
+    and built by `of`.
     """
 
     @property
@@ -43,7 +45,8 @@ class Estimator(eqx.Module):
         """Sensed configurations, shape (*batch, modules, 3), module frames.
 
         Args:
-            sensors: name -> numbers, each of its declared shape after any batch; they are JAX's, traced.
+            sensors: name -> numbers, each of its declared shape after any batch; they
+                are JAX's, traced.
         """
 
     def sensed(self, reading: Reading) -> np.ndarray:
@@ -56,7 +59,9 @@ class Estimator(eqx.Module):
         Raises:
             ReadingError: it is not there.
         """
-        return {name: np.asarray(_said(reading, name), np.float32) for name in self.sensors}
+        return {
+            name: np.asarray(_said(reading, name), np.float32) for name in self.sensors
+        }
 
 
 def _said(reading: Reading, name: str) -> np.ndarray:
@@ -134,7 +139,10 @@ class DirectionEstimator(Wrapped):
         return sensed / jnp.linalg.norm(sensed, axis=-1, keepdims=True)
 
 
-ESTIMATORS: dict[str, type[Estimator]] = {"encoders": EncoderEstimator, "true": TrueEstimator}
+ESTIMATORS: dict[str, type[Estimator]] = {
+    "encoders": EncoderEstimator,
+    "true": TrueEstimator,
+}
 """What `sensing` in an arm file can be, beside estimators of your own."""
 
 
@@ -146,8 +154,12 @@ def estimator_for(arm: ArmSpec) -> Estimator:
     """
     kind = found("sensor", arm.sensing, ESTIMATORS)
     if not (isinstance(kind, type) and issubclass(kind, Estimator)):
-        raise S2C2AError(f"sensing = '{arm.sensing}' is {kind!r}, no subclass of s2c2a.sensing.Estimator")
+        raise S2C2AError(
+            f"sensing = '{arm.sensing}' is {kind!r}, no subclass of s2c2a.sensing.Estimator"
+        )
     estimator = kind.of(arm)
     if arm.sensing_coupling is None:
         return estimator
-    return CoupledEstimator(estimator, jnp.asarray(arm.sensing_coupling, dtype=jnp.float32))
+    return CoupledEstimator(
+        estimator, jnp.asarray(arm.sensing_coupling, dtype=jnp.float32)
+    )

@@ -1,7 +1,8 @@
 """State, Configuration, Action, Reading: shape, unit, frame and axis order, said once.
 
-Frames. The base frame stands where the arm is mounted: z along the straight arm, x towards the cable at angle zero.
-The frame of a module stands on the module's base in the same way. Axes are ordered (*batch, time, modules, features).
+Frames. The base frame stands where the arm is mounted: z along the straight arm, x
+towards the cable at angle zero. The frame of a module stands on the module's base in
+the same way. Axes are ordered (*batch, time, modules, features).
 
 | word          | symbol | shape (..., modules, k)              | unit | frame  |
 | ------------- | ------ | ------------------------------------ | ---- | ------ |
@@ -10,7 +11,8 @@ The frame of a module stands on the module's base in the same way. Axes are orde
 | Bend          | b      | 2: angle times its direction          | rad  | module |
 | Action        | A      | cables: displacement or tension       | m, N | cable  |
 
-A displacement is positive where the cable gets longer (Chen et al. 2025, sec. II-C); a tension is never negative.
+A displacement is positive where the cable gets longer (Chen et al. 2025, sec. II-C); a
+tension is never negative.
 """
 
 from collections.abc import Mapping
@@ -26,12 +28,14 @@ POSITION = slice(0, 3)
 AXIS = slice(3, 6)
 
 CONFIGURATION_HISTORY = 4
-"""How many sensed configurations C2A looks back on, C_t to C_{t-3} (Chen et al. 2025, eq. (8))."""
+"""How many sensed configurations C2A looks back on, C_t to C_{t-3} (Chen et al. 2025,
+eq. (8))."""
 ACTION_HISTORY = 5
 """How many actions C2A looks back on, A_{t-1} to A_{t-5} (the same)."""
 
 CENTRE_LINE_POINTS = 5
-"""Points of each module's centre line that are watched and guarded, evenly spaced, the last one at its end."""
+"""Points of each module's centre line that are watched and guarded, evenly spaced, the
+last one at its end."""
 
 States = Float[np.ndarray, "*batch modules 6"]
 Configurations = Float[np.ndarray, "*batch modules 3"]
@@ -54,7 +58,14 @@ class Stage(IntEnum):
 
     def __str__(self) -> str:
         """In words."""
-        return ("at rest", "starting", "running", "holding", "going to rest", "stopped by a fault")[self]
+        return (
+            "at rest",
+            "starting",
+            "running",
+            "holding",
+            "going to rest",
+            "stopped by a fault",
+        )[self]
 
 
 @dataclass(frozen=True)
@@ -67,7 +78,8 @@ class Sensor:
         low: least plausible number, or one each.
         high: largest plausible number, or one each.
         fastest: largest plausible change of a number in a second.
-        always: whether every reading holds it; a camera has its pictures when it has them, and not of everything (NaN).
+        always: whether every reading holds it; a camera has its pictures when it has
+            them, and not of everything (NaN).
     """
 
     shape: tuple[int, ...]
@@ -114,7 +126,9 @@ class Reading:
             ReadingError: it says nothing in this reading.
         """
         if name not in self.sensors:
-            raise ReadingError(f"no '{name}' in this reading; it has {', '.join(self.sensors) or 'nothing'}")
+            raise ReadingError(
+                f"no '{name}' in this reading; it has {', '.join(self.sensors) or 'nothing'}"
+            )
         return self.sensors[name]
 
     def get(self, name: str) -> np.ndarray | None:

@@ -41,7 +41,10 @@ def test_the_unchanged_descriptions_are_arms():
     assert arm_from_toml(tomli_w.dumps(SIMULATED)) == load_arm("simulated_arm")
 
 
-@pytest.mark.parametrize("path", ["modules.0.lenth", "modules.2.cable.stifness", "motor.pully_radius", "gravity"])
+@pytest.mark.parametrize(
+    "path",
+    ["modules.0.lenth", "modules.2.cable.stifness", "motor.pully_radius", "gravity"],
+)
 def test_an_unknown_key_is_named_with_its_path(path):
     fault = fault_in(with_value(TWIN, path, 0.2))
     assert f"{path}: no such key" in fault
@@ -80,11 +83,21 @@ def test_a_length_that_is_no_positive_number_is_refused(value):
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
-    fault = fault_in(with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0]))
+    fault = fault_in(
+        with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0])
+    )
     assert "modules.1.cable_angles_deg.1: write a finite number" in fault
 
 
-@pytest.mark.parametrize("path", ["modules.0.length", "motor.noise_ticks", "control_rate", "modules.1.cable.stiffness"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "modules.0.length",
+        "motor.noise_ticks",
+        "control_rate",
+        "modules.1.cable.stiffness",
+    ],
+)
 @pytest.mark.parametrize("value", ["0.2", "many", True])
 def test_text_and_truth_are_no_numbers(path, value):
     fault = fault_in(with_value(TWIN, path, value))
@@ -92,20 +105,32 @@ def test_text_and_truth_are_no_numbers(path, value):
     assert "a number is needed" in fault
 
 
-@pytest.mark.parametrize("matrix", [[[1.0, 0.0], [0.0, 1.0]], [[1.0] * 3, [1.0] * 3], [[1.0] * 3, [1.0] * 3, [1.0]]])
+@pytest.mark.parametrize(
+    "matrix",
+    [[[1.0, 0.0], [0.0, 1.0]], [[1.0] * 3, [1.0] * 3], [[1.0] * 3, [1.0] * 3, [1.0]]],
+)
 def test_a_sensing_coupling_that_is_not_square_over_the_modules_is_refused(matrix):
     fault = fault_in(with_value(TWIN, "sensing_coupling", matrix))
     assert "one row and one column for each of the 3 modules" in fault
 
 
-@pytest.mark.parametrize("angles", [[0.0, 180.0], [40.0 * cable for cable in range(9)], []])
+@pytest.mark.parametrize(
+    "angles", [[0.0, 180.0], [40.0 * cable for cable in range(9)], []]
+)
 def test_only_three_to_eight_cables_are_allowed(angles):
-    assert "modules.1.cable_angles_deg: give at" in fault_in(with_value(TWIN, "modules.1.cable_angles_deg", angles))
+    assert "modules.1.cable_angles_deg: give at" in fault_in(
+        with_value(TWIN, "modules.1.cable_angles_deg", angles)
+    )
 
 
 @pytest.mark.parametrize(
     ("angles", "gap"),
-    [([0.0, 60.0, 181.0], 179), ([0.0, 10.0, 20.0], 340), ([5.0, 5.0, 5.0], 360), ([-90, 0, 90], 180)],
+    [
+        ([0.0, 60.0, 181.0], 179),
+        ([0.0, 10.0, 20.0], 340),
+        ([5.0, 5.0, 5.0], 360),
+        ([-90, 0, 90], 180),
+    ],
 )
 def test_cables_that_cannot_bend_every_way_are_refused(angles, gap):
     fault = fault_in(with_value(TWIN, "modules.0.cable_angles_deg", angles))
@@ -114,17 +139,23 @@ def test_cables_that_cannot_bend_every_way_are_refused(angles, gap):
 
 
 def test_cables_that_just_bend_every_way_are_allowed():
-    arm = arm_from_toml(with_value(TWIN, "modules.0.cable_angles_deg", [0.0, 60.0, 181.5]))
+    arm = arm_from_toml(
+        with_value(TWIN, "modules.0.cable_angles_deg", [0.0, 60.0, 181.5])
+    )
     assert arm.modules[0].cable_angles_deg == (0.0, 60.0, 181.5)
 
 
 def test_unequal_cable_counts_are_refused():
-    fault = fault_in(with_value(TWIN, "modules.1.cable_angles_deg", [0.0, 90.0, 180.0, 270.0]))
+    fault = fault_in(
+        with_value(TWIN, "modules.1.cable_angles_deg", [0.0, 90.0, 180.0, 270.0])
+    )
     assert "modules have [3, 4, 3] cables" in fault
 
 
 def test_a_tension_arm_needs_its_tension_range():
-    assert "modules.1.tension_range is missing" in fault_in(without(SIMULATED, "modules.1.tension_range"))
+    assert "modules.1.tension_range is missing" in fault_in(
+        without(SIMULATED, "modules.1.tension_range")
+    )
 
 
 @pytest.mark.parametrize(("key", "value"), [("play", 0.001), ("creep", 0.2)])
@@ -138,22 +169,39 @@ def test_a_tension_arm_may_have_friction():
     assert arm.modules[2].cable.friction == 0.1
 
 
-@pytest.mark.parametrize("direction", [[0.0, 0.0, -9.81], [1.0, 1.0, 0.0], [0.0, 0.0, 0.5]])
+@pytest.mark.parametrize(
+    "direction", [[0.0, 0.0, -9.81], [1.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
+)
 def test_a_gravity_direction_that_is_not_a_unit_vector_is_refused(direction):
-    assert "give a unit vector" in fault_in(with_value(TWIN, "gravity_direction", direction))
+    assert "give a unit vector" in fault_in(
+        with_value(TWIN, "gravity_direction", direction)
+    )
 
 
-@pytest.mark.parametrize("direction", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "direction", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+)
 def test_an_arm_may_hang_lie_or_float(direction):
-    assert list(arm_from_toml(with_value(TWIN, "gravity_direction", direction)).gravity_direction) == direction
+    assert (
+        list(
+            arm_from_toml(
+                with_value(TWIN, "gravity_direction", direction)
+            ).gravity_direction
+        )
+        == direction
+    )
 
 
 def test_cables_further_out_than_the_module_is_long_are_refused():
-    assert "modules.0: cable_radius" in fault_in(with_value(TWIN, "modules.0.cable_radius", 0.25))
+    assert "modules.0: cable_radius" in fault_in(
+        with_value(TWIN, "modules.0.cable_radius", 0.25)
+    )
 
 
 def test_a_motor_speed_in_millimetres_is_refused_on_a_displacement_arm():
-    assert "motor.speed_limit 200.0 m/s exceeds 5 m/s" in fault_in(with_value(TWIN, "motor.speed_limit", 200.0))
+    assert "motor.speed_limit 200.0 m/s exceeds 5 m/s" in fault_in(
+        with_value(TWIN, "motor.speed_limit", 200.0)
+    )
 
 
 @pytest.mark.parametrize("name", ["", "my arm", "../arm", "-arm", "a" * 65])
@@ -163,15 +211,23 @@ def test_a_name_that_is_no_plain_word_is_refused(name):
 
 @pytest.mark.parametrize("count", [0, 21])
 def test_an_arm_has_one_to_twenty_modules(count):
-    assert "modules: give at" in fault_in(with_value(TWIN, "modules", TWIN["modules"][:1] * count))
+    assert "modules: give at" in fault_in(
+        with_value(TWIN, "modules", TWIN["modules"][:1] * count)
+    )
 
 
 def test_an_unknown_actuation_is_refused_with_the_choices():
-    assert "actuation: write 'displacement' or 'tension'" in fault_in(with_value(TWIN, "actuation", "air"))
+    assert "actuation: write 'displacement' or 'tension'" in fault_in(
+        with_value(TWIN, "actuation", "air")
+    )
 
 
 def test_every_fault_is_listed_at_once():
-    fault = fault_in(with_value(TWIN, "modules.0", {**TWIN["modules"][0], "mass": 75.0, "lenth": 0.2}))
+    fault = fault_in(
+        with_value(
+            TWIN, "modules.0", {**TWIN["modules"][0], "mass": 75.0, "lenth": 0.2}
+        )
+    )
     assert "2 fault(s)" in fault
     assert "modules.0.mass" in fault
     assert "modules.0.lenth" in fault
@@ -181,7 +237,10 @@ def test_an_arm_error_is_an_error_of_the_package():
     assert issubclass(ArmError, S2C2AError)
 
 
-@pytest.mark.parametrize("path", ["name", "modules.0.length", "modules.0.cable.stiffness", "motor.pulley_radius"])
+@pytest.mark.parametrize(
+    "path",
+    ["name", "modules.0.length", "modules.0.cable.stiffness", "motor.pulley_radius"],
+)
 def test_a_built_arm_cannot_be_changed(path):
     *parents, key = path.split(".")
     place = load_arm("twin_arm")

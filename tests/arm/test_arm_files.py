@@ -2,7 +2,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2c2a.arm import ArmSpec, Cable, Flaws, Module, Motor, arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
+from s2c2a.arm import (
+    ArmSpec,
+    Cable,
+    Flaws,
+    Module,
+    Motor,
+    arm_from_toml,
+    arm_to_toml,
+    load_arm,
+    preset_names,
+    save_arm,
+)
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.errors import ArmError
 
@@ -17,12 +28,16 @@ def maybe(strategy):
 
 def each(low, high, count):
     """One number, or one for each of so many cables."""
-    return between(low, high) | st.lists(between(low, high), min_size=count, max_size=count)
+    return between(low, high) | st.lists(
+        between(low, high), min_size=count, max_size=count
+    )
 
 
 @st.composite
 def modules(draw, cables: int, tension: bool):
-    layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(lambda a: largest_gap_deg(a) < 179)
+    layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(
+        lambda a: largest_gap_deg(a) < 179
+    )
     slips = {} if tension else {"play": each(0, 0.02, cables), "creep": between(0, 0.9)}
     return Module(
         length=draw(between(0.3, 2)),
@@ -33,9 +48,21 @@ def modules(draw, cables: int, tension: bool):
         torsional_stiffness=draw(maybe(between(0.0005, 50))),
         bend_limit_deg=draw(between(1, 150)),
         pretension=draw(between(0, 500)),
-        tension_range=draw(between(0.05, 500) if tension else maybe(between(0.05, 500))),
-        flaws=draw(st.builds(Flaws, coupling=maybe(between(0, 1)), radius_errors=each(-0.5, 0.5, cables))),
-        cable=draw(st.builds(Cable, stiffness=between(50, 1e6), friction=between(0, 1), **slips)),
+        tension_range=draw(
+            between(0.05, 500) if tension else maybe(between(0.05, 500))
+        ),
+        flaws=draw(
+            st.builds(
+                Flaws,
+                coupling=maybe(between(0, 1)),
+                radius_errors=each(-0.5, 0.5, cables),
+            )
+        ),
+        cable=draw(
+            st.builds(
+                Cable, stiffness=between(50, 1e6), friction=between(0, 1), **slips
+            )
+        ),
     )
 
 
@@ -44,16 +71,24 @@ def arms(draw):
     tension, cables = draw(st.booleans()), draw(st.integers(3, 8))
     speeds = between(0.001, 5000 if tension else 5)
     row = tuple(draw(st.lists(modules(cables, tension), min_size=1, max_size=4)))
-    coupling = st.lists(between(-1, 1), min_size=len(row), max_size=len(row)).map(lambda numbers: (numbers,) * len(row))
+    coupling = st.lists(between(-1, 1), min_size=len(row), max_size=len(row)).map(
+        lambda numbers: (numbers,) * len(row)
+    )
     return ArmSpec(
         name=draw(st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")),
         description=draw(st.text(max_size=40)),
         actuation="tension" if tension else "displacement",
         sensing=draw(st.sampled_from(["encoders", "true"])),
         coupled_cables=draw(st.booleans()),
-        gravity_direction=draw(st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])),
+        gravity_direction=draw(
+            st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])
+        ),
         control_rate=draw(between(0.5, 1000)),
-        motor=draw(st.builds(Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24))),
+        motor=draw(
+            st.builds(
+                Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24)
+            )
+        ),
         sensing_coupling=draw(maybe(coupling)),
         modules=row,
     )
@@ -85,7 +120,11 @@ def test_any_arm_survives_a_file(arm, tmp_path_factory):
 
 
 def test_twenty_modules_of_eight_cables_are_an_arm():
-    octagon = load_arm("twin_arm").modules[0].model_copy(update={"cable_angles_deg": tuple(range(0, 360, 45))})
+    octagon = (
+        load_arm("twin_arm")
+        .modules[0]
+        .model_copy(update={"cable_angles_deg": tuple(range(0, 360, 45))})
+    )
     arm = ArmSpec(name="long", actuation="displacement", modules=(octagon,) * 20)
     assert (arm.module_count, arm.cable_count) == (20, 8)
     assert arm_from_toml(arm_to_toml(arm)) == arm
@@ -106,7 +145,9 @@ def test_a_file_is_overwritten_when_asked(tmp_path):
     assert load_arm(path) == load_arm("twin_arm")
 
 
-def test_a_place_that_cannot_be_written_to_is_named_and_a_folder_that_lacks_is_made(tmp_path):
+def test_a_place_that_cannot_be_written_to_is_named_and_a_folder_that_lacks_is_made(
+    tmp_path,
+):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(ArmError, match=r"cannot write .*mine\.toml"):
         save_arm(load_arm("twin_arm"), tmp_path / "file" / "mine.toml")
@@ -142,7 +183,10 @@ def test_a_file_that_is_not_text_is_refused(tmp_path):
 def test_an_empty_file_says_what_is_missing():
     with pytest.raises(ArmError) as caught:
         arm_from_toml("", source="empty.toml")
-    assert all(f"{key}: this key is missing" in str(caught.value) for key in ("name", "actuation", "modules"))
+    assert all(
+        f"{key}: this key is missing" in str(caught.value)
+        for key in ("name", "actuation", "modules")
+    )
 
 
 def test_arms_that_differ_in_name_alone_are_the_same_body():

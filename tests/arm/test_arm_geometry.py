@@ -36,7 +36,13 @@ def arm_of(angles, actuation="displacement", tension_range=15.0) -> ArmSpec:
 
 @pytest.mark.parametrize(
     ("angles", "gap"),
-    [((0, 120, 240), 120), ((0, 90, 180, 270), 90), ((350, 10, 100), 250), ((-30, 30, 750), 300), ((720, 0, 0), 360)],
+    [
+        ((0, 120, 240), 120),
+        ((0, 90, 180, 270), 90),
+        ((350, 10, 100), 250),
+        ((-30, 30, 750), 300),
+        ((720, 0, 0), 360),
+    ],
 )
 def test_the_largest_gap_is_found_across_the_turn(angles, gap):
     assert largest_gap_deg(angles) == pytest.approx(gap)
@@ -102,7 +108,9 @@ def test_a_tension_arm_rests_at_its_pretension_and_moves_by_its_tension_range():
 
 
 def test_a_tension_is_never_asked_to_push():
-    geometry = ArmGeometry.of(arm_of((0, 90, 180, 270), actuation="tension", tension_range=50.0))
+    geometry = ArmGeometry.of(
+        arm_of((0, 90, 180, 270), actuation="tension", tension_range=50.0)
+    )
     np.testing.assert_array_equal(geometry.action_low, np.zeros((1, 4)))
 
 
@@ -110,7 +118,11 @@ def test_a_tension_is_never_asked_to_push():
 @given(layouts(), st.floats(-np.pi, np.pi))
 def test_full_bend_in_any_direction_is_within_the_limits(angles, direction):
     geometry = ArmGeometry.of(arm_of(angles))
-    action = geometry.action_scale[0] * geometry.cable_matrices[0] @ [np.cos(direction), np.sin(direction)]
+    action = (
+        geometry.action_scale[0]
+        * geometry.cable_matrices[0]
+        @ [np.cos(direction), np.sin(direction)]
+    )
     assert (action <= geometry.action_high[0] + 1e-12).all()
     assert (action >= geometry.action_low[0] - 1e-12).all()
 
@@ -119,7 +131,9 @@ def test_full_bend_in_any_direction_is_within_the_limits(angles, direction):
 @given(layouts())
 def test_bend_matrices_undo_cable_matrices(angles):
     geometry = ArmGeometry.of(arm_of(angles))
-    np.testing.assert_allclose(geometry.bend_matrices[0] @ geometry.cable_matrices[0], np.eye(2), atol=1e-9)
+    np.testing.assert_allclose(
+        geometry.bend_matrices[0] @ geometry.cable_matrices[0], np.eye(2), atol=1e-9
+    )
 
 
 def test_an_arm_counts_and_measures_itself():
@@ -137,14 +151,30 @@ def test_torsional_stiffness_is_bending_stiffness_unless_stated():
 
 @pytest.mark.parametrize(
     ("sensing", "travel", "planned"),
-    [("encoders", None, 1.0), ("encoders", 1.2, 1.2), ("encoders", 3.0, 1.5), ("true", 1.2, 1.0)],
+    [
+        ("encoders", None, 1.0),
+        ("encoders", 1.2, 1.2),
+        ("encoders", 3.0, 1.5),
+        ("true", 1.2, 1.0),
+    ],
 )
-def test_plans_of_encoders_may_use_cable_travel_beyond_the_bend_limit(sensing, travel, planned):
+def test_plans_of_encoders_may_use_cable_travel_beyond_the_bend_limit(
+    sensing, travel, planned
+):
     arm = load_arm("twin_arm")
-    limit, radius = np.deg2rad(arm.modules[0].bend_limit_deg), arm.modules[0].cable_radius
-    cable = arm.modules[0].cable.model_copy(update={"travel": travel and travel * limit * radius})
-    modules = tuple(module.model_copy(update={"cable": cable}) for module in arm.modules)
-    geometry = ArmGeometry.of(arm.model_copy(update={"sensing": sensing, "modules": modules}))
+    limit, radius = (
+        np.deg2rad(arm.modules[0].bend_limit_deg),
+        arm.modules[0].cable_radius,
+    )
+    cable = arm.modules[0].cable.model_copy(
+        update={"travel": travel and travel * limit * radius}
+    )
+    modules = tuple(
+        module.model_copy(update={"cable": cable}) for module in arm.modules
+    )
+    geometry = ArmGeometry.of(
+        arm.model_copy(update={"sensing": sensing, "modules": modules})
+    )
     np.testing.assert_allclose(geometry.planned_bends, planned * limit)
 
 

@@ -15,8 +15,17 @@ def by_name() -> dict:
 def test_every_key_of_a_whole_file_is_explained():
     written = tomllib.loads(arm_to_toml(load_arm("twin_arm")))
     module = written["modules"][0]
-    tables = {"": written, "[motor]": written["motor"], "[[modules]]": module, "[modules.cable]": module["cable"]}
-    found = {(table, name) for table, values in tables.items() for name, value in values.items()}
+    tables = {
+        "": written,
+        "[motor]": written["motor"],
+        "[[modules]]": module,
+        "[modules.cable]": module["cable"],
+    }
+    found = {
+        (table, name)
+        for table, values in tables.items()
+        for name, value in values.items()
+    }
     assert found - {("", "motor"), ("[[modules]]", "cable")} <= by_name().keys()
     assert all(key.meaning and key.allowed for key in file_keys())
 
@@ -25,7 +34,10 @@ def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
     assert keys["[[modules]]", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "needed")
-    assert keys["", "sensing"][2:4] == ('"encoders", "true" or "file.py:Name"', '"encoders"')
+    assert keys["", "sensing"][2:4] == (
+        '"encoders", "true" or "file.py:Name"',
+        '"encoders"',
+    )
     assert keys["", "gravity_direction"][2:4] == ("3 numbers", "[0, 0, -1]")
     assert keys["[[modules]]", "tension_range"].otherwise == "none"
     assert keys["[motor]", "ticks_per_turn"].allowed == "whole, 16 to 16777216"
@@ -34,4 +46,8 @@ def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
 
 
 def test_the_docs_say_the_same():
-    assert (ROOT / "docs" / "arm-file.md").read_text(encoding="utf-8").endswith(keys_as_markdown())
+    assert (
+        (ROOT / "docs" / "arm-file.md")
+        .read_text(encoding="utf-8")
+        .endswith(keys_as_markdown())
+    )

@@ -16,7 +16,12 @@ DRAWN = 40
 
 def values(key: str, strength: float) -> np.ndarray:
     """Of a key of `flaws`, in all modules of many arms."""
-    return np.array([per_module(drawn_arm(TWIN, seed, strength), f"flaws.{key}") for seed in range(DRAWN)])
+    return np.array(
+        [
+            per_module(drawn_arm(TWIN, seed, strength), f"flaws.{key}")
+            for seed in range(DRAWN)
+        ]
+    )
 
 
 @pytest.mark.parametrize("strength", [0.5, 1.0])
@@ -40,21 +45,31 @@ def test_flaws_fill_their_range_in_proportion_to_the_strength(key, low, high, st
 
 def test_what_is_one_number_for_all_is_that_number():
     arm = drawn_arm(TWIN, 2, 1.0)
-    for key, value in (("coupling", 0.25), ("stiffness_ratio", 1.15), ("hardening", 0.2)):
+    for key, value in (
+        ("coupling", 0.25),
+        ("stiffness_ratio", 1.15),
+        ("hardening", 0.2),
+    ):
         np.testing.assert_array_equal(per_module(arm, f"flaws.{key}"), value)
     np.testing.assert_array_equal(np.abs(per_module(arm, "flaws.drift")), 0.05)
     np.testing.assert_array_equal(per_module(arm, "cable.friction"), 0.1)
     assert per_module(arm, "cable.viscous_friction").min() > 0
     assert arm.motor.homing_error == pytest.approx(3e-4)
-    np.testing.assert_array_equal(per_module(arm, "flaws.relaxation_times"), [[2.0, 20.0]] * 3)
+    np.testing.assert_array_equal(
+        per_module(arm, "flaws.relaxation_times"), [[2.0, 20.0]] * 3
+    )
 
 
 def test_play_is_each_cables_own_and_gives_way_to_the_bases_with_the_strength():
-    half, whole = (per_cable(drawn_arm(TWIN, 4, strength), "cable.play") for strength in (0.5, 1.0))
+    half, whole = (
+        per_cable(drawn_arm(TWIN, 4, strength), "cable.play") for strength in (0.5, 1.0)
+    )
     assert whole.min() >= 0.2e-3
     assert whole.max() <= 1.0e-3
     assert len(np.unique(whole)) == whole.size
-    np.testing.assert_allclose(half, 0.5 * (whole + per_cable(TWIN, "cable.play")), rtol=1e-3)
+    np.testing.assert_allclose(
+        half, 0.5 * (whole + per_cable(TWIN, "cable.play")), rtol=1e-3
+    )
 
 
 def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend():
@@ -71,8 +86,12 @@ def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend()
 def test_the_simulated_body_shortens_so_far_too():
     arm = drawn_arm(TWIN, 1, 1.0)
     outer = arm.modules[-1]
-    lasting = outer.model_copy(update={"flaws": outer.flaws.model_copy(update={"relaxing": (0, 0)})})
-    alone = arm.model_copy(update={"modules": (lasting,), "gravity_direction": (0.0, 0.0, 0.0)})
+    lasting = outer.model_copy(
+        update={"flaws": outer.flaws.model_copy(update={"relaxing": (0, 0)})}
+    )
+    alone = arm.model_copy(
+        update={"modules": (lasting,), "gravity_direction": (0.0, 0.0, 0.0)}
+    )
     robot = SimulatedRobot(alone)
     robot.open()
     for _ in range(100):
@@ -97,7 +116,9 @@ def test_without_strength_it_is_the_base():
     assert drawn_arm(TWIN, 5, 0.0).same_body(TWIN)
 
 
-@pytest.mark.parametrize(("seed", "strength"), [(-1, 1.0), (0, -0.1), (0, 2.1), (0, float("nan"))])
+@pytest.mark.parametrize(
+    ("seed", "strength"), [(-1, 1.0), (0, -0.1), (0, 2.1), (0, float("nan"))]
+)
 def test_an_impossible_draw_is_refused(seed, strength):
     with pytest.raises(ArmError, match="strength"):
         drawn_arm(TWIN, seed, strength)
@@ -118,6 +139,17 @@ def test_an_arm_of_other_modules_and_cables_can_be_the_base(make_arm):
 
 
 def test_the_command_writes_what_is_drawn(tmp_path, capsys):
-    main(["arm", "random", "--seed", "3", "--strength", "0.5", "--out", str(tmp_path / "drawn.toml")])
+    main(
+        [
+            "arm",
+            "random",
+            "--seed",
+            "3",
+            "--strength",
+            "0.5",
+            "--out",
+            str(tmp_path / "drawn.toml"),
+        ]
+    )
     assert (tmp_path / "drawn.toml").read_text() == arm_to_toml(drawn_arm(TWIN, 3, 0.5))
     assert "drawn.toml" in capsys.readouterr().out

@@ -13,7 +13,13 @@ from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCCForwardModel
 from s2c2a.models.local import LocalC2S
 
-FIGURES = ["a plan", "a tick", "a simulated second, fast", "a simulated second, accurate", "a later start"]
+FIGURES = [
+    "a plan",
+    "a tick",
+    "a simulated second, fast",
+    "a simulated second, accurate",
+    "a later start",
+]
 GONE = [
     ("bench", "plan", "bench_plan.py"),
     ("bench", "--quick", "make bench"),
@@ -30,7 +36,9 @@ def few(monkeypatch):
     monkeypatch.setattr(bench, "start_times", lambda arm: [2.0])
 
 
-def test_a_preset_is_timed_with_its_networks_and_held_to_what_is_asked(few, tmp_path, capsys, monkeypatch):
+def test_a_preset_is_timed_with_its_networks_and_held_to_what_is_asked(
+    few, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.0, 2.0, 1.0))
     main(["bench", "--out", str(tmp_path / "here.json")])
     said = capsys.readouterr().out
@@ -39,23 +47,31 @@ def test_a_preset_is_timed_with_its_networks_and_held_to_what_is_asked(few, tmp_
     assert "1.30 ms" in said
     kept = json.loads((tmp_path / "here.json").read_text())
     assert [each["what"] for each in kept["seconds"]] == FIGURES
-    assert all(0 < each["median"] <= each["percentile_99"] < 60 for each in kept["seconds"])
+    assert all(
+        0 < each["median"] <= each["percentile_99"] < 60 for each in kept["seconds"]
+    )
     assert kept["seconds"][0]["at_most"] == 1.3e-3
     assert kept["machine"]["load"] == 3.0
 
 
-def test_another_arm_is_driven_by_pcc_and_held_to_nothing(few, tmp_path, capsys, monkeypatch):
+def test_another_arm_is_driven_by_pcc_and_held_to_nothing(
+    few, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
     main(["arm", "copy", "twin_arm", str(tmp_path / "mine.toml")])
     mine = tmp_path / "mine.toml"
-    mine.write_text(mine.read_text().replace("bending_stiffness = 0.125", "bending_stiffness = 0.2"))
+    mine.write_text(
+        mine.read_text().replace("bending_stiffness = 0.125", "bending_stiffness = 0.2")
+    )
     main(["bench", "--arm", str(mine), "--out", str(tmp_path / "here.json")])
     assert "busy" not in capsys.readouterr().out
     kept = json.loads((tmp_path / "here.json").read_text())
     assert [each["at_most"] for each in kept["seconds"]] == [None] * len(FIGURES)
 
 
-def test_networks_drive_where_they_come_with_the_package_and_pcc_elsewhere(twin, make_arm):
+def test_networks_drive_where_they_come_with_the_package_and_pcc_elsewhere(
+    twin, make_arm
+):
     assert isinstance(driver_of(twin)[0], LocalC2S)
     assert isinstance(driver_of(make_arm(modules=1))[0], PCCForwardModel)
 

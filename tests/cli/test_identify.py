@@ -12,22 +12,43 @@ from s2c2a.robots.simulation import SimulatedRobot
 def files(make_arm, tmp_path_factory):
     """A recording of a soft module, and the arm file of one that is thought to be stiffer."""
     folder = tmp_path_factory.mktemp("identify")
-    soft = make_arm(modules=1, module={"bending_stiffness": 0.1, "cable": {"stiffness": 1000.0}})
+    soft = make_arm(
+        modules=1, module={"bending_stiffness": 0.1, "cable": {"stiffness": 1000.0}}
+    )
     options = CollectOptions(episodes=1, samples=40)
-    collect(folder / "soft.episodes", soft, lambda seed: SimulatedRobot(soft, seed=seed), options, threads=1)
-    save_arm(make_arm(modules=1, module={"cable": {"stiffness": 1000.0}}), folder / "start.toml")
+    collect(
+        folder / "soft.episodes",
+        soft,
+        lambda seed: SimulatedRobot(soft, seed=seed),
+        options,
+        threads=1,
+    )
+    save_arm(
+        make_arm(modules=1, module={"cable": {"stiffness": 1000.0}}),
+        folder / "start.toml",
+    )
     return folder
 
 
 def command(files, *more: str) -> None:
-    words = [files / "soft.episodes", "--arm", files / "start.toml", "--out", files / "fitted.toml", "--jobs", "1"]
+    words = [
+        files / "soft.episodes",
+        "--arm",
+        files / "start.toml",
+        "--out",
+        files / "fitted.toml",
+        "--jobs",
+        "1",
+    ]
     main(["identify", *map(str, words), "--fit", "stiffness", "--rounds", "4", *more])
 
 
 def test_it_writes_an_arm_that_errs_less_and_says_by_how_much(files, capsys):
     command(files, "--on", str(files / "soft.episodes"))
     said = capsys.readouterr().out
-    assert load_arm(files / "fitted.toml").modules[0].bending_stiffness == pytest.approx(0.1, rel=0.01)
+    assert load_arm(files / "fitted.toml").modules[
+        0
+    ].bending_stiffness == pytest.approx(0.1, rel=0.01)
     assert "modules.0.bending_stiffness" in said
     assert "fitted rows" in said
     assert "soft.episodes (39): tip error mean 0.0 mm" in said

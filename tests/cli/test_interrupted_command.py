@@ -30,9 +30,13 @@ def interrupted():
 
     def run(arguments: tuple[str, ...], after: float, begun=lambda: True):
         script = TELLS_WHEN_IT_HEEDS.format(arguments=arguments)
-        attentive = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs are not
+        # a shell's background jobs are not
+        attentive = signal.signal(signal.SIGINT, signal.default_int_handler)
         running = subprocess.Popen(
-            [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", script],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         signal.signal(signal.SIGINT, attentive)
         assert running.stdout.readline() == "heeds\n"
@@ -46,12 +50,17 @@ def interrupted():
     return run
 
 
-@pytest.mark.parametrize("after", np.random.default_rng(0).uniform(0.0, 3.0, 8).round(3))
-def test_an_interrupt_at_any_moment_ends_the_command_without_a_traceback(interrupted, after):
+@pytest.mark.parametrize(
+    "after", np.random.default_rng(0).uniform(0.0, 3.0, 8).round(3)
+)
+def test_an_interrupt_at_any_moment_ends_the_command_without_a_traceback(
+    interrupted, after
+):
     code, errors = interrupted(("arm", "check", "twin_arm"), after)
     assert "Traceback" not in errors, errors
     assert "Exception" not in errors, errors
-    assert code in (0, 130, -signal.SIGINT), errors  # the last while Python itself ends; a shell calls it 130 too
+    # the last while Python itself ends; a shell calls it 130 too
+    assert code in (0, 130, -signal.SIGINT), errors
 
 
 def test_an_interrupted_verb_says_what_is_kept(interrupted, tmp_path):

@@ -51,7 +51,7 @@ def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path, monkeypatch):
 
     def work():
         with interrupts_heeded():
-            import takes_its_time  # noqa: F401, PLC0415
+            import takes_its_time
 
             time.sleep(5.0)
 

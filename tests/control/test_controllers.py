@@ -28,14 +28,20 @@ def an_arm(actuation, turns_deg, cables) -> ArmSpec:
     return ArmSpec(name="arm", actuation=actuation, modules=tuple(modules))
 
 
-TWIN, SIMULATED = an_arm("displacement", (0.0, 60.0, 0.0), 3), an_arm("tension", (0.0, 0.0, 0.0), 4)
+TWIN, SIMULATED = (
+    an_arm("displacement", (0.0, 60.0, 0.0), 3),
+    an_arm("tension", (0.0, 0.0, 0.0), 4),
+)
 start = eqx.filter_jit(lambda controller, sensed: controller.start(sensed))
 act = eqx.filter_jit(lambda controller, *inputs: controller.act(*inputs))
 
 
 def axes(*bends):
     """Configurations of bends given as (angle [rad], azimuth [rad])."""
-    return np.array([[np.sin(f) * np.cos(a), np.sin(f) * np.sin(a), np.cos(f)] for f, a in bends], np.float32)
+    return np.array(
+        [[np.sin(f) * np.cos(a), np.sin(f) * np.sin(a), np.cos(f)] for f, a in bends],
+        np.float32,
+    )
 
 
 STRAIGHT = axes((0, 0), (0, 0), (0, 0))
@@ -47,13 +53,17 @@ def inverse_pcc(arm, gains=(1.0, 1.0, 1.0)):
 
 
 def network_controller(arm, seed=0):
-    return NetworkController(C2AOptions(layers=1, hidden=8).untrained(arm, jax.random.key(seed)))
+    return NetworkController(
+        C2AOptions(layers=1, hidden=8).untrained(arm, jax.random.key(seed))
+    )
 
 
 def shouting(arm, towards):
     """A controller whose network always says the same, very loudly."""
     controller = network_controller(arm)
-    return eqx.tree_at(lambda c: c.network.network.bias_head, controller, 100.0 * jnp.asarray(towards))
+    return eqx.tree_at(
+        lambda c: c.network.network.bias_head, controller, 100.0 * jnp.asarray(towards)
+    )
 
 
 def drive(controller, sensed, wanted):
@@ -71,21 +81,30 @@ def displacements_by_hand(bends, turns, gains=(1, 1, 1)):
     """Minus radius times bend times the cosine between bend and cable."""
     rows = []
     for (angle, azimuth), turn, gain in zip(bends, turns, gains, strict=True):
-        rows.append([-0.027 * gain * angle * np.cos(azimuth - turn - cable) for cable in np.deg2rad([0, 120, 240])])
+        rows.append(
+            [
+                -0.027 * gain * angle * np.cos(azimuth - turn - cable)
+                for cable in np.deg2rad([0, 120, 240])
+            ]
+        )
     return rows
 
 
 def test_inverse_pcc_moves_cables_as_worked_by_hand():
     bends = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)]
     action, memory = act(inverse_pcc(TWIN), BENT, STRAIGHT, ())
-    np.testing.assert_allclose(action, displacements_by_hand(bends, [0, np.pi / 3, 0]), atol=1e-7)
+    np.testing.assert_allclose(
+        action, displacements_by_hand(bends, [0, np.pi / 3, 0]), atol=1e-7
+    )
     assert memory == ()
 
 
 def test_inverse_pcc_multiplies_each_module_by_its_gain():
     bends, gains = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)], (1.1, 0.9, 1.5)
     action, _ = act(inverse_pcc(TWIN, gains), BENT, STRAIGHT, ())
-    np.testing.assert_allclose(action, displacements_by_hand(bends, [0, np.pi / 3, 0], gains), atol=1e-7)
+    np.testing.assert_allclose(
+        action, displacements_by_hand(bends, [0, np.pi / 3, 0], gains), atol=1e-7
+    )
 
 
 def test_inverse_pcc_has_no_feedback():
@@ -97,7 +116,9 @@ def test_inverse_pcc_has_no_feedback():
 
 def test_inverse_pcc_pulls_towards_the_bend_on_a_tension_arm():
     """T_i = T0 + 2 EI f cos(psi - b_i) / (n r L)."""
-    action, _ = act(inverse_pcc(SIMULATED), axes((0.2, 0.0), (0.2, np.pi / 2), (0, 0)), STRAIGHT, ())
+    action, _ = act(
+        inverse_pcc(SIMULATED), axes((0.2, 0.0), (0.2, np.pi / 2), (0, 0)), STRAIGHT, ()
+    )
     pull = 2 * 0.35 * 0.2 / (4 * 0.027 * 0.2)
     by_hand = [[20 + pull, 20, 20 - pull, 20], [20, 20 + pull, 20, 20 - pull], [20] * 4]
     np.testing.assert_allclose(action, by_hand, rtol=1e-5)
@@ -106,7 +127,12 @@ def test_inverse_pcc_pulls_towards_the_bend_on_a_tension_arm():
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
 def test_inverse_pcc_stays_within_the_limits_of_the_arm(arm):
     geometry = ArmGeometry.of(arm)
-    action, _ = act(inverse_pcc(arm, (5.0, 5.0, 5.0)), axes((2.5, 0.1), (2.5, 2.0), (2.5, -2.0)), STRAIGHT, ())
+    action, _ = act(
+        inverse_pcc(arm, (5.0, 5.0, 5.0)),
+        axes((2.5, 0.1), (2.5, 2.0), (2.5, -2.0)),
+        STRAIGHT,
+        (),
+    )
     assert (np.asarray(action) >= geometry.action_low - 1e-6).all()
     assert (np.asarray(action) <= geometry.action_high + 1e-6).all()
 
@@ -114,7 +140,9 @@ def test_inverse_pcc_stays_within_the_limits_of_the_arm(arm):
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
 def test_the_history_starts_filled_with_the_first_values(arm):
     memory = start(network_controller(arm), BENT)
-    np.testing.assert_array_equal(memory.configurations, np.repeat(BENT[:, None], 4, axis=1))
+    np.testing.assert_array_equal(
+        memory.configurations, np.repeat(BENT[:, None], 4, axis=1)
+    )
     np.testing.assert_array_equal(memory.actions, np.zeros((3, 5, arm.cable_count)))
 
 
@@ -123,11 +151,18 @@ def test_the_history_shifts_youngest_first():
     sensed, wanted = random.normal(size=(2, 7, 3, 3)).astype(np.float32)
     controller = network_controller(TWIN)
     actions, memories = drive(controller, sensed, wanted)
-    normalised = [np.asarray(controller.network.sum_and_range.normalised(action)) for action in actions]
+    normalised = [
+        np.asarray(controller.network.sum_and_range.normalised(action))
+        for action in actions
+    ]
     for age in range(4):
-        np.testing.assert_array_equal(memories[-1].configurations[:, age], sensed[6 - age])
+        np.testing.assert_array_equal(
+            memories[-1].configurations[:, age], sensed[6 - age]
+        )
     for age in range(5):
-        np.testing.assert_allclose(memories[-1].actions[:, age], normalised[6 - age], atol=1e-6)
+        np.testing.assert_allclose(
+            memories[-1].actions[:, age], normalised[6 - age], atol=1e-6
+        )
 
 
 def test_the_oldest_values_are_the_first_ones_until_they_are_pushed_out():
@@ -140,24 +175,35 @@ def test_the_oldest_values_are_the_first_ones_until_they_are_pushed_out():
 
 def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_before():
     """Eq. (8): C_t to C_t-3 and A_t-1 to A_t-5."""
-    sensed, wanted = np.random.default_rng(2).normal(size=(2, 4, 3, 3)).astype(np.float32)
+    sensed, wanted = (
+        np.random.default_rng(2).normal(size=(2, 4, 3, 3)).astype(np.float32)
+    )
     controller = network_controller(TWIN)
     actions, memories = drive(controller, sensed, wanted)
     configurations = np.stack([sensed[3], sensed[2], sensed[1], sensed[0]], axis=1)
-    said = eqx.filter_jit(controller.network)(wanted[3], History(jnp.asarray(configurations), memories[3].actions))
-    np.testing.assert_allclose(controller.network.sum_and_range.actions(said), actions[3], atol=1e-7)
+    said = eqx.filter_jit(controller.network)(
+        wanted[3], History(jnp.asarray(configurations), memories[3].actions)
+    )
+    np.testing.assert_allclose(
+        controller.network.sum_and_range.actions(said), actions[3], atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
 def test_normalised_actions_in_the_history_stay_in_range(arm):
     loud = shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
-    _, memories = drive(loud, np.repeat(STRAIGHT[None], 3, axis=0), np.repeat(BENT[None], 3, axis=0))
+    _, memories = drive(
+        loud, np.repeat(STRAIGHT[None], 3, axis=0), np.repeat(BENT[None], 3, axis=0)
+    )
     assert np.abs(memories[-1].actions).max() <= 1 + 1e-6
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
 def test_actions_of_the_loudest_network_stay_within_the_limits_of_the_arm(arm):
-    loud, geometry = shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1)), ArmGeometry.of(arm)
+    loud, geometry = (
+        shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1)),
+        ArmGeometry.of(arm),
+    )
     action, _ = act(loud, BENT, STRAIGHT, start(loud, STRAIGHT))
     assert (np.asarray(action) >= geometry.action_low - 1e-6).all()
     assert (np.asarray(action) <= geometry.action_high + 1e-6).all()
@@ -165,6 +211,8 @@ def test_actions_of_the_loudest_network_stay_within_the_limits_of_the_arm(arm):
 
 def test_displacements_of_a_network_keep_the_length_of_every_module():
     """Eq. (1)."""
-    sensed, wanted = np.random.default_rng(3).normal(size=(2, 3, 3, 3)).astype(np.float32)
+    sensed, wanted = (
+        np.random.default_rng(3).normal(size=(2, 3, 3, 3)).astype(np.float32)
+    )
     actions, _ = drive(network_controller(TWIN), sensed, wanted)
     np.testing.assert_allclose(np.sum(actions, axis=-1), 0.0, atol=1e-8)

@@ -40,7 +40,9 @@ def held(step):
 
 def test_a_constant_offset_is_integrated_away():
     """The error shrinks by 1 - gain in a step."""
-    reached, offsets = drive(CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, held, 60)
+    reached, offsets = drive(
+        CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, held, 60
+    )
     np.testing.assert_allclose(reached[0] - WANTED, OFFSET, atol=1e-5)
     np.testing.assert_allclose(reached[10] - WANTED, 0.8**10 * OFFSET, atol=1e-4)
     np.testing.assert_allclose(reached[-1], WANTED, atol=1e-4)
@@ -48,12 +50,19 @@ def test_a_constant_offset_is_integrated_away():
 
 
 def test_without_a_correction_the_offset_stays():
-    reached, _ = drive(CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, held, 20)
+    reached, _ = drive(
+        CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, held, 20
+    )
     np.testing.assert_allclose(reached, np.tile(WANTED + OFFSET, (20, 1, 1)), atol=1e-5)
 
 
 def test_a_gain_that_is_too_small_in_the_plant_is_made_up_for():
-    reached, _ = drive(CorrectedController(INNER, 0.2, largest=0.3), lambda bends: 0.8 * bends, held, 80)
+    reached, _ = drive(
+        CorrectedController(INNER, 0.2, largest=0.3),
+        lambda bends: 0.8 * bends,
+        held,
+        80,
+    )
     np.testing.assert_allclose(reached[-1], WANTED, atol=1e-3)
 
 
@@ -75,7 +84,10 @@ def test_an_offset_at_its_bound_comes_back_as_soon_as_the_error_turns():
     for _ in range(50):
         _, memory = act(controller, axes(WANTED), axes(STRAIGHT), memory)
     _, after = act(controller, axes(WANTED), axes(2 * WANTED), memory)
-    assert (np.linalg.norm(after.offset, axis=-1) < np.linalg.norm(memory.offset, axis=-1) - 0.01).all()
+    assert (
+        np.linalg.norm(after.offset, axis=-1)
+        < np.linalg.norm(memory.offset, axis=-1) - 0.01
+    ).all()
 
 
 def test_without_an_error_it_acts_as_the_controller_inside():
@@ -101,7 +113,10 @@ def test_at_the_start_there_is_no_error_wherever_the_arm_stands():
 def test_an_error_is_told_by_what_was_wanted_a_step_before():
     """Wanted now, sensed next: a plan that moves on is not taken for an error."""
     reached, offsets = drive(
-        CorrectedController(INNER, 0.2), lambda bends: bends, lambda step: 0.05 * step * WANTED, 20
+        CorrectedController(INNER, 0.2),
+        lambda bends: bends,
+        lambda step: 0.05 * step * WANTED,
+        20,
     )
     np.testing.assert_allclose(offsets, 0.0, atol=1e-5)
     np.testing.assert_allclose(reached[-1], 0.95 * WANTED, atol=1e-5)

@@ -10,12 +10,16 @@ from s2c2a.data.babbling import SPEEDS, bend_path, disc_point, fastest
 SAMPLES = 300
 
 
-def shares(arm, babbling: str, episode: int, episodes: int = 6, seed: int = 0) -> np.ndarray:
+def shares(
+    arm, babbling: str, episode: int, episodes: int = 6, seed: int = 0
+) -> np.ndarray:
     """Share of the full bend that each module is asked for, shape (samples, modules, 2), from the actions alone."""
     geometry = ArmGeometry.of(arm)
     actions = episode_actions(geometry, babbling, episode, episodes, SAMPLES, seed)
     return np.einsum(
-        "mkc,smc->smk", geometry.bend_matrices, (actions - geometry.action_neutral) / geometry.action_scale[:, None]
+        "mkc,smc->smk",
+        geometry.bend_matrices,
+        (actions - geometry.action_neutral) / geometry.action_scale[:, None],
     )
 
 
@@ -25,27 +29,50 @@ def apart(one: np.ndarray, two: np.ndarray) -> float:
 
 
 def tension_arm(make_arm, modules, cables, pretension=30.0):
-    return make_arm(modules, cables, {"pretension": pretension, "tension_range": 12.0}, actuation="tension")
+    return make_arm(
+        modules,
+        cables,
+        {"pretension": pretension, "tension_range": 12.0},
+        actuation="tension",
+    )
 
 
 @pytest.mark.parametrize("babbling", BABBLING)
 @pytest.mark.parametrize("cables", [3, 4, 5, 8])
-def test_actions_stay_within_the_limits_and_use_most_of_them(make_arm, babbling, cables):
-    for arm in (make_arm(3, cables), tension_arm(make_arm, 3, cables), tension_arm(make_arm, 3, cables, 4.0)):
+def test_actions_stay_within_the_limits_and_use_most_of_them(
+    make_arm, babbling, cables
+):
+    for arm in (
+        make_arm(3, cables),
+        tension_arm(make_arm, 3, cables),
+        tension_arm(make_arm, 3, cables, 4.0),
+    ):
         geometry = ArmGeometry.of(arm)
-        actions = np.stack([episode_actions(geometry, babbling, episode, 6, SAMPLES, 0) for episode in range(6)])
+        actions = np.stack(
+            [
+                episode_actions(geometry, babbling, episode, 6, SAMPLES, 0)
+                for episode in range(6)
+            ]
+        )
         assert actions.shape == (6, SAMPLES, 3, cables)
         assert (actions >= geometry.action_low).all()
         assert (actions <= geometry.action_high).all()
-        used = np.ptp(actions, axis=(0, 1)) / (geometry.action_high - geometry.action_low)
+        used = np.ptp(actions, axis=(0, 1)) / (
+            geometry.action_high - geometry.action_low
+        )
         assert used.min() > 0.8
 
 
 def test_bends_stay_within_the_disc_and_reach_its_rim_in_every_direction(twin):
-    asked = np.concatenate([shares(twin, "motor", episode)[:, 0] for episode in range(6)])
+    asked = np.concatenate(
+        [shares(twin, "motor", episode)[:, 0] for episode in range(6)]
+    )
     directions = np.arctan2(asked[:, 1], asked[:, 0])
     lengths = np.linalg.norm(asked, axis=-1)
-    farthest = [lengths[np.abs(directions - centre) < np.pi / 8].max() for centre in np.linspace(-2.7, 2.7, 8)]
+    farthest = [
+        lengths[np.abs(directions - centre) < np.pi / 8].max()
+        for centre in np.linspace(-2.7, 2.7, 8)
+    ]
     assert lengths.max() <= 1 + 1e-9
     assert min(farthest) > 0.8
 
@@ -66,10 +93,16 @@ def test_in_the_second_third_only_the_end_module_goes_its_own_way(twin, episode)
     assert apart(asked[:, 1], asked[:, 2]) > 0.2
 
 
-@pytest.mark.parametrize(("babbling", "episode"), [("staged", 4), ("staged", 5), ("motor", 0), ("motor", 3)])
-def test_in_the_last_third_and_in_motor_babbling_every_module_goes_its_own_way(twin, babbling, episode):
+@pytest.mark.parametrize(
+    ("babbling", "episode"), [("staged", 4), ("staged", 5), ("motor", 0), ("motor", 3)]
+)
+def test_in_the_last_third_and_in_motor_babbling_every_module_goes_its_own_way(
+    twin, babbling, episode
+):
     asked = shares(twin, babbling, episode)
-    distances = [apart(asked[:, one], asked[:, two]) for one, two in [(0, 1), (1, 2), (0, 2)]]
+    distances = [
+        apart(asked[:, one], asked[:, two]) for one, two in [(0, 1), (1, 2), (0, 2)]
+    ]
     assert min(distances) > 0.2
 
 
@@ -83,7 +116,8 @@ def test_eighteen_episodes_are_six_a_stage(twin):
 
 def test_mixed_babbling_goes_from_one_way_for_all_to_each_its_own(twin):
     same, between, own = (
-        apart(*shares(twin, "mixed", episode, episodes=18)[:, :2].swapaxes(0, 1)) for episode in (0, 4, 17)
+        apart(*shares(twin, "mixed", episode, episodes=18)[:, :2].swapaxes(0, 1))
+        for episode in (0, 4, 17)
     )
     assert same == pytest.approx(0.0, abs=1e-9)
     assert 0.1 < between < own
@@ -91,7 +125,9 @@ def test_mixed_babbling_goes_from_one_way_for_all_to_each_its_own(twin):
 
 @pytest.mark.parametrize("babbling", BABBLING)
 def test_no_step_is_longer_than_the_fastest(twin, babbling):
-    paths = np.stack([shares(twin, babbling, episode, episodes=18) for episode in range(18)])
+    paths = np.stack(
+        [shares(twin, babbling, episode, episodes=18) for episode in range(18)]
+    )
     steps = np.linalg.norm(np.diff(paths, axis=1), axis=-1)
     assert steps.max() <= fastest(babbling, 3, SPEEDS) * (1 + 1e-6)
 
@@ -107,32 +143,45 @@ def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode
 def test_an_episode_is_the_same_whichever_were_made_before(twin):
     geometry = ArmGeometry.of(twin)
     alone = episode_actions(geometry, "staged", 4, 6, 80, 9)
-    after_others = [episode_actions(geometry, "staged", episode, 6, 80, 9) for episode in (5, 0, 4)][-1]
+    after_others = [
+        episode_actions(geometry, "staged", episode, 6, 80, 9) for episode in (5, 0, 4)
+    ][-1]
     np.testing.assert_array_equal(alone, after_others)
 
 
 def test_every_episode_and_every_seed_is_another(twin):
-    one, two, three = (shares(twin, "motor", *which) for which in ((0, 6, 0), (1, 6, 0), (0, 6, 1)))
+    one, two, three = (
+        shares(twin, "motor", *which) for which in ((0, 6, 0), (1, 6, 0), (0, 6, 1))
+    )
     assert min(apart(one, two), apart(one, three), apart(two, three)) > 0.2
 
 
 def test_a_longer_episode_begins_like_a_shorter_one(twin):
     geometry = ArmGeometry.of(twin)
-    short, long = (episode_actions(geometry, "motor", 0, 6, samples, 0) for samples in (40, 90))
+    short, long = (
+        episode_actions(geometry, "motor", 0, 6, samples, 0) for samples in (40, 90)
+    )
     np.testing.assert_array_equal(long[:40, 0], short[:, 0])
 
 
 def test_no_step_is_faster_than_the_fastest_speed_the_first_from_rest_included():
     for speeds in (SPEEDS, (0.02, 0.06)):
-        paths = [bend_path(500, np.random.default_rng(seed), speeds) for seed in range(10)]
-        steps = [np.linalg.norm(np.diff(path, axis=0, prepend=0.0), axis=-1) for path in paths]
+        paths = [
+            bend_path(500, np.random.default_rng(seed), speeds) for seed in range(10)
+        ]
+        steps = [
+            np.linalg.norm(np.diff(path, axis=0, prepend=0.0), axis=-1)
+            for path in paths
+        ]
         assert np.max(steps) <= speeds[1] * (1 + 1e-9)
         assert np.max(steps) > 0.9 * speeds[1]
 
 
 def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Speed and number of steps of the straight lines that a path is made of, the first and the last left out."""
-    steps = np.diff(bend_path(samples, np.random.default_rng(seed)), axis=0, prepend=0.0)
+    steps = np.diff(
+        bend_path(samples, np.random.default_rng(seed)), axis=0, prepend=0.0
+    )
     turns = np.flatnonzero(np.linalg.norm(np.diff(steps, axis=0), axis=-1) > 1e-9) + 1
     return np.linalg.norm(steps[turns[:-1]], axis=-1), np.diff(turns)
 
@@ -148,13 +197,17 @@ def test_speeds_are_mixed_evenly_on_a_logarithmic_scale():
     """Judged by long lines, since short ones are rounded."""
     speeds, counts = lines(seed=1, samples=40000)
     places = np.log(speeds[counts > 3] / SPEEDS[0]) / np.log(SPEEDS[1] / SPEEDS[0])
-    np.testing.assert_allclose(np.quantile(places, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.12)
+    np.testing.assert_allclose(
+        np.quantile(places, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.12
+    )
 
 
 def test_points_of_the_disc_are_uniform():
     """Half of them lie within 1 / sqrt(2) of the centre, a quarter in each quadrant."""
     random = np.random.default_rng(0)
     points = np.array([disc_point(random) for _ in range(8000)])
-    assert np.mean(np.linalg.norm(points, axis=-1) < 0.5**0.5) == pytest.approx(0.5, abs=0.02)
+    assert np.mean(np.linalg.norm(points, axis=-1) < 0.5**0.5) == pytest.approx(
+        0.5, abs=0.02
+    )
     assert np.mean((points > 0).all(axis=-1)) == pytest.approx(0.25, abs=0.02)
     assert np.linalg.norm(points, axis=-1).max() <= 1

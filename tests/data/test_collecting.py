@@ -40,8 +40,12 @@ def assert_same(one, two) -> None:
 def gather(twin, tmp_path):
     """Collects from the twin into a file of this name."""
 
-    def run(name="one.episodes", arm=twin, options=SMALL, robot=SimulatedRobot, **changes):
-        return collect(tmp_path / name, arm, lambda seed: robot(arm, seed=seed), options, **changes)
+    def run(
+        name="one.episodes", arm=twin, options=SMALL, robot=SimulatedRobot, **changes
+    ):
+        return collect(
+            tmp_path / name, arm, lambda seed: robot(arm, seed=seed), options, **changes
+        )
 
     return run
 
@@ -58,12 +62,22 @@ def test_a_recording_says_how_it_was_made(gather, twin):
     made = gather(body="simulation fast")
     assert made.arm == twin
     assert set(made.sensors) == SENSORS
-    chosen = {"babbling": "staged", "episodes": 4, "samples": 12, "seed": 3, "slowest": 0.03, "fastest": 0.22}
+    chosen = {
+        "babbling": "staged",
+        "episodes": 4,
+        "samples": 12,
+        "seed": 3,
+        "slowest": 0.03,
+        "fastest": 0.22,
+    }
     assert made.options == chosen | {"body": "simulation fast"}
 
 
 def test_an_arm_that_may_go_twice_as_far_in_a_step_does(gather, twin):
-    quick = gather("quick.episodes", twin.model_copy(update={"step_limit_deg": 2 * twin.step_limit_deg}))
+    quick = gather(
+        "quick.episodes",
+        twin.model_copy(update={"step_limit_deg": 2 * twin.step_limit_deg}),
+    )
     geometry = ArmGeometry.of(twin)
     for episode in range(4):
         actions = episode_actions(geometry, "staged", episode, 4, 12, 3, (0.06, 0.44))
@@ -81,7 +95,9 @@ def test_every_sample_is_the_reading_before_its_action(gather, twin):
             reading = robot.read()
             assert made.time[episode, step] == reading.time
             for name in ("states", "configurations"):
-                np.testing.assert_array_equal(made.sensor(name)[episode, step], reading[name])
+                np.testing.assert_array_equal(
+                    made.sensor(name)[episode, step], reading[name]
+                )
             robot.step(action)
 
 
@@ -95,7 +111,9 @@ def test_what_was_really_sent_is_recorded(gather):
         def send(self, action):
             return super().send(0.5 * np.asarray(action))
 
-    np.testing.assert_allclose(gather("weak.episodes", robot=Weak).actions, 0.5 * gather().actions)
+    np.testing.assert_allclose(
+        gather("weak.episodes", robot=Weak).actions, 0.5 * gather().actions
+    )
 
 
 def test_what_a_body_does_not_say_is_not_in_the_recording(gather):
@@ -121,14 +139,21 @@ def test_a_sensor_of_a_bodys_own_is_recorded_as_it_says(gather):
 
         def read(self):
             reading = super().read()
-            return replace(reading, sensors=reading.sensors | {"warmth": np.array([300.0, reading.time])})
+            return replace(
+                reading,
+                sensors=reading.sensors | {"warmth": np.array([300.0, reading.time])},
+            )
 
     made = gather(robot=Warm)
     np.testing.assert_array_equal(made.sensor("warmth")[..., 1], made.time)
 
 
 def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
-    arm = twin.model_copy(update={"senses": Senses(camera=Camera(rate=5.0, lost=0.0, noise=0.0, delay=0.0))})
+    arm = twin.model_copy(
+        update={
+            "senses": Senses(camera=Camera(rate=5.0, lost=0.0, noise=0.0, delay=0.0))
+        }
+    )
     made = gather(arm=arm)
     seen, true = made.sensor("seen"), made.sensor("states")[..., :3]
     known = np.isfinite(seen)
@@ -138,13 +163,19 @@ def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be_gone_on_with(gather, tmp_path, value):
+def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be_gone_on_with(
+    gather, tmp_path, value
+):
     """Whatever the sensor is: all that is recorded counts."""
 
     class Spoilt(SimulatedRobot):
         def read(self):
             reading, bad = super().read(), np.full((3, 3), value)
-            return replace(reading, sensors=reading.sensors | ({"cables": bad} if reading.time > 0.75 else {}))
+            return replace(
+                reading,
+                sensors=reading.sensors
+                | ({"cables": bad} if reading.time > 0.75 else {}),
+            )
 
     seen = []
 
@@ -152,13 +183,18 @@ def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be
         seen.append(seed)
         return (Spoilt if len(seen) == 3 else SimulatedRobot)(TWIN, seed=seed)
 
-    with pytest.raises(RecordingError, match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)"):
+    with pytest.raises(
+        RecordingError,
+        match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)",
+    ):
         collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
     assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
     assert_same(gather(resume=True), gather("whole.episodes"))
 
 
-def test_a_disk_that_is_full_loses_no_episode_that_was_whole(gather, tmp_path, monkeypatch):
+def test_a_disk_that_is_full_loses_no_episode_that_was_whole(
+    gather, tmp_path, monkeypatch
+):
     write, done = episode_file.write_block, []
 
     def full(file, content, before):
@@ -276,7 +312,9 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("name", "options"), OTHERS.items(), ids=OTHERS)
-def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather, tmp_path, name, options):
+def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(
+    gather, tmp_path, name, options
+):
     gather()
     before = (tmp_path / "one.episodes").read_bytes()
     with pytest.raises(RecordingError, match=rf"other options \({name} \S+, now \S+\)"):
@@ -286,10 +324,16 @@ def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(gather
 
 def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
     gather(body="simulation fast")
-    with pytest.raises(RecordingError, match=r"body 'simulation fast', now 'simulation accurate'"):
+    with pytest.raises(
+        RecordingError, match=r"body 'simulation fast', now 'simulation accurate'"
+    ):
         gather(body="simulation accurate", resume=True)
     with pytest.raises(RecordingError, match=r"another arm .*\(arm\)"):
-        gather(arm=twin.model_copy(update={"control_rate": 20.0}), body="simulation fast", resume=True)
+        gather(
+            arm=twin.model_copy(update={"control_rate": 20.0}),
+            body="simulation fast",
+            resume=True,
+        )
     gather(body="simulation fast", resume=True)
 
 
@@ -314,7 +358,9 @@ def test_speeds_that_do_not_rise_within_the_full_bend_are_refused(speeds):
 
 
 @pytest.mark.parametrize("threads", [0, -1])
-def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(gather, tmp_path, threads):
+def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(
+    gather, tmp_path, threads
+):
     with pytest.raises(RecordingError, match="threads"):
         gather(threads=threads)
     assert list(tmp_path.iterdir()) == []
@@ -351,10 +397,14 @@ collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOp
 """
 
 
-def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twin, tmp_path):
+def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(
+    twin, tmp_path
+):
     path, random, episodes = tmp_path / "killed.episodes", np.random.default_rng(0), [0]
     for _ in range(3):
-        running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
+        running = subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
+        )
         for _ in range(random.integers(2, 9)):
             running.stdout.readline()
         time.sleep(random.uniform(0.0, 0.03))
@@ -366,7 +416,13 @@ def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(twi
     assert episodes[-1] < 60
     options = CollectOptions(episodes=60, samples=40)
     whole, resumed = (
-        collect(tmp_path / name, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, resume=True)
+        collect(
+            tmp_path / name,
+            twin,
+            lambda seed: SimulatedRobot(twin, seed=seed),
+            options,
+            resume=True,
+        )
         for name in ("whole.episodes", "killed.episodes")
     )
     assert_same(resumed, whole)

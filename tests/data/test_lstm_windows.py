@@ -7,13 +7,16 @@ from s2c2a.data.windows import controller_samples, lstm_samples
 
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0], [-5.0, -6.0, -7.0, -8.0]])
 MOMENTS = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
-"""Moments of the windows, as for C2A: none looks over a border, but before an episode the arm was at rest."""
+"""Moments of the windows, as for C2A: none looks over a border, but before an episode
+the arm was at rest."""
 
 
 def telling(*shape: int) -> np.ndarray:
     """Two episodes of a hundred: 10000 (episode + 1) + 10 t + k / 10, k along the last axis."""
     start = 10000.0 * np.arange(1, 3)[:, None] + 10.0 * np.arange(100)
-    return start.reshape(2, 100, *[1] * len(shape)) + np.broadcast_to(np.arange(shape[-1]) / 10, shape)
+    return start.reshape(2, 100, *[1] * len(shape)) + np.broadcast_to(
+        np.arange(shape[-1]) / 10, shape
+    )
 
 
 POSITIONS, ACTIONS = telling(3), telling(2, 4) + 0.5
@@ -36,30 +39,42 @@ def test_wanted_is_the_next_tip_and_the_target_the_action_of_the_moment(part):
 def test_histories_hold_five_tips_and_the_five_actions_before_them_oldest_first(part):
     samples, now = getattr(SPLIT, part), np.array([*MOMENTS[part]] * 2)[:, None]
     tips = now + np.arange(-4, 1)
-    np.testing.assert_array_equal(moments_of(samples.inputs["positions"][..., 0]), np.maximum(tips, 0))
-    np.testing.assert_array_equal(moments_of(samples.inputs["actions"][..., 0, 0]), np.maximum(tips - 1, -1))
+    np.testing.assert_array_equal(
+        moments_of(samples.inputs["positions"][..., 0]), np.maximum(tips, 0)
+    )
+    np.testing.assert_array_equal(
+        moments_of(samples.inputs["actions"][..., 0, 0]), np.maximum(tips - 1, -1)
+    )
 
 
 def test_one_window_at_the_start_of_an_episode_worked_in_full():
     """Episode two, t = 2: tips at 0 0 0 1 2; three times neutral, then A_0 A_1; wanted p_3; target A_2."""
     row = 69 + 2
     inputs = {name: values[row] for name, values in SPLIT.training.inputs.items()}
-    np.testing.assert_array_equal(inputs["positions"][:, 0], [20000, 20000, 20000, 20010, 20020])
+    np.testing.assert_array_equal(
+        inputs["positions"][:, 0], [20000, 20000, 20000, 20010, 20020]
+    )
     np.testing.assert_array_equal(inputs["actions"][:3], [NEUTRAL] * 3)
     np.testing.assert_array_equal(inputs["actions"][3:, 1, 0], [20000.5, 20010.5])
     np.testing.assert_allclose(inputs["wanted"], [20030, 20030.1, 20030.2], rtol=1e-7)
-    np.testing.assert_allclose(SPLIT.training.targets[row, 1], [20020.5, 20020.6, 20020.7, 20020.8], rtol=1e-7)
+    np.testing.assert_allclose(
+        SPLIT.training.targets[row, 1], [20020.5, 20020.6, 20020.7, 20020.8], rtol=1e-7
+    )
 
 
 @pytest.mark.parametrize("part", MOMENTS)
 def test_the_lstm_learns_the_very_actions_that_c2a_learns(part):
     """The same data, split alike: a fair comparison."""
     ours = controller_samples(telling(2, 3), ACTIONS, NEUTRAL)
-    np.testing.assert_array_equal(getattr(SPLIT, part).targets, getattr(ours, part).targets)
+    np.testing.assert_array_equal(
+        getattr(SPLIT, part).targets, getattr(ours, part).targets
+    )
 
 
 def test_shapes_and_kind_of_numbers():
     samples = SPLIT.training
     shapes = {name: values.shape[1:] for name, values in samples.inputs.items()}
     assert shapes == {"wanted": (3,), "positions": (5, 3), "actions": (5, 2, 4)}
-    assert {values.dtype for values in (samples.targets, *samples.inputs.values())} == {np.dtype(np.float32)}
+    assert {values.dtype for values in (samples.targets, *samples.inputs.values())} == {
+        np.dtype(np.float32)
+    }

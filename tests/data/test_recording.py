@@ -10,12 +10,21 @@ from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
 from s2c2a.errors import DamagedRecordingError, RecordingError
 
 EPISODES, SAMPLES = 3, 7
-OPTIONS = {"babbling": "motor", "episodes": EPISODES, "samples": SAMPLES, "seed": 2, "body": "none"}
+OPTIONS = {
+    "babbling": "motor",
+    "episodes": EPISODES,
+    "samples": SAMPLES,
+    "seed": 2,
+    "body": "none",
+}
 
 
 def random_episode(arm, seed: int, **changes) -> Episode:
     """Numbers of the right shapes; a change of None leaves a sensor out."""
-    random, cables = np.random.default_rng(seed), (SAMPLES, arm.module_count, arm.cable_count)
+    random, cables = (
+        np.random.default_rng(seed),
+        (SAMPLES, arm.module_count, arm.cable_count),
+    )
     columns = {
         "time": 0.1 * np.arange(SAMPLES) + seed,
         "actions": random.normal(size=cables),
@@ -24,13 +33,18 @@ def random_episode(arm, seed: int, **changes) -> Episode:
         "sensor.flex": random.normal(size=(SAMPLES, 5)),
     }
     columns |= {f"sensor.{name}": values for name, values in changes.items()}
-    return Episode(arm, {name: values for name, values in columns.items() if values is not None})
+    return Episode(
+        arm, {name: values for name, values in columns.items() if values is not None}
+    )
 
 
 @pytest.fixture
 def written(twin, tmp_path):
     """Path of a recording with two of three episodes, and those episodes."""
-    path, episodes = tmp_path / "two.episodes", [random_episode(twin, seed) for seed in (0, 1)]
+    path, episodes = (
+        tmp_path / "two.episodes",
+        [random_episode(twin, seed) for seed in (0, 1)],
+    )
     writer = EpisodeWriter.create(path, twin, OPTIONS)
     for episode in episodes:
         writer.append(episode)
@@ -38,13 +52,21 @@ def written(twin, tmp_path):
     return path, episodes
 
 
-def test_what_was_written_is_read_back_bit_for_bit_as_arrays_over_episodes(written, twin):
+def test_what_was_written_is_read_back_bit_for_bit_as_arrays_over_episodes(
+    written, twin
+):
     path, episodes = written
     loaded = load_recording(path)
     assert loaded.arm == twin
     assert loaded.options == OPTIONS
-    for name, values in {"time": loaded.time, "actions": loaded.actions, "sensor.flex": loaded.sensor("flex")}.items():
-        np.testing.assert_array_equal(values, np.stack([episode[name] for episode in episodes]))
+    for name, values in {
+        "time": loaded.time,
+        "actions": loaded.actions,
+        "sensor.flex": loaded.sensor("flex"),
+    }.items():
+        np.testing.assert_array_equal(
+            values, np.stack([episode[name] for episode in episodes])
+        )
 
 
 def test_options_come_back_as_plain_python_values(written):
@@ -56,7 +78,11 @@ def test_options_come_back_as_plain_python_values(written):
 def test_all_readings_are_one_with_episodes_and_samples_in_front(written):
     readings = load_recording(written[0]).readings()
     shapes = {name: values.shape for name, values in readings.sensors.items()}
-    assert shapes == {"cables": (2, SAMPLES, 3, 3), "states": (2, SAMPLES, 3, 6), "flex": (2, SAMPLES, 5)}
+    assert shapes == {
+        "cables": (2, SAMPLES, 3, 3),
+        "states": (2, SAMPLES, 3, 6),
+        "flex": (2, SAMPLES, 5),
+    }
 
 
 def test_a_sensor_that_is_not_in_every_episode_is_not_in_the_recording(twin):
@@ -68,12 +94,17 @@ def test_a_sensor_that_is_not_in_every_episode_is_not_in_the_recording(twin):
 
 
 def test_shorter_episodes_stay_at_their_last_row_in_arrays_of_all(twin):
-    short = Episode(twin, {"time": np.arange(3.0), "actions": np.arange(27.0).reshape(3, 3, 3)})
+    short = Episode(
+        twin, {"time": np.arange(3.0), "actions": np.arange(27.0).reshape(3, 3, 3)}
+    )
     recording = Recording(twin, {}, (random_episode(twin, 0), short))
     longest = len(recording.episodes[0])
     assert recording.lengths == (longest, 3)
     np.testing.assert_array_equal(recording.actions[1, :3], short["actions"])
-    np.testing.assert_array_equal(recording.actions[1, 3:], np.broadcast_to(short["actions"][2], (longest - 3, 3, 3)))
+    np.testing.assert_array_equal(
+        recording.actions[1, 3:],
+        np.broadcast_to(short["actions"][2], (longest - 3, 3, 3)),
+    )
 
 
 def test_a_recording_without_one_whole_episode_is_refused(twin, tmp_path):
@@ -82,7 +113,9 @@ def test_a_recording_without_one_whole_episode_is_refused(twin, tmp_path):
         load_recording(tmp_path / "empty.episodes")
 
 
-@pytest.mark.parametrize("content", [b"", b"name = 'arm'", bytes(5000), b"\x89HDF\r\n\x1a\n" + bytes(200)])
+@pytest.mark.parametrize(
+    "content", [b"", b"name = 'arm'", bytes(5000), b"\x89HDF\r\n\x1a\n" + bytes(200)]
+)
 def test_a_file_of_another_kind_is_refused(tmp_path, content):
     (tmp_path / "other.episodes").write_bytes(content)
     with pytest.raises(DamagedRecordingError):
@@ -101,8 +134,12 @@ def test_numbers_that_no_arm_can_have_said_are_refused(twin, tmp_path, name, val
     good = random_episode(twin, 0)
     spoilt = good.sensor(name).copy()
     spoilt.flat[5] = value
-    save_episodes([good, random_episode(twin, 0, **{name: spoilt})], tmp_path / "odd.episodes")
-    with pytest.raises(RecordingError, match=rf"'sensor.{name}' holds .*, which no arm says"):
+    save_episodes(
+        [good, random_episode(twin, 0, **{name: spoilt})], tmp_path / "odd.episodes"
+    )
+    with pytest.raises(
+        RecordingError, match=rf"'sensor.{name}' holds .*, which no arm says"
+    ):
         load_recording(tmp_path / "odd.episodes")
 
 

@@ -8,9 +8,14 @@ from s2c2a.data.windows import stretches
 from s2c2a.errors import RecordingError
 
 EPISODES, SAMPLES = 2, 100
-STRETCHES = {"training": range(0, 70), "validation": range(70, 85), "test": range(85, 100)}
+STRETCHES = {
+    "training": range(0, 70),
+    "validation": range(70, 85),
+    "test": range(85, 100),
+}
 NOW = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
-"""Moments of the windows: none looks back or ahead over a border, but before an episode the arm was at rest."""
+"""Moments of the windows: none looks back or ahead over a border, but before an episode
+the arm was at rest."""
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
 
@@ -22,23 +27,35 @@ def telling(*features: int) -> np.ndarray:
     return start + np.broadcast_to(np.arange(features[-1]), (*[1] * 2, *features))
 
 
-CONFIGURATIONS, ACTIONS, STATES = telling(1, 3), telling(1, 4) + 0.5, telling(1, 6) + 0.25
+CONFIGURATIONS, ACTIONS, STATES = (
+    telling(1, 3),
+    telling(1, 4) + 0.5,
+    telling(1, 6) + 0.25,
+)
 
 
 @pytest.fixture(params=STRETCHES)
 def part(request):
     """Samples of one stretch and the moments of its windows."""
-    return getattr(controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL), request.param), list(NOW[request.param])
+    return getattr(
+        controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL), request.param
+    ), list(NOW[request.param])
 
 
 def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
     """What `telling` holds at these moments, both episodes in turn, shape (episodes * moments, features)."""
-    rows = [10000.0 * (episode + 1) + 10.0 * moment for episode in range(EPISODES) for moment in moments]
+    rows = [
+        10000.0 * (episode + 1) + 10.0 * moment
+        for episode in range(EPISODES)
+        for moment in moments
+    ]
     return np.array(rows)[:, None] + np.arange(features) + offset
 
 
 def test_an_episode_of_a_hundred_is_cut_after_seventy_and_eighty_five():
-    parts = [[list(range(100))[place] for _, place in part] for part in stretches([100])]
+    parts = [
+        [list(range(100))[place] for _, place in part] for part in stretches([100])
+    ]
     assert parts == [[list(moments)] for moments in STRETCHES.values()]
 
 
@@ -46,11 +63,17 @@ def test_an_episode_of_a_hundred_is_cut_after_seventy_and_eighty_five():
 def test_stretches_share_an_episode_70_15_15_without_gap_or_overlap(samples):
     parts = [np.arange(samples)[part[0][1]] for part in stretches([samples])]
     np.testing.assert_array_equal(np.concatenate(parts), np.arange(samples))
-    np.testing.assert_allclose([len(part) for part in parts], np.array([0.7, 0.15, 0.15]) * samples, atol=1.0)
+    np.testing.assert_allclose(
+        [len(part) for part in parts], np.array([0.7, 0.15, 0.15]) * samples, atol=1.0
+    )
 
 
 def test_five_hundred_samples_are_split_350_75_75():
-    assert [part[0][1].stop - part[0][1].start for part in stretches([500])] == [350, 75, 75]
+    assert [part[0][1].stop - part[0][1].start for part in stretches([500])] == [
+        350,
+        75,
+        75,
+    ]
 
 
 def test_an_episode_too_short_to_be_split_is_refused():
@@ -61,13 +84,23 @@ def test_an_episode_too_short_to_be_split_is_refused():
 def test_a_very_long_episode_gives_a_share_of_each_of_its_pieces_to_every_part():
     training, validation, test = stretches([2063])
     assert [len(part) for part in (training, validation, test)] == [4, 4, 4]
-    rows = np.concatenate([np.arange(2063)[place] for part in (training, validation, test) for _, place in part])
+    rows = np.concatenate(
+        [
+            np.arange(2063)[place]
+            for part in (training, validation, test)
+            for _, place in part
+        ]
+    )
     np.testing.assert_array_equal(np.sort(rows), np.arange(2063))
 
 
 def test_episodes_too_short_to_be_cut_are_of_one_part_as_a_whole():
     parts = stretches([40] * 7)
-    assert [sorted(episode for episode, _ in part) for part in parts] == [[0, 1, 2, 3, 5], [4], [6]]
+    assert [sorted(episode for episode, _ in part) for part in parts] == [
+        [0, 1, 2, 3, 5],
+        [4],
+        [6],
+    ]
     assert all(place == slice(0, 40) for part in parts for _, place in part)
 
 
@@ -82,39 +115,62 @@ def test_samples_whose_truth_is_not_known_at_all_are_left_out_and_those_known_in
 
 def test_what_stands_behind_the_end_of_a_shorter_episode_counts_nothing():
     split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 60))
-    rows = np.concatenate([part.targets[:, 0, 0] for part in (split.training, split.validation, split.test)])
+    rows = np.concatenate(
+        [
+            part.targets[:, 0, 0]
+            for part in (split.training, split.validation, split.test)
+        ]
+    )
     assert len(rows) == 160
     assert rows.max() < 10000.0 * 2 + 10.0 * 60
 
 
 def test_the_shortest_episode_has_a_window_in_every_stretch():
     split = controller_samples(CONFIGURATIONS[:, :50], ACTIONS[:, :50], NEUTRAL)
-    assert min(len(samples.targets) for samples in (split.training, split.validation, split.test)) >= EPISODES
+    assert (
+        min(
+            len(samples.targets)
+            for samples in (split.training, split.validation, split.test)
+        )
+        >= EPISODES
+    )
 
 
 def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment():
     split = forward_samples(CONFIGURATIONS, STATES)
     for name, moments in STRETCHES.items():
         samples = getattr(split, name)
-        np.testing.assert_array_equal(samples.inputs["configurations"][:, 0], expected(moments, 3))
+        np.testing.assert_array_equal(
+            samples.inputs["configurations"][:, 0], expected(moments, 3)
+        )
         np.testing.assert_array_equal(samples.targets[:, 0], expected(moments, 6, 0.25))
 
 
-def test_the_target_is_the_action_of_the_moment_and_the_wanted_configuration_comes_next(part):
+def test_the_target_is_the_action_of_the_moment_and_the_wanted_configuration_comes_next(
+    part,
+):
     samples, now = part
     np.testing.assert_array_equal(samples.targets[:, 0], expected(now, 4, 0.5))
-    np.testing.assert_array_equal(samples.inputs["wanted"][:, 0], expected([moment + 1 for moment in now], 3))
+    np.testing.assert_array_equal(
+        samples.inputs["wanted"][:, 0], expected([moment + 1 for moment in now], 3)
+    )
 
 
 @pytest.mark.parametrize("age", range(4))
-def test_sensed_history_is_youngest_first_and_before_an_episode_its_first_value(part, age):
+def test_sensed_history_is_youngest_first_and_before_an_episode_its_first_value(
+    part, age
+):
     samples, now = part
     then = [max(moment - age, 0) for moment in now]
-    np.testing.assert_array_equal(samples.inputs["configurations"][:, 0, age], expected(then, 3))
+    np.testing.assert_array_equal(
+        samples.inputs["configurations"][:, 0, age], expected(then, 3)
+    )
 
 
 @pytest.mark.parametrize("age", range(5))
-def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(part, age):
+def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(
+    part, age
+):
     samples, now = part
     then = np.array([moment - age - 1 for moment in now] * EPISODES)[:, None]
     wanted = np.where(then >= 0, expected(then[: len(now), 0], 4, 0.5), NEUTRAL)
@@ -126,7 +182,9 @@ def test_no_window_looks_over_the_border_of_a_stretch():
     split = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL)
     for name, moments in STRETCHES.items():
         samples = getattr(split, name)
-        held = np.concatenate([values.ravel() for values in (samples.targets, *samples.inputs.values())])
+        held = np.concatenate(
+            [values.ravel() for values in (samples.targets, *samples.inputs.values())]
+        )
         times = (held[held > 0] % 10000) // 10
         assert (times.min(), times.max()) == (moments[0], moments[-1])
 
@@ -134,19 +192,31 @@ def test_no_window_looks_over_the_border_of_a_stretch():
 def test_one_window_worked_in_full():
     """Episode two, t = 3: wanted C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
     samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
-    np.testing.assert_array_equal(samples.inputs["wanted"][row, 0], [20040, 20041, 20042])
-    np.testing.assert_array_equal(samples.inputs["configurations"][row, 0, :, 0], [20030, 20020, 20010, 20000])
-    np.testing.assert_array_equal(samples.inputs["actions"][row, 0, :, 0], [20020.5, 20010.5, 20000.5, -1.0, -1.0])
-    np.testing.assert_array_equal(samples.targets[row, 0], [20030.5, 20031.5, 20032.5, 20033.5])
+    np.testing.assert_array_equal(
+        samples.inputs["wanted"][row, 0], [20040, 20041, 20042]
+    )
+    np.testing.assert_array_equal(
+        samples.inputs["configurations"][row, 0, :, 0], [20030, 20020, 20010, 20000]
+    )
+    np.testing.assert_array_equal(
+        samples.inputs["actions"][row, 0, :, 0], [20020.5, 20010.5, 20000.5, -1.0, -1.0]
+    )
+    np.testing.assert_array_equal(
+        samples.targets[row, 0], [20030.5, 20031.5, 20032.5, 20033.5]
+    )
 
 
 def test_shapes_hold_for_any_arm(recording):
     episodes, samples, modules, cables = recording.actions.shape
     neutral = np.zeros((modules, cables))
-    training = controller_samples(recording.sensor("configurations"), recording.actions, neutral).training
+    training = controller_samples(
+        recording.sensor("configurations"), recording.actions, neutral
+    ).training
     rows = episodes * (round(0.7 * samples) - 1)
     assert training.inputs["wanted"].shape == (rows, modules, 3)
     assert training.inputs["configurations"].shape == (rows, modules, 4, 3)
     assert training.inputs["actions"].shape == (rows, modules, 5, cables)
     assert training.targets.shape == (rows, modules, cables)
-    assert {values.dtype for values in (training.targets, *training.inputs.values())} == {np.dtype(np.float32)}
+    assert {
+        values.dtype for values in (training.targets, *training.inputs.values())
+    } == {np.dtype(np.float32)}

@@ -17,9 +17,17 @@ def made(twin):
     """Makes an episode of a few steps; `changes` are columns, None leaves one out."""
 
     def make(options=None, **changes):
-        columns = {"time": TIME, "actions": np.zeros((STEPS, 3, 3)), "sensor.cables": np.ones((STEPS, 3, 3))}
+        columns = {
+            "time": TIME,
+            "actions": np.zeros((STEPS, 3, 3)),
+            "sensor.cables": np.ones((STEPS, 3, 3)),
+        }
         columns |= {name.replace("__", "."): values for name, values in changes.items()}
-        return Episode(twin, {name: values for name, values in columns.items() if values is not None}, options or {})
+        return Episode(
+            twin,
+            {name: values for name, values in columns.items() if values is not None},
+            options or {},
+        )
 
     return make
 
@@ -33,24 +41,41 @@ def test_an_episode_tells_its_length_its_sensors_and_its_columns(made):
 
 
 def test_what_is_not_there_is_told_with_what_is(made):
-    with pytest.raises(RecordingError, match=r"no 'sensor.flex'; it has time, actions, sensor.cables"):
+    with pytest.raises(
+        RecordingError, match=r"no 'sensor.flex'; it has time, actions, sensor.cables"
+    ):
         made().sensor("flex")
 
 
 REFUSED = {
     "no time": ({"time": None}, "needs time; it has actions"),
     "no actions": ({"actions": None}, "needs actions"),
-    "columns of different lengths": ({"planned": np.zeros((STEPS - 1, 3, 3))}, "as many steps"),
+    "columns of different lengths": (
+        {"planned": np.zeros((STEPS - 1, 3, 3))},
+        "as many steps",
+    ),
     "actions of another arm": (
         {"actions": np.zeros((STEPS, 3, 4))},
         r"'actions' is of shape \(3, 4\) a step.*\(3, 3\)",
     ),
-    "states without axes": ({"sensor__states": np.zeros((STEPS, 3, 3))}, r"'sensor.states' is of shape \(3, 3\)"),
-    "flat configurations": ({"sensor__configurations": np.zeros((STEPS, 9))}, "'sensor.configurations'"),
+    "states without axes": (
+        {"sensor__states": np.zeros((STEPS, 3, 3))},
+        r"'sensor.states' is of shape \(3, 3\)",
+    ),
+    "flat configurations": (
+        {"sensor__configurations": np.zeros((STEPS, 9))},
+        "'sensor.configurations'",
+    ),
     "a sensed column of another shape": ({"sensed": np.zeros((STEPS, 3))}, "'sensed'"),
     "a plan of another shape": ({"planned": np.zeros((STEPS, 2, 3))}, "'planned'"),
-    "an expectation of another shape": ({"expected": np.zeros((STEPS, 3, 3))}, "'expected'"),
-    "targets of another shape": ({"wanted_positions": np.zeros((STEPS, 3))}, "'wanted_positions'"),
+    "an expectation of another shape": (
+        {"expected": np.zeros((STEPS, 3, 3))},
+        "'expected'",
+    ),
+    "targets of another shape": (
+        {"wanted_positions": np.zeros((STEPS, 3))},
+        "'wanted_positions'",
+    ),
     "stages that are no numbers": ({"stage": np.zeros((STEPS, 2))}, "'stage'"),
     "actions that are not finite": (
         {"actions": np.full((STEPS, 3, 3), np.nan)},
@@ -60,11 +85,20 @@ REFUSED = {
         {"time": np.array([0, 1, 2, np.inf, 4, 5])},
         "'time' holds numbers that are not finite",
     ),
-    "a time that stands": ({"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4])}, "must rise"),
+    "a time that stands": (
+        {"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4])},
+        "must rise",
+    ),
     "words": ({"note": np.array(["a"] * STEPS)}, "not numbers for every step"),
     "objects": ({"note": np.array([None] * STEPS)}, "not numbers for every step"),
-    "complex numbers": ({"note": np.zeros(STEPS, complex)}, "not numbers for every step"),
-    "more digits than a file keeps": ({"note": np.zeros(STEPS, np.longdouble)}, "not numbers for every step"),
+    "complex numbers": (
+        {"note": np.zeros(STEPS, complex)},
+        "not numbers for every step",
+    ),
+    "more digits than a file keeps": (
+        {"note": np.zeros(STEPS, np.longdouble)},
+        "not numbers for every step",
+    ),
     "one number for all": ({"note": np.float64(3)}, "not numbers for every step"),
     "ragged rows": ({"note": [[1.0], [1.0, 2.0]] * 3}, "not numbers for every step"),
 }
@@ -94,10 +128,14 @@ def test_columns_cannot_be_changed_and_the_callers_own_can(made):
     mine[0] = 1.0
 
 
-STAGES = np.array([Stage.START, Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RELEASE, Stage.IDLE], np.int8)
+STAGES = np.array(
+    [Stage.START, Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RELEASE, Stage.IDLE], np.int8
+)
 
 
-def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_one_step_later(made):
+def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_one_step_later(
+    made,
+):
     states = np.zeros((STEPS, 3, 6))
     states[:, 0, 0] = np.arange(STEPS)
     episode = made(stage=STAGES, sensor__states=states)
@@ -107,7 +145,9 @@ def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_o
     np.testing.assert_allclose(episode.ran("time"), [0.1, 0.2, 0.3])
 
 
-def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_after_it(made):
+def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_after_it(
+    made,
+):
     episode = made()
     assert len(episode.running) == STEPS
     with pytest.raises(RecordingError, match="nothing was read after the last action"):
@@ -117,13 +157,34 @@ def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_af
 def test_more_can_be_said_of_how_it_came_about_and_the_first_one_stays_as_it_was(made):
     first = made({"seed": 1})
     second = first.with_options(task="circle", seed=2)
-    assert (first.options, second.options) == ({"seed": 1}, {"seed": 2, "task": "circle"})
+    assert (first.options, second.options) == (
+        {"seed": 1},
+        {"seed": 2, "task": "circle"},
+    )
 
 
-def test_episodes_are_stacked_shorter_ones_staying_at_their_last_row_and_rows_of_other_shapes_refused(made, twin):
-    short = Episode(twin, {"time": TIME[:3], "actions": np.zeros((3, 3, 3)), "sensor.other": np.zeros((3, 2))})
-    longer = Episode(twin, {"time": TIME[:4], "actions": np.zeros((4, 3, 3)), "sensor.other": np.zeros((4, 1))})
+def test_episodes_are_stacked_shorter_ones_staying_at_their_last_row_and_rows_of_other_shapes_refused(
+    made, twin
+):
+    short = Episode(
+        twin,
+        {
+            "time": TIME[:3],
+            "actions": np.zeros((3, 3, 3)),
+            "sensor.other": np.zeros((3, 2)),
+        },
+    )
+    longer = Episode(
+        twin,
+        {
+            "time": TIME[:4],
+            "actions": np.zeros((4, 3, 3)),
+            "sensor.other": np.zeros((4, 1)),
+        },
+    )
     assert stacked([made(), made()], "actions").shape == (2, STEPS, 3, 3)
-    np.testing.assert_array_equal(stacked([longer, short], "time"), [TIME[:4], [*TIME[:3], TIME[2]]])
+    np.testing.assert_array_equal(
+        stacked([longer, short], "time"), [TIME[:4], [*TIME[:3], TIME[2]]]
+    )
     with pytest.raises(RecordingError, match="has shapes"):
         stacked([longer, short], "sensor.other")

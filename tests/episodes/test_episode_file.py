@@ -15,12 +15,21 @@ from s2c2a.episodes import file as episode_file
 from s2c2a.errors import DamagedRecordingError, RecordingError
 
 STEPS = 4
-OPTIONS = {"task": "circle", "seed": 3, "speeds": [0.03, 0.22], "body": None, "nested": {"a": [1, "zwei"]}}
+OPTIONS = {
+    "task": "circle",
+    "seed": 3,
+    "speeds": [0.03, 0.22],
+    "body": None,
+    "nested": {"a": [1, "zwei"]},
+}
 
 
 def random_episode(arm, seed=0, steps=STEPS):
     """Numbers of the right shapes."""
-    random, cables = np.random.default_rng(seed), (steps, arm.module_count, arm.cable_count)
+    random, cables = (
+        np.random.default_rng(seed),
+        (steps, arm.module_count, arm.cable_count),
+    )
     columns = {
         "time": np.cumsum(random.uniform(0.1, 0.2, steps)),
         "actions": random.normal(size=cables),
@@ -73,15 +82,36 @@ def test_a_file_that_grew_holds_the_same(grown, three):
         assert_same(one, other)
 
 
-KINDS = ["f8", "f4", "f2", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?", ">f8", ">i4"]
-NUMBERS = st.sampled_from(KINDS).flatmap(lambda kind: hnp.arrays(np.dtype(kind), (STEPS, 3)))
+KINDS = [
+    "f8",
+    "f4",
+    "f2",
+    "i8",
+    "i4",
+    "i2",
+    "i1",
+    "u8",
+    "u4",
+    "u2",
+    "u1",
+    "?",
+    ">f8",
+    ">i4",
+]
+NUMBERS = st.sampled_from(KINDS).flatmap(
+    lambda kind: hnp.arrays(np.dtype(kind), (STEPS, 3))
+)
 
 
 @settings(deadline=None, max_examples=40, suppress_health_check=list(HealthCheck))
 @given(NUMBERS)
 def test_numbers_of_every_kind_come_back_as_they_were(twin, tmp_path, values):
     """NaN, infinities, tiny ones, the largest integers; from machines of either byte order."""
-    columns = {"time": np.arange(STEPS) * 0.1, "actions": np.zeros((STEPS, 3, 3)), "sensor.own": values}
+    columns = {
+        "time": np.arange(STEPS) * 0.1,
+        "actions": np.zeros((STEPS, 3, 3)),
+        "sensor.own": values,
+    }
     save_episodes([Episode(twin, columns)], tmp_path / "one.episodes")
     found = load_episodes(tmp_path / "one.episodes")[0][0].sensor("own")
     assert found.dtype == values.dtype.newbyteorder("=")
@@ -97,7 +127,9 @@ def test_columns_that_are_views_of_others_are_written_as_they_look(twin, tmp_pat
     }
     episode = Episode(twin, columns)
     save_episodes([episode], tmp_path / "one.episodes")
-    np.testing.assert_array_equal(load_episodes(tmp_path / "one.episodes")[0][0].sensor("own"), grid.T[::-2])
+    np.testing.assert_array_equal(
+        load_episodes(tmp_path / "one.episodes")[0][0].sensor("own"), grid.T[::-2]
+    )
 
 
 def test_an_episode_of_any_length_even_none_comes_back(twin, tmp_path):
@@ -106,8 +138,12 @@ def test_an_episode_of_any_length_even_none_comes_back(twin, tmp_path):
         assert len(load_episodes(tmp_path / "one.episodes")[0][0]) == steps
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), {"deep": [float("-inf")]}])
-def test_options_that_are_no_finite_numbers_are_refused_before_anything_is_written(twin, tmp_path, value):
+@pytest.mark.parametrize(
+    "value", [float("nan"), float("inf"), {"deep": [float("-inf")]}]
+)
+def test_options_that_are_no_finite_numbers_are_refused_before_anything_is_written(
+    twin, tmp_path, value
+):
     episode = random_episode(twin).with_options(value=value)
     with pytest.raises(RecordingError, match=r"options .* cannot be kept"):
         save_episodes([episode], tmp_path / "one.episodes")
@@ -116,7 +152,9 @@ def test_options_that_are_no_finite_numbers_are_refused_before_anything_is_writt
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_episode_and_episodes_of_different_arms_are_refused(twin, simulated, tmp_path):
+def test_no_episode_and_episodes_of_different_arms_are_refused(
+    twin, simulated, tmp_path
+):
     for episodes in ([], [random_episode(twin), random_episode(simulated)]):
         with pytest.raises(RecordingError, match="at least one, all of the same arm"):
             save_episodes(episodes, tmp_path / "one.episodes")
@@ -161,7 +199,9 @@ def test_cut_off_in_its_beginning_a_file_is_refused(grown):
         load_episodes(grown)
 
 
-def test_a_file_that_is_whole_from_the_beginning_is_refused_when_it_is_cut_off(tmp_path, three):
+def test_a_file_that_is_whole_from_the_beginning_is_refused_when_it_is_cut_off(
+    tmp_path, three
+):
     path = save_episodes(three, tmp_path / "three.episodes")
     whole = path.read_bytes()
     for end in (last_block(path), last_block(path) + 5, len(whole) - 1):
@@ -174,7 +214,9 @@ def flips(path):
     """A few hundred places of a file: all of its beginning and of the beginnings of its blocks, and some between."""
     whole = path.read_bytes()
     starts = [at for at in range(len(whole)) if whole.startswith(blocks.WORD, at)]
-    places = set(range(starts[1])) | {at + byte for at in starts for byte in range(blocks.START + 16)}
+    places = set(range(starts[1])) | {
+        at + byte for at in starts for byte in range(blocks.START + 16)
+    }
     places |= set(np.random.default_rng(0).integers(0, len(whole), 200).tolist()) | set(
         range(len(whole) - 20, len(whole))
     )
@@ -185,14 +227,18 @@ def flips(path):
 def test_one_byte_that_is_not_as_it_was_is_told_wherever_it_is(grown, mask):
     whole = grown.read_bytes()
     for place in flips(grown):
-        grown.write_bytes(whole[:place] + bytes([whole[place] ^ mask]) + whole[place + 1 :])
+        grown.write_bytes(
+            whole[:place] + bytes([whole[place] ^ mask]) + whole[place + 1 :]
+        )
         with pytest.raises(DamagedRecordingError):
             load_episodes(grown)
 
 
 def test_episodes_that_were_moved_doubled_or_taken_out_are_told(grown):
     whole, word = grown.read_bytes(), blocks.WORD
-    starts = [at for at in range(len(whole)) if whole.startswith(word, at)] + [len(whole)]
+    starts = [at for at in range(len(whole)) if whole.startswith(word, at)] + [
+        len(whole)
+    ]
     head, *episodes = [whole[begin:end] for begin, end in pairwise(starts)]
     for order in ([1, 0, 2], [0, 0, 1, 2], [1, 2], [0, 2]):
         grown.write_bytes(head + b"".join(episodes[place] for place in order))
@@ -200,7 +246,9 @@ def test_episodes_that_were_moved_doubled_or_taken_out_are_told(grown):
             load_episodes(grown)
 
 
-def test_a_writer_refuses_what_is_damaged_before_the_last_episode_and_leaves_it_alone(grown):
+def test_a_writer_refuses_what_is_damaged_before_the_last_episode_and_leaves_it_alone(
+    grown,
+):
     whole, last = grown.read_bytes(), last_block(grown)
     for place in [place for place in flips(grown) if place < last]:
         damaged = whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]
@@ -249,11 +297,17 @@ def test_each_episode_is_in_the_file_as_soon_as_it_is_added(twin, tmp_path, thre
     writer = EpisodeWriter.create(tmp_path / "growing.episodes", twin, {})
     for count, episode in enumerate(three, 1):
         writer.append(episode)
-        assert len(load_episodes(tmp_path / "growing.episodes")[0]) == writer.count == count
+        assert (
+            len(load_episodes(tmp_path / "growing.episodes")[0])
+            == writer.count
+            == count
+        )
     writer.close()
 
 
-def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(grown, three, monkeypatch):
+def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(
+    grown, three, monkeypatch
+):
     whole, write = grown.read_bytes(), episode_file.write_block
 
     def full(file, content, before):
@@ -273,11 +327,16 @@ def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(grown,
 
 def test_a_file_of_version_0_1_is_told_in_one_sentence(tmp_path):
     (tmp_path / "old.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
-    with pytest.raises(DamagedRecordingError, match=r"written by version 0\.1; collect it again with `s2c2a collect`"):
+    with pytest.raises(
+        DamagedRecordingError,
+        match=r"written by version 0\.1; collect it again with `s2c2a collect`",
+    ):
         load_episodes(tmp_path / "old.h5")
 
 
-@pytest.mark.parametrize("content", [b"", b"S2C2A", b"name = 'arm'", bytes(5000), b"PK\x03\x04"])
+@pytest.mark.parametrize(
+    "content", [b"", b"S2C2A", b"name = 'arm'", bytes(5000), b"PK\x03\x04"]
+)
 def test_a_file_of_another_kind_is_refused(tmp_path, content):
     (tmp_path / "other").write_bytes(content)
     with pytest.raises(DamagedRecordingError, match="no file of episodes"):
@@ -300,16 +359,22 @@ def written(path, *contents):
 
 HEADS = {
     "no JSON": b"\xff\xfe",
-    "another schema": json.dumps({"schema": 99, "arm": "", "options": {}, "count": None}).encode(),
+    "another schema": json.dumps(
+        {"schema": 99, "arm": "", "options": {}, "count": None}
+    ).encode(),
     "no arm": json.dumps({"schema": 2, "options": {}, "count": None}).encode(),
-    "an arm that is none": json.dumps({"schema": 2, "arm": "name = ", "options": {}, "count": None}).encode(),
+    "an arm that is none": json.dumps(
+        {"schema": 2, "arm": "name = ", "options": {}, "count": None}
+    ).encode(),
     "a list": b"[]",
     "deep": b"[" * 100_000,
 }
 
 
 @pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
-def test_a_beginning_that_says_nonsense_is_refused_though_its_checksum_is_right(tmp_path, head):
+def test_a_beginning_that_says_nonsense_is_refused_though_its_checksum_is_right(
+    tmp_path, head
+):
     written(tmp_path / "odd.episodes", head)
     with pytest.raises(DamagedRecordingError):
         load_episodes(tmp_path / "odd.episodes")
@@ -331,13 +396,19 @@ EPISODES = {
     "no options": packed({"time": tensor([0], 0)}),
     "options that are no JSON": packed({"__metadata__": {"options": "{"}}),
     "no columns": packed({"__metadata__": {"options": "{}"}}),
-    "more numbers than there are": packed({"__metadata__": {"options": "{}"}, "time": tensor([10**12], 8 * 10**12)}),
-    "numbers of an unknown kind": packed({"__metadata__": {"options": "{}"}, "time": tensor([1], 2, "BF16")}, bytes(2)),
+    "more numbers than there are": packed(
+        {"__metadata__": {"options": "{}"}, "time": tensor([10**12], 8 * 10**12)}
+    ),
+    "numbers of an unknown kind": packed(
+        {"__metadata__": {"options": "{}"}, "time": tensor([1], 2, "BF16")}, bytes(2)
+    ),
 }
 
 
 @pytest.mark.parametrize("content", EPISODES.values(), ids=EPISODES)
-def test_an_episode_that_is_none_is_refused_though_its_checksum_is_right(twin, tmp_path, content):
+def test_an_episode_that_is_none_is_refused_though_its_checksum_is_right(
+    twin, tmp_path, content
+):
     written(tmp_path / "odd.episodes", episode_file._head(twin, {}, None), content)
     with pytest.raises(DamagedRecordingError):
         load_episodes(tmp_path / "odd.episodes")

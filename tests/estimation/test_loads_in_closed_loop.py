@@ -79,7 +79,9 @@ def test_what_is_hung_on_while_it_works_is_a_load_and_no_fault(strategy):
 
 def test_it_yields_to_a_push_as_far_as_it_should_and_comes_back():
     arm = TWIN.model_copy(update={"sensing": "true"})
-    yielding = s2c2a_strategy(replace(shipped_networks(TWIN), arm=arm), watched=Watched(yields=0.1))
+    yielding = s2c2a_strategy(
+        replace(shipped_networks(TWIN), arm=arm), watched=Watched(yields=0.1)
+    )
     episode, errors = run(yielding, arm=arm, happens="4 push 0.5 0 0; 10 push 0 0 0")
     during, after = slice(60, 100), slice(140, None)
     assert errors[during].mean() > 5.0

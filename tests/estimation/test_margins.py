@@ -7,8 +7,23 @@ import pytest
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.drawn import drawn_arm
 from s2c2a.arm.senses import Camera, Inertial, Senses
-from s2c2a.estimation import Observer, Swing, gains_of, margins_of, senses_of, with_margins
-from s2c2a.estimation.margins import MOST_DELAY, MOST_GAIN, PROMISED, _filter_gain, _gain_margin, _loop, _stable
+from s2c2a.estimation import (
+    Observer,
+    Swing,
+    gains_of,
+    margins_of,
+    senses_of,
+    with_margins,
+)
+from s2c2a.estimation.margins import (
+    MOST_DELAY,
+    MOST_GAIN,
+    PROMISED,
+    _filter_gain,
+    _gain_margin,
+    _loop,
+    _stable,
+)
 
 ALL = Senses(imu=Inertial(), camera=Camera())
 
@@ -19,7 +34,9 @@ def watched(arm) -> Observer:
 
 
 def sensing(arm, what):
-    motor = arm.motor.model_copy(update={"current_noise": 0.15, "current_friction": 0.2})
+    motor = arm.motor.model_copy(
+        update={"current_noise": 0.15, "current_friction": 0.2}
+    )
     parts = {
         "bends": {"sensing": "true"},
         "imu": {"senses": Senses(imu=Inertial())},

@@ -9,7 +9,11 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.cli.response import cells, check_alone, check_response, kept, verdict
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Margins, Swing
-from s2c2a.estimation.expected import expected_tilts, rests_by_description, rests_by_model
+from s2c2a.estimation.expected import (
+    expected_tilts,
+    rests_by_description,
+    rests_by_model,
+)
 from s2c2a.estimation.response import Response, play, response_of, spectrum, swing
 from s2c2a.estimation.shaking import SHARE, chirp, shaken
 from s2c2a.kinematics import PCCForwardModel, configurations_from_bends
@@ -30,7 +34,11 @@ class Showing(Robot):
 
     @property
     def sensors(self):
-        return {name: sensor for name, sensor in self._inner.sensors.items() if name in self._names}
+        return {
+            name: sensor
+            for name, sensor in self._inner.sensors.items()
+            if name in self._names
+        }
 
     def open(self):
         return self._inner.open()
@@ -70,12 +78,18 @@ def asked_of(arm, frequency=1.5):
     return chirp(arm, frequency).sum(axis=-1)
 
 
-@pytest.mark.parametrize(("frequency", "damping"), [(1.5, 0.11), (0.9, 0.3), (2.2, 0.7)])
+@pytest.mark.parametrize(
+    ("frequency", "damping"), [(1.5, 0.11), (0.9, 0.3), (2.2, 0.7)]
+)
 @pytest.mark.parametrize("delay", [0.3, 2.6])
-def test_mode_delay_gain_and_loss_are_found_again_under_noise(twin, frequency, damping, delay):
+def test_mode_delay_gain_and_loss_are_found_again_under_noise(
+    twin, frequency, damping, delay
+):
     asked = asked_of(twin)
     seen = 0.8 * swing(play(asked, 0.03), PERIOD, frequency, damping, delay)
-    seen += np.random.default_rng(0).normal(0, 0.003, len(seen)) + np.linspace(0.0, 0.05, len(seen))
+    seen += np.random.default_rng(0).normal(0, 0.003, len(seen)) + np.linspace(
+        0.0, 0.05, len(seen)
+    )
     seen[100:110] = np.nan
     found = response_of(asked, seen, PERIOD, 1.5)
     assert found.frequency == pytest.approx(frequency, rel=0.03)
@@ -87,7 +101,8 @@ def test_mode_delay_gain_and_loss_are_found_again_under_noise(twin, frequency, d
 
 
 def test_a_swing_from_rest_is_that_of_a_simulation_in_small_steps():
-    held, fine, rate = np.array([0.0, *[1.0] * 20]), 1000, 2 * np.pi * 1.5  # held from one step on, felt at 1.25
+    # held from one step on, felt at 1.25
+    held, fine, rate = np.array([0.0, *[1.0] * 20]), 1000, 2 * np.pi * 1.5
     swung, x, v = [0.0], 0.0, 0.0
     for step in range(20 * fine):
         wanted = float(step >= 1.25 * fine)
@@ -102,7 +117,9 @@ def test_a_spectrum_of_what_is_half_as_much_and_a_step_late_says_so(twin):
     asked = asked_of(twin)
     frequencies, gains = spectrum(asked, 0.5 * np.roll(asked, 1), PERIOD)
     np.testing.assert_allclose(np.abs(gains), 0.5, rtol=0.02)
-    np.testing.assert_allclose(np.angle(gains), -2 * np.pi * frequencies * PERIOD, atol=0.05)
+    np.testing.assert_allclose(
+        np.angle(gains), -2 * np.pi * frequencies * PERIOD, atol=0.05
+    )
 
 
 def test_nothing_seen_is_refused(twin):
@@ -115,7 +132,9 @@ def test_nothing_seen_is_refused(twin):
 
 @pytest.mark.parametrize("rate", [5.0, 10.0, 100.0])
 @pytest.mark.parametrize("modules", [1, 8])
-def test_a_chirp_is_small_and_within_the_limits_and_ends_at_rest(make_arm, modules, rate):
+def test_a_chirp_is_small_and_within_the_limits_and_ends_at_rest(
+    make_arm, modules, rate
+):
     arm = make_arm(modules, control_rate=rate)
     waves, step = chirp(arm, 1.5), np.deg2rad(arm.step_limit_deg)
     assert (np.abs(waves) <= SHARE * ArmGeometry.of(arm).bend_limits + 1e-9).all()
@@ -135,7 +154,9 @@ def test_the_twin_swings_as_it_does_after_a_push_and_more_slowly_with_a_load(twi
 
 
 def test_inertial_sensors_show_the_same_as_true_states(simulated):
-    arm = type(simulated).model_validate(simulated.model_dump() | {"senses": {"imu": {}}})
+    arm = type(simulated).model_validate(
+        simulated.model_dump() | {"senses": {"imu": {}}}
+    )
     found = []
     for names in (("states",), ("turn_rates", "accelerations")):
         told = shaken(Showing(arm, *names), 1.6)
@@ -168,21 +189,33 @@ def test_what_the_description_expects_stretches_and_sinks(twin):
     rests = rests_by_description(twin, Swing.nominal(), felt)
     tilts = expected_tilts(twin, Swing.nominal(), rests)
     assert 0.5 * 0.15 < tilts[-1, 0] < 0.15
-    hung = type(twin).model_validate(twin.model_dump() | {"gravity_direction": (0.0, 0.0, 1.0)})
+    hung = type(twin).model_validate(
+        twin.model_dump() | {"gravity_direction": (0.0, 0.0, 1.0)}
+    )
     assert rests_by_description(hung, Swing.nominal(), felt)[-1].sum() < rests[-1].sum()
 
 
 def test_what_a_model_expects_is_its_own(twin):
     felt = np.random.default_rng(0).normal(0, 0.1, (7, 3, 2))
     sensed = np.asarray(configurations_from_bends(felt))
-    np.testing.assert_allclose(rests_by_model(PCCForwardModel.of(twin), sensed), felt, atol=1e-4)
+    np.testing.assert_allclose(
+        rests_by_model(PCCForwardModel.of(twin), sensed), felt, atol=1e-4
+    )
 
 
 def test_margins_are_held_against_the_worse_direction():
     expected = Response(1.5, 0.1, 0.8, 0.2, 0.0, 0.0)
-    as_expected, more, later = expected, expected._replace(gain=2.4), expected._replace(delay=2.5)
+    as_expected, more, later = (
+        expected,
+        expected._replace(gain=2.4),
+        expected._replace(delay=2.5),
+    )
     margins = Margins(2.0, 2)
-    for one, words in ((as_expected, ": within"), (more, "3.00 times"), (later, "2.3 steps later: BEYOND")):
+    for one, words in (
+        (as_expected, ": within"),
+        (more, "3.00 times"),
+        (later, "2.3 steps later: BEYOND"),
+    ):
         assert words in verdict([as_expected, one], [expected, expected], margins)
 
 

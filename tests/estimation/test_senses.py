@@ -9,7 +9,11 @@ from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.senses import Camera, Inertial, Senses
 from s2c2a.estimation.listening import Listener
 from s2c2a.estimation.senses import LATEST, Shape, senses_of
-from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    configurations_from_bends,
+    states_from_bends,
+)
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 
@@ -20,8 +24,12 @@ BEFORE = 9  # steps
 def arm():
     twin = load_arm("twin_arm")
     motor = twin.motor.model_copy(update={"current_noise": 0.0})
-    quiet = Inertial(acceleration_noise=0, acceleration_bias=0, turn_noise_deg=0, turn_bias_deg=0)
-    senses = Senses(imu=quiet, camera=Camera(noise=0, lost=0, sees="ends", rate=10, delay=0.2))
+    quiet = Inertial(
+        acceleration_noise=0, acceleration_bias=0, turn_noise_deg=0, turn_bias_deg=0
+    )
+    senses = Senses(
+        imu=quiet, camera=Camera(noise=0, lost=0, sees="ends", rate=10, delay=0.2)
+    )
     return twin.model_copy(update={"sensing": "true", "senses": senses, "motor": motor})
 
 
@@ -30,21 +38,32 @@ def standing(arm, bends) -> Shape:
     states = states_from_bends(bends, lengths)
     none = jnp.zeros((BEFORE, *bends.shape))
     tensions = jnp.full((arm.module_count, arm.cable_count), 5.0)
-    past = jnp.broadcast_to(bends, none.shape), jnp.broadcast_to(states, (BEFORE, *states.shape))
+    past = (
+        jnp.broadcast_to(bends, none.shape),
+        jnp.broadcast_to(states, (BEFORE, *states.shape)),
+    )
     return Shape(bends, 0.0 * bends, tensions, *past, none)
 
 
 def moved(shape: Shape, way) -> Shape:
-    return shape._replace(bends=shape.bends + way, leans=shape.leans + way, since=shape.since + way)
+    return shape._replace(
+        bends=shape.bends + way, leans=shape.leans + way, since=shape.since + way
+    )
 
 
 def test_slopes_are_those_of_what_is_expected(arm):
     bends = jnp.asarray(np.random.default_rng(0).normal(0, 0.3, (3, 2)), jnp.float32)
     for sense in senses_of(arm, ArmGeometry.of(arm).cable_springs * 100.0):
-        said = {name: jnp.full(value.shape, 0.5) for name, value in sense.silent().items()}
+        said = {
+            name: jnp.full(value.shape, 0.5) for name, value in sense.silent().items()
+        }
         shape = standing(arm, bends)
-        there = jax.jacfwd(lambda way: sense.off(said, moved(shape, way.reshape(3, 2))).numbers)(jnp.zeros(6))  # noqa: B023
-        np.testing.assert_allclose(sense.off(said, shape).slopes, -there, atol=2e-4, err_msg=sense.name)
+        there = jax.jacfwd(
+            lambda way: sense.off(said, moved(shape, way.reshape(3, 2))).numbers
+        )(jnp.zeros(6))
+        np.testing.assert_allclose(
+            sense.off(said, shape).slopes, -there, atol=2e-4, err_msg=sense.name
+        )
 
 
 def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
@@ -52,30 +71,49 @@ def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
     robot.open()
     listener = Listener(arm, senses_of(arm, ArmGeometry.of(arm).cable_springs))
     listener.heard(robot.read())
-    action = ArmGeometry.of(arm).actions_at(np.array([[0.5, 0.2], [0.3, -0.3], [-0.2, 0.4]]))
+    action = ArmGeometry.of(arm).actions_at(
+        np.array([[0.5, 0.2], [0.3, -0.3], [-0.2, 0.4]])
+    )
     for _ in range(80):
         robot.step(action)
         heard = listener.heard(robot.read())
     bends = bends_from_configurations(jnp.asarray(robot.configurations(), jnp.float32))
     shape = standing(arm, bends)
-    shape = shape._replace(states_before=jnp.broadcast_to(jnp.asarray(robot.states(), jnp.float32), (BEFORE, 3, 6)))
+    shape = shape._replace(
+        states_before=jnp.broadcast_to(
+            jnp.asarray(robot.states(), jnp.float32), (BEFORE, 3, 6)
+        )
+    )
     for sense in senses_of(arm, None):
-        off = sense.off({name: jnp.asarray(heard[name]) for name in sense.silent()}, shape)
+        off = sense.off(
+            {name: jnp.asarray(heard[name]) for name in sense.silent()}, shape
+        )
         assert np.abs(off.numbers).max() < 0.02, sense.name  # and finite
 
 
 def test_pictures_older_than_is_remembered_are_not_heard(arm):
     (camera,) = (sense for sense in senses_of(arm, None) if sense.name == "camera")
     heard = [
-        camera.off({"seen": jnp.zeros((3, 3)), "seen_age": jnp.asarray(age)}, standing(arm, jnp.zeros((3, 2)))).numbers
+        camera.off(
+            {"seen": jnp.zeros((3, 3)), "seen_age": jnp.asarray(age)},
+            standing(arm, jnp.zeros((3, 2))),
+        ).numbers
         for age in (0.0, LATEST, LATEST + 0.2, -0.1)
     ]
-    assert [bool(jnp.isfinite(numbers).all()) for numbers in heard] == [True, True, False, False]
+    assert [bool(jnp.isfinite(numbers).all()) for numbers in heard] == [
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_the_same_age_again_is_still_an_age(arm):
     listener = Listener(arm, senses_of(arm, None))
-    ages = [listener.heard(Reading(0.1 * step, {"seen_age": np.asarray(0.1)}))["seen_age"] for step in range(2)]
+    ages = [
+        listener.heard(Reading(0.1 * step, {"seen_age": np.asarray(0.1)}))["seen_age"]
+        for step in range(2)
+    ]
     np.testing.assert_allclose(ages, 0.1)
 
 
@@ -86,7 +124,9 @@ def test_absurd_numbers_of_inertial_sensors_are_not_heard(arm, absurd):
     listener.heard(Reading(0.0, {"accelerations": down, "turn_rates": 0.0 * down}))
     said = {"accelerations": np.full_like(down, absurd), "turn_rates": 0.0 * down}
     assert np.isnan(listener.heard(Reading(0.1, said))["inclinations"]).all()
-    again = listener.heard(Reading(0.2, {"accelerations": down + 0.05, "turn_rates": 0.0 * down}))
+    again = listener.heard(
+        Reading(0.2, {"accelerations": down + 0.05, "turn_rates": 0.0 * down})
+    )
     np.testing.assert_allclose(again["inclinations"][:, 2], 1.0, atol=1e-3)
 
 
@@ -94,11 +134,21 @@ def test_what_is_missing_broken_or_frozen_is_not_heard(arm):
     listener = Listener(arm, senses_of(arm, None))
     assert np.isnan(listener.heard(Reading(0.0, {}))["configurations"]).all()
     straight = np.tile([0.0, 0.0, 1.0], (3, 1))
-    for broken in (straight[:2], "no", np.full((3, 3), np.nan), np.array([["a"] * 3] * 3)):
+    for broken in (
+        straight[:2],
+        "no",
+        np.full((3, 3), np.nan),
+        np.array([["a"] * 3] * 3),
+    ):
         heard = listener.heard(Reading(0.0, {"configurations": broken}))
         np.testing.assert_array_equal(heard["configurations"], np.full((3, 3), np.nan))
-    heard = [listener.heard(Reading(0.1 * step, {"configurations": straight})) for step in range(2)]
+    heard = [
+        listener.heard(Reading(0.1 * step, {"configurations": straight}))
+        for step in range(2)
+    ]
     assert np.isfinite(heard[0]["configurations"]).all()
     assert np.isnan(heard[1]["configurations"]).all()
     bent = np.asarray(configurations_from_bends(jnp.full((3, 2), 0.1)))
-    assert np.isfinite(listener.heard(Reading(0.9, {"configurations": bent}))["configurations"]).all()
+    assert np.isfinite(
+        listener.heard(Reading(0.9, {"configurations": bent}))["configurations"]
+    ).all()

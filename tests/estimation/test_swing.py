@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.estimation.swing import Body, Swing, followed, identified_swing, modes, motion
+from s2c2a.estimation.swing import (
+    Body,
+    Swing,
+    followed,
+    identified_swing,
+    modes,
+    motion,
+)
 from s2c2a.robots.simulation import SimulatedRobot
 
 PERIOD = 0.1
@@ -53,7 +60,9 @@ def test_factors_are_found_again_in_a_swing(twin):
     rests = np.repeat(np.random.default_rng(0).normal(0, 0.1, (3, 20, 6)), 10, axis=1)
     bends = followed(motion(Body.of(twin), true, 0.0, PERIOD), rests)
     shape = (3, 200, 3, 2)
-    found, (without, left) = identified_swing(twin, rests.reshape(shape), bends.reshape(shape))
+    found, (without, left) = identified_swing(
+        twin, rests.reshape(shape), bends.reshape(shape)
+    )
     assert float(found.stiffness) == pytest.approx(0.7, rel=0.05)
     assert float(found.damping) == pytest.approx(1.2, rel=0.1)
     assert left < 0.1 * without

@@ -19,7 +19,11 @@ from s2c2a.evaluation.metrics import (
 def axis(tilt_deg, azimuth_deg):
     """Unit vector tilted from the vertical towards an azimuth."""
     tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
-    return [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)]
+    return [
+        np.sin(tilt) * np.cos(azimuth),
+        np.sin(tilt) * np.sin(azimuth),
+        np.cos(tilt),
+    ]
 
 
 def pointing(true, wanted):
@@ -35,20 +39,26 @@ def test_position_errors_are_distances_in_centimetres():
     states[:, 1, :3] = [[0.03, 0.04, 0.5], [0.1, 0.2, 0.3], [0.0, 0.0, 0.63]]
     wanted = np.full((3, 2, 3), np.nan)
     wanted[:, 1] = [[0, 0, 0.5], [0.1, 0.2, 0.3], [0, 0, 0.5]]
-    np.testing.assert_allclose(position_errors(states, wanted), [5.0, 0.0, 13.0], atol=1e-12)
+    np.testing.assert_allclose(
+        position_errors(states, wanted), [5.0, 0.0, 13.0], atol=1e-12
+    )
 
 
 def test_a_module_can_be_named_and_the_tip_is_meant_otherwise():
     states, wanted = np.zeros((1, 3, 6)), np.zeros((1, 3, 3))
     wanted[0, :, 0] = [0.01, 0.02, 0.03]
-    found = [position_errors(states, wanted, *which)[0] for which in [(0,), (1,), (2,), ()]]
+    found = [
+        position_errors(states, wanted, *which)[0] for which in [(0,), (1,), (2,), ()]
+    ]
     np.testing.assert_allclose(found, [1.0, 2.0, 3.0, 3.0])
 
 
 def test_where_nothing_is_wanted_there_is_no_error():
     wanted = np.full((2, 1, 3), np.nan)
     wanted[1] = 0.0
-    np.testing.assert_array_equal(position_errors(np.zeros((2, 1, 6)), wanted), [np.nan, 0.0])
+    np.testing.assert_array_equal(
+        position_errors(np.zeros((2, 1, 6)), wanted), [np.nan, 0.0]
+    )
 
 
 def test_where_the_end_points_does_not_count():
@@ -76,7 +86,9 @@ def test_configuration_errors_are_angles_whatever_the_lengths(one, two, angle):
 
 def test_small_angles_keep_their_digits():
     tilted = np.array([[[1e-7, 0.0, 1.0]]])
-    assert angles_deg(np.array([[[0.0, 0.0, 1.0]]]), tilted)[0, 0] == pytest.approx(np.rad2deg(1e-7))
+    assert angles_deg(np.array([[[0.0, 0.0, 1.0]]]), tilted)[0, 0] == pytest.approx(
+        np.rad2deg(1e-7)
+    )
 
 
 def test_every_step_and_module_has_its_own_angle():
@@ -87,7 +99,9 @@ def test_every_step_and_module_has_its_own_angle():
 
 
 def test_tilt_errors_compare_angles_to_the_vertical_whatever_the_azimuth():
-    states, wanted = pointing([(40, 0), (40, 0), (70, 90), (0, 0)], [(50, 0), (50, 180), (60, -30), (30, 10)])
+    states, wanted = pointing(
+        [(40, 0), (40, 0), (70, 90), (0, 0)], [(50, 0), (50, 180), (60, -30), (30, 10)]
+    )
     np.testing.assert_allclose(tilt_errors_deg(states, wanted), [10, 10, 10, 30])
 
 
@@ -97,29 +111,47 @@ def test_the_end_may_point_below_the_horizon():
 
 
 def test_azimuth_errors_compare_directions_in_the_plane_whatever_the_tilt():
-    states, wanted = pointing([(40, 20), (10, 0), (50, 350), (50, 0)], [(50, 0), (50, 90), (50, 10), (20, 0)])
-    np.testing.assert_allclose(azimuth_errors_deg(states, wanted), [20, 90, 20, 0], atol=1e-12)
+    states, wanted = pointing(
+        [(40, 20), (10, 0), (50, 350), (50, 0)], [(50, 0), (50, 90), (50, 10), (20, 0)]
+    )
+    np.testing.assert_allclose(
+        azimuth_errors_deg(states, wanted), [20, 90, 20, 0], atol=1e-12
+    )
 
 
-@pytest.mark.parametrize(("true", "wanted"), [(175, -175), (-175, 175), (355, 5), (170, 180), (-170, 180)])
+@pytest.mark.parametrize(
+    ("true", "wanted"), [(175, -175), (-175, 175), (355, 5), (170, 180), (-170, 180)]
+)
 def test_azimuth_errors_go_the_short_way_over_180_degrees(true, wanted):
-    assert azimuth_errors_deg(*pointing([(50, true)], [(50, wanted)]))[0] == pytest.approx(10)
+    assert azimuth_errors_deg(*pointing([(50, true)], [(50, wanted)]))[
+        0
+    ] == pytest.approx(10)
 
 
 def test_no_azimuth_error_exceeds_half_a_turn():
     """Opposite directions, either way round."""
-    states, wanted = pointing([(50, 0), (50, 180), (50, -90)], [(50, 180), (50, 0), (50, 90)])
+    states, wanted = pointing(
+        [(50, 0), (50, 180), (50, -90)], [(50, 180), (50, 0), (50, 90)]
+    )
     np.testing.assert_allclose(azimuth_errors_deg(states, wanted), 180)
 
 
 def test_orientation_errors_are_angles_between_axes():
     """At a tilt of 30 deg a turn by 180 deg is an angle of 60; at 90 deg a turn by 25 is one of 25."""
-    states, wanted = pointing([(40, 0), (30, 0), (90, 0), (50, 7)], [(55, 0), (30, 180), (90, 25), (50, 7)])
-    np.testing.assert_allclose(orientation_errors_deg(states, wanted), [15, 60, 25, 0], atol=1e-6)
+    states, wanted = pointing(
+        [(40, 0), (30, 0), (90, 0), (50, 7)], [(55, 0), (30, 180), (90, 25), (50, 7)]
+    )
+    np.testing.assert_allclose(
+        orientation_errors_deg(states, wanted), [15, 60, 25, 0], atol=1e-6
+    )
 
 
-@pytest.mark.parametrize("errors_of", [tilt_errors_deg, azimuth_errors_deg, orientation_errors_deg])
-def test_axes_are_those_of_the_module_named_and_where_nothing_is_wanted_there_is_no_error(errors_of):
+@pytest.mark.parametrize(
+    "errors_of", [tilt_errors_deg, azimuth_errors_deg, orientation_errors_deg]
+)
+def test_axes_are_those_of_the_module_named_and_where_nothing_is_wanted_there_is_no_error(
+    errors_of,
+):
     states, wanted = np.zeros((2, 2, 6)), np.full((2, 2, 3), np.nan)
     states[:, :, 3:] = axis(50, 0)
     wanted[1, 0] = axis(20, 30)
@@ -132,8 +164,12 @@ def test_axes_are_those_of_the_module_named_and_where_nothing_is_wanted_there_is
 def test_clearance_is_the_distance_to_the_centre_less_the_threshold():
     """3-4-5 triangles: 0.05 m from the centre of r 0.02, 0.10 m from that of r 0.10, and inside of it."""
     points = np.array([[0.03, 0.04, 0.5], [0.06, 0.08, 0.5], [0.0, 0.0, 0.47]])
-    obstacles = np.array([[[0, 0, 0.5, 0.02]], [[0, 0, 0.5, 0.10]], [[0, 0, 0.5, 0.10]]])
-    np.testing.assert_allclose(clearances(points, obstacles), [3.0, 0.0, -7.0], atol=1e-12)
+    obstacles = np.array(
+        [[[0, 0, 0.5, 0.02]], [[0, 0, 0.5, 0.10]], [[0, 0, 0.5, 0.10]]]
+    )
+    np.testing.assert_allclose(
+        clearances(points, obstacles), [3.0, 0.0, -7.0], atol=1e-12
+    )
 
 
 def test_of_several_points_and_obstacles_the_nearest_pair_counts_in_every_step():
@@ -148,38 +184,57 @@ def test_clearance_counts_moments_between_control_steps():
     line[0, :, 1] = [[-0.12, 0.03, 0.5], [0, 0.03, 0.5], [0.12, 0.03, 0.5]]
     obstacles = np.array([[[0, 0, 0.5, 0.02]]])
     assert clearances(line[:, :, -1], obstacles)[0] == pytest.approx(1.0)
-    assert clearances(line[:, -1:, -1], obstacles)[0] == pytest.approx(100 * np.hypot(0.12, 0.03) - 2)
+    assert clearances(line[:, -1:, -1], obstacles)[0] == pytest.approx(
+        100 * np.hypot(0.12, 0.03) - 2
+    )
 
 
 def test_an_obstacle_moves_from_step_to_step():
     obstacles = np.array([[[0.3, 0, 0, 0.1]], [[0.2, 0, 0, 0.1]], [[0.1, 0, 0, 0.1]]])
-    np.testing.assert_allclose(clearances(np.zeros((3, 3)), obstacles), [20.0, 10.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        clearances(np.zeros((3, 3)), obstacles), [20.0, 10.0, 0.0], atol=1e-12
+    )
 
 
 def test_an_obstacle_without_a_threshold_is_not_there():
     """Not even at the base, where empty places of a goal point to."""
-    obstacles = np.array([[[0, 0, 0, 0], [0.3, 0, 0, 0.1]], [[0, 0, 0, 0], [0, 0, 0, 0]]])
-    np.testing.assert_allclose(clearances(np.zeros((2, 3)), obstacles), [20.0, np.inf], atol=1e-12)
+    obstacles = np.array(
+        [[[0, 0, 0, 0], [0.3, 0, 0, 0.1]], [[0, 0, 0, 0], [0, 0, 0, 0]]]
+    )
+    np.testing.assert_allclose(
+        clearances(np.zeros((2, 3)), obstacles), [20.0, np.inf], atol=1e-12
+    )
 
 
 def test_without_obstacles_there_is_all_the_room():
-    np.testing.assert_array_equal(clearances(np.zeros((2, 5, 3)), np.zeros((2, 0, 4))), [np.inf, np.inf])
+    np.testing.assert_array_equal(
+        clearances(np.zeros((2, 5, 3)), np.zeros((2, 0, 4))), [np.inf, np.inf]
+    )
 
 
 def test_the_way_of_the_tip_begins_after_the_first_step():
-    tips = np.array([[0.5, 0.5, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.38]])
+    tips = np.array(
+        [[0.5, 0.5, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.38]]
+    )
     np.testing.assert_allclose(step_lengths(tips), [0.0, 5.0, 0.0, 12.0], atol=1e-12)
 
 
 def stray_of(ways, distances):
     """Stray of a tip that goes along z while one obstacle of r 0.1 is so far aside; far is 0.08 m more than r."""
     tips = np.stack([np.zeros(len(ways)), np.zeros(len(ways)), ways], axis=-1)
-    obstacles = np.array([[[distance, 0, way, 0.1]] for distance, way in zip(distances, ways, strict=True)])
+    obstacles = np.array(
+        [
+            [[distance, 0, way, 0.1]]
+            for distance, way in zip(distances, ways, strict=True)
+        ]
+    )
     return stray(tips, obstacles, 0.08)
 
 
 def test_stillness_is_the_distance_from_where_the_tip_was_at_first():
-    np.testing.assert_allclose(stray_of([0.60, 0.61, 0.58, 0.60], [0.3] * 4), [0, 1, 2, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        stray_of([0.60, 0.61, 0.58, 0.60], [0.3] * 4), [0, 1, 2, 0], atol=1e-9
+    )
 
 
 def test_while_an_obstacle_is_near_stillness_is_not_asked_for():
@@ -193,7 +248,12 @@ def test_when_obstacles_are_far_again_stillness_begins_anew():
 
 
 def test_an_obstacle_is_far_when_more_than_eight_centimetres_lie_between_it_and_the_tip():
-    assert np.isnan(stray_of([0.6] * 4, [0.19, 0.181, 0.179, 0.10])).tolist() == [False, False, True, True]
+    assert np.isnan(stray_of([0.6] * 4, [0.19, 0.181, 0.179, 0.10])).tolist() == [
+        False,
+        False,
+        True,
+        True,
+    ]
 
 
 def test_every_obstacle_must_be_far():
@@ -230,7 +290,9 @@ def test_recovery_is_infinite_where_the_last_error_is_large():
     assert recovery_time(errors, AWAY, **NEAR) == np.inf
 
 
-@pytest.mark.parametrize("inside", [np.ones(8, bool), np.zeros(8, bool), np.arange(8) < 5])
+@pytest.mark.parametrize(
+    "inside", [np.ones(8, bool), np.zeros(8, bool), np.arange(8) < 5]
+)
 def test_there_is_no_recovery_where_the_target_never_came_back(inside):
     assert np.isnan(recovery_time(np.zeros(8), inside, **NEAR))
 

@@ -27,7 +27,10 @@ class Counter(Robot):
     @property
     def sensors(self):
         modules, cables = self.arm.module_count, self.arm.cable_count
-        return {"cables": Sensor((modules, cables), "m", -50.0, 50.0), "states": Sensor((modules, 6), "m, 1")}
+        return {
+            "cables": Sensor((modules, cables), "m", -50.0, 50.0),
+            "states": Sensor((modules, 6), "m, 1"),
+        }
 
     def open(self):
         self.sent = []
@@ -37,7 +40,10 @@ class Counter(Robot):
         number = len(self.sent)
         states = np.zeros((self.arm.module_count, 6))
         states[-1, 2] = number
-        cables = np.full(self.geometry.action_neutral.shape, np.nan if number in self.bad else float(number))
+        cables = np.full(
+            self.geometry.action_neutral.shape,
+            np.nan if number in self.bad else float(number),
+        )
         return Reading(0.1 * number, {"cables": cables, "states": states})
 
     def send(self, action):
@@ -63,7 +69,9 @@ class Script:
     def step(self, reading, goal):
         self.seen.append((reading, goal))
         share = 0.05 * len(self.seen) if len(self.seen) < STEPS else 9.0
-        return self.geometry.action_neutral + share * (self.geometry.action_high - self.geometry.action_neutral)
+        return self.geometry.action_neutral + share * (
+            self.geometry.action_high - self.geometry.action_neutral
+        )
 
     def sent(self, action):
         self.cut.append(action)
@@ -82,7 +90,9 @@ class Script:
 def task():
     """Heights 1, 2, 3 ... for the tip: where the counter's tip is after each action."""
     rest = Goal.of(3)
-    return Task("count", tuple(rest.with_position([0, 0, step + 1.0]) for step in range(STEPS)))
+    return Task(
+        "count", tuple(rest.with_position([0, 0, step + 1.0]) for step in range(STEPS))
+    )
 
 
 @pytest.fixture
@@ -111,8 +121,12 @@ def test_the_episode_holds_what_was_read_sent_sensed_planned_and_expected(run):
 
 def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run, task):
     np.testing.assert_array_equal(run.after("states")[:, -1, 2], [1, 2, 3, 4, 5])
-    np.testing.assert_array_equal(run.ran("wanted_positions")[:, -1, 2], [1, 2, 3, 4, 5])
-    np.testing.assert_array_equal(position_errors(run.after("states"), task.wanted_positions()), 0)
+    np.testing.assert_array_equal(
+        run.ran("wanted_positions")[:, -1, 2], [1, 2, 3, 4, 5]
+    )
+    np.testing.assert_array_equal(
+        position_errors(run.after("states"), task.wanted_positions()), 0
+    )
     assert score_run(run, task, "paper")[0].value == 0.0
 
 
@@ -122,22 +136,38 @@ def test_times_are_those_after_the_action(run):
 
 def test_sensed_planned_and_expected_are_those_of_the_step(run):
     np.testing.assert_array_equal(run.ran("sensed")[:, 0, 0], [201, 202, 203, 204, 205])
-    np.testing.assert_array_equal(run.ran("planned")[:, 0, 0], [301, 302, 303, 304, 305])
-    np.testing.assert_array_equal(run.ran("expected")[:, 0, 0], [401, 402, 403, 404, 405])
+    np.testing.assert_array_equal(
+        run.ran("planned")[:, 0, 0], [301, 302, 303, 304, 305]
+    )
+    np.testing.assert_array_equal(
+        run.ran("expected")[:, 0, 0], [401, 402, 403, 404, 405]
+    )
     assert np.isnan(run["planned"][STEPS:]).all()
 
 
-def test_the_strategy_sees_the_reading_before_its_action_and_the_goal_of_the_step(run, script, task):
+def test_the_strategy_sees_the_reading_before_its_action_and_the_goal_of_the_step(
+    run, script, task
+):
     assert [reading["states"][-1, 2] for reading, _ in script.seen] == [0, 1, 2, 3, 4]
-    assert [goal is wanted for (_, goal), wanted in zip(script.seen, task.goals, strict=True)] == [True] * STEPS
+    assert [
+        goal is wanted
+        for (_, goal), wanted in zip(script.seen, task.goals, strict=True)
+    ] == [True] * STEPS
     assert [reading.time for reading in script.began] == [0.0]
 
 
-def test_actions_are_those_really_sent_and_none_changes_by_more_than_the_arms_limit(run, robot, script, twin):
+def test_actions_are_those_really_sent_and_none_changes_by_more_than_the_arms_limit(
+    run, robot, script, twin
+):
     """0.05 of 45 or 50 deg a step is allowed; the last one is cut to 4 deg more."""
     high = ArmGeometry.of(twin).action_high
-    np.testing.assert_allclose(run.ran("actions")[:4], [share * high for share in (0.05, 0.1, 0.15, 0.2)])
-    turns = np.rad2deg(np.abs(np.diff(robot.sent, axis=0, prepend=0)) / robot.geometry.cable_radii[:, None])
+    np.testing.assert_allclose(
+        run.ran("actions")[:4], [share * high for share in (0.05, 0.1, 0.15, 0.2)]
+    )
+    turns = np.rad2deg(
+        np.abs(np.diff(robot.sent, axis=0, prepend=0))
+        / robot.geometry.cable_radii[:, None]
+    )
     assert turns.max() == pytest.approx(twin.step_limit_deg)
     np.testing.assert_array_equal(script.cut, [run.ran("actions")[4]])
 
@@ -147,19 +177,27 @@ def test_thinking_takes_time_and_the_robot_none_of_it(run):
     assert np.median(run["tick_time"]) < 0.05
 
 
-def test_the_way_back_to_rest_is_in_the_episode_no_faster_than_the_step_limit(run, robot, twin):
+def test_the_way_back_to_rest_is_in_the_episode_no_faster_than_the_step_limit(
+    run, robot, twin
+):
     """In steps from the last action to neutral, the first one short since it turns round, and one reading at rest."""
     np.testing.assert_array_equal(run["actions"], robot.sent)
     way_back = np.array(robot.sent[STEPS - 1 :])
     np.testing.assert_allclose(way_back[-1], robot.geometry.action_neutral, atol=1e-15)
-    turns = np.rad2deg(np.abs(np.diff(way_back, axis=0)) / robot.geometry.cable_radii[:, None])
+    turns = np.rad2deg(
+        np.abs(np.diff(way_back, axis=0)) / robot.geometry.cable_radii[:, None]
+    )
     assert turns.max() <= twin.step_limit_deg + 1e-9
     bent = np.rad2deg(np.abs(way_back[0] / robot.geometry.cable_radii[:, None]).max())
     assert len(way_back) - 1 == np.ceil(bent / twin.step_limit_deg) + 1
-    assert list(run["stage"]) == [Stage.RUN] * STEPS + [Stage.RELEASE] * (len(way_back) - 2) + [Stage.IDLE]
+    assert list(run["stage"]) == [Stage.RUN] * STEPS + [Stage.RELEASE] * (
+        len(way_back) - 2
+    ) + [Stage.IDLE]
 
 
-def test_a_task_that_leaves_the_arm_at_rest_has_a_reading_after_its_last_action_all_the_same(robot, script, twin):
+def test_a_task_that_leaves_the_arm_at_rest_has_a_reading_after_its_last_action_all_the_same(
+    robot, script, twin
+):
     script.step = lambda reading, goal: script.geometry.action_neutral
     run = rollout(robot, script, Task("rest", (Goal.of(3),) * 3))
     assert len(run.after("states")) == 3
@@ -171,12 +209,20 @@ def test_the_robot_is_closed_once_at_the_end(run, robot):
 
 def test_progress_counts_the_steps(robot, script, task):
     told = []
-    rollout(robot, script, task, progress=lambda done, total: told.append((done, total)))
+    rollout(
+        robot, script, task, progress=lambda done, total: told.append((done, total))
+    )
     assert told == [(step, STEPS) for step in range(1, STEPS + 1)]
 
 
-def test_a_run_that_nothing_watched_is_kept_and_cannot_be_scored(robot, script, task, monkeypatch):
-    monkeypatch.setattr(robot, "read", lambda: Reading(0.1 * len(robot.sent), {"cables": np.zeros((3, 3))}))
+def test_a_run_that_nothing_watched_is_kept_and_cannot_be_scored(
+    robot, script, task, monkeypatch
+):
+    monkeypatch.setattr(
+        robot,
+        "read",
+        lambda: Reading(0.1 * len(robot.sent), {"cables": np.zeros((3, 3))}),
+    )
     run = rollout(robot, script, task)
     with pytest.raises(S2C2AError, match="no true states"):
         score_run(run, task, "paper")
@@ -187,19 +233,34 @@ def test_a_run_that_nothing_watched_is_kept_and_cannot_be_scored(robot, script, 
 def test_a_sensor_that_fails_for_a_moment_is_held_through_and_told(robot, script, task):
     robot.bad = range(2, 3)
     run = rollout(robot, script, task)
-    assert list(run["stage"][:STEPS]) == [Stage.RUN, Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RUN]
+    assert list(run["stage"][:STEPS]) == [
+        Stage.RUN,
+        Stage.RUN,
+        Stage.HOLD,
+        Stage.RUN,
+        Stage.RUN,
+    ]
     assert run.options["faults"] == ["'cables' is not finite"]
     np.testing.assert_array_equal(run["actions"][2], run["actions"][1])
     assert len(run.after("states")) == STEPS
 
 
-def test_a_sensor_that_fails_for_long_ends_the_run_in_our_error_with_the_arm_at_rest(robot, script):
+def test_a_sensor_that_fails_for_long_ends_the_run_in_our_error_with_the_arm_at_rest(
+    robot, script
+):
     task = Task("long", (Goal.of(3),) * 60)
     robot.bad = range(4, 100)
-    with pytest.raises(S2C2AError, match=r"step 15 of 'long': 'cables' is not finite; the arm was led to rest"):
+    with pytest.raises(
+        S2C2AError,
+        match=r"step 15 of 'long': 'cables' is not finite; the arm was led to rest",
+    ):
         rollout(robot, script, task)
-    np.testing.assert_allclose(robot.sent[-1], robot.geometry.action_neutral, atol=1e-15)
-    turns = np.rad2deg(np.abs(np.diff(robot.sent, axis=0)) / robot.geometry.cable_radii[:, None])
+    np.testing.assert_allclose(
+        robot.sent[-1], robot.geometry.action_neutral, atol=1e-15
+    )
+    turns = np.rad2deg(
+        np.abs(np.diff(robot.sent, axis=0)) / robot.geometry.cable_radii[:, None]
+    )
     assert turns.max() <= robot.arm.step_limit_deg + 1e-9
     assert robot.closed == 1
 
@@ -208,10 +269,14 @@ def test_a_sensor_that_never_works_keeps_the_arm_where_it_is(robot, script, task
     robot.bad = range(100)
     with pytest.raises(S2C2AError, match=r"step 1 of 'count': 'cables' is not finite"):
         rollout(robot, script, task)
-    np.testing.assert_array_equal(robot.sent, [robot.geometry.action_neutral] * len(robot.sent))
+    np.testing.assert_array_equal(
+        robot.sent, [robot.geometry.action_neutral] * len(robot.sent)
+    )
 
 
-def test_an_error_on_the_way_closes_the_robot_and_goes_on(robot, script, task, monkeypatch):
+def test_an_error_on_the_way_closes_the_robot_and_goes_on(
+    robot, script, task, monkeypatch
+):
     def fail(action):
         raise SimulationError("gone", step=1)
 
@@ -226,5 +291,7 @@ def test_a_tension_arm_is_led_back_to_its_pretension(simulated):
     script.told = dict
     task = Task("rest", (Goal.of(3),) * STEPS)
     rollout(robot, script, task)
-    np.testing.assert_allclose(robot.sent[-1], robot.geometry.action_neutral, rtol=1e-12)
+    np.testing.assert_allclose(
+        robot.sent[-1], robot.geometry.action_neutral, rtol=1e-12
+    )
     assert robot.sent[-1].min() > 0

@@ -12,7 +12,9 @@ from s2c2a.spaces import Stage
 from s2c2a.tasks import Score, Task
 
 STEPS = 20
-TWO = load_arm("twin_arm").model_copy(update={"modules": load_arm("twin_arm").modules[:2]})
+TWO = load_arm("twin_arm").model_copy(
+    update={"modules": load_arm("twin_arm").modules[:2]}
+)
 REST = Goal.of(2)
 UNITS = {
     "position": "cm", "constraint": "cm", "tilt": "deg", "azimuth": "deg", "orientation": "deg", "end distance": "cm",
@@ -23,7 +25,8 @@ UNITS = {
 
 def made_up(goals, states, scores, centre_lines=None, period=0.1):
     """A run in which these states happened."""
-    rows = np.concatenate([states[:1], states])  # the reading before the first action, and then those after each
+    # the reading before the first action, and then those after each
+    rows = np.concatenate([states[:1], states])
     columns = {
         "time": period * np.arange(len(rows)),
         "actions": np.zeros((len(rows), 2, 3)),
@@ -55,7 +58,9 @@ def scored(run, recipe="paper"):
 
 
 def value(goals, states, metric, recipe="paper", centre_lines=None, **score):
-    return scored(made_up(goals, states, [Score(metric, **score)], centre_lines), recipe).value
+    return scored(
+        made_up(goals, states, [Score(metric, **score)], centre_lines), recipe
+    ).value
 
 
 def test_every_metric_has_its_unit():
@@ -78,7 +83,12 @@ def test_position_is_the_mean_distance_over_all_steps():
 
 
 def test_steps_that_do_not_count_are_left_out_of_values_and_mean():
-    found = scored(made_up(*off_by([3, 1, 2, 6]), [Score("position", steps=np.array([False, True, True, False]))]))
+    found = scored(
+        made_up(
+            *off_by([3, 1, 2, 6]),
+            [Score("position", steps=np.array([False, True, True, False]))],
+        )
+    )
     np.testing.assert_allclose(found.values, [np.nan, 1, 2, np.nan], rtol=1e-6)
     assert found.value == pytest.approx(1.5)
 
@@ -89,15 +99,21 @@ def test_where_no_step_counts_the_mean_is_no_number_and_nothing_warns():
 
 def test_constraint_is_the_distance_of_the_module_that_is_held():
     goals = [REST.with_position([0, 0.04, 0.3], module=0).with_position([9, 9, 9])] * 3
-    assert value(goals, states_at(np.zeros((3, 3))), "constraint", module=0) == pytest.approx(4.0)
+    assert value(
+        goals, states_at(np.zeros((3, 3))), "constraint", module=0
+    ) == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize(("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)])
+@pytest.mark.parametrize(
+    ("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
+)
 def test_orientations_are_scored_against_the_wanted_axis(metric, expected):
     """An end that lies in x, where 70 deg from the vertical towards y are wanted."""
     wanted = [0, np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))]
     states = states_at(np.zeros((2, 3)), axes=(1, 0, 0))
-    assert value([REST.with_axis(wanted)] * 2, states, metric) == pytest.approx(expected, abs=1e-4)
+    assert value([REST.with_axis(wanted)] * 2, states, metric) == pytest.approx(
+        expected, abs=1e-4
+    )
 
 
 def test_an_orientation_is_scored_of_the_module_named():
@@ -109,7 +125,9 @@ def test_an_orientation_is_scored_of_the_module_named():
 
 
 def test_the_end_distance_is_the_mean_of_the_last_ten_steps():
-    found = scored(made_up(*off_by([50.0] * 10 + list(range(10))), [Score("end distance")]))
+    found = scored(
+        made_up(*off_by([50.0] * 10 + list(range(10))), [Score("end distance")])
+    )
     assert found.value == pytest.approx(4.5)
     assert not found.averaged
 
@@ -120,9 +138,17 @@ def test_of_a_run_shorter_than_ten_steps_all_are_the_end():
 
 @pytest.mark.parametrize(
     ("recipe", "miss", "reached"),
-    [("paper", 4.99, 1.0), ("paper", 5.01, 0.0), ("best", 2.99, 1.0), ("best", 3.01, 0.0), ("best", 4.99, 0.0)],
+    [
+        ("paper", 4.99, 1.0),
+        ("paper", 5.01, 0.0),
+        ("best", 2.99, 1.0),
+        ("best", 3.01, 0.0),
+        ("best", 4.99, 0.0),
+    ],
 )
-def test_a_target_is_reached_within_five_centimetres_by_the_papers_recipe_and_three_by_others(recipe, miss, reached):
+def test_a_target_is_reached_within_five_centimetres_by_the_papers_recipe_and_three_by_others(
+    recipe, miss, reached
+):
     assert value(*off_by([50] * 10 + [miss] * 10), "reached", recipe) == reached
 
 
@@ -153,12 +179,16 @@ def test_clearance_of_a_run_that_nothing_watched_is_the_smallest_at_control_step
 
 def test_clearance_of_a_watched_run_counts_what_happened_between_control_steps():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    assert value(goals, states, "clearance", centre_lines=lines_to(TIPS, bulge=0.07)) == pytest.approx(-2, abs=1e-5)
+    assert value(
+        goals, states, "clearance", centre_lines=lines_to(TIPS, bulge=0.07)
+    ) == pytest.approx(-2, abs=1e-5)
 
 
 def test_clearance_at_steps_does_not():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    found = value(goals, states, "clearance at steps", centre_lines=lines_to(TIPS, bulge=0.07))
+    found = value(
+        goals, states, "clearance at steps", centre_lines=lines_to(TIPS, bulge=0.07)
+    )
     assert found == pytest.approx(5, abs=1e-5)
 
 
@@ -166,19 +196,29 @@ def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
     lines = lines_to(TIPS)
     lines[:, :, 3] = [0.3, 0, 0.45]
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    assert value(goals, states, "clearance", centre_lines=lines) == pytest.approx(5, abs=1e-5)
-    assert value(goals, states, "clearance of the arm", centre_lines=lines) == pytest.approx(-5, abs=1e-5)
+    assert value(goals, states, "clearance", centre_lines=lines) == pytest.approx(
+        5, abs=1e-5
+    )
+    assert value(
+        goals, states, "clearance of the arm", centre_lines=lines
+    ) == pytest.approx(-5, abs=1e-5)
 
 
 def test_clearance_of_the_arm_takes_module_ends_where_nothing_watched_it():
     """The lower module's end is at 0.3 m, 2 cm off the edge of the obstacle; the tip is further away."""
     goals = [REST.with_obstacles([[0, 0.12, 0.3]], [0.1])] * 3
-    assert value(goals, states_at(TIPS), "clearance of the arm") == pytest.approx(2, abs=1e-5)
+    assert value(goals, states_at(TIPS), "clearance of the arm") == pytest.approx(
+        2, abs=1e-5
+    )
     assert value(goals, states_at(TIPS), "clearance") > 10
 
 
 def test_an_obstacle_counts_only_in_the_steps_in_which_it_is_there():
-    found = scored(made_up([REST, OBSTACLE, OBSTACLE], states_at(TIPS), [Score("clearance of the arm")]))
+    found = scored(
+        made_up(
+            [REST, OBSTACLE, OBSTACLE], states_at(TIPS), [Score("clearance of the arm")]
+        )
+    )
     np.testing.assert_allclose(found.values, [np.inf, 5, 10], atol=1e-5)
 
 
@@ -189,7 +229,9 @@ def test_the_path_length_is_the_sum_of_the_steps():
 
 
 def test_stillness_is_the_furthest_that_the_tip_strayed_while_the_obstacle_was_far():
-    tips = np.array([[0, 0, 0.5], [0.006, 0, 0.5], [0.2, 0, 0.5], [0.002, 0, 0.5], [0.006, 0, 0.5]])
+    tips = np.array(
+        [[0, 0, 0.5], [0.006, 0, 0.5], [0.2, 0, 0.5], [0.002, 0, 0.5], [0.006, 0, 0.5]]
+    )
     found = scored(made_up([OBSTACLE] * 5, states_at(tips), [Score("stillness")]))
     np.testing.assert_allclose(found.values, [0, 0.6, np.nan, 0, 0.4], atol=1e-6)
     assert found.value == pytest.approx(0.6)
@@ -199,7 +241,9 @@ INSIDE = np.array([True, False, False, True, True, True])
 
 
 def recovery(misses, inside, period=0.1):
-    return scored(made_up(*off_by(misses), [Score("recovery", steps=inside)], period=period))
+    return scored(
+        made_up(*off_by(misses), [Score("recovery", steps=inside)], period=period)
+    )
 
 
 def test_recovery_is_the_time_from_re_entry_until_the_error_stays_below_three_centimetres():
@@ -210,7 +254,9 @@ def test_recovery_is_the_time_from_re_entry_until_the_error_stays_below_three_ce
 
 
 def test_recovery_is_told_in_seconds_whatever_the_control_rate():
-    assert recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE, period=0.05).value == pytest.approx(0.1)
+    assert recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE, period=0.05).value == pytest.approx(
+        0.1
+    )
 
 
 def test_an_arm_that_never_recovers_takes_for_ever():
@@ -226,10 +272,21 @@ def test_the_way_back_to_rest_is_in_an_episode_and_not_scored():
     """The tip is where it shall be while the arm runs and held, and far away afterwards."""
     goals, states = off_by([3, 1, 2, 6])
     episode, task = made_up(goals, states, [Score("position")])
-    way_back = np.concatenate([episode["sensor.states"], states_at(np.full((3, 3), 9.0))])
-    stage = np.array([Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RUN, *[Stage.RELEASE] * 3, Stage.IDLE], np.int8)
+    way_back = np.concatenate(
+        [episode["sensor.states"], states_at(np.full((3, 3), 9.0))]
+    )
+    stage = np.array(
+        [Stage.RUN, Stage.HOLD, Stage.RUN, Stage.RUN, *[Stage.RELEASE] * 3, Stage.IDLE],
+        np.int8,
+    )
     longer = Episode(
-        TWO, {"time": 0.1 * np.arange(8), "actions": np.zeros((8, 2, 3)), "stage": stage, "sensor.states": way_back}
+        TWO,
+        {
+            "time": 0.1 * np.arange(8),
+            "actions": np.zeros((8, 2, 3)),
+            "stage": stage,
+            "sensor.states": way_back,
+        },
     )
     assert scored((longer, task)).value == pytest.approx(3.0)
 
@@ -237,7 +294,14 @@ def test_the_way_back_to_rest_is_in_an_episode_and_not_scored():
 def test_an_episode_without_true_states_or_of_another_length_is_not_scored():
     goals, states = off_by([3, 1, 2, 6])
     episode, task = made_up(goals, states, [Score("position")])
-    blind = Episode(TWO, {name: values for name, values in episode.columns.items() if name != "sensor.states"})
+    blind = Episode(
+        TWO,
+        {
+            name: values
+            for name, values in episode.columns.items()
+            if name != "sensor.states"
+        },
+    )
     with pytest.raises(S2C2AError, match="no true states"):
         score_run(blind, task, "paper")
     with pytest.raises(S2C2AError, match="has 4 steps, and 'made up' has 3"):

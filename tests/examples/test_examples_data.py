@@ -19,10 +19,16 @@ SERVOS = {"4": 0, "3": 0, "9": 0, "5": 1, "2": 1, "8": 1, "6": 2, "1": 2, "7": 2
 @pytest.fixture
 def short_map(tmp_path):
     """The map of opencr_v4 for its first rows, with the modules stated, which is quicker."""
-    text = (DATA / "opencr_v4" / "map.toml").read_text().replace("[rows]", "[rows]\nrows = 300", 1)
+    text = (
+        (DATA / "opencr_v4" / "map.toml")
+        .read_text()
+        .replace("[rows]", "[rows]\nrows = 300", 1)
+    )
     text = text.replace("modules = 3", "modules = 3\ncoupled_cables = true")
     for servo, module in SERVOS.items():
-        text = text.replace(f'"servo_{servo}_mm"', f'"servo_{servo}_mm"\nmodule = {module}')
+        text = text.replace(
+            f'"servo_{servo}_mm"', f'"servo_{servo}_mm"\nmodule = {module}'
+        )
     path = tmp_path / "short.toml"
     path.write_text(text)
     return path
@@ -37,7 +43,14 @@ def test_every_map_is_sound_and_says_source_and_licence(path):
 
 def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
     out = tmp_path / "opencr.episodes"
-    command = ["import", str(DATA / "opencr_v4" / "train.csv.gz"), "--map", str(short_map), "--out", str(out)]
+    command = [
+        "import",
+        str(DATA / "opencr_v4" / "train.csv.gz"),
+        "--map",
+        str(short_map),
+        "--out",
+        str(out),
+    ]
     main(command)
     said = capsys.readouterr().out
     assert "1 episodes of 300 steps" in said
@@ -54,7 +67,14 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
         main(command)
     assert "--overwrite" in capsys.readouterr().err
     other = tmp_path / "val.episodes"
-    again = ["import", str(DATA / "opencr_v4" / "val.csv.gz"), *command[2:4], "--like", str(out), "--overwrite"]
+    again = [
+        "import",
+        str(DATA / "opencr_v4" / "val.csv.gz"),
+        *command[2:4],
+        "--like",
+        str(out),
+        "--overwrite",
+    ]
     for _ in range(2):
         main([*again, "--out", str(other)])
         assert "mm from where it was then" in capsys.readouterr().out

@@ -33,4 +33,8 @@ def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):
 
 
 def test_no_example_exceeds_eighty_lines():
-    assert [path.name for path in EXAMPLES.glob("*.py") if len(path.read_text().splitlines()) > 80] == []
+    assert [
+        path.name
+        for path in EXAMPLES.glob("*.py")
+        if len(path.read_text().splitlines()) > 80
+    ] == []

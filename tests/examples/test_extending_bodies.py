@@ -26,7 +26,9 @@ ROBOT, SENSOR = FOLDER / "own_robot.py", FOLDER / "own_sensor.py"
 @pytest.fixture(scope="module")
 def recipe(tiny_recipe, tmp_path_factory):
     """A recipe of tiny networks, in a file."""
-    return str(save_recipe(tiny_recipe, tmp_path_factory.mktemp("recipe") / "tiny.toml"))
+    return str(
+        save_recipe(tiny_recipe, tmp_path_factory.mktemp("recipe") / "tiny.toml")
+    )
 
 
 def arm_file(arm, folder, **changes):
@@ -48,14 +50,38 @@ def trained(twin, recipe, tmp_path_factory):
     arm = arm_file(twin, folder, control_rate=50.0)
     robot = ["--robot", f"{ROBOT}:LaggingArm", "--arm", str(arm)]
     recording, weights = folder / "own.episodes", folder / "own.safetensors"
-    main(["collect", *robot, "--out", str(recording), "--episodes", "3", "--samples", "80", "--recipe", recipe])
+    main(
+        [
+            "collect",
+            *robot,
+            "--out",
+            str(recording),
+            "--episodes",
+            "3",
+            "--samples",
+            "80",
+            "--recipe",
+            recipe,
+        ]
+    )
     main(["train", str(recording), "--out", str(weights), "--recipe", recipe])
     return arm, recording, weights
 
 
 def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
     arm = arm_file(twin, tmp_path, control_rate=20.0)
-    main(["robot", "check", "--robot", f"{ROBOT}:LaggingArm", "--arm", str(arm), "--robot-option", "lag=0.02"])
+    main(
+        [
+            "robot",
+            "check",
+            "--robot",
+            f"{ROBOT}:LaggingArm",
+            "--arm",
+            str(arm),
+            "--robot-option",
+            "lag=0.02",
+        ]
+    )
     said = capsys.readouterr().out
     assert "ok: it says cables, states, as declared" in said
     assert "own_robot.py:LaggingArm lag=0.02 keeps its promises" in said
@@ -74,9 +100,21 @@ def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
     """A second on the spot and a little to the side."""
     arm, _, _ = trained
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
-    way = [str(tmp_path / "aside.csv"), "--arm", str(arm), "--robot", f"{ROBOT}:LaggingArm", "--strategy", "pcc"]
+    way = [
+        str(tmp_path / "aside.csv"),
+        "--arm",
+        str(arm),
+        "--robot",
+        f"{ROBOT}:LaggingArm",
+        "--strategy",
+        "pcc",
+    ]
     main(["run", *way, "--out", str(tmp_path / "run")])
-    (row,) = [one for one in json.loads((tmp_path / "run" / "results.json").read_text()) if one["metric"] == "position"]
+    (row,) = [
+        one
+        for one in json.loads((tmp_path / "run" / "results.json").read_text())
+        if one["metric"] == "position"
+    ]
     assert (row["arm"], row["strategy"]) == ("own_arm", "pcc")
     assert 0 < row["mean"] < 3
 
@@ -84,12 +122,16 @@ def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
 def test_a_robot_of_ones_own_is_driven_live(trained):
     _, _, weights = trained
     spec = load_strategy(weights).arm
-    control = arm_control(spec, body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),))
+    control = arm_control(
+        spec, body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
+    )
     assert control.strategies[0] == "s2c2a · own"
     control.start()
     control.ask(driven=True, target=(0.05, 0.0, 0.59))
     end = time.monotonic() + 20.0
-    while (control.latest.stage is not Stage.RUN or control.latest.step.number < 60) and time.monotonic() < end:
+    while (
+        control.latest.stage is not Stage.RUN or control.latest.step.number < 60
+    ) and time.monotonic() < end:
         time.sleep(0.02)
     assert control.latest.stage is Stage.RUN
     control.stop()
@@ -99,32 +141,70 @@ def test_a_robot_of_ones_own_is_driven_live(trained):
 
 def test_a_mistaken_option_of_ones_own_robot_is_told_in_one_line(capsys):
     with pytest.raises(SystemExit) as caught:
-        main(["robot", "check", "--robot", f"{ROBOT}:LaggingArm", "--robot-option", "lag=long"])
+        main(
+            [
+                "robot",
+                "check",
+                "--robot",
+                f"{ROBOT}:LaggingArm",
+                "--robot-option",
+                "lag=long",
+            ]
+        )
     assert caught.value.code == 2
     assert "option lag=long of LaggingArm" in capsys.readouterr().err
 
 
-def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(twin, recipe, tmp_path, capsys):
+def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(
+    twin, recipe, tmp_path, capsys
+):
     arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
-    robot, recording = ["--robot", f"{SENSOR}:FlexArm", "--arm", arm], str(tmp_path / "flex.episodes")
+    robot, recording = (
+        ["--robot", f"{SENSOR}:FlexArm", "--arm", arm],
+        str(tmp_path / "flex.episodes"),
+    )
     main(["robot", "check", *robot])
-    assert "ok: it says cables, states, configurations, flex, as declared" in capsys.readouterr().out
+    assert (
+        "ok: it says cables, states, configurations, flex, as declared"
+        in capsys.readouterr().out
+    )
     few = ["--episodes", "3", "--samples", "60", "--recipe", recipe]
     main(["collect", *robot, "--out", recording, *few])
     assert load_recording(recording).sensor("flex").shape == (3, 60, 3, 2)
     weights = tmp_path / "flex.safetensors"
     main(["train", recording, "--out", str(weights), "--recipe", recipe])
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
-    way = [str(tmp_path / "aside.csv"), *robot, "--strategy", "s2c2a", "--weights", str(weights)]
+    way = [
+        str(tmp_path / "aside.csv"),
+        *robot,
+        "--strategy",
+        "s2c2a",
+        "--weights",
+        str(weights),
+    ]
     main(["run", *way, "--out", str(tmp_path / "run")])
     rows = json.loads((tmp_path / "run" / "results.json").read_text())
     assert np.isfinite(rows[0]["mean"])
 
 
-def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(twin, tmp_path, capsys):
+def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(
+    twin, tmp_path, capsys
+):
     arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
     recording = str(tmp_path / "no_flex.episodes")
-    main(["collect", "--arm", arm, "--episodes", "1", "--samples", "30", "--out", recording])
+    main(
+        [
+            "collect",
+            "--arm",
+            arm,
+            "--episodes",
+            "1",
+            "--samples",
+            "30",
+            "--out",
+            recording,
+        ]
+    )
     with pytest.raises(SystemExit):
         main(["train", recording, "--out", str(tmp_path / "none.safetensors")])
     assert "no 'flex'" in capsys.readouterr().err
@@ -133,7 +213,9 @@ def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(twin, tmp_p
 def test_flex_strips_say_how_modules_bend(twin):
 
     robot = robot_class(f"{SENSOR}:FlexArm")(twin)
-    arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexEstimator"})
+    arm = ArmSpec.model_validate(
+        twin.model_dump() | {"sensing": f"{SENSOR}:FlexEstimator"}
+    )
     check_robot(robot)
     with robot:
         for _ in range(15):
@@ -162,7 +244,17 @@ def test_a_run_that_nobody_watched_is_kept_without_scores(tmp_path, capsys):
     (tmp_path / "blind.py").write_text(BLIND)
     (tmp_path / "way.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
     robot = ["--robot", f"{tmp_path / 'blind.py'}:Blind"]
-    main(["run", str(tmp_path / "way.csv"), "--strategy", "pcc", *robot, "--out", str(tmp_path / "run")])
+    main(
+        [
+            "run",
+            str(tmp_path / "way.csv"),
+            "--strategy",
+            "pcc",
+            *robot,
+            "--out",
+            str(tmp_path / "run"),
+        ]
+    )
     assert "all of it" in capsys.readouterr().out
     assert json.loads((tmp_path / "run" / "results.json").read_text()) == []
     (run,), _ = load_episodes(tmp_path / "run" / "twin_arm.episodes")

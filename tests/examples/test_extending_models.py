@@ -23,7 +23,14 @@ SOLVER = {"learning_rate": 0.02, "iterations": 3}
 def recipe(tmp_path_factory) -> Path:
     """A recipe with the model of the example, small and quick."""
     c2s, c2a = {"model": MODEL, "hidden": 4}, {"layers": 1, "hidden": 4}
-    table = {"c2s": c2s, "c2a": c2a, "c2s_fit": FIT, "c2a_fit": FIT, "based_on": "paper", "planner": {"solver": SOLVER}}
+    table = {
+        "c2s": c2s,
+        "c2a": c2a,
+        "c2s_fit": FIT,
+        "c2a_fit": FIT,
+        "based_on": "paper",
+        "planner": {"solver": SOLVER},
+    }
     path = tmp_path_factory.mktemp("own") / "own.toml"
     path.write_text(tomli_w.dumps(table))
     return path
@@ -33,7 +40,19 @@ def recipe(tmp_path_factory) -> Path:
 def strategy(recipe) -> Path:
     """Collected and trained as a user would."""
     data, file = recipe.with_name("data.episodes"), recipe.with_name("own.safetensors")
-    main(["collect", "--episodes", "2", "--samples", "60", "--recipe", str(recipe), "--out", str(data)])
+    main(
+        [
+            "collect",
+            "--episodes",
+            "2",
+            "--samples",
+            "60",
+            "--recipe",
+            str(recipe),
+            "--out",
+            str(data),
+        ]
+    )
     main(["train", str(data), "--recipe", str(recipe), "--out", str(file)])
     return file
 
@@ -45,12 +64,25 @@ def waypoints(folder: Path) -> Path:
 
 def test_it_drives_an_arm(strategy, tmp_path, capsys):
     out = tmp_path / "run"
-    main(["run", str(waypoints(tmp_path)), "--weights", str(strategy), "--model", MODEL, "--out", str(out)])
+    main(
+        [
+            "run",
+            str(waypoints(tmp_path)),
+            "--weights",
+            str(strategy),
+            "--model",
+            MODEL,
+            "--out",
+            str(out),
+        ]
+    )
     assert "of the arm's length" in capsys.readouterr().out
     assert (out / "results.json").exists()
 
 
-def test_its_numbers_come_back_from_recipe_and_strategy_file(recipe, strategy, tmp_path):
+def test_its_numbers_come_back_from_recipe_and_strategy_file(
+    recipe, strategy, tmp_path
+):
     mine = model_named(MODEL)
     networks = load_strategy(strategy)
     assert type(networks.recipe.c2s) is type(load_recipe(recipe).c2s) is mine
@@ -63,8 +95,18 @@ def test_its_numbers_come_back_from_recipe_and_strategy_file(recipe, strategy, t
 def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
     """In a process of its own, since this one has asked for the model before."""
     code = "import sys; from s2c2a.cli.main import main; main(sys.argv[1:])"
-    command = [sys.executable, "-c", code, "run", str(waypoints(tmp_path)), "--weights", str(strategy)]
-    done = subprocess.run(command, cwd=EXAMPLE.parent, capture_output=True, text=True, check=False)
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "run",
+        str(waypoints(tmp_path)),
+        "--weights",
+        str(strategy),
+    ]
+    done = subprocess.run(
+        command, cwd=EXAMPLE.parent, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2
     assert "'own_model:ArcsOptions'" in done.stderr
     assert "--model" in done.stderr
@@ -72,7 +114,11 @@ def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [({"hidden": "many"}, "hidden"), ({"layers": 2}, "layers"), ({"model": f"{EXAMPLE}:Nothing"}, "Nothing")],
+    [
+        ({"hidden": "many"}, "hidden"),
+        ({"layers": 2}, "layers"),
+        ({"model": f"{EXAMPLE}:Nothing"}, "Nothing"),
+    ],
 )
 def test_numbers_that_it_does_not_have_are_refused(recipe, tmp_path, change, said):
     table = {"c2s": {"model": MODEL} | change, "c2a": {"layers": 1, "hidden": 4}}
@@ -81,14 +127,21 @@ def test_numbers_that_it_does_not_have_are_refused(recipe, tmp_path, change, sai
         load_recipe(tmp_path / "wrong.toml")
 
 
-def test_networks_trained_with_other_code_are_not_taken_for_those_of_this_one(tmp_path, monkeypatch):
+def test_networks_trained_with_other_code_are_not_taken_for_those_of_this_one(
+    tmp_path, monkeypatch
+):
     """What is kept goes by all that it depends on; a user changes his file more often than its numbers."""
     monkeypatch.syspath_prepend(tmp_path)
     recipes = []
     for name in ("first_model", "second_model"):
         file = tmp_path / f"{name}.py"
         file.write_text(EXAMPLE.read_text() + f"# {name}\n")
-        recipes.append(replace(recipe_named("paper"), c2s=model_named(f"{file}:ArcsOptions")(model="mine")))
+        recipes.append(
+            replace(
+                recipe_named("paper"),
+                c2s=model_named(f"{file}:ArcsOptions")(model="mine"),
+            )
+        )
     assert recipes[0].training != recipes[1].training
 
 

@@ -11,7 +11,11 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import PCCForwardModel, bends_from_configurations, states_from_configurations
+from s2c2a.kinematics import (
+    PCCForwardModel,
+    bends_from_configurations,
+    states_from_configurations,
+)
 from s2c2a.planning import Goal, Planner
 from s2c2a.strategies import (
     load_recipe,
@@ -28,18 +32,37 @@ TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
-@pytest.mark.parametrize(("example", "name"), [("own_term", "ElbowHigh"), ("own_solver", "Descent")])
-def test_an_example_takes_no_more_than_sixty_lines_and_runs_from_the_command_line(example, name, tmp_path, monkeypatch):
-    text, recipe_text = ((EXTENDING / f"{example}.{ending}").read_text() for ending in ("py", "toml"))
+@pytest.mark.parametrize(
+    ("example", "name"), [("own_term", "ElbowHigh"), ("own_solver", "Descent")]
+)
+def test_an_example_takes_no_more_than_sixty_lines_and_runs_from_the_command_line(
+    example, name, tmp_path, monkeypatch
+):
+    text, recipe_text = (
+        (EXTENDING / f"{example}.{ending}").read_text() for ending in ("py", "toml")
+    )
     assert len(text.splitlines()) <= 60
     assert indent(recipe_text, "    ") in text
     monkeypatch.chdir(tmp_path)
     waypoints, recipe = tmp_path / "short.csv", EXTENDING / f"{example}.toml"
     waypoints.write_text("time,x,y,z\n0.5,0.05,0.0,0.59\n1.5,0.1,0.05,0.57\n")
-    main(["run", str(waypoints), "--strategy", "pcc", "--recipe", str(recipe), "--out", "out"])
+    main(
+        [
+            "run",
+            str(waypoints),
+            "--strategy",
+            "pcc",
+            "--recipe",
+            str(recipe),
+            "--out",
+            "out",
+        ]
+    )
     rows = json.loads(Path("out/results.json").read_text())
     assert rows[0]["mean"] < 6.0
-    assert name in json.dumps(json.loads(Path("out/options.json").read_text())["options"]["recipe"])
+    assert name in json.dumps(
+        json.loads(Path("out/options.json").read_text())["options"]["recipe"]
+    )
 
 
 def drive(options, goal, steps=40):
@@ -48,12 +71,19 @@ def drive(options, goal, steps=40):
     plan = planner.start(STRAIGHT)
     for _ in range(steps):
         plan = planner.plan(plan, plan.configurations, goal)
-    states = states_from_configurations(plan.configurations, PCCForwardModel.of(TWIN).lengths)
-    return np.asarray(bends_from_configurations(plan.configurations)), np.asarray(states)
+    states = states_from_configurations(
+        plan.configurations, PCCForwardModel.of(TWIN).lengths
+    )
+    return np.asarray(bends_from_configurations(plan.configurations)), np.asarray(
+        states
+    )
 
 
 def test_the_term_keeps_the_elbow_high_and_the_solver_reaches_the_target():
-    goal, best = Goal.of(3).with_position([0.3, 0.0, 0.42]), recipe_named("best").planner
+    goal, best = (
+        Goal.of(3).with_position([0.3, 0.0, 0.42]),
+        recipe_named("best").planner,
+    )
     before = drive(best, goal)[1]
     with_term = drive(load_recipe(EXTENDING / "own_term.toml").planner, goal)[1]
     assert with_term[1, 2] > before[1, 2] + 0.01
@@ -65,16 +95,23 @@ def test_a_recipe_with_parts_of_ones_own_comes_back_from_its_file(tmp_path):
     recipe = load_recipe(EXTENDING / "own_term.toml")
     assert recipe.training == recipe_named("best").training
     assert recipe.planner.terms[:-1] == recipe_named("best").planner.terms
-    assert load_recipe(save_recipe(recipe, tmp_path / "again.toml")).planner == recipe.planner
+    assert (
+        load_recipe(save_recipe(recipe, tmp_path / "again.toml")).planner
+        == recipe.planner
+    )
 
 
 def test_a_strategy_file_names_no_code(tiny_best_networks, tiny_best_recipe, tmp_path):
     """A stranger's could: it loads, says so when it shall plan, and plans with a recipe of the user's."""
-    own = replace(tiny_best_recipe, planner=load_recipe(EXTENDING / "own_term.toml").planner)
+    own = replace(
+        tiny_best_recipe, planner=load_recipe(EXTENDING / "own_term.toml").planner
+    )
     save_strategy(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
     loaded = load_strategy(tmp_path / "own.safetensors", TWIN)
     assert loaded.recipe.planner == own.planner
-    with pytest.raises(S2C2AError, match="is code, which a strategy file cannot ask for"):
+    with pytest.raises(
+        S2C2AError, match="is code, which a strategy file cannot ask for"
+    ):
         s2c2a_strategy(loaded)
     assert planning_as(loaded, own).recipe.planner.made()[1][-1].height == 0.42
 
@@ -87,16 +124,30 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
     [
         ("nowhere.py:Thing", "", "no file"),
         ("Evennes", "", "no term 'Evennes'; choose one of Positions, Axes"),
-        ("own_term.py:ElbowHigh", "parameters = { hight = 0.3 }", "cannot be built from .*hight"),
-        ("own_term.py:ElbowHigh", "parameters = { height = nan }", "no finite number at planner.terms.8.parameters"),
-        ("own_term.py:ElbowHigh", "parameters = { height = -1.0 }", "-1.0 height asked for"),
+        (
+            "own_term.py:ElbowHigh",
+            "parameters = { hight = 0.3 }",
+            "cannot be built from .*hight",
+        ),
+        (
+            "own_term.py:ElbowHigh",
+            "parameters = { height = nan }",
+            "no finite number at planner.terms.8.parameters",
+        ),
+        (
+            "own_term.py:ElbowHigh",
+            "parameters = { height = -1.0 }",
+            "-1.0 height asked for",
+        ),
         ("own_term.py:ElbowHigh", "height = 0.3", "height"),
         ("own_solver.py:Descent", "", "is no term"),
         ("Evenness", "wieght = 0.3", "wieght"),
         ("Evenness", "weight = nan", "nan weight asked for"),
     ],
 )
-def test_what_cannot_be_a_part_is_refused_when_the_recipe_is_read(name, parameters, said, tmp_path):
+def test_what_cannot_be_a_part_is_refused_when_the_recipe_is_read(
+    name, parameters, said, tmp_path
+):
     for file in EXTENDING.glob("*.py"):
         (tmp_path / f"{file.stem}.py").symlink_to(file)
     (tmp_path / "mine.toml").write_text(RECIPE.format(name, parameters))

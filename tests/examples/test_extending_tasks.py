@@ -15,7 +15,16 @@ OWN = Path(__file__).parents[2] / "examples" / "extending" / "own_task.py"
 
 def test_a_task_in_a_file_of_the_users_is_run_and_scored_as_it_asks(tmp_path):
     assert len(OWN.read_text().splitlines()) <= 60
-    main(["run", f"{OWN}:figure_of_eight", "--strategy", "pcc", "--out", str(tmp_path / "run")])
+    main(
+        [
+            "run",
+            f"{OWN}:figure_of_eight",
+            "--strategy",
+            "pcc",
+            "--out",
+            str(tmp_path / "run"),
+        ]
+    )
     rows = json.loads((tmp_path / "run" / "results.json").read_text())
     assert [(row["task"], row["strategy"], row["metric"]) for row in rows] == [
         ("eight", "pcc", "position"),
@@ -35,6 +44,8 @@ def test_a_task_in_a_file_of_the_users_is_run_and_scored_as_it_asks(tmp_path):
 )
 def test_a_file_without_a_task_is_told_as_our_error(function, said, tmp_path):
     file = tmp_path / f"odd_{function}.py"  # a module is imported once by its name
-    file.write_text("def fails(arm):\n    raise ValueError('half done')\n\n\ndef makes_a_number(arm):\n    return 3\n")
+    file.write_text(
+        "def fails(arm):\n    raise ValueError('half done')\n\n\ndef makes_a_number(arm):\n    return 3\n"
+    )
     with pytest.raises(TargetError, match=said):
         task_named(f"{file}:{function}", load_arm("twin_arm"))

@@ -2,8 +2,9 @@
 
     python tests/hostile/damaged_files.py --count 20000
 
-Each file is read in a child process that has little time and memory; one child reads many. It prints a table, and exits
-with 1 if any was read wrongly. The same seed damages the same bytes.
+Each file is read in a child process that has little time and memory; one child reads
+many. It prints a table, and exits with 1 if any was read wrongly. The same seed damages
+the same bytes.
 """
 
 import argparse
@@ -25,7 +26,8 @@ from pathlib import Path
 
 import numpy as np
 
-SECONDS, MEMORY, MOST_RESIDENT = 20, 1_200_000_000, 1_500_000_000  # a file; bytes beyond the start; bytes in all
+# a file; bytes beyond the start; bytes in all
+SECONDS, MEMORY, MOST_RESIDENT = 20, 1_200_000_000, 1_500_000_000
 GOOD = ("unchanged", "our error")
 BAD = ("changed", "foreign", "hang", "crash", "memory")
 COLUMNS = (*GOOD[:1], "cut short", "another file", *GOOD[1:], *BAD)
@@ -41,7 +43,8 @@ LINKS = ["/etc/passwd", "/dev/zero", "/dev/full", "/etc", "/proc/self/mem", "now
 class Format:
     """A kind of file: valid ones, how one is read, and whether it is bound by a digest.
 
-    `read` says what was read as words, one for each part that may be missing at the end of a file that grows.
+    `read` says what was read as words, one for each part that may be missing at the end
+    of a file that grows.
     """
 
     name: str
@@ -84,7 +87,12 @@ def _episodes(whole: bool):
             writer.append(episode)
         writer.close()
 
-    return [_saved((lambda path: save_episodes(every, path, {"seed": 3})) if whole else grow, "x.episodes")]
+    return [
+        _saved(
+            (lambda path: save_episodes(every, path, {"seed": 3})) if whole else grow,
+            "x.episodes",
+        )
+    ]
 
 
 def _read_recording(path: Path) -> list[str]:
@@ -92,7 +100,11 @@ def _read_recording(path: Path) -> list[str]:
 
     made = load_recording(path)
     return [_said(made.arm, made.options)] + [
-        _said(one.options, *(part for item in sorted(one.columns.items()) for part in item)) for one in made.episodes
+        _said(
+            one.options,
+            *(part for item in sorted(one.columns.items()) for part in item),
+        )
+        for one in made.episodes
     ]
 
 
@@ -135,7 +147,10 @@ def _read_arm(path: Path) -> list[str]:
 def _recipes() -> list[bytes]:
     from s2c2a.strategies import RECIPES, save_recipe
 
-    return [_saved(lambda path, recipe=recipe: save_recipe(recipe, path), "x.toml") for recipe in RECIPES.values()]
+    return [
+        _saved(lambda path, recipe=recipe: save_recipe(recipe, path), "x.toml")
+        for recipe in RECIPES.values()
+    ]
 
 
 def _read_recipe(path: Path) -> list[str]:
@@ -158,7 +173,11 @@ def _read_strategy(path: Path) -> list[str]:
 
     made = load_strategy(path)
     networks = made.networks if hasattr(made, "networks") else (made.c2s, made.c2a)
-    arrays = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(networks) if hasattr(leaf, "shape")]
+    arrays = [
+        np.asarray(leaf)
+        for leaf in jax.tree_util.tree_leaves(networks)
+        if hasattr(leaf, "shape")
+    ]
     return [_said(made.arm, made.recipe, made.seed, dict(made.percent), *arrays)]
 
 
@@ -174,12 +193,17 @@ def _sealed_strategy(parts: list[bytes]) -> bytes:
     if not (found := re.search(rb'"digest":"([0-9a-f]{64})"', content)):
         return content
     blank = content.replace(found[1], b"0" * 64, 1)
-    return content.replace(found[1], hashlib.blake2b(blank, digest_size=32).hexdigest().encode(), 1)
+    return content.replace(
+        found[1], hashlib.blake2b(blank, digest_size=32).hexdigest().encode(), 1
+    )
 
 
 def _tables() -> list[bytes]:
     rows = "".join(f"{t},{0.01 * t},0.1,0.5,0,{t},1,{t % 2}\n" for t in range(1, 30))
-    return [f"time,x,y,z,axis_x,axis_y,axis_z,module\n{rows}".encode(), b"time,x,y,z\n0,0,0,0.6\n1,0.1,0,0.58\n"]
+    return [
+        f"time,x,y,z,axis_x,axis_y,axis_z,module\n{rows}".encode(),
+        b"time,x,y,z\n0,0,0,0.6\n1,0.1,0,0.58\n",
+    ]
 
 
 def _read_table(path: Path) -> list[str]:
@@ -189,14 +213,24 @@ def _read_table(path: Path) -> list[str]:
     tracks, arm = load_waypoints(path), load_arm("twin_arm")
     task = waypoints_task("x", tracks, arm)
     assert all(np.isfinite(part).all() for part in task.goals[-1])
-    return [_said(*((track.module, track.times, track.positions, track.axes) for track in tracks))]
+    return [
+        _said(
+            *(
+                (track.module, track.times, track.positions, track.axes)
+                for track in tracks
+            )
+        )
+    ]
 
 
 def _results() -> list[bytes]:
     from s2c2a.evaluation.report import Row, save_rows
 
     names = {name: name for name in list(Row.__dataclass_fields__)[:8]}
-    rows = [Row(**names, mean=mean, std_steps=0.5, seeds=(0, 1, 2)) for mean in (1.5, float("inf"), -2.25)]
+    rows = [
+        Row(**names, mean=mean, std_steps=0.5, seeds=(0, 1, 2))
+        for mean in (1.5, float("inf"), -2.25)
+    ]
     return [_saved(lambda path: save_rows(rows, path), "results.json")]
 
 
@@ -230,10 +264,28 @@ FORMATS = {
     one.name: one
     for one in (
         Format("saved.episodes", lambda: _episodes(True), _read_recording, digest=True),
-        Format("growing.episodes", lambda: _episodes(False), _read_recording, digest=True, grows=True),
-        Format("sealed.episodes", lambda: _episodes(True), _read_recording, sealed=_sealed, opened=_opened),
+        Format(
+            "growing.episodes",
+            lambda: _episodes(False),
+            _read_recording,
+            digest=True,
+            grows=True,
+        ),
+        Format(
+            "sealed.episodes",
+            lambda: _episodes(True),
+            _read_recording,
+            sealed=_sealed,
+            opened=_opened,
+        ),
         Format("strategy.safetensors", _strategies, _read_strategy, digest=True),
-        Format("sealed.safetensors", _strategies, _read_strategy, sealed=_sealed_strategy, opened=_opened_strategy),
+        Format(
+            "sealed.safetensors",
+            _strategies,
+            _read_strategy,
+            sealed=_sealed_strategy,
+            opened=_opened_strategy,
+        ),
         Format("arm.toml", _arms, _read_arm),
         Format("recipe.toml", _recipes, _read_recipe),
         Format("waypoints.csv", _tables, _read_table),
@@ -268,7 +320,11 @@ def _run(content, random) -> bytes:
 
 def _cut(content, random) -> bytes:
     begin, end = sorted((_place(content, random), _place(content, random)))
-    return bytes([content[:begin], content[:begin] + content[end:], content[begin:]][random.integers(3)])
+    return bytes(
+        [content[:begin], content[:begin] + content[end:], content[begin:]][
+            random.integers(3)
+        ]
+    )
 
 
 def _insert(content, random) -> bytes:
@@ -278,7 +334,9 @@ def _insert(content, random) -> bytes:
 
 def _twice_or_swapped(content, random) -> bytes:
     """Blocks between two marks of the form, or lines, or anything."""
-    mark = [b"S2C2A\n", b"\n", bytes(content[_place(content, random) :][:2])][random.integers(3)]
+    mark = [b"S2C2A\n", b"\n", bytes(content[_place(content, random) :][:2])][
+        random.integers(3)
+    ]
     parts = bytes(content).split(mark) if mark else [bytes(content)]
     one, two = random.integers(len(parts), size=2)
     if random.integers(2):
@@ -290,19 +348,31 @@ def _twice_or_swapped(content, random) -> bytes:
 
 def _length(content, random) -> bytes:
     """A giant length where one stands, or anywhere."""
-    marks = [0, *(found.end() for found in re.finditer(b"S2C2A\n", content)), _place(content, random)]
+    marks = [
+        0,
+        *(found.end() for found in re.finditer(b"S2C2A\n", content)),
+        _place(content, random),
+    ]
     begin = marks[random.integers(len(marks))]
-    giant = [2**64 - 1, 2**63, 2**40, 5 * 10**9, 2**31, len(content)][random.integers(6)]
+    giant = [2**64 - 1, 2**63, 2**40, 5 * 10**9, 2**31, len(content)][
+        random.integers(6)
+    ]
     return bytes(content[:begin] + giant.to_bytes(8, "little") + content[begin + 8 :])
 
 
 def _value(content, random) -> bytes:
     """A number or a word where another stood."""
-    found = list(re.finditer(rb'-?\d[\d.eE+-]*|"[^"\n]{0,200}"|[A-Za-z_]{3,}', content[:200_000]))
+    found = list(
+        re.finditer(rb'-?\d[\d.eE+-]*|"[^"\n]{0,200}"|[A-Za-z_]{3,}', content[:200_000])
+    )
     if not found:
         return bytes(content)
     one = found[random.integers(len(found))]
-    return bytes(content[: one.start()] + NASTY[random.integers(len(NASTY))] + content[one.end() :])
+    return bytes(
+        content[: one.start()]
+        + NASTY[random.integers(len(NASTY))]
+        + content[one.end() :]
+    )
 
 
 def _header(content: bytes, random) -> bytes:
@@ -310,13 +380,28 @@ def _header(content: bytes, random) -> bytes:
     count = int.from_bytes(content[:8], "little")
     header, numbers = content[8 : 8 + count], content[8 + count :]
     if random.integers(4):
-        header = _value(bytearray(header), random) if random.integers(4) else damaged(header, random)
+        header = (
+            _value(bytearray(header), random)
+            if random.integers(4)
+            else damaged(header, random)
+        )
     else:
         numbers = damaged(numbers, random)
     return len(header).to_bytes(8, "little") + header + numbers
 
 
-DAMAGES = (_flip, _run, _cut, _insert, _twice_or_swapped, _length, _value, _value, _value, _value)
+DAMAGES = (
+    _flip,
+    _run,
+    _cut,
+    _insert,
+    _twice_or_swapped,
+    _length,
+    _value,
+    _value,
+    _value,
+    _value,
+)
 
 
 def make(form: Format, number: int, samples: list[bytes], path: Path) -> int:
@@ -371,12 +456,19 @@ def child(form: Format, folder: Path) -> None:
         signal.alarm(0)
         after = resource.getrusage(resource.RUSAGE_SELF)
         answer = {"outcome": outcome, "told": told, "resident": most_resident()}
-        print(json.dumps(answer | {"seconds": after.ru_utime - before.ru_utime}), flush=True)
+        print(
+            json.dumps(answer | {"seconds": after.ru_utime - before.ru_utime}),
+            flush=True,
+        )
 
 
 def most_resident() -> int:
     """The most memory that this program took [bytes]; `getrusage` would count that of who started it, too."""
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    line = next(
+        line
+        for line in Path("/proc/self/status").read_text().splitlines()
+        if line.startswith("VmHWM")
+    )
     return 1024 * int(line.split()[1])
 
 
@@ -384,15 +476,29 @@ class Reader:
     """A child that reads one format, born again whenever it dies."""
 
     def __init__(self, name: str, folder: Path):
-        self.command = [sys.executable, __file__, "--child", name, "--folder", str(folder)]
+        self.command = [
+            sys.executable,
+            __file__,
+            "--child",
+            name,
+            "--folder",
+            str(folder),
+        ]
         self.child: subprocess.Popen | None = None
 
     def read(self, number: int) -> dict:
         """How the file of this number ended."""
         if self.child is None:
-            environment = os.environ | {"JAX_PLATFORMS": "cpu", "PYTHONWARNINGS": "ignore"}
+            environment = os.environ | {
+                "JAX_PLATFORMS": "cpu",
+                "PYTHONWARNINGS": "ignore",
+            }
             self.child = subprocess.Popen(
-                self.command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+                self.command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env=environment,
             )
             assert self.child.stdout.readline() == "ready\n"
         self.child.stdin.write(f"{number}\n")
@@ -411,13 +517,18 @@ class Reader:
         return code
 
 
-def read_all(name: str, numbers: range, folder: Path) -> tuple[Counter, list[tuple[int, dict]], float, int]:
+def read_all(
+    name: str, numbers: range, folder: Path
+) -> tuple[Counter, list[tuple[int, dict]], float, int]:
     """How often each ending came, the bad ones, the slowest [s], and the most memory [bytes]."""
     reader, counts, bad, slowest, resident = Reader(name, folder), Counter(), [], 0.0, 0
     for number in numbers:
         answer = reader.read(number)
         counts[answer["outcome"]] += 1
-        slowest, resident = max(slowest, answer["seconds"]), max(resident, answer["resident"])
+        slowest, resident = (
+            max(slowest, answer["seconds"]),
+            max(resident, answer["resident"]),
+        )
         if answer["outcome"] in BAD or answer["resident"] > MOST_RESIDENT:
             bad.append((number, answer))
     if reader.child:
@@ -428,8 +539,15 @@ def read_all(name: str, numbers: range, folder: Path) -> tuple[Counter, list[tup
 def main() -> int:
     """Read that many, and print the table."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=900, help="of all formats together")
-    parser.add_argument("--first", type=int, default=0, help="number of the first file: another one, other damage")
+    parser.add_argument(
+        "--count", type=int, default=900, help="of all formats together"
+    )
+    parser.add_argument(
+        "--first",
+        type=int,
+        default=0,
+        help="number of the first file: another one, other damage",
+    )
     parser.add_argument("--formats", nargs="*", default=list(FORMATS))
     parser.add_argument("--child")
     parser.add_argument("--folder", type=Path)
@@ -438,7 +556,9 @@ def main() -> int:
         child(FORMATS[asked.child], asked.folder)
         return 0
     each, wrong, total = -(-asked.count // len(asked.formats)), [], Counter()
-    print("| format | files | " + " | ".join(COLUMNS) + " | slowest [s] | memory [MB] |")
+    print(
+        "| format | files | " + " | ".join(COLUMNS) + " | slowest [s] | memory [MB] |"
+    )
     print("| --- " * (len(COLUMNS) + 4) + "|")
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
@@ -448,8 +568,15 @@ def main() -> int:
             total += counts
             wrong += [(name, *one) for one in bad]
             cells = " | ".join(str(counts[column]) for column in COLUMNS)
-            print(f"| {name} | {each} | {cells} | {slowest:.2f} | {resident / 1e6:.0f} |", flush=True)
-    print(f"| all | {total.total()} | " + " | ".join(str(total[column]) for column in COLUMNS) + " | | |")
+            print(
+                f"| {name} | {each} | {cells} | {slowest:.2f} | {resident / 1e6:.0f} |",
+                flush=True,
+            )
+    print(
+        f"| all | {total.total()} | "
+        + " | ".join(str(total[column]) for column in COLUMNS)
+        + " | | |"
+    )
     print(f"\n{time.monotonic() - begin:.0f} s")
     for one in wrong[:40]:
         print(*one)

@@ -5,8 +5,12 @@ from damaged_files import BAD, FORMATS, MOST_RESIDENT, read_all
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_no_damaged_file_is_read_wrongly_or_ends_otherwise_than_in_an_error_of_the_package(name, tmp_path):
-    counts, bad, slowest, resident = read_all(name, range(1_000_000, 1_000_150), tmp_path)
+def test_no_damaged_file_is_read_wrongly_or_ends_otherwise_than_in_an_error_of_the_package(
+    name, tmp_path
+):
+    counts, bad, slowest, resident = read_all(
+        name, range(1_000_000, 1_000_150), tmp_path
+    )
     assert counts.total() == 150
     assert not any(counts[ending] for ending in BAD), bad
     assert slowest < 10

@@ -62,11 +62,15 @@ def assert_same(one, two) -> None:
 
 
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.999])
-def test_collecting_onto_a_full_disk_keeps_what_is_whole_and_goes_on_to_the_same_file(gather, only, tmp_path, part):
+def test_collecting_onto_a_full_disk_keeps_what_is_whole_and_goes_on_to_the_same_file(
+    gather, only, tmp_path, part
+):
     gather(tmp_path / "whole.episodes")
     room = int(part * (tmp_path / "whole.episodes").stat().st_size)
     only(room)
-    with pytest.raises(RecordingError, match=r"could not be written.*whole ones are kept.*--resume"):
+    with pytest.raises(
+        RecordingError, match=r"could not be written.*whole ones are kept.*--resume"
+    ):
         gather(tmp_path / "full.episodes")
     kept = load_recording(tmp_path / "full.episodes")
     assert 1 <= len(kept.episodes) < 5
@@ -84,7 +88,9 @@ def little_disk(tmp_path):
     """A disk of 64 kB."""
     place = tmp_path / "disk"
     place.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", place], capture_output=True).returncode:
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", place], capture_output=True
+    ).returncode:
         pytest.skip("only root may mount a disk")
     yield place
     subprocess.run(["umount", place], check=True)
@@ -94,7 +100,9 @@ def test_the_same_on_a_disk_that_is_really_full(gather, little_disk, tmp_path):
     gather(tmp_path / "whole.episodes")
     filler = little_disk / "filler"
     filler.write_bytes(bytes(48 * 1024))
-    with pytest.raises(RecordingError, match=r"No space left on device.*whole ones are kept"):
+    with pytest.raises(
+        RecordingError, match=r"No space left on device.*whole ones are kept"
+    ):
         gather(little_disk / "full.episodes")
     filler.unlink()
     gather(little_disk / "full.episodes", resume=True)
@@ -116,7 +124,10 @@ def test_nothing_is_left_of_a_file_that_had_no_room(gather, only, tmp_path):
     with pytest.raises(RecordingError, match="cannot write"):
         gather(tmp_path / "new.episodes")
     assert (tmp_path / "there.json").read_text() == "before"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.episodes", "there.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "one.episodes",
+        "there.json",
+    ]
 
 
 def gather_path(gather, folder):
@@ -125,9 +136,13 @@ def gather_path(gather, folder):
     return folder / "one.episodes"
 
 
-def test_killed_in_the_middle_of_collecting_it_goes_on_to_the_same_file(gather, tmp_path):
+def test_killed_in_the_middle_of_collecting_it_goes_on_to_the_same_file(
+    gather, tmp_path
+):
     path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
-    running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
+    )
     for _ in range(random.integers(3, 9)):
         running.stdout.readline()
     time.sleep(random.uniform(0.0, 0.03))

@@ -16,7 +16,11 @@ from s2c2a.runtime.stages import Patience
 from s2c2a.tasks import Waypoints, waypoints_task
 
 TWIN = load_arm("twin_arm")
-NUMBERS = st.floats() | st.integers() | st.sampled_from([10**400, -(10**400), 1e308, 2**63, True])
+NUMBERS = (
+    st.floats()
+    | st.integers()
+    | st.sampled_from([10**400, -(10**400), 1e308, 2**63, True])
+)
 VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size=3)
 
 
@@ -24,7 +28,9 @@ VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size
 @example(float("nan"), 1, 0)
 @example(1, float("inf"), 0)
 @example(1, 1, float("nan"))
-def test_options_of_collecting_are_whole_and_bounded_or_refused(episodes, samples, seed):
+def test_options_of_collecting_are_whole_and_bounded_or_refused(
+    episodes, samples, seed
+):
     with contextlib.suppress(RecordingError):
         options = CollectOptions(episodes=episodes, samples=samples, seed=seed)
         assert 1 <= options.episodes <= 100_000
@@ -56,16 +62,32 @@ def test_obstacles_are_finite_and_bounded_or_refused(centres, thresholds, weight
         assert all((np.abs(part) <= 1e6).all() for part in goal)
 
 
-@given(st.lists(st.floats(), min_size=1, max_size=4), st.floats(), st.floats(), st.integers())
+@given(
+    st.lists(st.floats(), min_size=1, max_size=4),
+    st.floats(),
+    st.floats(),
+    st.integers(),
+)
 @example([1.0], 1e308, 1.0, -1)
 @example([1.0], 1e30, 0.0, -1)
 @example([float("nan")], 0.0, 1.0, -1)
 def test_waypoints_make_finite_goals_or_are_refused(times, position, axis, module):
     count = len(times)
-    track = Waypoints(module, np.array(times), np.full((count, 3), position), np.full((count, 3), axis))
+    track = Waypoints(
+        module,
+        np.array(times),
+        np.full((count, 3), position),
+        np.full((count, 3), axis),
+    )
     with contextlib.suppress(TargetError):
-        task = waypoints_task("mine", [track], TWIN.model_copy(update={"control_rate": 0.5}))
-        assert all((np.abs(part) <= 1e6).all() for goal in (task.goals[0], task.goals[-1]) for part in goal)
+        task = waypoints_task(
+            "mine", [track], TWIN.model_copy(update={"control_rate": 0.5})
+        )
+        assert all(
+            (np.abs(part) <= 1e6).all()
+            for goal in (task.goals[0], task.goals[-1])
+            for part in goal
+        )
 
 
 @given(NUMBERS, NUMBERS)

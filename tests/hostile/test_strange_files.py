@@ -12,7 +12,14 @@ from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
 from s2c2a.episodes.blocks import write_block
-from s2c2a.errors import ArmError, DamagedRecordingError, RecordingError, S2C2AError, StrategyError, TargetError
+from s2c2a.errors import (
+    ArmError,
+    DamagedRecordingError,
+    RecordingError,
+    S2C2AError,
+    StrategyError,
+    TargetError,
+)
 from s2c2a.evaluation.report import load_rows
 from s2c2a.files import holds, save_whole
 from s2c2a.robots.simulation import SimulatedRobot
@@ -36,7 +43,13 @@ def recorded(tmp_path):
 
     def run(name, **changes):
         options = CollectOptions(episodes=2, samples=5)
-        return collect(tmp_path / name, TWIN, lambda seed: SimulatedRobot(TWIN, seed=seed), options, **changes)
+        return collect(
+            tmp_path / name,
+            TWIN,
+            lambda seed: SimulatedRobot(TWIN, seed=seed),
+            options,
+            **changes,
+        )
 
     return run
 
@@ -47,7 +60,9 @@ def episode():
     return Episode(TWIN, {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))})
 
 
-def test_overwriting_a_link_replaces_the_link_and_leaves_what_it_names(recorded, tmp_path):
+def test_overwriting_a_link_replaces_the_link_and_leaves_what_it_names(
+    recorded, tmp_path
+):
     (tmp_path / "mine").write_text("of value")
     (tmp_path / "x.episodes").symlink_to("mine")
     with pytest.raises(RecordingError, match="exists"):
@@ -63,13 +78,17 @@ def test_nothing_is_resumed_through_a_link(recorded, tmp_path, mine):
     (tmp_path / "mine.txt").write_text("of value")
     before = (tmp_path / mine).read_bytes()
     (tmp_path / "x.episodes").symlink_to(mine)
-    with pytest.raises(RecordingError, match="is a link, and nothing is written through links"):
+    with pytest.raises(
+        RecordingError, match="is a link, and nothing is written through links"
+    ):
         recorded("x.episodes", resume=True)
     assert (tmp_path / mine).read_bytes() == before
 
 
 @pytest.mark.parametrize("name", READERS)
-@pytest.mark.parametrize("target", ["/etc/passwd", "/dev/zero", "/proc/self/mem", "/etc", "nowhere"])
+@pytest.mark.parametrize(
+    "target", ["/etc/passwd", "/dev/zero", "/proc/self/mem", "/etc", "nowhere"]
+)
 def test_a_link_to_something_else_is_refused_by_every_reader(tmp_path, name, target):
     (tmp_path / name).symlink_to(target)
     with pytest.raises(S2C2AError):
@@ -105,7 +124,9 @@ def test_files_of_gigabytes_are_refused_before_they_are_read(tmp_path):
         path.write_bytes(b"S2C2A\n" if path.suffix == ".episodes" else b"")
         os.truncate(path, 5_000_000_000)
     command = [sys.executable, "-c", BOMBS, os.path.dirname(__file__), *map(str, paths)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    said = subprocess.run(
+        command, capture_output=True, text=True, check=True
+    ).stdout.split()
     assert said[:-2] == ["refused"] * len(READERS)
     assert int(said[-2]) < 1500  # MB
     assert float(said[-1]) < 20  # s
@@ -125,8 +146,12 @@ def test_a_block_that_says_it_has_gigabytes_is_refused(tmp_path):
 def test_what_could_not_be_read_again_is_not_written(tmp_path, episode, monkeypatch):
     writer = EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {})
     writer.append(episode)
-    monkeypatch.setattr("s2c2a.episodes.blocks.MOST_BYTES", (tmp_path / "x.episodes").stat().st_size)
-    with pytest.raises(RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"):
+    monkeypatch.setattr(
+        "s2c2a.episodes.blocks.MOST_BYTES", (tmp_path / "x.episodes").stat().st_size
+    )
+    with pytest.raises(
+        RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"
+    ):
         writer.append(episode)
     writer.close()
     assert len(load_recording(tmp_path / "x.episodes").episodes) == 1
@@ -134,11 +159,16 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path, episode, monkeypa
         save_episodes([episode] * 9, tmp_path / "y.episodes")
 
 
-@pytest.mark.parametrize("kind", ["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?", ">f8"])
+@pytest.mark.parametrize(
+    "kind",
+    ["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?", ">f8"],
+)
 def test_numbers_of_every_kind_come_back(tmp_path, episode, kind):
     columns = {**episode.columns, "sensor.mine": np.array([0, 1, 1, 0], kind)}
     save_episodes([Episode(TWIN, columns)], tmp_path / "x.episodes")
-    np.testing.assert_array_equal(load_recording(tmp_path / "x.episodes").sensor("mine")[0], [0, 1, 1, 0])
+    np.testing.assert_array_equal(
+        load_recording(tmp_path / "x.episodes").sensor("mine")[0], [0, 1, 1, 0]
+    )
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "\udc80", {(1, 2): 3}])
@@ -167,7 +197,10 @@ def test_toml_made_to_harm_is_refused_soon(tmp_path, text):
 
 def test_many_waypoints_take_seconds(tmp_path, monkeypatch):
     path = tmp_path / "long.csv"
-    path.write_text("time,x,y,z\n" + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 200_001)))
+    path.write_text(
+        "time,x,y,z\n"
+        + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 200_001))
+    )
     before = time.process_time()
     tracks = load_waypoints(path)
     assert len(waypoints_task("long", tracks, TWIN).goals) == 100_000
@@ -179,6 +212,9 @@ def test_many_waypoints_take_seconds(tmp_path, monkeypatch):
 
 def test_a_table_of_a_module_a_line_is_refused_soon(tmp_path):
     path = tmp_path / "many.csv"
-    path.write_text("time,x,y,z,module\n" + "".join(f"1,0,0,0.6,{module}\n" for module in range(50_000)))
+    path.write_text(
+        "time,x,y,z,module\n"
+        + "".join(f"1,0,0,0.6,{module}\n" for module in range(50_000))
+    )
     with pytest.raises(TargetError, match="names 50000 modules; an arm has at most 20"):
         load_waypoints(path)

@@ -58,10 +58,17 @@ def truth(start):
 def fit(start, truth):
     """The described arm fitted to what the drawn one did."""
     unknowns = unknowns_of(start, GROUPS)
-    return identify(start, unknowns, [recorded(arm_at(start, unknowns, truth))], FitOptions(rounds=8))
+    return identify(
+        start,
+        unknowns,
+        [recorded(arm_at(start, unknowns, truth))],
+        FitOptions(rounds=8),
+    )
 
 
-def test_stiffness_play_and_routing_of_a_drawn_arm_are_found_within_their_errors(fit, truth):
+def test_stiffness_play_and_routing_of_a_drawn_arm_are_found_within_their_errors(
+    fit, truth
+):
     off = (fit.coordinates - truth) / fit.belief.deviations
     assert np.abs(off).max() < 3
     assert np.sqrt(np.mean(off**2)) < 1.5
@@ -82,19 +89,27 @@ def test_the_fitted_file_is_that_arm_with_an_uncertainty_beside_each_number(fit)
     assert arm_from_toml(text) == fit.arm
     assert text.startswith("# a remark\n")
     said = [line for line in text.splitlines()[2:] if "  # " in line]
-    assert len(said) == 2 * (1 + 3 + 1 + 1 + 3)  # length, angles, radius, stiffness, play of each cable
+    # length, angles, radius, stiffness, play of each cable
+    assert len(said) == 2 * (1 + 3 + 1 + 1 + 3)
     assert all("+-" in line and "was" in line for line in said)
 
 
 def test_found_numbers_are_those_of_the_file(fit):
     found = {one.name: one.value for one in found_numbers(fit)}
     assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
-    assert found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
+    assert (
+        found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
+    )
 
 
 def test_weight_and_stiffness_that_only_show_together_are_named(make_arm):
     """A tip that rests under its weight alone tells their ratio, not their size."""
-    arm = make_arm(modules=1, actuation="tension", module={"tension_range": 5.0}, gravity_direction=(1.0, 0.0, 0.0))
+    arm = make_arm(
+        modules=1,
+        actuation="tension",
+        module={"tension_range": 5.0},
+        gravity_direction=(1.0, 0.0, 0.0),
+    )
     how = Replay(settling=2.0)
     seen = recorded(arm, 8, how=how, moved=False)
     unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
@@ -109,7 +124,12 @@ def test_a_frame_that_is_off_is_found_and_told(start):
     shifted = np.array(seen["sensor.states"])
     shifted[..., :3] += (0.01, 0.0, -0.02)
     moved = replace(seen, columns={**seen.columns, "sensor.states": shifted})
-    fit = identify(start, unknowns_of(start, ("stiffness",)), [moved], FitOptions(frame=True, rounds=4))
+    fit = identify(
+        start,
+        unknowns_of(start, ("stiffness",)),
+        [moved],
+        FitOptions(frame=True, rounds=4),
+    )
     found = {one.name: one.value for one in found_numbers(fit)}
     assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
     assert found["frame.shift_z"] == pytest.approx(-0.02, abs=0.002)
@@ -117,12 +137,16 @@ def test_a_frame_that_is_off_is_found_and_told(start):
 
 
 def test_directions_have_no_seam(make_arm):
-    arm = make_arm(modules=1, module={"flaws": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}})
+    arm = make_arm(
+        modules=1, module={"flaws": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}}
+    )
     unknowns = unknowns_of(arm, ("rest",))
     flaws = arm_at(arm, unknowns, np.array([0.0, -0.1])).modules[0].flaws
     assert [one.start for one in unknowns] == pytest.approx([-3.0, 0.0], abs=1e-12)
     assert flaws.rest_bend_deg == pytest.approx(np.hypot(3, 0.5))
-    assert flaws.rest_azimuth_deg == pytest.approx(-180 + np.rad2deg(np.arctan2(0.5, 3)))
+    assert flaws.rest_azimuth_deg == pytest.approx(
+        -180 + np.rad2deg(np.arctan2(0.5, 3))
+    )
 
 
 def test_at_zero_coordinates_an_arm_is_what_its_file_says(twin):
@@ -133,14 +157,18 @@ def test_at_zero_coordinates_an_arm_is_what_its_file_says(twin):
 def test_a_body_that_hardly_shortens_is_the_start_where_shortening_is_fitted(twin):
     assert stated_for(twin, ("stiffness",)) == twin
     stated = stated_for(twin, ("shortening",))
-    assert stated.modules[0].flaws.axial_stiffness == pytest.approx(20 * 0.125 / 0.027**2)
+    assert stated.modules[0].flaws.axial_stiffness == pytest.approx(
+        20 * 0.125 / 0.027**2
+    )
     assert len(unknowns_of(stated, ("shortening",))) == 3
     assert stated_for(stated, ("shortening",)) == stated
 
 
 def test_every_fifth_stretch_of_25_rows_and_every_beginning_is_kept_from_the_fit(start):
     kept = held_out([recorded(start, 140), recorded(start, 120)])
-    turns = [list(np.flatnonzero(np.diff(rows.astype(int), prepend=0))) for rows in kept]
+    turns = [
+        list(np.flatnonzero(np.diff(rows.astype(int), prepend=0))) for rows in kept
+    ]
     assert turns == [[0, 1, 100, 125], [0, 1, 85, 110]]
 
 
@@ -154,20 +182,34 @@ def test_shapes_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
 def test_what_was_really_sent_is_replayed_beyond_the_limits_of_the_start(start):
     seen = recorded(start, 30)
     narrow = start.model_copy(
-        update={"modules": tuple(m.model_copy(update={"bend_limit_deg": 5.0}) for m in start.modules)}
+        update={
+            "modules": tuple(
+                m.model_copy(update={"bend_limit_deg": 5.0}) for m in start.modules
+            )
+        }
     )
-    np.testing.assert_allclose(replayed(narrow, [seen], Replay())[0], replayed(start, [seen], Replay())[0])
+    np.testing.assert_allclose(
+        replayed(narrow, [seen], Replay())[0], replayed(start, [seen], Replay())[0]
+    )
 
 
-@pytest.mark.parametrize(("said", "imported"), [("imported log", True), ("staged", False)])
-def test_of_an_imported_recording_the_frame_is_fitted_and_episodes_follow_each_other(start, said, imported):
-    options = options_for(Recording(start, {"babbling": said}, (recorded(start, 5),)), 0.1, 3, "fast")
+@pytest.mark.parametrize(
+    ("said", "imported"), [("imported log", True), ("staged", False)]
+)
+def test_of_an_imported_recording_the_frame_is_fitted_and_episodes_follow_each_other(
+    start, said, imported
+):
+    options = options_for(
+        Recording(start, {"babbling": said}, (recorded(start, 5),)), 0.1, 3, "fast"
+    )
     assert options == FitOptions(Replay(0.1, imported, "fast"), imported, 3)
 
 
 def test_nothing_seen_and_nothing_to_fit_are_refused(start):
     seen = recorded(start, 30)
-    blind = replace(seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)})
+    blind = replace(
+        seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)}
+    )
     with pytest.raises(RecordingError, match="nothing was seen"):
         identify(start, unknowns_of(start, GROUPS), [blind])
     with pytest.raises(S2C2AError, match="choose from stiffness"):

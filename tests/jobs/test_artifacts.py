@@ -10,7 +10,15 @@ from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
-from s2c2a.jobs import Cache, Conditions, NetworksArtifact, RecordingArtifact, jobs_for, made, run_all
+from s2c2a.jobs import (
+    Cache,
+    Conditions,
+    NetworksArtifact,
+    RecordingArtifact,
+    jobs_for,
+    made,
+    run_all,
+)
 from s2c2a.robots import Body
 from s2c2a.strategies import recipe_named
 from s2c2a.tasks import Score, Task
@@ -29,7 +37,10 @@ def cache(tmp_path):
 def test_an_arm_that_nobody_tuned_for_follows_its_circle(cache):
     """One of two modules does so, too (`tests/cli/test_command_line.py`)."""
     arm, best = load_arm(ARMS / "five_cable_arm.toml"), recipe_named("best")
-    quick = {"c2s_fit": replace(best.c2s_fit, most_epochs=10), "c2a_fit": replace(best.c2a_fit, most_epochs=10)}
+    quick = {
+        "c2s_fit": replace(best.c2s_fit, most_epochs=10),
+        "c2a_fit": replace(best.c2a_fit, most_epochs=10),
+    }
     recipe = replace(best, c2s=replace(best.c2s, points=200), **quick)
     (run,) = run_all(jobs_for(["circle"], arm, ("s2c2a",), [0], recipe), cache)
     (position,) = run.scores
@@ -56,7 +67,9 @@ def test_networks_are_kept_by_what_training_depends_on(cache):
     same = replace(PAPER, correction=0.3)
     others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
     assert replace(networks, recipe=same).path(cache) == networks.path(cache)
-    different = [replace(networks, recipe=one) for one in others] + [replace(networks, seed=1)]
+    different = [replace(networks, recipe=one) for one in others] + [
+        replace(networks, seed=1)
+    ]
     different += [
         replace(networks, recipe=replace(PAPER, babbling="motor")),
         replace(networks, arm=load_arm("twin_creep")),
@@ -80,11 +93,15 @@ def pcc_job(waypoints, **changes):
 def test_a_finished_run_is_found_again_with_the_same_scores(waypoints, cache):
     told = []
     (first,) = run_all([pcc_job(waypoints)], cache)
-    (again,) = run_all([pcc_job(waypoints)], cache, progress=lambda *what: told.append(what))
+    (again,) = run_all(
+        [pcc_job(waypoints)], cache, progress=lambda *what: told.append(what)
+    )
     assert told == []
     assert (again.strategy, again.seed, again.task) == ("pcc", 3, "short")
     assert [one.value for one in again.scores] == [one.value for one in first.scores]
-    np.testing.assert_array_equal(again.episode.after("states"), first.episode.after("states"))
+    np.testing.assert_array_equal(
+        again.episode.after("states"), first.episode.after("states")
+    )
 
 
 def test_a_run_that_is_damaged_is_made_anew(waypoints, cache):
@@ -92,7 +109,9 @@ def test_a_run_that_is_damaged_is_made_anew(waypoints, cache):
     (first,) = run_all([job], cache)
     job.path(cache).write_bytes(job.path(cache).read_bytes()[:100])
     (again,) = run_all([job], cache)
-    np.testing.assert_array_equal(again.episode.after("states"), first.episode.after("states"))
+    np.testing.assert_array_equal(
+        again.episode.after("states"), first.episode.after("states")
+    )
 
 
 def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
@@ -118,19 +137,27 @@ def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
         (Score("tilt", steps=[True]), "steps"),
     ],
 )
-def test_a_task_that_cannot_be_scored_is_refused_before_anything_moves(twin, score, said):
+def test_a_task_that_cannot_be_scored_is_refused_before_anything_moves(
+    twin, score, said
+):
     task = Task("mine", (Goal.of(3),) * 4, (score,))
     with pytest.raises(TargetError, match=said):
         jobs_for([task], twin, ["pcc"], [0], recipe_named("best"))
 
 
-def test_what_cannot_be_run_is_refused_by_name_before_anything_is_made(waypoints, cache):
-    with pytest.raises(S2C2AError, match=r"no strategy 'magic'; choose one of .*pcc-fitted"):
+def test_what_cannot_be_run_is_refused_by_name_before_anything_is_made(
+    waypoints, cache
+):
+    with pytest.raises(
+        S2C2AError, match=r"no strategy 'magic'; choose one of .*pcc-fitted"
+    ):
         jobs_for(["circle"], TWIN, ["magic"], [0], PAPER)
     for conditions, said in (
         (Conditions(Body("walker")), "no robot 'walker'"),
         (Conditions(Body.simulation(payload=-1)), "payload"),
     ):
         with pytest.raises(S2C2AError, match=said):
-            run_all([pcc_job(waypoints, strategy="s2c2a", conditions=conditions)], cache)
+            run_all(
+                [pcc_job(waypoints, strategy="s2c2a", conditions=conditions)], cache
+            )
     assert not cache.folder.exists()

@@ -54,7 +54,12 @@ class Mortal(SimulatedRobot):
 @pytest.fixture(scope="module")
 def scheduler():
     """Of two workers, a process each, that come back when they are killed."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as workers:
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address="127.0.0.1:0",
+        silence_logs=50,
+    ) as workers:
         yield workers
 
 
@@ -99,12 +104,17 @@ def made_here(jobs, processes, tmp_path_factory):
     """The jobs by processes of this machine: where they are kept, and their rows."""
     folder = tmp_path_factory.mktemp("here")
     cache = Cache(folder / "data", folder / "runs")
-    return SimpleNamespace(cache=cache, rows=score_rows("mine", run_all(jobs, cache, processes)))
+    return SimpleNamespace(
+        cache=cache, rows=score_rows("mine", run_all(jobs, cache, processes))
+    )
 
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Every array of every run but how long it took."""
-    runs = {path.name: load_episodes(path)[0][0].columns for path in sorted(folder.iterdir())}
+    runs = {
+        path.name: load_episodes(path)[0][0].columns
+        for path in sorted(folder.iterdir())
+    }
     return {
         f"{name}: {column}": values.tobytes()
         for name, run in runs.items()
@@ -113,17 +123,25 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_a_recording_is_the_same_to_the_last_byte_though_a_worker_was_killed(cluster, tmp_path):
+def test_a_recording_is_the_same_to_the_last_byte_though_a_worker_was_killed(
+    cluster, tmp_path
+):
     def gather(name, robot, executor):
         collect(tmp_path / name, TWIN, robot, SMALL, executor=executor)
         return (tmp_path / name).read_bytes()
 
-    there = gather("there.episodes", partial(Mortal, tmp_path / "grave", TWIN, "fast"), cluster)
+    there = gather(
+        "there.episodes", partial(Mortal, tmp_path / "grave", TWIN, "fast"), cluster
+    )
     assert (tmp_path / "grave").exists()
-    assert there == gather("here.episodes", partial(SimulatedRobot, TWIN, "fast"), Serial())
+    assert there == gather(
+        "here.episodes", partial(SimulatedRobot, TWIN, "fast"), Serial()
+    )
 
 
-def test_runs_are_the_same_though_a_worker_was_killed(made_here, jobs, cluster, scheduler, tmp_path):
+def test_runs_are_the_same_though_a_worker_was_killed(
+    made_here, jobs, cluster, scheduler, tmp_path
+):
     with Client(scheduler.scheduler_address, set_as_default=False) as client:
         workers = list(client.run(os.getpid).values())
     told = []
@@ -149,8 +167,12 @@ def networks_of(recording: Path) -> list[Path]:
     return list(recording.parent.glob("*.safetensors"))
 
 
-def test_dasks_own_executor_and_this_process_give_the_same(made_here, jobs, scheduler, tmp_path):
-    recording = [need for job in jobs for network in job.needs for need in network.needs]
+def test_dasks_own_executor_and_this_process_give_the_same(
+    made_here, jobs, scheduler, tmp_path
+):
+    recording = [
+        need for job in jobs for network in job.needs for need in network.needs
+    ]
     for name in ("dask", "serial"):
         cache = Cache(tmp_path / name)
         make_all(recording, made_here.cache)
@@ -162,7 +184,9 @@ def test_dasks_own_executor_and_this_process_give_the_same(made_here, jobs, sche
 
 
 def test_what_is_made_is_not_made_again(made_here, jobs):
-    assert score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
+    assert (
+        score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
+    )
 
 
 class Nobody(Serial):
@@ -172,26 +196,43 @@ class Nobody(Serial):
         raise AssertionError("this was made before")
 
 
-def test_a_job_that_fails_costs_itself_alone(made_here, quick_recipe, short_task, processes, tmp_path):
+def test_a_job_that_fails_costs_itself_alone(
+    made_here, quick_recipe, short_task, processes, tmp_path
+):
     broken = replace(quick_recipe, c2s_fit=FitOptions(batch_size=10**6))
-    jobs = [job for recipe in (broken, quick_recipe) for job in jobs_for([short_task], TWIN, ["s2c2a"], [0], recipe)]
+    jobs = [
+        job
+        for recipe in (broken, quick_recipe)
+        for job in jobs_for([short_task], TWIN, ["s2c2a"], [0], recipe)
+    ]
     cache = replace(made_here.cache, runs_in=tmp_path)
     error, run = try_all(jobs, cache, processes)
     assert isinstance(error, S2C2AError)
     assert "fewer than one batch" in str(error)
     assert isinstance(run, Run)
     assert len(list(tmp_path.glob("*.episodes"))) == 1
-    with pytest.raises(S2C2AError, match=r"1 of 2 runs failed, such as s2c2a on short .*, seed 0: .*fewer than one"):
+    with pytest.raises(
+        S2C2AError,
+        match=r"1 of 2 runs failed, such as s2c2a on short .*, seed 0: .*fewer than one",
+    ):
         run_all(jobs, cache, processes)
 
 
 @pytest.fixture
 def small_sweep(quick_recipe, short_task):
     """Of one number that trains nothing."""
-    return Sweep(TWIN, (short_task,), quick_recipe, varied_from(["correction=0.1:0.4"], quick_recipe), batch=2)
+    return Sweep(
+        TWIN,
+        (short_task,),
+        quick_recipe,
+        varied_from(["correction=0.1:0.4"], quick_recipe),
+        batch=2,
+    )
 
 
-def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(small_sweep, made_here, processes, cluster, tmp_path):
+def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(
+    small_sweep, made_here, processes, cluster, tmp_path
+):
     def cut(doing, done, total):
         if doing.startswith("trials 2 to 3: making runs") and done == 1:
             raise KeyboardInterrupt
@@ -205,26 +246,45 @@ def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(small_sweep, made_h
     resumed, whole = go_on("cut", processes), go_on("whole", cluster)
     assert resumed == whole
     assert sorted(trial.number for trial in whole) == [0, 1, 2, 3, 4]
-    assert {trial.number: trial.values for trial in whole}[0] == {"correction": small_sweep.recipe.correction}
+    assert {trial.number: trial.values for trial in whole}[0] == {
+        "correction": small_sweep.recipe.correction
+    }
     assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
-    assert best_recipe(small_sweep, whole) == replace(small_sweep.recipe, **whole[0].values)
+    assert best_recipe(small_sweep, whole) == replace(
+        small_sweep.recipe, **whole[0].values
+    )
     table, figure = save_trials(whole, small_sweep, tmp_path)
-    assert table.read_text().splitlines()[0] == "trial,position,correction,failed because"
+    assert (
+        table.read_text().splitlines()[0] == "trial,position,correction,failed because"
+    )
     assert len(table.read_text().splitlines()) == 6
     assert figure.stat().st_size > 10_000
 
 
-def test_trials_that_fail_are_told_and_the_search_goes_on(small_sweep, made_here, processes, tmp_path):
+def test_trials_that_fail_are_told_and_the_search_goes_on(
+    small_sweep, made_here, processes, tmp_path
+):
     broken = replace(small_sweep.recipe, c2s_fit=FitOptions(batch_size=10**6))
     sweep = replace(small_sweep, recipe=broken)
-    trials = search(sweep, 2, tmp_path, replace(made_here.cache, runs_in=tmp_path / "runs"), processes)
+    trials = search(
+        sweep,
+        2,
+        tmp_path,
+        replace(made_here.cache, runs_in=tmp_path / "runs"),
+        processes,
+    )
     assert [trial.score for trial in trials] == [None, None]
-    with pytest.raises(S2C2AError, match=r"all 2 trials failed, the first because: .*fewer than one batch"):
+    with pytest.raises(
+        S2C2AError,
+        match=r"all 2 trials failed, the first because: .*fewer than one batch",
+    ):
         best_recipe(sweep, trials)
 
 
 def test_a_sweep_is_judged_by_what_its_tasks_share(small_sweep):
-    with pytest.raises(S2C2AError, match="no metric 'tilt' in all these tasks; they share position"):
+    with pytest.raises(
+        S2C2AError, match="no metric 'tilt' in all these tasks; they share position"
+    ):
         replace(small_sweep, metric="tilt")
     assert small_sweep.direction == "minimize"
 
@@ -233,18 +293,31 @@ def test_a_sweep_is_judged_by_what_its_tasks_share(small_sweep):
 def odd_worker(scheduler, tmp_path):
     """A worker of another version of this package."""
     (tmp_path / "s2c2a-9.9.9.dist-info").mkdir()
-    (tmp_path / "s2c2a-9.9.9.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: s2c2a\nVersion: 9.9.9\n")
+    (tmp_path / "s2c2a-9.9.9.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: s2c2a\nVersion: 9.9.9\n"
+    )
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler.scheduler_address, "--no-nanny"]
+    command = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_worker",
+        scheduler.scheduler_address,
+        "--no-nanny",
+    ]
     quiet_one = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}, **quiet_one) as worker:
+    with subprocess.Popen(
+        command, env=os.environ | {"PYTHONPATH": path}, **quiet_one
+    ) as worker:
         yield worker
         worker.kill()
 
 
 def test_workers_of_another_version_are_refused_at_the_door(scheduler, odd_worker):
     scheduler.wait_for_workers(3, timeout=60)
-    with pytest.raises(ClusterError, match=r"the worker tcp://\S+ of \S+ has s2c2a 9\.9\.9 \(here .*install the same"):
+    with pytest.raises(
+        ClusterError,
+        match=r"the worker tcp://\S+ of \S+ has s2c2a 9\.9\.9 \(here .*install the same",
+    ):
         Cluster(scheduler.scheduler_address)
     odd_worker.kill()
     odd_worker.wait()
@@ -252,9 +325,13 @@ def test_workers_of_another_version_are_refused_at_the_door(scheduler, odd_worke
         time.sleep(0.1)
 
 
-def test_a_worker_of_another_version_that_joins_later_does_nothing(cluster, monkeypatch):
+def test_a_worker_of_another_version_that_joins_later_does_nothing(
+    cluster, monkeypatch
+):
     monkeypatch.setattr(cluster, "_versions", {"s2c2a": "9.9.9"})
-    with pytest.raises(ClusterError, match=r"joined that has s2c2a .* \(here 9\.9\.9\)"):
+    with pytest.raises(
+        ClusterError, match=r"joined that has s2c2a .* \(here 9\.9\.9\)"
+    ):
         next(in_order(cluster, abs, [1]))
 
 
@@ -269,10 +346,15 @@ def blow_up(number):
 
 
 def test_an_address_that_is_none_is_refused(monkeypatch):
-    with pytest.raises(ClusterError, match="no cluster 'nowhere'; take the address of a scheduler"):
+    with pytest.raises(
+        ClusterError, match="no cluster 'nowhere'; take the address of a scheduler"
+    ):
         Cluster("nowhere")
     monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
-    with pytest.raises(ClusterError, match=r"nobody answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`"):
+    with pytest.raises(
+        ClusterError,
+        match=r"nobody answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`",
+    ):
         Cluster("tcp://127.0.0.1:9")
     with pytest.raises(ClusterError, match=r"nobody answers at gone\.json"):
         Cluster("gone.json")
@@ -301,15 +383,31 @@ def test_what_the_cluster_did_is_told_in_words(error, said, scheduler):
 
 
 def test_what_the_work_did_is_told_as_it_is(scheduler):
-    with pytest.raises(ValueError, match="the work's own"), Cluster(scheduler.scheduler_address):
+    with (
+        pytest.raises(ValueError, match="the work's own"),
+        Cluster(scheduler.scheduler_address),
+    ):
         raise ValueError("the work's own")
 
 
-def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(tmp_path):
+def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(
+    tmp_path,
+):
     """The command of dask, killed once two episodes are whole; then the rest is done here."""
     where = tmp_path / "scheduler.json"
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    with subprocess.Popen([*dask, "--no-dashboard", "--scheduler-file", str(where)], stderr=subprocess.DEVNULL) as lost:
+    dask = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        "0",
+    ]
+    with subprocess.Popen(
+        [*dask, "--no-dashboard", "--scheduler-file", str(where)],
+        stderr=subprocess.DEVNULL,
+    ) as lost:
         worker = [
             sys.executable,
             "-m",
@@ -326,16 +424,27 @@ def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_ke
         ]  # a machine with much to do lets it wait for the scheduler
         with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
             try:
-                with pytest.raises(ClusterError, match=r"is gone; what was whole is kept"):
+                with pytest.raises(
+                    ClusterError, match=r"is gone; what was whole is kept"
+                ):
                     _collect_until(lost.kill, where, tmp_path / "there.episodes")
             finally:
                 lost.kill()
                 helper.terminate()
     options = replace(SMALL, samples=300)
     robot = partial(SimulatedRobot, TWIN, "fast")
-    collect(tmp_path / "there.episodes", TWIN, robot, options, executor=Serial(), resume=True)
+    collect(
+        tmp_path / "there.episodes",
+        TWIN,
+        robot,
+        options,
+        executor=Serial(),
+        resume=True,
+    )
     collect(tmp_path / "here.episodes", TWIN, robot, options, executor=Serial())
-    there, here = (load_recording(tmp_path / name) for name in ("there.episodes", "here.episodes"))
+    there, here = (
+        load_recording(tmp_path / name) for name in ("there.episodes", "here.episodes")
+    )
     np.testing.assert_array_equal(there.sensor("states"), here.sensor("states"))
     np.testing.assert_array_equal(there.actions, here.actions)
 
@@ -355,4 +464,11 @@ def _collect_until(end, where: Path, path: Path) -> None:
 
     with Cluster(str(where)) as executor:
         robot = partial(SimulatedRobot, TWIN, "fast")
-        collect(path, TWIN, robot, replace(SMALL, samples=300), progress=told, executor=executor)
+        collect(
+            path,
+            TWIN,
+            robot,
+            replace(SMALL, samples=300),
+            progress=told,
+            executor=executor,
+        )

@@ -17,17 +17,30 @@ EARLY, LATE = np.arange(STEPS) < 2, np.arange(STEPS) >= 2
 
 
 def trace(*scores: Score):
-    goal = Goal.of(MODULES).with_position([0.1, 0.0, 0.2], module=0).with_position([0.1, 0.0, 0.5])
+    goal = (
+        Goal.of(MODULES)
+        .with_position([0.1, 0.0, 0.2], module=0)
+        .with_position([0.1, 0.0, 0.5])
+    )
     task = Task("two ends", (goal,) * STEPS, scores)
     columns = {"time": 0.1 * np.arange(STEPS), "actions": np.zeros((STEPS, MODULES, 3))}
-    columns |= {"sensor.states": np.zeros((STEPS, MODULES, 6)), "wanted_positions": task.wanted_positions()}
-    run = SimpleNamespace(strategy="s2c2a", job=SimpleNamespace(task=task), episode=Episode(TWIN, columns))
+    columns |= {
+        "sensor.states": np.zeros((STEPS, MODULES, 6)),
+        "wanted_positions": task.wanted_positions(),
+    }
+    run = SimpleNamespace(
+        strategy="s2c2a", job=SimpleNamespace(task=task), episode=Episode(TWIN, columns)
+    )
     return trace_of(run)
 
 
 @pytest.mark.parametrize("tip", [-1, 2])
 def test_the_steps_that_count_are_those_of_the_module_that_is_drawn(tip):
-    both = trace(Score("position", 0, EARLY), Score("position", tip, LATE), Score("recovery", tip, EARLY))
+    both = trace(
+        Score("position", 0, EARLY),
+        Score("position", tip, LATE),
+        Score("recovery", tip, EARLY),
+    )
     np.testing.assert_array_equal(both.counted, LATE)
 
 

@@ -15,14 +15,29 @@ BEST, PAPER = recipe_named("best"), recipe_named("paper")
 @pytest.mark.parametrize(
     ("text", "meant"),
     [
-        ("planner.solver.iterations=5:60", Varied("planner.solver.iterations", (5, 60), is_range=True)),
+        (
+            "planner.solver.iterations=5:60",
+            Varied("planner.solver.iterations", (5, 60), is_range=True),
+        ),
         ("c2s.hidden=32,64,128", Varied("c2s.hidden", (32, 64, 128))),
         ("correction=0,0.2,0.2", Varied("correction", (0.0, 0.2))),
-        ("c2s_fit.learning_rate=1e-4:1e-2:log", Varied("c2s_fit.learning_rate", (1e-4, 1e-2), is_range=True, log=True)),
-        ("planner.engaged_slopes=true,false", Varied("planner.engaged_slopes", (True, False))),
-        ("planner.terms.Evenness.weight=0,0.1", Varied("planner.terms.Evenness.weight", (0.0, 0.1))),
+        (
+            "c2s_fit.learning_rate=1e-4:1e-2:log",
+            Varied("c2s_fit.learning_rate", (1e-4, 1e-2), is_range=True, log=True),
+        ),
+        (
+            "planner.engaged_slopes=true,false",
+            Varied("planner.engaged_slopes", (True, False)),
+        ),
+        (
+            "planner.terms.Evenness.weight=0,0.1",
+            Varied("planner.terms.Evenness.weight", (0.0, 0.1)),
+        ),
         ("speeds.1=0.03:0.2", Varied("speeds.1", (0.03, 0.2), is_range=True)),
-        ("axis_weights.0.1=1:20", Varied("axis_weights.0.1", (1.0, 20.0), is_range=True)),
+        (
+            "axis_weights.0.1=1:20",
+            Varied("axis_weights.0.1", (1.0, 20.0), is_range=True),
+        ),
     ],
 )
 def test_what_a_user_writes_is_understood(text, meant):
@@ -48,7 +63,10 @@ def test_what_a_user_writes_is_understood(text, meant):
         (["name=1,2"], "nothing to vary at 'name'"),
         (["planner.guard=1,2"], "nothing to vary"),
         (["planner.iterations=5:60"], r"planner has planner\.solver, planner\.terms"),
-        (["planner.terms.1=1,2"], r"planner\.terms has planner\.terms\.Positions, planner\.terms\.Axes"),
+        (
+            ["planner.terms.1=1,2"],
+            r"planner\.terms has planner\.terms\.Positions, planner\.terms\.Axes",
+        ),
         (["planner.terms.Pull.weight=1,2"], "Evenness"),
         (["planner.terms.Axes.name=1,2"], r"has planner\.terms\.Axes\.weight$"),
         (["axis_weights.0.0=1,2"], "'hold-'; only numbers"),
@@ -64,7 +82,10 @@ def test_what_a_user_writes_is_understood(text, meant):
         (["correction=0:1:log"], "above zero"),
         (["correction=0.1:1:linear"], "is no range"),
         (["correction=0.1:1:2:3"], "is no range"),
-        (["planner.solver.iterations=0:60"], "planner.solver.iterations=0 cannot be tried: 0 iterations"),
+        (
+            ["planner.solver.iterations=0:60"],
+            "planner.solver.iterations=0 cannot be tried: 0 iterations",
+        ),
         (["c2s.hidden=32,5000"], "c2s.hidden=5000 cannot be tried"),
         (["speeds.0=0.01:0.1"], "speeds.0=0.1 cannot be tried: speeds"),
     ],
@@ -75,10 +96,20 @@ def test_what_cannot_be_tried_is_refused_before_anything_is(texts, said):
 
 
 def test_values_are_put_where_they_belong_and_nowhere_else():
-    changed = with_values(BEST, {"planner.solver.iterations": 7, "speeds.1": 0.1, "axis_weights.0.1": 2.0})
+    changed = with_values(
+        BEST, {"planner.solver.iterations": 7, "speeds.1": 0.1, "axis_weights.0.1": 2.0}
+    )
     assert changed.planner == replace(BEST.planner, solver=LeastSquares(7))
     assert (changed.speeds, changed.axis_weights) == ((0.02, 0.1), (("hold-", 2.0),))
-    assert replace(changed, planner=BEST.planner, speeds=BEST.speeds, axis_weights=BEST.axis_weights) == BEST
+    assert (
+        replace(
+            changed,
+            planner=BEST.planner,
+            speeds=BEST.speeds,
+            axis_weights=BEST.axis_weights,
+        )
+        == BEST
+    )
     assert value_at(changed, "planner.solver.iterations") == 7
 
 
@@ -88,7 +119,9 @@ def test_places_follow_the_recipe_that_is_begun_from():
         value_at(BEST, "c2s.layers")
 
 
-@pytest.mark.parametrize(("value", "held"), [(5, True), (60, True), (30, True), (61, False)])
+@pytest.mark.parametrize(
+    ("value", "held"), [(5, True), (60, True), (30, True), (61, False)]
+)
 def test_a_range_holds_its_ends_and_what_is_between(value, held):
     assert varied_from(["planner.solver.iterations=5:60"], BEST)[0].holds(value) is held
     assert not varied_from(["planner.solver.iterations=5,60"], BEST)[0].holds(30)

@@ -27,7 +27,13 @@ def bend(angle, direction):
 def slow_configuration(b):
     """Eq. (3) as printed, in float64: the direction of the bend is theta - pi/2."""
     angle, direction = np.hypot(*b), np.arctan2(b[1], b[0])
-    return np.array([np.sin(angle) * np.cos(direction), np.sin(angle) * np.sin(direction), np.cos(angle)])
+    return np.array(
+        [
+            np.sin(angle) * np.cos(direction),
+            np.sin(angle) * np.sin(direction),
+            np.cos(angle),
+        ]
+    )
 
 
 def slow_bend(configuration):
@@ -38,7 +44,10 @@ def slow_bend(configuration):
 
 def differences(function, place, step=1e-5):
     """Jacobian by central differences, in float64."""
-    rows = [(function(place + step * unit) - function(place - step * unit)) / (2 * step) for unit in np.eye(len(place))]
+    rows = [
+        (function(place + step * unit) - function(place - step * unit)) / (2 * step)
+        for unit in np.eye(len(place))
+    ]
     return np.stack(rows, axis=-1)
 
 
@@ -47,15 +56,21 @@ def in_single(values):
 
 
 def test_a_straight_module_points_exactly_up():
-    np.testing.assert_array_equal(configurations_from_bends(np.zeros(2)), [0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(
+        configurations_from_bends(np.zeros(2)), [0.0, 0.0, 1.0]
+    )
 
 
 def test_a_module_that_points_up_has_exactly_no_bend():
-    np.testing.assert_array_equal(bends_from_configurations(np.array([0.0, 0.0, 1.0])), [0.0, 0.0])
+    np.testing.assert_array_equal(
+        bends_from_configurations(np.array([0.0, 0.0, 1.0])), [0.0, 0.0]
+    )
 
 
 def test_ninety_degrees_to_the_left_point_left():
-    np.testing.assert_allclose(configurations_from_bends(np.array([0.0, np.pi / 2])), [0, 1, 0], atol=1e-6)
+    np.testing.assert_allclose(
+        configurations_from_bends(np.array([0.0, np.pi / 2])), [0, 1, 0], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("angle", NEAR_ZERO)
@@ -63,7 +78,9 @@ def test_ninety_degrees_to_the_left_point_left():
 def test_configurations_agree_with_equation_3_at_and_near_zero(angle, direction):
     b = in_single(bend(angle, direction))
     expected = slow_configuration(np.asarray(b, np.float64))
-    np.testing.assert_allclose(configurations_from_bends(b), expected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        configurations_from_bends(b), expected, rtol=1e-6, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("angle", NEAR_ZERO)
@@ -85,7 +102,9 @@ def test_the_gradient_of_bends_is_exact_at_and_near_zero(angle, direction):
 @quick
 @given(st.floats(0, 3.0), directions())
 def test_bends_come_back_from_their_configurations(angle, direction):
-    there_and_back = bends_from_configurations(configurations_from_bends(in_single(bend(angle, direction))))
+    there_and_back = bends_from_configurations(
+        configurations_from_bends(in_single(bend(angle, direction)))
+    )
     np.testing.assert_allclose(there_and_back, bend(angle, direction), atol=1e-5)
 
 
@@ -100,7 +119,9 @@ def test_configurations_come_back_from_their_bends(angle, direction):
 @quick
 @given(st.floats(0, 6.0), directions())
 def test_configurations_have_length_one(angle, direction):
-    configuration = np.asarray(configurations_from_bends(in_single(bend(angle, direction))), np.float64)
+    configuration = np.asarray(
+        configurations_from_bends(in_single(bend(angle, direction))), np.float64
+    )
     assert np.linalg.norm(configuration) == pytest.approx(1.0, abs=1e-6)
 
 
@@ -108,13 +129,17 @@ def test_configurations_have_length_one(angle, direction):
 @pytest.mark.parametrize("angle", [1e-4, 0.1, 0.8, 2.5])
 def test_the_length_of_an_axis_does_not_matter(length, angle):
     axis = in_single(length * slow_configuration(bend(angle, 0.7)))
-    np.testing.assert_allclose(bends_from_configurations(axis), bend(angle, 0.7), rtol=1e-4)
+    np.testing.assert_allclose(
+        bends_from_configurations(axis), bend(angle, 0.7), rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("angle", [3.0, 3.1, 3.14, 3.141])
 def test_a_module_bent_almost_straight_back_keeps_its_bend(angle):
     configuration = in_single(slow_configuration(bend(angle, 0.7)))
-    np.testing.assert_allclose(bends_from_configurations(configuration), bend(angle, 0.7), atol=1e-3)
+    np.testing.assert_allclose(
+        bends_from_configurations(configuration), bend(angle, 0.7), atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 1, 3)])
@@ -129,22 +154,31 @@ def test_a_batch_of_bends_is_its_members_one_by_one(batch):
 
 def test_bends_beyond_their_limits_are_shortened_and_the_others_left_alone():
     bends = np.array([[3.0, 4.0], [0.3, -0.4], [0.0, 0.0]])
-    np.testing.assert_allclose(limit_lengths(bends, np.array([1.0, 1.0, 1.0])), [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]])
+    np.testing.assert_allclose(
+        limit_lengths(bends, np.array([1.0, 1.0, 1.0])),
+        [[0.6, 0.8], [0.3, -0.4], [0.0, 0.0]],
+    )
 
 
 def test_every_module_has_its_own_limit():
     bends = np.tile(np.array([0.0, 2.0]), (2, 3, 1))
     limited = limit_lengths(bends, np.array([0.5, 1.0, 3.0]))
-    np.testing.assert_allclose(limited[..., 1], np.tile([0.5, 1.0, 2.0], (2, 1)), rtol=1e-6)
+    np.testing.assert_allclose(
+        limited[..., 1], np.tile([0.5, 1.0, 2.0], (2, 1)), rtol=1e-6
+    )
 
 
 @quick
 @given(st.floats(0, 6.0), directions(), st.floats(0.02, 2.6))
 def test_limited_bends_keep_their_direction_and_their_limit(angle, direction, limit):
-    limited = np.asarray(limit_lengths(in_single(bend(angle, direction)), in_single(limit)))
+    limited = np.asarray(
+        limit_lengths(in_single(bend(angle, direction)), in_single(limit))
+    )
     np.testing.assert_allclose(limited, bend(min(angle, limit), direction), atol=2e-6)
 
 
 def test_the_gradient_of_a_limited_bend_is_finite_at_zero():
-    gradient = jax.jit(jax.jacobian(kinematics.limit_lengths))(np.zeros(2), np.array(0.5))
+    gradient = jax.jit(jax.jacobian(kinematics.limit_lengths))(
+        np.zeros(2), np.array(0.5)
+    )
     np.testing.assert_array_equal(gradient, np.eye(2))

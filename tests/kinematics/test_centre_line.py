@@ -19,7 +19,10 @@ def arc(angle, direction, length):
     """Points of one arc from the base at even parts of its length."""
     angles, radius = angle * SHARES, length / angle
     aside = radius * (1 - np.cos(angles))
-    return np.stack([aside * np.cos(direction), aside * np.sin(direction), radius * np.sin(angles)], axis=-1)
+    return np.stack(
+        [aside * np.cos(direction), aside * np.sin(direction), radius * np.sin(angles)],
+        axis=-1,
+    )
 
 
 def random_bends(*shape):
@@ -39,7 +42,9 @@ def test_a_straight_arm_has_its_points_evenly_on_the_axis():
 
 @pytest.mark.parametrize("direction", [0.0, 1.0, 2.5, -2.0])
 @pytest.mark.parametrize("angle_deg", [1, 25, 50])
-def test_a_module_of_twenty_centimetres_is_met_to_a_millimetre_up_to_fifty_degrees(angle_deg, direction):
+def test_a_module_of_twenty_centimetres_is_met_to_a_millimetre_up_to_fifty_degrees(
+    angle_deg, direction
+):
     angle = np.deg2rad(angle_deg)
     bend = angle * np.array([np.cos(direction), np.sin(direction)])
     apart = np.linalg.norm(line_of([bend], [0.2]) - arc(angle, direction, 0.2), axis=-1)
@@ -49,7 +54,10 @@ def test_a_module_of_twenty_centimetres_is_met_to_a_millimetre_up_to_fifty_degre
 
 def test_the_miss_grows_with_the_third_power_of_the_bend():
     """Half the angle, an eighth of the miss, nearly: it is the cubic's and not a slip's."""
-    misses = [np.abs(line_of([[angle, 0]], [0.2]) - arc(angle, 0, 0.2)).max() for angle in (0.4, 0.8)]
+    misses = [
+        np.abs(line_of([[angle, 0]], [0.2]) - arc(angle, 0, 0.2)).max()
+        for angle in (0.4, 0.8)
+    ]
     assert 1e-5 < misses[1] < 1e-3
     assert 7 < misses[1] / misses[0] < 8
 
@@ -57,7 +65,9 @@ def test_the_miss_grows_with_the_third_power_of_the_bend():
 def test_equal_bends_are_points_of_one_big_arc():
     angles = 0.9 * np.arange(1, 16) / 15
     radius = 0.6 / 0.9
-    exact = radius * np.stack([1 - np.cos(angles), np.zeros(15), np.sin(angles)], axis=-1)
+    exact = radius * np.stack(
+        [1 - np.cos(angles), np.zeros(15), np.sin(angles)], axis=-1
+    )
     np.testing.assert_allclose(line_of([[0.3, 0.0]] * 3, [0.2] * 3), exact, atol=1e-4)
 
 
@@ -67,27 +77,43 @@ def test_an_upper_module_bends_in_the_frame_of_the_lower_ones_end():
     start = 0.2 / quarter * np.array([1.0, 0.0, 1.0])
     exact = arc(0.5, 0.0, 0.2)
     upper = start + np.stack([exact[:, 2], np.zeros(5), -exact[:, 0]], axis=-1)
-    np.testing.assert_allclose(line_of([[quarter, 0], [0.5, 0]], [0.2, 0.2])[5:], upper, atol=1e-3)
+    np.testing.assert_allclose(
+        line_of([[quarter, 0], [0.5, 0]], [0.2, 0.2])[5:], upper, atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("lengths", [(0.2, 0.2, 0.2), (0.05, 0.3, 0.1)])
 def test_the_last_point_of_each_module_is_its_end(lengths):
     bends = random_bends(3).astype(np.float32)
     ends = states_from_bends(bends, np.array(lengths, np.float32))[:, :3]
-    np.testing.assert_allclose(line_of(bends, lengths)[CENTRE_LINE_POINTS - 1 :: CENTRE_LINE_POINTS], ends, atol=1e-6)
+    np.testing.assert_allclose(
+        line_of(bends, lengths)[CENTRE_LINE_POINTS - 1 :: CENTRE_LINE_POINTS],
+        ends,
+        atol=1e-6,
+    )
 
 
 @pytest.mark.parametrize("points", [1, 5, 16])
 def test_arrays_of_numpy_and_of_jax_have_one_centre_line(points):
-    states = np.asarray(states_from_bends(random_bends(4, 3).astype(np.float32), np.full(3, 0.2, np.float32)))
+    states = np.asarray(
+        states_from_bends(
+            random_bends(4, 3).astype(np.float32), np.full(3, 0.2, np.float32)
+        )
+    )
     lengths = np.full(3, 0.2)
     exact = centre_line(states.astype(float), lengths, points)
-    assert (type(exact), exact.dtype, exact.shape) == (np.ndarray, np.float64, (4, 3 * points, 3))
-    traced = jax.jit(centre_line, static_argnums=2)(states, lengths.astype(np.float32), points)
-    np.testing.assert_allclose(traced, exact, atol=1e-6)
-    slopes = jax.grad(lambda values: centre_line(values, jax.numpy.asarray(lengths), points).sum())(
-        jax.numpy.asarray(states)
+    assert (type(exact), exact.dtype, exact.shape) == (
+        np.ndarray,
+        np.float64,
+        (4, 3 * points, 3),
     )
+    traced = jax.jit(centre_line, static_argnums=2)(
+        states, lengths.astype(np.float32), points
+    )
+    np.testing.assert_allclose(traced, exact, atol=1e-6)
+    slopes = jax.grad(
+        lambda values: centre_line(values, jax.numpy.asarray(lengths), points).sum()
+    )(jax.numpy.asarray(states))
     assert np.isfinite(slopes).all()
 
 

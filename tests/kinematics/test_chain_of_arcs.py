@@ -29,8 +29,14 @@ def slow_states(bends, lengths, pieces=1000):
     frame, position, states = Rotation.identity(), np.zeros(3), []
     middles = (np.arange(pieces) + 0.5) / pieces
     for bend, length in zip(bends, lengths, strict=True):
-        turn = np.array([-bend[1], bend[0], 0.0])  # about the axis across the bend's direction
-        way = Rotation.from_rotvec(middles[:, None] * turn).apply([0.0, 0.0, 1.0]).mean(axis=0) * length
+        # about the axis across the bend's direction
+        turn = np.array([-bend[1], bend[0], 0.0])
+        way = (
+            Rotation.from_rotvec(middles[:, None] * turn)
+            .apply([0.0, 0.0, 1.0])
+            .mean(axis=0)
+            * length
+        )
         position = position + frame.apply(way)
         frame = frame * Rotation.from_rotvec(turn)
         states.append(np.concatenate([position, frame.apply([0.0, 0.0, 1.0])]))
@@ -41,13 +47,21 @@ def slow_jacobian(bends, lengths, step=1e-4):
     columns = []
     for unit in np.eye(bends.size):
         change = step * unit.reshape(bends.shape)
-        columns.append((slow_states(bends + change, lengths) - slow_states(bends - change, lengths)) / (2 * step))
+        columns.append(
+            (
+                slow_states(bends + change, lengths)
+                - slow_states(bends - change, lengths)
+            )
+            / (2 * step)
+        )
     return np.stack(columns, axis=-1).reshape(len(lengths), 6, *bends.shape)
 
 
 def bend_rows(modules=3, largest=1.5):
     numbers = st.floats(-largest, largest)
-    return st.lists(st.tuples(numbers, numbers), min_size=modules, max_size=modules).map(np.array)
+    return st.lists(
+        st.tuples(numbers, numbers), min_size=modules, max_size=modules
+    ).map(np.array)
 
 
 def test_a_straight_arm_stands_on_its_base():
@@ -61,7 +75,9 @@ def test_a_quarter_circle_ends_its_radius_up_and_its_radius_aside(direction):
     across = np.array([np.cos(direction), np.sin(direction)])
     states = states_from_bends(in_single([np.pi / 2 * across]), jnp.array([0.2]))
     radius = 0.2 / (np.pi / 2)
-    np.testing.assert_allclose(states[0], [*(radius * across), radius, *across, 0.0], atol=1e-6)
+    np.testing.assert_allclose(
+        states[0], [*(radius * across), radius, *across, 0.0], atol=1e-6
+    )
 
 
 @quick
@@ -69,25 +85,34 @@ def test_a_quarter_circle_ends_its_radius_up_and_its_radius_aside(direction):
 def test_equal_bends_are_one_big_arc(angle, direction, modules):
     across = np.array([np.cos(direction), np.sin(direction)])
     states = states_from_bends(
-        in_single(np.tile(angle / modules * across, (modules, 1))), in_single(np.full(modules, 0.6 / modules))
+        in_single(np.tile(angle / modules * across, (modules, 1))),
+        in_single(np.full(modules, 0.6 / modules)),
     )
     one = states_from_bends(in_single([angle * across]), jnp.array([0.6]))
     np.testing.assert_allclose(states[-1], one[0], atol=2e-6)
 
 
 def test_opposite_bends_of_two_modules_make_an_s_that_ends_upright():
-    states = states_from_bends(jnp.array([[0.8, 0.0], [-0.8, 0.0]]), jnp.array([0.2, 0.2]))
+    states = states_from_bends(
+        jnp.array([[0.8, 0.0], [-0.8, 0.0]]), jnp.array([0.2, 0.2])
+    )
     radius = 0.2 / 0.8
     half = [radius * (1 - np.cos(0.8)), 0.0, radius * np.sin(0.8)]
-    np.testing.assert_allclose(states[0], [*half, np.sin(0.8), 0.0, np.cos(0.8)], atol=1e-6)
-    np.testing.assert_allclose(states[1], [2 * half[0], 0.0, 2 * half[2], 0.0, 0.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(
+        states[0], [*half, np.sin(0.8), 0.0, np.cos(0.8)], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        states[1], [2 * half[0], 0.0, 2 * half[2], 0.0, 0.0, 1.0], atol=1e-6
+    )
 
 
 @quick
 @given(bend_rows())
 def test_states_agree_with_a_walk_in_short_straight_pieces(bends):
     np.testing.assert_allclose(
-        states_from_bends(in_single(bends), in_single(LENGTHS)), slow_states(bends, LENGTHS), atol=2e-6
+        states_from_bends(in_single(bends), in_single(LENGTHS)),
+        slow_states(bends, LENGTHS),
+        atol=2e-6,
     )
 
 
@@ -103,7 +128,9 @@ def test_the_gradient_of_states_is_exact_at_and_near_zero(size):
 def test_configurations_come_back_from_their_states(bends):
     configurations = configurations_from_bends(in_single(bends))
     states = states_from_configurations(configurations, in_single(LENGTHS))
-    np.testing.assert_allclose(configurations_from_states(states), configurations, atol=2e-5)
+    np.testing.assert_allclose(
+        configurations_from_states(states), configurations, atol=2e-5
+    )
 
 
 @quick
@@ -111,7 +138,11 @@ def test_configurations_come_back_from_their_states(bends):
 def test_states_of_bends_and_of_their_configurations_are_the_same(bends):
     from_bends = states_from_bends(in_single(bends), in_single(LENGTHS))
     configurations = configurations_from_bends(in_single(bends))
-    np.testing.assert_allclose(states_from_configurations(configurations, in_single(LENGTHS)), from_bends, atol=2e-6)
+    np.testing.assert_allclose(
+        states_from_configurations(configurations, in_single(LENGTHS)),
+        from_bends,
+        atol=2e-6,
+    )
 
 
 @quick
@@ -129,10 +160,14 @@ def test_a_batch_of_arms_is_its_members_one_by_one(batch):
     bends = in_single(np.random.default_rng(0).uniform(-1, 1, (*batch, 3, 2)))
     states = states_from_bends(bends, in_single(LENGTHS))
     assert states.shape == (*batch, 3, 6)
-    alone = [states_from_bends(one, in_single(LENGTHS)) for one in bends.reshape(-1, 3, 2)]
+    alone = [
+        states_from_bends(one, in_single(LENGTHS)) for one in bends.reshape(-1, 3, 2)
+    ]
     np.testing.assert_allclose(states.reshape(-1, 3, 6), alone, atol=1e-6)
     back = [configurations_from_states(one) for one in alone]
-    np.testing.assert_allclose(configurations_from_states(states).reshape(-1, 3, 3), back, atol=1e-6)
+    np.testing.assert_allclose(
+        configurations_from_states(states).reshape(-1, 3, 3), back, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("modules", [1, 12])
@@ -140,8 +175,12 @@ def test_short_and_long_arms_keep_their_digits(modules):
     bends = in_single(np.random.default_rng(0).uniform(-0.5, 0.5, (50, modules, 2)))
     lengths = np.full(modules, 0.1)
     states = states_from_bends(bends, in_single(lengths))
-    np.testing.assert_allclose(states[0], slow_states(bends[0].astype(float), lengths), atol=5e-6)
-    np.testing.assert_allclose(configurations_from_states(states), configurations_from_bends(bends), atol=5e-6)
+    np.testing.assert_allclose(
+        states[0], slow_states(bends[0].astype(float), lengths), atol=5e-6
+    )
+    np.testing.assert_allclose(
+        configurations_from_states(states), configurations_from_bends(bends), atol=5e-6
+    )
 
 
 def test_the_forward_model_knows_the_lengths_of_its_arm_and_remembers_nothing():
@@ -151,5 +190,7 @@ def test_the_forward_model_knows_the_lengths_of_its_arm_and_remembers_nothing():
     assert memory == ()
     assert model.observe(jnp.ones((3, 3)), memory) == ()
     straight = in_single(np.tile([0.0, 0.0, 1.0], (3, 1)))
-    np.testing.assert_allclose(predict(straight, memory), states_from_configurations(straight, model.lengths))
+    np.testing.assert_allclose(
+        predict(straight, memory), states_from_configurations(straight, model.lengths)
+    )
     np.testing.assert_allclose(model.lengths, 0.2)

@@ -27,7 +27,9 @@ class BlindArm(Robot):
 
     def read(self) -> Reading:
         """What was sent."""
-        return Reading(time.perf_counter() - self._begun, {"cables": self._cables.copy()})
+        return Reading(
+            time.perf_counter() - self._begun, {"cables": self._cables.copy()}
+        )
 
     def send(self, action):
         """Done at once."""

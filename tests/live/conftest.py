@@ -25,7 +25,9 @@ def strategy():
 def control(twin, strategy):
     """An arm under control that runs."""
     tasks = {name: partial(task_named, name, twin) for name in TASKS}
-    running = ArmControl(SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0)
+    running = ArmControl(
+        SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0
+    )
     running.start()
     yield running
     running.stop()

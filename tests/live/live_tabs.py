@@ -12,10 +12,16 @@ from PIL import Image
 from s2c2a.live.window import camera_of
 from s2c2a.viz.mounting import Mounting
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]  # without a graphics card; see benchmarks/
+CHROMIUM = (
+    shutil.which("chromium")
+    or shutil.which("chromium-browser")
+    or shutil.which("google-chrome")
+)
+# without a graphics card; see benchmarks/
+FLAGS = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
 WIDE, TALL = (1280, 800), (390, 844)
-PASSIVE = "Unable to preventDefault inside passive event listener"  # of viser's own page, whenever a thing is dragged
+# of viser's own page, whenever a thing is dragged
+PASSIVE = "Unable to preventDefault inside passive event listener"
 FIELD_OF_VIEW = np.deg2rad(40)
 
 
@@ -46,7 +52,9 @@ class Tab:
         right /= np.linalg.norm(right)
         up, seen = np.cross(right, ahead), np.asarray(point) - eye
         scale = self.size[1] / 2 / np.tan(FIELD_OF_VIEW / 2) / (seen @ ahead)
-        return self.size[0] / 2 + scale * (seen @ right), self.size[1] / 2 - scale * (seen @ up)
+        return self.size[0] / 2 + scale * (seen @ right), self.size[1] / 2 - scale * (
+            seen @ up
+        )
 
     def drag(self, start, end, steps: int = 12) -> None:
         """Press at one place on the screen, go to another one, let go."""

@@ -18,14 +18,26 @@ from live_tabs import Tab, until  # type: ignore[import-not-found]
 
 
 def test_load_the_largest_lean_and_what_is_left_out_are_said_in_their_units():
-    told = {"load": np.array(0.048), "leans": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]), "left_out.imu": np.array(0.0)}
+    told = {
+        "load": np.array(0.048),
+        "leans": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]),
+        "left_out.imu": np.array(0.0),
+    }
     told["push"] = np.array(0.31)
-    assert belief_said(told) == "at the tip: 48 g · leans: 1.2 deg, as if pushed by 0.3 N"
-    assert belief_said(told | {"left_out.imu": np.array(1.0)}).endswith("**not believed: imu**")
+    assert (
+        belief_said(told) == "at the tip: 48 g · leans: 1.2 deg, as if pushed by 0.3 N"
+    )
+    assert belief_said(told | {"left_out.imu": np.array(1.0)}).endswith(
+        "**not believed: imu**"
+    )
 
 
 def test_nothing_is_said_where_nothing_is_sensed():
-    assert belief_said({"load": np.array(0.0), "leans": np.zeros((3, 2))}) == belief_said({}) == ""
+    assert (
+        belief_said({"load": np.array(0.0), "leans": np.zeros((3, 2))})
+        == belief_said({})
+        == ""
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +53,10 @@ def watching(watched, tmp_path):
     networks = replace(shipped_networks(load_arm("twin_arm")), arm=watched)
     tasks = {"circle": partial(task_named, "circle", watched)}
     control = ArmControl(
-        SimulatedRobot(watched, payload=0.05), {"s2c2a": lambda: s2c2a_strategy(networks)}, tasks, release_after=9.0
+        SimulatedRobot(watched, payload=0.05),
+        {"s2c2a": lambda: s2c2a_strategy(networks)},
+        tasks,
+        release_after=9.0,
     )
     control.start()
     page = LivePage(control, 0, tmp_path)
@@ -56,7 +71,10 @@ def test_the_page_says_what_hangs_there_and_the_panel_the_margins(watching, chro
     tab.page.get_by_text("Drag the violet ball").wait_for()
     control.ask(task="circle", playing=True, payload=0.05)
     until(lambda: "at the tip: " in page._status.content, what="a word of the load")
-    until(lambda: 0.03 < float(control.latest.step.told.get("load", 0.0)) < 0.07, what="finding the load")
+    until(
+        lambda: 0.03 < float(control.latest.step.told.get("load", 0.0)) < 0.07,
+        what="finding the load",
+    )
     tab.page.get_by_text("leans").first.wait_for()
     tab.page.get_by_role("tab", name="More").click()
     tab.page.get_by_text("Margins of the loop: it may answer").wait_for()

@@ -31,7 +31,9 @@ def test_the_tip_follows_the_target_and_stops_where_it_is_told_to(control):
     control.ask(stopped=True)
     until(lambda: control.latest.stage is Stage.HOLD)
     stopped = control.latest.step.number
-    until(lambda: control.latest.step.number > stopped + 30, what="the end of its swing")
+    until(
+        lambda: control.latest.step.number > stopped + 30, what="the end of its swing"
+    )
     held = tip(control)
     until(lambda: control.latest.step.number > stopped + 35)
     assert np.linalg.norm(tip(control) - held) < 0.01
@@ -91,16 +93,22 @@ def test_sensor_faults_spoil_what_is_sensed_and_nothing_else(control):
 
 def test_what_is_recorded_can_be_read_back(control, tmp_path):
     recorder = Recorder(control, tmp_path)
-    driven(control, target=(0.15, 0.0, 0.55), obstacles=(Obstacle((0.3, 0.2, 0.6), 0.05),))
+    driven(
+        control, target=(0.15, 0.0, 0.55), obstacles=(Obstacle((0.3, 0.2, 0.6), 0.05),)
+    )
     recorder.start()
     time.sleep(1.2)
     folder = recorder.stop()
     (episode,), _ = load_episodes(folder / "twin_arm.episodes")
     assert (episode.arm.name, episode.options["strategy"]) == ("twin_arm", "s2c2a")
     assert 8 <= len(episode) <= 14
-    np.testing.assert_allclose(episode["wanted_positions"][-1, -1], [0.15, 0.0, 0.55], atol=1e-6)
+    np.testing.assert_allclose(
+        episode["wanted_positions"][-1, -1], [0.15, 0.0, 0.55], atol=1e-6
+    )
     assert episode["obstacles"].shape[1] == 1
-    assert {"sensed", "planned", "expected", "sensor.cables", "sensor.states"} <= set(episode.columns)
+    assert {"sensed", "planned", "expected", "sensor.cables", "sensor.states"} <= set(
+        episode.columns
+    )
     assert (folder / "twin_arm.html").stat().st_size > 10_000
     assert recorder.stop() is None
 
@@ -121,16 +129,27 @@ def test_an_arm_that_nobody_drives_any_more_holds_then_goes_to_rest(control):
     control.watch(lambda snapshot: stages.append(snapshot.stage))
     control.ask(driven=False)
     until(lambda: Stage.IDLE in stages, what="coming to rest")
-    order = [stage for stage, before in zip(stages, [None, *stages], strict=False) if stage is not before]
+    order = [
+        stage
+        for stage, before in zip(stages, [None, *stages], strict=False)
+        if stage is not before
+    ]
     assert order[-3:] == [Stage.HOLD, Stage.RELEASE, Stage.IDLE]
     assert abs(stages.count(Stage.HOLD) - 20) <= 2  # two seconds
-    until(lambda: np.linalg.norm(tip(control) - (0, 0, 0.6)) < 0.02, what="hanging straight")
+    until(
+        lambda: np.linalg.norm(tip(control) - (0, 0, 0.6)) < 0.02,
+        what="hanging straight",
+    )
 
 
-def test_sensors_that_cannot_be_believed_stop_the_arm_at_rest_until_it_is_reset(control, monkeypatch):
+def test_sensors_that_cannot_be_believed_stop_the_arm_at_rest_until_it_is_reset(
+    control, monkeypatch
+):
     driven(control, target=(0.15, 0.0, 0.55))
     until(lambda: control.latest.error < 0.02, what="arriving")
-    monkeypatch.setattr(control._loop, "_faults", lambda reading: type(reading)(reading.time, {}))
+    monkeypatch.setattr(
+        control._loop, "_faults", lambda reading: type(reading)(reading.time, {})
+    )
     until(lambda: control.latest.stage is Stage.FAULT, what="giving up")
     assert control.latest.fault == "'cables' is missing"
     monkeypatch.undo()

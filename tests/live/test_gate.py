@@ -32,7 +32,12 @@ CAMERA = {
 def browser(page, origin: str | None = None, port: int | None = None):
     """A connection that says where it comes from; from the page itself unless stated."""
     port = port or page.gate.port
-    return connect(f"ws://127.0.0.1:{port}", origin=origin or page.gate.address, subprotocols=[VERSION], max_size=None)
+    return connect(
+        f"ws://127.0.0.1:{port}",
+        origin=origin or page.gate.address,
+        subprotocols=[VERSION],
+        max_size=None,
+    )
 
 
 def answer_to(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> int:
@@ -69,7 +74,12 @@ def test_a_header_that_is_said_twice_is_a_bad_request(page):
     host = f"127.0.0.1:{page.gate.port}"
     assert answer_to(page.gate.port, host, "/", ("Host", host)) == 400
     for name in ("Upgrade", "Origin", "Connection", "Accept-Encoding"):
-        assert answer_to(page.gate.port, host, "/", (name, "websocket"), (name, "websocket")) == 400, name
+        assert (
+            answer_to(
+                page.gate.port, host, "/", (name, "websocket"), (name, "websocket")
+            )
+            == 400
+        ), name
     assert page.gate.refused["twice"] == 5
 
 
@@ -77,7 +87,8 @@ def test_our_own_page_stops_the_arm_and_no_other_one_does(control, page):
     host = f"127.0.0.1:{page.gate.port}"
     control.ask(driven=True)
     until(lambda: control.latest.stage is Stage.RUN, what="running")
-    assert answer_to(page.gate.port, host, STOP) == 403  # an image, a link, a form of another page: no header of ours
+    # an image, a link, a form of another page: no header of ours
+    assert answer_to(page.gate.port, host, STOP) == 403
     assert not control.request.stopped
     assert answer_to(page.gate.port, "evil.example", STOP, (STOP_HEADER, "1")) == 403
     assert answer_to(page.gate.port, host, STOP, (STOP_HEADER, "1")) == 200
@@ -86,7 +97,12 @@ def test_our_own_page_stops_the_arm_and_no_other_one_does(control, page):
 
 
 def test_a_page_of_another_origin_is_refused(page):
-    for origin in ("http://evil.example", "http://localhost:3000", "null", "https://127.0.0.1"):
+    for origin in (
+        "http://evil.example",
+        "http://localhost:3000",
+        "null",
+        "https://127.0.0.1",
+    ):
         with pytest.raises(InvalidStatus, match="403"):
             browser(page, origin)
     assert page.gate.refused["origin"] == 4
@@ -94,7 +110,11 @@ def test_a_page_of_another_origin_is_refused(page):
 
 def test_nobody_comes_in_behind_the_gate(page):
     behind = page.server.get_port()
-    for origin in (page.gate.address, f"http://127.0.0.1:{behind}", "http://evil.example"):
+    for origin in (
+        page.gate.address,
+        f"http://127.0.0.1:{behind}",
+        "http://evil.example",
+    ):
         with pytest.raises(InvalidStatus, match="403"):
             browser(page, origin, port=behind)
 
@@ -106,15 +126,25 @@ def test_who_comes_drives_and_who_goes_stops_the_arm_gently(control, page):
         ours.send(msgspec.msgpack.encode(CAMERA))
         until(lambda: control.latest.stage is Stage.RUN, what="driving")
         control.ask(target=(0.15, 0.0, 0.55))
-        until(lambda: np.linalg.norm(control.latest.states[-1, :3] - (0.15, 0.0, 0.55)) < 0.02, what="arriving")
+        until(
+            lambda: (
+                np.linalg.norm(control.latest.states[-1, :3] - (0.15, 0.0, 0.55)) < 0.02
+            ),
+            what="arriving",
+        )
     until(lambda: control.latest.stage is Stage.IDLE, what="rest")
     held = np.array([row.states[-1, :3] for row in rows if row.stage is Stage.HOLD])
     assert len(held) > 10
     assert np.linalg.norm(held[-1] - held[5]) < 0.02  # it arrived with some speed
-    until(lambda: np.linalg.norm(control.latest.states[-1, :3] - (0, 0, 0.6)) < 0.03, what="standing")
+    until(
+        lambda: np.linalg.norm(control.latest.states[-1, :3] - (0, 0, 0.6)) < 0.03,
+        what="standing",
+    )
 
 
-def test_ten_thousand_messages_of_a_flood_are_shown_out_and_the_arm_goes_on(control, page):
+def test_ten_thousand_messages_of_a_flood_are_shown_out_and_the_arm_goes_on(
+    control, page
+):
     before, request = control.latest.step.number, control.request
     began, sent = time.monotonic(), 0
     random = np.random.default_rng(0)
@@ -122,7 +152,11 @@ def test_ten_thousand_messages_of_a_flood_are_shown_out_and_the_arm_goes_on(cont
         try:
             with browser(page) as flood:
                 for _ in range(10_000 - sent):
-                    flood.send(random.bytes(64) if sent % 2 else msgspec.msgpack.encode(CAMERA | {"fov": "wide"}))
+                    flood.send(
+                        random.bytes(64)
+                        if sent % 2
+                        else msgspec.msgpack.encode(CAMERA | {"fov": "wide"})
+                    )
                     sent += 1
         except (ConnectionClosed, InvalidStatus):
             continue

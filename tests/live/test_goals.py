@@ -9,8 +9,13 @@ from s2c2a.live.request import Obstacle, Request, Weights
 
 
 def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
-    asked = Goal.of(3).with_position([0.1, 0, 0.5]).with_obstacles([[0.2, 0, 0.5]], [0.06])
-    request = Request(obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),), weights=Weights(position=2.0, obstacle=3.0))
+    asked = (
+        Goal.of(3).with_position([0.1, 0, 0.5]).with_obstacles([[0.2, 0, 0.5]], [0.06])
+    )
+    request = Request(
+        obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),),
+        weights=Weights(position=2.0, obstacle=3.0),
+    )
     goal = goal_of(request, 3, asked)
     np.testing.assert_allclose(goal.thresholds[:3], [0.06, 0.08, 0.0], rtol=1e-6)
     np.testing.assert_allclose(goal.obstacles[1], [0.0, 0.2, 0.5], rtol=1e-6)
@@ -19,7 +24,11 @@ def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
 
 
 def test_the_tip_is_judged_by_its_target_and_the_nearest_threshold():
-    goal = Goal.of(3).with_position([0.3, 0.0, 0.4]).with_obstacles([[0.0, 0.0, 1.0], [5.0, 0.0, 0.0]], [0.1, 0.1])
+    goal = (
+        Goal.of(3)
+        .with_position([0.3, 0.0, 0.4])
+        .with_obstacles([[0.0, 0.0, 1.0], [5.0, 0.0, 0.0]], [0.1, 0.1])
+    )
     error, clearance = judged(goal, np.array([0.0, 0.0, 0.4]))
     assert error == pytest.approx(0.3)
     assert clearance == pytest.approx(0.5)

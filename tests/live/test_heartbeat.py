@@ -48,7 +48,9 @@ if __name__ == "__main__":
 @pytest.fixture
 def live(twin, tmp_path):
     """A control process that drives, and its page."""
-    running = ControlProcess(twin, partial(arm_control, twin, Body(), release_after=60.0))
+    running = ControlProcess(
+        twin, partial(arm_control, twin, Body(), release_after=60.0)
+    )
     page = LivePage(running, 0, tmp_path)
     running.wait_until_ready()
     running.ask(driven=True, target=(0.15, 0.0, 0.55))
@@ -68,7 +70,9 @@ def stop_said_to(page) -> int:
     return asked.getresponse().status
 
 
-def test_a_control_that_hangs_is_told_of_and_a_stop_that_was_said_meanwhile_is_heard_when_it_goes_on(live):
+def test_a_control_that_hangs_is_told_of_and_a_stop_that_was_said_meanwhile_is_heard_when_it_goes_on(
+    live,
+):
     control, page = live
     os.kill(control.process, signal.SIGSTOP)
     said_within(page, MISSED, SOON + 0.3)
@@ -93,10 +97,15 @@ def test_a_control_that_is_killed_is_told_of_and_so_is_whoever_resets(live):
 
 def test_a_page_that_hangs_stops_its_arm_which_goes_on_only_when_somebody_says_so():
     page = subprocess.Popen(
-        [sys.executable, "-c", PAGE_THAT_HANGS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", PAGE_THAT_HANGS],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     rows = iter(page.stdout.readline, "")
-    told = lambda: (lambda moment, stage, by: (float(moment), stage, by.strip()))(*next(rows).split("|"))  # noqa: E731
+    told = lambda: (lambda moment, stage, by: (float(moment), stage, by.strip()))(
+        *next(rows).split("|")
+    )
 
     def order() -> None:
         page.stdin.write("\n")

@@ -43,9 +43,20 @@ def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(control, page, op
     tab.keep("wide-at-rest")
     before, start = tip(control), tab.place_of(control.request.target, control.arm)
     end = (start[0] + 120, start[1] + 50)
-    drag_until(tab, start, end, lambda: np.linalg.norm(np.subtract(control.request.target, before)) > 0.05, "the drag")
+    drag_until(
+        tab,
+        start,
+        end,
+        lambda: np.linalg.norm(np.subtract(control.request.target, before)) > 0.05,
+        "the drag",
+    )
     until(
-        lambda: np.abs(np.subtract(tab.place_of(control.request.target, control.arm), end)).max() < 12,
+        lambda: (
+            np.abs(
+                np.subtract(tab.place_of(control.request.target, control.arm), end)
+            ).max()
+            < 12
+        ),
         what="the target's arrival under the mouse, which sends where it is a moment after it has been there",
     )
     until(lambda: control.latest.error < 0.02, what="the tip's arrival")
@@ -58,7 +69,9 @@ def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(control, page, op
     assert tab.errors == []
 
 
-def test_the_page_of_the_command_is_there_before_its_arm_and_then_alive(chromium, tmp_path):
+def test_the_page_of_the_command_is_there_before_its_arm_and_then_alive(
+    chromium, tmp_path
+):
     """The arm's control in a process of its own, as `s2c2a live` has it."""
     said, tabs = [], []
 
@@ -72,7 +85,9 @@ def test_the_page_of_the_command_is_there_before_its_arm_and_then_alive(chromium
         assert [text.split()[0] for text in said] == ["open", "twin_arm"]
         start = tab.place_of(control.request.target, control.arm)
         end = (start[0] - 110, start[1] + 40)
-        drag_until(tab, start, end, lambda: control.request.target[0] != 0.0, "the drag")
+        drag_until(
+            tab, start, end, lambda: control.request.target[0] != 0.0, "the drag"
+        )
         until(lambda: control.latest.error < 0.02, what="the tip's arrival")
         tab.stop()
         until(lambda: control.latest.stage is Stage.HOLD, what="stopping")
@@ -111,13 +126,21 @@ def test_an_obstacle_pushed_into_the_arm_makes_it_flee(control, page, open_tab):
     tab.page.get_by_role("tab", name="Avoid").click()
     tab.page.get_by_role("button", name="Add one").click()
     until(lambda: len(control.request.obstacles) == 1, what="the obstacle")
-    control.ask(obstacles=(Obstacle(tuple(0.22 * across_the_screen(control.arm) + (0, 0, 0.58)), 0.08),))
+    control.ask(
+        obstacles=(
+            Obstacle(tuple(0.22 * across_the_screen(control.arm) + (0, 0, 0.58)), 0.08),
+        )
+    )
     until(lambda: control.latest.clearance < 1.0, what="the obstacle")
     before = tip(control)
     tab.keep("wide-obstacle")
     start = tab.place_of(control.request.obstacles[0].centre, control.arm)
-    end = tab.place_of(0.02 * across_the_screen(control.arm) + (0, 0, 0.58), control.arm)
-    drag_until(tab, start, end, lambda: np.linalg.norm(tip(control) - before) > 0.02, "fleeing")
+    end = tab.place_of(
+        0.02 * across_the_screen(control.arm) + (0, 0, 0.58), control.arm
+    )
+    drag_until(
+        tab, start, end, lambda: np.linalg.norm(tip(control) - before) > 0.02, "fleeing"
+    )
     until(lambda: control.latest.clearance > 0, what="being clear")
     tab.keep("wide-fled")
     assert tab.errors == []
@@ -160,7 +183,10 @@ def test_stop_is_there_for_whoever_watches_and_with_the_panel_folded_and_escape_
     watcher.page.get_by_text("Somebody else drives").wait_for()
     name = "tall" if size == TALL else "wide"
     watcher.page.get_by_text("s2c2a · twin_arm").first.click()  # folds the panel
-    until(lambda: not watcher.page.get_by_text("Somebody else drives").is_visible(), what="folding")
+    until(
+        lambda: not watcher.page.get_by_text("Somebody else drives").is_visible(),
+        what="folding",
+    )
     time.sleep(1.0)
     watcher.keep(f"{name}-watching-folded")
     watcher.stop()

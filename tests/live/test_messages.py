@@ -36,7 +36,11 @@ def test_a_drag_and_a_new_value_pass():
     "message",
     [
         {"type": "ShareUrlRequest"},  # viser would open a tunnel to the world
-        {"type": "FileTransferStartUpload", "source_component_uuid": "a", "transfer_uuid": "b"},
+        {
+            "type": "FileTransferStartUpload",
+            "source_component_uuid": "a",
+            "transfer_uuid": "b",
+        },
         {"type": "RunJavascriptMessage", "source": "alert(1)"},
         VALUE | {"updates": {"removed": True}},  # viser would set any attribute
         VALUE | {"updates": {"value": 1, "update_cb": []}},
@@ -47,7 +51,8 @@ def test_a_drag_and_a_new_value_pass():
         DRAG | {"phase": "never"},
         DRAG | {"extra": 1},
         {"type": "NoSuchMessage"},
-        {"type": "GuiButtonHoldMessage", "uuid": "a", "frequency": 10.0},  # nothing here is held or clicked
+        # nothing here is held or clicked
+        {"type": "GuiButtonHoldMessage", "uuid": "a", "frequency": 10.0},
         [1, 2, 3],
         None,
     ],

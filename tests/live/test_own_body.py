@@ -13,14 +13,25 @@ from live_tabs import until  # type: ignore[import-not-found]
 
 
 def test_a_body_that_nobody_watches_is_driven_drawn_as_expected_and_recorded(tmp_path):
-    body = body_for(f"{Path(__file__).with_name('blind_arm.py')}:BlindArm", ("port=/dev/ttyUSB0", "baud=115200"))
+    body = body_for(
+        f"{Path(__file__).with_name('blind_arm.py')}:BlindArm",
+        ("port=/dev/ttyUSB0", "baud=115200"),
+    )
     with running_page("twin_arm", body=body, port=0, out=tmp_path) as (control, page):
-        until(lambda: "drawn as its model expects" in page._status.content, what="saying so")
+        until(
+            lambda: "drawn as its model expects" in page._status.content,
+            what="saying so",
+        )
         assert control.limits.payload == control.limits.push == 0.0
         recorder = Recorder(control, tmp_path)
         recorder.start()
-        control.ask(driven=True, target=(0.15, 0.0, 0.55), payload=9.0, push=(9.0, 0.0, 0.0))
-        until(lambda: control.latest.stage is Stage.RUN and control.latest.error < 0.02, what="the model's arrival")
+        control.ask(
+            driven=True, target=(0.15, 0.0, 0.55), payload=9.0, push=(9.0, 0.0, 0.0)
+        )
+        until(
+            lambda: control.latest.stage is Stage.RUN and control.latest.error < 0.02,
+            what="the model's arrival",
+        )
         assert control.latest.states[-1, 0] == pytest.approx(0.15, abs=0.03)
         folder = recorder.stop()
         assert (folder / "twin_arm.episodes").is_file()

@@ -14,13 +14,20 @@ from s2c2a.spaces import Stage
 from live_tabs import until  # type: ignore[import-not-found]
 
 NUMBERS = st.floats(-1e300, 1e300) | st.integers(-(2**63), 2**63 - 1)
-VALUES = NUMBERS | st.text(max_size=8) | st.booleans() | st.lists(st.floats(-9, 9), max_size=4)
+VALUES = (
+    NUMBERS
+    | st.text(max_size=8)
+    | st.booleans()
+    | st.lists(st.floats(-9, 9), max_size=4)
+)
 POINTS = st.tuples(*[st.floats(-1e9, 1e9)] * 3)
 DRAGS = st.fixed_dictionaries(
     {
         "type": st.just("SceneNodeDragMessage"),
         "phase": st.sampled_from(["start", "update", "end"]),
-        "name": st.sampled_from(["/target", "/pointer", "/obstacles/0/threshold", "/arm/0", "/nothing", ""]),
+        "name": st.sampled_from(
+            ["/target", "/pointer", "/obstacles/0/threshold", "/arm/0", "/nothing", ""]
+        ),
         "instance_index": st.none() | st.integers(-3, 3),
         "start_position": POINTS,
         "start_screen_pos": st.tuples(NUMBERS, NUMBERS),
@@ -32,12 +39,14 @@ DRAGS = st.fixed_dictionaries(
     }
 )
 CAMERAS = st.fixed_dictionaries(
-    {name: NUMBERS.map(float) for name in ("fov", "near", "far")} | {"position": POINTS, "look_at": POINTS}
+    {name: NUMBERS.map(float) for name in ("fov", "near", "far")}
+    | {"position": POINTS, "look_at": POINTS}
 ).map(lambda drawn: CAMERA | drawn)
 MESSAGES = st.tuples(st.integers(0, 60), VALUES) | DRAGS | CAMERAS
 
 
-TOGGLED = {"Pause": "Play", "Stop recording": "Record"}  # labels of buttons that say what is on
+# labels of buttons that say what is on
+TOGGLED = {"Pause": "Play", "Stop recording": "Record"}
 
 
 def parts_of(page):

@@ -19,7 +19,9 @@ from live_tabs import until  # type: ignore[import-not-found]
 
 
 def process_of(arm, files=()):
-    return ControlProcess(arm, partial(arm_control, arm, Body(), files, release_after=1.0))
+    return ControlProcess(
+        arm, partial(arm_control, arm, Body(), files, release_after=1.0)
+    )
 
 
 def until_ended(control):
@@ -42,11 +44,19 @@ def test_it_obeys_requests_changes_its_strategy_and_ends_at_rest(control):
     assert control.limits.tasks
     control.ask(driven=True, target=(0.18, 0.05, 0.54))
     until(lambda: control.latest.error < 0.01, what="arriving")
-    assert control.ask(target=(9.0, 0.0, 0.0)).target[0] < 1.3  # within the limits, here too
-    with pytest.raises(S2C2AError, match=r"no strategy 'nobody'; choose one of s2c2a · best"):
+    # within the limits, here too
+    assert control.ask(target=(9.0, 0.0, 0.0)).target[0] < 1.3
+    with pytest.raises(
+        S2C2AError, match=r"no strategy 'nobody'; choose one of s2c2a · best"
+    ):
         control.use("nobody")
     control.use("pcc · best")
-    until(lambda: control.latest.strategy == "pcc · best" and control.latest.stage is Stage.RUN)
+    until(
+        lambda: (
+            control.latest.strategy == "pcc · best"
+            and control.latest.stage is Stage.RUN
+        )
+    )
     control.ask(task="circle", playing=True, speed=4.0)
     until(lambda: control.latest.task_step > 5)
     control.ask(playing=False)
@@ -55,11 +65,19 @@ def test_it_obeys_requests_changes_its_strategy_and_ends_at_rest(control):
     control.step_task()
     until(lambda: control.latest.task_step == 1)
     control.reset()
-    until(lambda: control.latest.stage is Stage.RUN and np.linalg.norm(control.latest.states[-1, :2]) < 0.02)
+    until(
+        lambda: (
+            control.latest.stage is Stage.RUN
+            and np.linalg.norm(control.latest.states[-1, :2]) < 0.02
+        )
+    )
     control.ask(target=(0.1, 0.1, 0.55))
     until(lambda: control.latest.error < 0.05, what="arriving as near as pcc does")
     control.stop()
-    assert np.linalg.norm(rows[-1].states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
+    assert (
+        np.linalg.norm(rows[-1].states[-1, POSITION] - (0, 0, control.arm.length))
+        < 0.05
+    )
     assert np.diff([row.step.number for row in rows]).max() == 1
 
 
@@ -80,7 +98,10 @@ def test_a_process_that_is_asked_to_end_leads_its_arm_to_rest(control):
     os.kill(control.process, signal.SIGTERM)
     until_ended(control)
     until(lambda: control.latest.stage is Stage.FAULT)
-    assert np.linalg.norm(control.latest.states[-1, POSITION] - (0, 0, control.arm.length)) < 0.05
+    assert (
+        np.linalg.norm(control.latest.states[-1, POSITION] - (0, 0, control.arm.length))
+        < 0.05
+    )
 
 
 def test_only_tasks_that_the_arm_can_have_are_offered(twin, make_arm):

@@ -10,16 +10,35 @@ from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Request, RequestLimits
 
 LIMITS = RequestLimits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))
 ANYTHING = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(), st.binary(), st.lists(st.floats(), max_size=4)
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(),
+    st.binary(),
+    st.lists(st.floats(), max_size=4),
 )
-NAMES = ("target", "axis", "task", "speed", "obstacles", "weights", "payload", "push", "coupling", "noise")
+NAMES = (
+    "target",
+    "axis",
+    "task",
+    "speed",
+    "obstacles",
+    "weights",
+    "payload",
+    "push",
+    "coupling",
+    "noise",
+)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.dictionaries(st.sampled_from(NAMES), ANYTHING))
 def test_no_value_leads_out_of_the_limits(changes):
     request = LIMITS.changed(Request(), **changes)
-    assert request.target is None or np.linalg.norm(request.target) <= LIMITS.reach + 1e-9
+    assert (
+        request.target is None or np.linalg.norm(request.target) <= LIMITS.reach + 1e-9
+    )
     assert request.axis is None or np.linalg.norm(request.axis) == pytest.approx(1.0)
     assert request.task in (None, "circle")
     assert 0 <= request.payload <= LIMITS.payload
@@ -32,9 +51,18 @@ def test_no_value_leads_out_of_the_limits(changes):
 def test_a_target_too_far_is_drawn_to_the_limit_and_nonsense_is_passed_over():
     request = LIMITS.changed(Request(), target=(0, 0, 5))
     assert request.target == pytest.approx((0, 0, 1.2))
-    for nonsense in ((0, 0), "abc", (float("nan"), 0, 0), (float("inf"), 0, 0), [[1, 2, 3]], {"x": 1}):
+    for nonsense in (
+        (0, 0),
+        "abc",
+        (float("nan"), 0, 0),
+        (float("inf"), 0, 0),
+        [[1, 2, 3]],
+        {"x": 1},
+    ):
         assert LIMITS.changed(request, target=nonsense) == request
-    assert LIMITS.changed(request, no_such_thing=1, speed=2.0) == LIMITS.changed(request, speed=2.0)
+    assert LIMITS.changed(request, no_such_thing=1, speed=2.0) == LIMITS.changed(
+        request, speed=2.0
+    )
 
 
 def test_obstacles_are_few_and_of_sound_size():

@@ -78,18 +78,32 @@ def test_a_recording_shows_its_workspace_on_a_telephone_too(recording, shown):
 def test_a_file_of_runs_is_told_from_a_recording(recording, twin, tmp_path):
     (tmp_path / "a").mkdir()
     save_episodes(recording.episodes[:2], tmp_path / "a" / "runs.episodes")
-    save_episodes(recording.episodes[:2], tmp_path / "collected.episodes", recording.options)
-    for what, label in ((tmp_path / "a", "Run"), (tmp_path / "collected.episodes", "Show")):
+    save_episodes(
+        recording.episodes[:2], tmp_path / "collected.episodes", recording.options
+    )
+    for what, label in (
+        (tmp_path / "a", "Run"),
+        (tmp_path / "collected.episodes", "Show"),
+    ):
         window = window_on((str(what),), 0)
         try:
-            assert label in {one.label for one in window.server.gui._gui_input_handle_from_uuid.values()}
+            assert label in {
+                one.label
+                for one in window.server.gui._gui_input_handle_from_uuid.values()
+            }
             assert window.arm == twin
         finally:
             window.close()
 
 
 def test_what_cannot_be_viewed_is_said(tmp_path):
-    for nothing in ((), (str(tmp_path),), ("twin_arm", "simulated_arm"), ("no_such_arm",), ("none.episodes",)):
+    for nothing in (
+        (),
+        (str(tmp_path),),
+        ("twin_arm", "simulated_arm"),
+        ("no_such_arm",),
+        ("none.episodes",),
+    ):
         with pytest.raises(S2C2AError):
             window_on(nothing, 0)
 
@@ -104,10 +118,14 @@ def test_a_training_shows_the_curves_of_both_networks_and_of_the_swing(twin, sho
     assert tab.errors == []
 
 
-def test_a_hanging_arm_hangs_and_what_is_dragged_is_told_in_its_base_frame(make_arm, shown):
+def test_a_hanging_arm_hangs_and_what_is_dragged_is_told_in_its_base_frame(
+    make_arm, shown
+):
     arm = make_arm(gravity_direction=(0.0, 0.0, 1.0))
     page, told = view_arm(arm, 0), []
-    page.scene.on_drag(lambda _who, where: told.append(where), lambda *_: None, lambda *_: None)
+    page.scene.on_drag(
+        lambda _who, where: told.append(where), lambda *_: None, lambda *_: None
+    )
     page.scene.draw_target((0.0, 0.1, 0.5), None, 0.0)
     tab = shown(page)
     tab.page.get_by_text("gravity").wait_for()
@@ -127,7 +145,10 @@ def test_a_hanging_arm_hangs_and_what_is_dragged_is_told_in_its_base_frame(make_
 
 
 def test_gravity_is_shown_where_the_arm_does_not_stand_upright(make_arm, shown):
-    hanging, lying = (make_arm(gravity_direction=direction) for direction in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    hanging, lying = (
+        make_arm(gravity_direction=direction)
+        for direction in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    )
     for arm in (hanging, lying):
         tab = shown(view_arm(arm, 0))
         tab.page.get_by_text("gravity").wait_for()

@@ -10,7 +10,10 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
-FRAME, BASE = Rotation.from_euler("xyz", [100, 25, -60], degrees=True), np.array([0.4, -1.2, 0.7])
+FRAME, BASE = (
+    Rotation.from_euler("xyz", [100, 25, -60], degrees=True),
+    np.array([0.4, -1.2, 0.7]),
+)
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,16 @@ class Written:
 def recorded(path: Path, arm: ArmSpec, samples: int = 250) -> Recording:
     """Two episodes of a simulated arm."""
     return collect(
-        path, arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions("motor", episodes=2, samples=samples)
+        path,
+        arm,
+        lambda seed: SimulatedRobot(arm, seed=seed),
+        CollectOptions("motor", episodes=2, samples=samples),
     )
 
 
-def written(folder: Path, recording: Recording, tip_alone: bool, signs_stated: bool = False) -> Written:
+def written(
+    folder: Path, recording: Recording, tip_alone: bool, signs_stated: bool = False
+) -> Written:
     """The recording as a stranger's CSV."""
     random, arm = np.random.default_rng(0), recording.arm
     count = arm.module_count * arm.cable_count
@@ -48,14 +56,24 @@ def written(folder: Path, recording: Recording, tip_alone: bool, signs_stated: b
     cables = 1e3 * signs * recording.sensor("cables").reshape(-1, count)[:, order]
     commands = 1e3 * signs * recording.actions.reshape(-1, count)[:, order]
     ends = recording.sensor("states").reshape(-1, arm.module_count, 6)[:, modules, :3]
-    seen = FRAME.apply(ends.reshape(-1, 3)).reshape(len(ends), -1) + np.tile(BASE, len(modules))
+    seen = FRAME.apply(ends.reshape(-1, 3)).reshape(len(ends), -1) + np.tile(
+        BASE, len(modules)
+    )
     length = recording.time.shape[1]
     time = 0.1 * np.arange(len(ends)) + 100.0 * (np.arange(len(ends)) // length)
     names = ["t", *(f"c{k}" for k in range(count)), *(f"m{k}" for k in range(count))]
     names += [f"{axis}{module}" for module in modules for axis in "xyz"]
     values = np.concatenate([time[:, None], commands, cables, seen], axis=1)
-    np.savetxt(folder / "log.csv", values, "%.7g", ",", header=",".join(names), comments="")
-    return Written(folder / "log.csv", _map(arm, modules, signs if signs_stated else 0 * signs), order, signs, arm)
+    np.savetxt(
+        folder / "log.csv", values, "%.7g", ",", header=",".join(names), comments=""
+    )
+    return Written(
+        folder / "log.csv",
+        _map(arm, modules, signs if signs_stated else 0 * signs),
+        order,
+        signs,
+        arm,
+    )
 
 
 def _map(arm: ArmSpec, modules: list[int], signs: np.ndarray) -> str:
@@ -63,10 +81,16 @@ def _map(arm: ArmSpec, modules: list[int], signs: np.ndarray) -> str:
     lines = [
         f'[rows]\nkind = "timed"\ntime = "t"\n[arm]\nname = "found"\nmodules = {arm.module_count}\ncontrol_rate = 10'
     ]
-    lines += [f"length = {arm.length}\ncoupled_cables = false\n[frame]\nx = {x}\nalong = {z}"]
+    lines += [
+        f"length = {arm.length}\ncoupled_cables = false\n[frame]\nx = {x}\nalong = {z}"
+    ]
     for number in range(arm.module_count * arm.cable_count):
-        lines += [f'[[drives]]\ncommanded = "c{number}"\nmeasured = "m{number}"\nunit = "mm"']
+        lines += [
+            f'[[drives]]\ncommanded = "c{number}"\nmeasured = "m{number}"\nunit = "mm"'
+        ]
         lines += [f'positive = "{("unknown", "releases", "pulls")[signs[number]]}"']
     for module in modules:
-        lines += [f'[[ends]]\nmodule = {module}\nposition = ["x{module}", "y{module}", "z{module}"]\nunit = "m"']
+        lines += [
+            f'[[ends]]\nmodule = {module}\nposition = ["x{module}", "y{module}", "z{module}"]\nunit = "m"'
+        ]
     return "\n".join(lines) + "\n"

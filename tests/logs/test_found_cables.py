@@ -26,7 +26,10 @@ OTHER = TWIN.model_copy(
 def recordings(tmp_path_factory):
     """Motor babbling of both arms."""
     folder = tmp_path_factory.mktemp("recordings")
-    return {arm.name: recorded(folder / f"{arm.name}.episodes", arm, 200) for arm in (TWIN, OTHER)}
+    return {
+        arm.name: recorded(folder / f"{arm.name}.episodes", arm, 200)
+        for arm in (TWIN, OTHER)
+    }
 
 
 @pytest.mark.parametrize(("name", "tip_alone"), [("other", True), ("twin_arm", False)])
@@ -36,15 +39,23 @@ def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(
     log = written(tmp_path, recordings[name], tip_alone)
     imported = import_logs([log.log], map_from_toml(log.map))
     arm: ArmSpec = log.arm
-    owners, angles = log.order // arm.cable_count, np.concatenate([m.cable_angles_deg for m in arm.modules])[log.order]
+    owners, angles = (
+        log.order // arm.cable_count,
+        np.concatenate([m.cable_angles_deg for m in arm.modules])[log.order],
+    )
     np.testing.assert_array_equal(imported.motors.modules, owners)
-    turned = imported.motors.signs == log.signs  # in the recording a displacement lets go
+    # in the recording a displacement lets go
+    turned = imported.motors.signs == log.signs
     doubted = {int(doubt.split()[1].strip(":")) for doubt in imported.doubts}
     assert set(owners[turned]) <= doubted
-    assert all(len(set(turned[owners == module])) == 1 for module in owners)  # all cables of a module, or none
-    off = (np.rad2deg(imported.fit.guess.angles) + 180 * turned - angles + 180) % 360 - 180
+    # all cables of a module, or none
+    assert all(len(set(turned[owners == module])) == 1 for module in owners)
+    off = (
+        np.rad2deg(imported.fit.guess.angles) + 180 * turned - angles + 180
+    ) % 360 - 180
     assert np.abs(off).max() < 15
-    assert 2.0 < imported.arm.step_limit_deg < 12.0  # babbling: 5.2 deg at most where the model is right
+    # babbling: 5.2 deg at most where the model is right
+    assert 2.0 < imported.arm.step_limit_deg < 12.0
     assert imported.fit.errors is not None
     told = np.rad2deg(imported.fit.errors.angles)
     assert told.max() < 30
@@ -55,7 +66,9 @@ def test_modules_signs_and_angles_are_found_again_or_a_sign_is_in_doubt(
     assert np.rad2deg(scattered.angles).max() < 15
 
 
-def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(recordings, tmp_path):
+def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(
+    recordings, tmp_path
+):
     recording = recordings["other"]
     log = written(tmp_path, recording, tip_alone=False, signs_stated=True)
     imported = import_logs([log.log], map_from_toml(log.map), OTHER)
@@ -65,12 +78,15 @@ def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(recordin
     assert len(back.episodes) == 2
     for episode, original in zip(back.episodes, recording.episodes, strict=True):
         np.testing.assert_allclose(episode["actions"], original["actions"], atol=1e-6)
-        np.testing.assert_allclose(episode.sensor("cables"), original.sensor("cables"), atol=1e-6)
+        np.testing.assert_allclose(
+            episode.sensor("cables"), original.sensor("cables"), atol=1e-6
+        )
         apart = episode.sensor("states")[..., :3] - original.sensor("states")[..., :3]
         assert np.sqrt(np.mean(np.sum(apart**2, axis=-1))) < 0.03
         assert np.isnan(episode.sensor("states")[..., 3:]).all()
     assert load_episodes(tmp_path / "back.episodes")[1]["licence"] == "none"
-    again = import_again([log.log], map_from_toml(log.map), back)  # the same log, read as another session would be
+    # the same log, read as another session would be
+    again = import_again([log.log], map_from_toml(log.map), back)
     for episode, one in zip(again.episodes, back.episodes, strict=True):
         for name in ("actions", "sensor.cables", "sensor.states"):
             np.testing.assert_allclose(episode[name], one[name], atol=1e-7)

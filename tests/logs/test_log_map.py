@@ -33,16 +33,28 @@ def test_a_short_map_is_enough():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('commanded = "m1"', 'comanded = "m1"', "drives.0.comanded: no such key; did you mean commanded"),
+        (
+            'commanded = "m1"',
+            'comanded = "m1"',
+            "drives.0.comanded: no such key; did you mean commanded",
+        ),
         ('commanded = "m1"', "", "drives.0: name a column"),
         ('unit = "mm"\n[[ends', 'unit = "ticks"\n[[ends', "arm.pulley_radius"),
         ('unit = "mm"\n[[ends', 'unit = "free"\n[[ends', "arm.cable_radius"),
         ('kind = "steps"', 'kind = "timed"', "rows: timed rows need"),
         ("modules = 1", "modules = 99", "arm.modules"),
         ('position = ["x", "y", "z"]', 'position = ["x", "y"]', "ends.0.position"),
-        ('position = ["x"', 'quaternion = ["a", "b", "c", "d"]\nposition = ["x"', "order"),
+        (
+            'position = ["x"',
+            'quaternion = ["a", "b", "c", "d"]\nposition = ["x"',
+            "order",
+        ),
         ('position = ["x"', 'euler = ["a", "b", "c"]\nposition = ["x"', "sequence"),
-        ('position = ["x"', 'euler = ["a", "b", "c"]\nsequence = "xYz"\nposition = ["x"', "ends.0.sequence"),
+        (
+            'position = ["x"',
+            'euler = ["a", "b", "c"]\nsequence = "xYz"\nposition = ["x"',
+            "ends.0.sequence",
+        ),
         ('position = ["x"', 'module = 1\nposition = ["x"', "ends name a module beyond"),
         ("control_rate = 10", "", "arm.control_rate: this key is missing"),
         ("control_rate = 10", "control_rate = 10\nlength = nan", "arm.length"),
@@ -68,13 +80,19 @@ def test_two_ends_of_one_module_are_refused():
 
 
 def test_the_least_map_that_the_page_shows_is_one_and_its_columns_are_those_of_its_log():
-    page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(encoding="utf-8")
-    (log,), (text, *_) = (re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("csv", "toml"))
+    page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(
+        encoding="utf-8"
+    )
+    (log,), (text, *_) = (
+        re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("csv", "toml")
+    )
     assert map_from_toml(text).numbers <= set(log.splitlines()[0].split(";"))
 
 
 def test_faults_are_told_in_plain_words():
-    text = SOUND.replace("modules = ", "modules = 'three' # ").replace("control_rate = ", "control_rate = -")
+    text = SOUND.replace("modules = ", "modules = 'three' # ").replace(
+        "control_rate = ", "control_rate = -"
+    )
     with pytest.raises(LogError) as caught:
         map_from_toml(text)
     said = str(caught.value)

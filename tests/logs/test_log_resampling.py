@@ -16,7 +16,14 @@ def session(time, commanded=None, x=None, labels=None) -> Session:
     positions[:, 0, 0] = time if x is None else x
     nothing = np.full((rows, 1), np.nan)
     labels = np.full(rows, "") if labels is None else np.array(labels, object)
-    return Session(np.asarray(time, float), commanded, nothing, positions, np.full((rows, 1, 3), np.nan), labels)
+    return Session(
+        np.asarray(time, float),
+        commanded,
+        nothing,
+        positions,
+        np.full((rows, 1, 3), np.nan),
+        labels,
+    )
 
 
 TIMED = Rows(kind="timed", time="t", shortest=2)
@@ -68,7 +75,9 @@ def test_steps_are_rows_whatever_their_times_and_labels_part_them():
 
 
 def test_short_stretches_are_left_out_and_doubled_moments_count_once():
-    assert stretches(session([0.0, 1.0, 2.0]), Rows(kind="steps", shortest=4), 1.0) == []
+    assert (
+        stretches(session([0.0, 1.0, 2.0]), Rows(kind="steps", shortest=4), 1.0) == []
+    )
     (part,) = stretches(session([0.0, 1.0, 1.0, 2.0], x=[0, 1, 9, 2]), STEPS, 1.0)
     np.testing.assert_array_equal(part.positions[:, 0, 0], [0, 1, 2])
 

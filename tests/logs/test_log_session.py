@@ -11,10 +11,19 @@ from s2c2a.logs.tables import Table
 
 ARM = '[arm]\nname = "a"\nmodules = 1\ncontrol_rate = 10\npulley_radius = 0.01\nticks_per_turn = 1000\n'
 POSITION = '[[ends]]\nposition = ["x", "y", "z"]\nunit = "mm"\n'
-TIP = {"x": np.array([1.0, 2.0]), "y": np.array([0.0, np.nan]), "z": np.array([200.0, 199.0])}
+TIP = {
+    "x": np.array([1.0, 2.0]),
+    "y": np.array([0.0, np.nan]),
+    "z": np.array([200.0, 199.0]),
+}
 
 
-def told(drives='commanded = "m"\nunit = "mm"\n', ends=POSITION, rows='kind = "steps"\n', more=""):
+def told(
+    drives='commanded = "m"\nunit = "mm"\n',
+    ends=POSITION,
+    rows='kind = "steps"\n',
+    more="",
+):
     return map_from_toml(f"[rows]\n{rows}{more}{ARM}[[drives]]\n{drives}{ends}")
 
 
@@ -38,7 +47,9 @@ def test_columns_become_metres_or_newtons_after_their_offset(unit, factor):
 
 def test_positions_become_metres_and_what_was_not_seen_stays_unknown():
     session = session_of([Table("t", TIP | {"m": np.zeros(2)}, {})], told())
-    np.testing.assert_allclose(session.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]])
+    np.testing.assert_allclose(
+        session.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]]
+    )
     assert np.isnan(session.axes).all()
 
 
@@ -49,32 +60,61 @@ TURN = Rotation.from_euler("XYZ", [20, -35, 50], degrees=True)
     ("keys", "values"),
     [
         ('quaternion = ["a", "b", "c", "d"]\norder = "xyzw"', TURN.as_quat()),
-        ('quaternion = ["a", "b", "c", "d"]\norder = "wxyz"', np.roll(TURN.as_quat(), 1)),
-        ('euler = ["a", "b", "c"]\nsequence = "XYZ"', TURN.as_euler("XYZ", degrees=True)),
-        ('euler = ["a", "b", "c"]\nsequence = "zyx"', TURN.as_euler("zyx", degrees=True)),
-        ('euler = ["a", "b", "c"]\nsequence = "zxz"\neuler_unit = "rad"', TURN.as_euler("zxz")),
+        (
+            'quaternion = ["a", "b", "c", "d"]\norder = "wxyz"',
+            np.roll(TURN.as_quat(), 1),
+        ),
+        (
+            'euler = ["a", "b", "c"]\nsequence = "XYZ"',
+            TURN.as_euler("XYZ", degrees=True),
+        ),
+        (
+            'euler = ["a", "b", "c"]\nsequence = "zyx"',
+            TURN.as_euler("zyx", degrees=True),
+        ),
+        (
+            'euler = ["a", "b", "c"]\nsequence = "zxz"\neuler_unit = "rad"',
+            TURN.as_euler("zxz"),
+        ),
     ],
 )
 @pytest.mark.parametrize("along", ["z", "-y"])
 def test_every_way_to_say_a_rotation_gives_the_same_axis(keys, values, along):
-    columns = {name: np.array([value, np.nan]) for name, value in zip("abcd", values, strict=False)}
+    columns = {
+        name: np.array([value, np.nan])
+        for name, value in zip("abcd", values, strict=False)
+    }
     one = told(ends=f'{POSITION}{keys}\nalong = "{along}"\n')
-    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[:, 0]
+    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[
+        :, 0
+    ]
     np.testing.assert_allclose(axes[0], TURN.apply(direction(along)), atol=1e-12)
     assert np.isnan(axes[1]).all()
 
 
 def test_vectors_of_any_length_become_unit_axes_and_none_stays_unknown():
-    columns = {"a": np.array([0.0, 0.0]), "b": np.array([3.0, 0.0]), "c": np.array([4.0, 0.0])}
+    columns = {
+        "a": np.array([0.0, 0.0]),
+        "b": np.array([3.0, 0.0]),
+        "c": np.array([4.0, 0.0]),
+    }
     one = told(ends=f'{POSITION}axis = ["a", "b", "c"]\n')
-    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[:, 0]
+    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[
+        :, 0
+    ]
     np.testing.assert_allclose(axes, [[0, 0.6, 0.8], [np.nan] * 3])
 
 
 def test_files_are_joined_by_their_key_whatever_the_order():
     one = told(more='[join]\nkey = "ID"\n')
-    commands = Table("c", {"ID": np.array([3.0, 1.0, 2.0]), "m": np.array([30.0, 10.0, 20.0])}, {})
-    seen = Table("s", {"ID": np.array([2.0, 3.0, 9.0]), **{name: np.arange(3.0) for name in "xyz"}}, {})
+    commands = Table(
+        "c", {"ID": np.array([3.0, 1.0, 2.0]), "m": np.array([30.0, 10.0, 20.0])}, {}
+    )
+    seen = Table(
+        "s",
+        {"ID": np.array([2.0, 3.0, 9.0]), **{name: np.arange(3.0) for name in "xyz"}},
+        {},
+    )
     session = session_of([commands, seen], one)
     np.testing.assert_allclose(session.commanded[:, 0], [0.020, 0.030])
     np.testing.assert_allclose(session.positions[:, 0, 0], [0, 0.001])
@@ -82,10 +122,16 @@ def test_files_are_joined_by_their_key_whatever_the_order():
 
 def test_files_without_common_keys_or_with_doubled_ones_are_refused():
     one = told(more='[join]\nkey = "ID"\n')
-    seen = Table("s", {"ID": np.array([7.0, 8.0]), **{name: np.arange(2.0) for name in "xyz"}}, {})
+    seen = Table(
+        "s",
+        {"ID": np.array([7.0, 8.0]), **{name: np.arange(2.0) for name in "xyz"}},
+        {},
+    )
     for keys, why in (([1.0, 2.0], "in common"), ([7.0, 7.0], "twice")):
         with pytest.raises(LogError, match=why):
-            session_of([Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen], one)
+            session_of(
+                [Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen], one
+            )
 
 
 def test_a_missing_column_is_named():

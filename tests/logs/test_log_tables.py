@@ -43,7 +43,9 @@ def written(tmp_path):
 )
 def test_a_table_is_read_whatever_parts_its_cells(written, content):
     table = read_table(written(content), AB)
-    np.testing.assert_array_equal([table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]])
+    np.testing.assert_array_equal(
+        [table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]]
+    )
 
 
 def test_a_file_without_names_has_numbers_for_columns(written):
@@ -52,7 +54,9 @@ def test_a_file_without_names_has_numbers_for_columns(written):
 
 
 def test_blanks_are_nothing_and_labels_stay_words(written):
-    table = read_table(written("a,b,what\n1,,up\nNaN,n/a,down\n"), Asked(["a", "b"], ["what"]))
+    table = read_table(
+        written("a,b,what\n1,,up\nNaN,n/a,down\n"), Asked(["a", "b"], ["what"])
+    )
     np.testing.assert_array_equal(table.numbers["b"], [np.nan, np.nan])
     assert list(table.words["what"]) == ["up", "down"]
 
@@ -118,9 +122,13 @@ def test_what_swells_is_left_alone(written, monkeypatch):
 def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
     path = tmp_path / f"log.{ending}"
-    (np.savez if ending == "npz" else lambda path, **arrays: savemat(path, arrays))(path, **values)
+    (np.savez if ending == "npz" else lambda path, **arrays: savemat(path, arrays))(
+        path, **values
+    )
     table = read_table(path, Asked(["a", "p.1"]))
-    np.testing.assert_array_equal([table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]])
+    np.testing.assert_array_equal(
+        [table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
+    )
 
 
 class Trap:
@@ -161,12 +169,20 @@ def test_damaged_files_end_in_words(tmp_path, ending):
     else:
         path.write_bytes(
             gzip.compress(
-                "\n".join(["a,b", *(f"{a},{b}" for a, b in zip(*values.values(), strict=True))]).encode(), mtime=0
+                "\n".join(
+                    [
+                        "a,b",
+                        *(f"{a},{b}" for a, b in zip(*values.values(), strict=True)),
+                    ]
+                ).encode(),
+                mtime=0,
             )
         )
     whole, ended = path.read_bytes(), 0
     for _ in range(150):
-        harmed = bytearray(whole[: random.integers(1, len(whole))] if random.random() < 0.3 else whole)
+        harmed = bytearray(
+            whole[: random.integers(1, len(whole))] if random.random() < 0.3 else whole
+        )
         harmed[random.integers(len(harmed))] ^= random.integers(1, 256)
         path.write_bytes(bytes(harmed))
         try:

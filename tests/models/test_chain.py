@@ -21,7 +21,9 @@ from s2c2a.training.fit import held
 SMALL = ChainOptions(hidden=8, depth=1, play_widths=(0.02, 0.1), creep_times=(2.0,))
 start = eqx.filter_jit(lambda model, sensed: model.start(sensed))
 observe = eqx.filter_jit(lambda model, sensed, memory: model.observe(sensed, memory))
-predict = eqx.filter_jit(lambda model, configurations, memory: model.predict(configurations, memory))
+predict = eqx.filter_jit(
+    lambda model, configurations, memory: model.predict(configurations, memory)
+)
 
 
 def untrained(arm: ArmSpec, size=SMALL, seed=0) -> ChainC2S:
@@ -35,7 +37,7 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
     def move(leaf):
         return leaf + jnp.asarray(random.normal(0, 0.2, leaf.shape), dtype=leaf.dtype)
 
-    parts = lambda m: [  # noqa: E731
+    parts = lambda m: [
         m.hysteresis.play_weights,
         m.hysteresis.creep_weights,
         m.equilibrium.log_stiffness,
@@ -51,14 +53,19 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
 
 def way(seed, steps, modules, reach=0.25):
     """Configurations of bends that wander, shape (steps, modules, 3)."""
-    bends = np.cumsum(np.random.default_rng(seed).normal(0, reach / 4, (steps, modules, 2)), axis=0)
+    bends = np.cumsum(
+        np.random.default_rng(seed).normal(0, reach / 4, (steps, modules, 2)), axis=0
+    )
     return np.asarray(configurations_from_bends(jnp.asarray(bends, dtype=jnp.float32)))
 
 
 def of_kind(make_arm, kind, modules=3, cables=3) -> ArmSpec:
     """An arm whose readings are encoders', true, coupled, or that is driven by tension."""
     tension = {"pretension": 20.0, "tension_range": 20.0}
-    coupling = tuple(tuple(1.0 / (row + 1) * (column <= row) for column in range(modules)) for row in range(modules))
+    coupling = tuple(
+        tuple(1.0 / (row + 1) * (column <= row) for column in range(modules))
+        for row in range(modules)
+    )
     kinds = {
         "encoders": {},
         "true": {"sensing": "true"},
@@ -72,32 +79,52 @@ def of_kind(make_arm, kind, modules=3, cables=3) -> ArmSpec:
 def test_untrained_without_statics_it_says_arcs_of_the_sensed_bends(make_arm, kind):
     model, configurations = untrained(of_kind(make_arm, kind)), way(1, 1, 3)[0]
     states = predict(model, configurations, start(model, configurations))
-    arcs = states_from_bends(bends_from_configurations(jnp.asarray(configurations)), jnp.full(3, 0.2))
+    arcs = states_from_bends(
+        bends_from_configurations(jnp.asarray(configurations)), jnp.full(3, 0.2)
+    )
     assert not model.statics
     np.testing.assert_allclose(states, arcs, atol=0.02)
 
 
 def test_untrained_a_straight_arm_of_pulling_cables_is_straight(make_arm):
-    model, straight = untrained(make_arm()), jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
+    model, straight = (
+        untrained(make_arm()),
+        jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1)),
+    )
     states = predict(model, straight, start(model, straight))
     assert model.statics
-    np.testing.assert_allclose(states[:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=5e-3)
+    np.testing.assert_allclose(
+        states[:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=5e-3
+    )
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 0.7, 2.5, -1.8])
-def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(make_arm, azimuth):
+def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(
+    make_arm, azimuth
+):
     bend = 0.5 * np.array([np.cos(azimuth), np.sin(azimuth)])
-    configurations = np.asarray(configurations_from_bends(jnp.tile(jnp.asarray(bend, dtype=jnp.float32), (3, 1))))
-    model = eqx.tree_at(lambda m: m.equilibrium.log_give, untrained(make_arm()), jnp.full(3, -1.0))  # none shorter
+    configurations = np.asarray(
+        configurations_from_bends(
+            jnp.tile(jnp.asarray(bend, dtype=jnp.float32), (3, 1))
+        )
+    )
+    # none shorter
+    model = eqx.tree_at(
+        lambda m: m.equilibrium.log_give, untrained(make_arm()), jnp.full(3, -1.0)
+    )
     found = bends_from_configurations(
-        configurations_from_states(predict(model, configurations, start(model, configurations)))
+        configurations_from_states(
+            predict(model, configurations, start(model, configurations))
+        )
     )
     shares = np.asarray(found) @ bend / 0.25
     assert ((shares > 0.5) & (shares < 1.0)).all()
 
 
 def test_the_same_key_makes_the_same_model_and_another_key_another(make_arm):
-    one, same, other = (untrained(make_arm(), seed=seed).network.layers[0].weight for seed in (0, 0, 1))
+    one, same, other = (
+        untrained(make_arm(), seed=seed).network.layers[0].weight for seed in (0, 0, 1)
+    )
     np.testing.assert_array_equal(one, same)
     assert np.abs(one - other).max() > 0.01
 
@@ -113,7 +140,9 @@ def test_for_planning_it_predicts_the_same(make_arm, kind):
         memory = observe(model, one, memory)
 
 
-def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_nearly_zero(make_arm):
+def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_nearly_zero(
+    make_arm,
+):
     """All weight on one wide play, the arm at rest in its middle."""
     size = ChainOptions(hidden=8, depth=1, play_widths=(0.3,), creep_times=())
     model = untrained(make_arm(1), size)
@@ -122,9 +151,14 @@ def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_
     straight = jnp.array([[0.0, 0.0, 1.0]])
 
     def aside(bend, model):
-        return model.predict(configurations_from_bends(bend[None]), model.start(straight))[0, 0]
+        return model.predict(
+            configurations_from_bends(bend[None]), model.start(straight)
+        )[0, 0]
 
-    true, planning = (eqx.filter_jit(jax.grad(aside))(jnp.array([0.05, 0.0]), m) for m in (model, model.for_planning()))
+    true, planning = (
+        eqx.filter_jit(jax.grad(aside))(jnp.array([0.05, 0.0]), m)
+        for m in (model, model.for_planning())
+    )
     assert abs(float(true[0])) < 1e-4
     assert float(planning[0]) > 0.05
 
@@ -134,20 +168,30 @@ def test_what_was_sensed_before_is_remembered(make_arm, kind):
     """The same configuration reached from two sides."""
     model = shaken(untrained(of_kind(make_arm, kind)))
     here = way(3, 1, 3)[0]
-    sides = [configurations_from_bends(bends_from_configurations(jnp.asarray(here)) + shift) for shift in (-0.3, 0.3)]
-    one, other = (predict(model, here, observe(model, here, start(model, side))) for side in sides)
+    sides = [
+        configurations_from_bends(bends_from_configurations(jnp.asarray(here)) + shift)
+        for shift in (-0.3, 0.3)
+    ]
+    one, other = (
+        predict(model, here, observe(model, here, start(model, side))) for side in sides
+    )
     assert np.abs(one - other).max() > 1e-3
 
 
 def test_without_plays_filters_and_weight_on_the_last_it_remembers_nothing(make_arm):
-    model = untrained(make_arm(), ChainOptions(hidden=8, depth=1, play_widths=(), creep_times=()))
+    model = untrained(
+        make_arm(), ChainOptions(hidden=8, depth=1, play_widths=(), creep_times=())
+    )
     here, elsewhere = way(4, 2, 3)
-    one, other = (predict(model, here, start(model, before)) for before in (here, elsewhere))
+    one, other = (
+        predict(model, here, start(model, before)) for before in (here, elsewhere)
+    )
     np.testing.assert_allclose(one, other, atol=2e-3)
 
 
 @pytest.mark.parametrize(
-    ("kind", "modules", "cables"), [("encoders", 5, 5), ("encoders", 1, 4), ("true", 2, 4), ("tension", 5, 3)]
+    ("kind", "modules", "cables"),
+    [("encoders", 5, 5), ("encoders", 1, 4), ("true", 2, 4), ("tension", 5, 3)],
 )
 def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, cables):
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))
@@ -166,22 +210,30 @@ def test_a_batch_is_its_members_one_by_one(make_arm, kind):
     first, then = way(6, 8, 3).reshape(2, 4, 3, 3), way(7, 8, 3).reshape(2, 4, 3, 3)
     together = predict(model, then, start(model, first))
     assert together.shape == (2, 4, 3, 6)
-    np.testing.assert_allclose(together[1, 2], predict(model, then[1, 2], start(model, first[1, 2])), atol=1e-5)
+    np.testing.assert_allclose(
+        together[1, 2], predict(model, then[1, 2], start(model, first[1, 2])), atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("kind", ["encoders", "true"])
 def test_slopes_exist_at_rest_straight_and_bent(make_arm, kind):
     model = shaken(untrained(of_kind(make_arm, kind))).for_planning()
     straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
-    slopes = eqx.filter_jit(jax.jacrev(lambda c: model.predict(c, model.start(straight))))
+    slopes = eqx.filter_jit(
+        jax.jacrev(lambda c: model.predict(c, model.start(straight)))
+    )
     for configurations in (straight, jnp.asarray(way(8, 1, 3)[0])):
         assert np.isfinite(slopes(configurations)).all()
 
 
 def test_training_cannot_move_what_follows_from_the_arm(make_arm):
     model, configurations = shaken(untrained(make_arm())), jnp.asarray(way(9, 1, 3)[0])
-    inputs = model.inputs(model.body.displacements(configurations), model.start(configurations))
-    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).states(inputs) ** 2)))(model)
+    inputs = model.inputs(
+        model.body.displacements(configurations), model.start(configurations)
+    )
+    gradient = eqx.filter_jit(
+        eqx.filter_grad(lambda m: jnp.sum(held(m).states(inputs) ** 2))
+    )(model)
     fixed = jax.tree.leaves((gradient.body, gradient.hysteresis.operators))
     assert all(not np.any(leaf) for leaf in fixed)
     learned = (
@@ -196,7 +248,9 @@ def test_training_cannot_move_what_follows_from_the_arm(make_arm):
 def test_the_twin_and_the_simulated_arm_are_told_apart():
     assert untrained(load_arm("twin_arm")).statics
     assert not untrained(load_arm("simulated_arm")).statics
-    assert not untrained(load_arm("twin_arm"), ChainOptions(hidden=8, depth=1, statics=False)).statics
+    assert not untrained(
+        load_arm("twin_arm"), ChainOptions(hidden=8, depth=1, statics=False)
+    ).statics
 
 
 @pytest.mark.parametrize(
@@ -230,4 +284,8 @@ def test_a_body_that_relaxes_stays_bent_towards_where_it_was_held(twin):
     assert 0.001 < left[-1, 0] < 0.1
     for _ in range(200):
         held_there = observe(model, straight, held_there)
-    np.testing.assert_allclose(predict(model, straight, held_there), predict(model, straight, memory), atol=1e-3)
+    np.testing.assert_allclose(
+        predict(model, straight, held_there),
+        predict(model, straight, memory),
+        atol=1e-3,
+    )

@@ -18,33 +18,51 @@ from s2c2a.training import FitOptions, TrainingData
 
 EPISODES, SAMPLES = 6, 200
 GAIN, PLAY = 0.8, 0.06
-SIZE = ChainOptions(hidden=8, depth=1, play_widths=(0.03, 0.05, 0.07), creep_times=(2.0,))
+SIZE = ChainOptions(
+    hidden=8, depth=1, play_widths=(0.03, 0.05, 0.07), creep_times=(2.0,)
+)
 MEMORYLESS = replace(SIZE, play_widths=(), creep_times=())
 OPTIONS = FitOptions(learning_rate=3e-3, most_epochs=20, epochs_per_call=20, decay=True)
-predict = eqx.filter_jit(lambda model, configurations, memory: model.predict(configurations, memory))
-as_seen = jax.jit(lambda bends, true, lengths: (configurations_from_bends(bends), states_from_bends(true, lengths)))
+predict = eqx.filter_jit(
+    lambda model, configurations, memory: model.predict(configurations, memory)
+)
+as_seen = jax.jit(
+    lambda bends, true, lengths: (
+        configurations_from_bends(bends),
+        states_from_bends(true, lengths),
+    )
+)
 
 
 def synthetic(arm, seed=0, samples=SAMPLES, episodes=EPISODES):
     """Sensed configurations that wander, and the states of arcs that follow with play and give way."""
     geometry, random = ArmGeometry.of(arm), np.random.default_rng(seed)
-    goals = random.uniform(-0.5, 0.5, (episodes, samples // 10 + 1, arm.module_count, 2))
+    goals = random.uniform(
+        -0.5, 0.5, (episodes, samples // 10 + 1, arm.module_count, 2)
+    )
     goals[:, 0] = 0.0
     shares = np.linspace(0, 1, 10, endpoint=False)[:, None, None]
-    legs = goals[:, :-1, None] * (1 - shares) + goals[:, 1:, None] * shares  # (episodes, goals, 10, modules, 2)
+    # (episodes, goals, 10, modules, 2)
+    legs = goals[:, :-1, None] * (1 - shares) + goals[:, 1:, None] * shares
     bends = legs.reshape(episodes, -1, arm.module_count, 2)
     wanted = np.einsum("mnk,esmk->esmn", geometry.cable_matrices, bends)
     carried = [wanted[:, 0]]
     for now in np.moveaxis(wanted, 1, 0)[1:]:
         carried.append(np.clip(carried[-1], now - PLAY, now + PLAY))
-    true = GAIN * np.einsum("mkn,esmn->esmk", geometry.bend_matrices, np.stack(carried, axis=1))
-    sensed, states = as_seen(*(values.astype(np.float32) for values in (bends, true, geometry.lengths)))
+    true = GAIN * np.einsum(
+        "mkn,esmn->esmk", geometry.bend_matrices, np.stack(carried, axis=1)
+    )
+    sensed, states = as_seen(
+        *(values.astype(np.float32) for values in (bends, true, geometry.lengths))
+    )
     return np.asarray(sensed), np.asarray(states)
 
 
 def of(arm, sensed, states) -> TrainingData:
     """What the chain learns from; it takes no actions."""
-    return TrainingData(arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), states)
+    return TrainingData(
+        arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), states
+    )
 
 
 def train(arm, size=SIZE, seed=0, options=OPTIONS):
@@ -72,12 +90,16 @@ def test_the_same_key_trains_the_same_model_and_another_key_another(trained, mak
     again, other = train(make_arm(2)), train(make_arm(2), seed=1)
     np.testing.assert_array_equal(again.curve, trained.curve)
     assert again.percent == trained.percent
-    for one, two in zip(jax.tree.leaves(again.network), jax.tree.leaves(trained.network), strict=True):
+    for one, two in zip(
+        jax.tree.leaves(again.network), jax.tree.leaves(trained.network), strict=True
+    ):
         np.testing.assert_array_equal(one, two)
     assert np.abs(other.curve - trained.curve).max() > 0.0
 
 
-def test_inputs_of_training_are_those_of_starting_observing_and_predicting(trained, make_arm):
+def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
+    trained, make_arm
+):
     """Sample by sample through the first two episodes' training stretches."""
     model, (sensed, states) = trained.network, synthetic(make_arm(2))
     inputs = (
@@ -87,9 +109,13 @@ def test_inputs_of_training_are_those_of_starting_observing_and_predicting(train
     )
     for episode in range(2):
         memory = model.start(sensed[episode, 0])
-        expected = np.asarray(eqx.filter_jit(lambda m, i: m.states(i))(model, inputs[episode, :40]))
+        expected = np.asarray(
+            eqx.filter_jit(lambda m, i: m.states(i))(model, inputs[episode, :40])
+        )
         for step in range(40):
-            np.testing.assert_allclose(predict(model, sensed[episode, step], memory), expected[step], atol=1e-5)
+            np.testing.assert_allclose(
+                predict(model, sensed[episode, step], memory), expected[step], atol=1e-5
+            )
             memory = model.observe(sensed[episode, step], memory)
 
 
@@ -98,10 +124,14 @@ def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
     model, (sensed, states) = trained.network, synthetic(make_arm(2))
 
     def step(memory, now):
-        return jax.vmap(model.observe)(now, memory), jax.vmap(model.predict)(now, memory)
+        return jax.vmap(model.observe)(now, memory), jax.vmap(model.predict)(
+            now, memory
+        )
 
     moved = jnp.moveaxis(jnp.asarray(sensed), 1, 0)
-    along = jax.jit(lambda m: jax.lax.scan(step, jax.vmap(model.start)(m[0]), m)[1])(moved)
+    along = jax.jit(lambda m: jax.lax.scan(step, jax.vmap(model.start)(m[0]), m)[1])(
+        moved
+    )
     held_out = np.moveaxis(np.asarray(along), 0, 1)[:, 170:] - states[:, 170:]
     percent = 100 * np.abs(held_out) / np.ptp(states.reshape(-1, 2, 6), axis=0)
     assert trained.percent[0] == pytest.approx(percent.mean(), rel=1e-2)
@@ -112,7 +142,14 @@ def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
     [
         (2, 4, {}),
         (2, 5, {"sensing": "true"}),
-        (1, 4, {"actuation": "tension", "module": {"pretension": 20.0, "tension_range": 20.0}}),
+        (
+            1,
+            4,
+            {
+                "actuation": "tension",
+                "module": {"pretension": 20.0, "tension_range": 20.0},
+            },
+        ),
     ],
 )
 def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
@@ -125,7 +162,9 @@ def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
 def test_weights_of_plays_and_the_motor_never_turn_negative(trained):
     hysteresis = trained.network.hysteresis
     assert (np.asarray(jax.nn.softplus(hysteresis.play_weights)) >= 0).all()
-    np.testing.assert_array_equal(hysteresis.operators.widths, np.float32(SIZE.play_widths))
+    np.testing.assert_array_equal(
+        hysteresis.operators.widths, np.float32(SIZE.play_widths)
+    )
 
 
 def test_too_few_samples_are_refused(make_arm):
@@ -138,8 +177,18 @@ def test_too_few_samples_are_refused(make_arm):
 def networks(trained, make_arm):
     """A strategy whose forward model is the trained chain."""
     arm, c2a = make_arm(2), C2AOptions(layers=1, hidden=8)
-    recipe = replace(recipe_named("best"), name="small", c2s=SIZE, c2a=c2a, c2s_fit=OPTIONS, c2a_fit=OPTIONS)
-    both = {"C2S": trained, "C2A": replace(trained, network=c2a.untrained(arm, jax.random.key(0)))}
+    recipe = replace(
+        recipe_named("best"),
+        name="small",
+        c2s=SIZE,
+        c2a=c2a,
+        c2s_fit=OPTIONS,
+        c2a_fit=OPTIONS,
+    )
+    both = {
+        "C2S": trained,
+        "C2A": replace(trained, network=c2a.untrained(arm, jax.random.key(0))),
+    }
     return TrainedNetworks.of(arm, recipe, 0, both)
 
 
@@ -152,10 +201,14 @@ def file(networks, tmp_path):
 def test_saved_and_loaded_it_predicts_alike_to_the_last_bit(file, networks):
     loaded, (sensed, _) = load_strategy(file, networks.arm), synthetic(networks.arm)
     assert loaded.recipe == networks.recipe
-    for before, after in zip(jax.tree.leaves(networks.c2s), jax.tree.leaves(loaded.c2s), strict=True):
+    for before, after in zip(
+        jax.tree.leaves(networks.c2s), jax.tree.leaves(loaded.c2s), strict=True
+    ):
         np.testing.assert_array_equal(after, before)
     one, other = (
-        predict(model, sensed[0, 5], model.observe(sensed[0, 4], model.start(sensed[0, 0])))
+        predict(
+            model, sensed[0, 5], model.observe(sensed[0, 4], model.start(sensed[0, 0]))
+        )
         for model in (networks.c2s, loaded.c2s)
     )
     np.testing.assert_array_equal(one, other)
@@ -174,7 +227,9 @@ def test_saved_and_loaded_it_predicts_alike_to_the_last_bit(file, networks):
         {"heads": 2},
     ],
 )
-def test_a_file_of_a_size_that_cannot_be_or_that_its_arrays_do_not_have_is_refused(file, forged, damage):
+def test_a_file_of_a_size_that_cannot_be_or_that_its_arrays_do_not_have_is_refused(
+    file, forged, damage
+):
     def change(metadata, arrays):
         metadata["recipe"]["c2s"] |= damage
 

@@ -11,7 +11,10 @@ LENGTH = 0.6
 def told(reach: float = 1.0) -> Known:
     """Of places within a reach, where a model of two modules was off by 1 and 3 mm."""
     random = np.random.default_rng(0)
-    places, others = random.uniform(-reach, reach, (600, 3)), random.uniform(-reach, reach, (200, 3))
+    places, others = (
+        random.uniform(-reach, reach, (600, 3)),
+        random.uniform(-reach, reach, (200, 3)),
+    )
     return known_from(places, others, np.tile([1e-3, 3e-3], (200, 1)), 40, LENGTH)
 
 
@@ -23,7 +26,9 @@ def test_where_data_were_held_out_errors_are_as_there_and_there_is_no_doubt():
 
 def test_far_from_all_data_nothing_is_known():
     rays = np.array([[1.0, 1.0, 1.0], [-1.0, 0.5, 0.0]])
-    near, further, far = (told().metres(jnp.asarray(scale * rays)) for scale in (1.5, 2.5, 40.0))
+    near, further, far = (
+        told().metres(jnp.asarray(scale * rays)) for scale in (1.5, 2.5, 40.0)
+    )
     assert (near < further).all()
     assert (further < far).all()
     np.testing.assert_allclose(far, LENGTH * IGNORANCE, rtol=0.05)
@@ -31,14 +36,20 @@ def test_far_from_all_data_nothing_is_known():
 
 def test_it_grows_beyond_the_reach_of_the_data():
     place = jnp.array([[0.9, 0.9, 0.9]])
-    assert float(told(0.4).metres(place)[0]) > 5 * float(told(1.0).metres(place)[0]) + 1e-3
+    assert (
+        float(told(0.4).metres(place)[0]) > 5 * float(told(1.0).metres(place)[0]) + 1e-3
+    )
 
 
 def test_distances_that_are_not_known_do_not_count():
     places = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     distances = np.full((300, 2), np.nan)
     distances[::3, 1] = 2e-3
-    np.testing.assert_allclose(known_from(places, places, distances, 30, LENGTH).usual_error, [0.0, 2e-3], rtol=1e-5)
+    np.testing.assert_allclose(
+        known_from(places, places, distances, 30, LENGTH).usual_error,
+        [0.0, 2e-3],
+        rtol=1e-5,
+    )
 
 
 def test_where_nothing_was_moved_nothing_is_known():

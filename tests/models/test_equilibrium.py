@@ -7,7 +7,9 @@ import numpy as np
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import GIVE_UNIT, Equilibrium, bend_at_rest
 
-MATRICES = jnp.asarray(cable_matrix(np.deg2rad(np.tile([0.0, 120.0, 240.0], (2, 1)))), jnp.float32)
+MATRICES = jnp.asarray(
+    cable_matrix(np.deg2rad(np.tile([0.0, 120.0, 240.0], (2, 1)))), jnp.float32
+)
 STIFFNESS, NO_GIVE = 4.0, -30.0
 CARRIED = jnp.array([[-0.4, 0.3, 0.3], [-0.2, 0.4, 0.4]], jnp.float32)
 NONE = jnp.zeros((2, 2))
@@ -15,11 +17,19 @@ NONE = jnp.zeros((2, 2))
 
 def equilibrium(give=NO_GIVE, coupling=(0.0, 0.0)) -> Equilibrium:
     log_stiffness, zeros = jnp.full(2, np.log(STIFFNESS)), jnp.zeros(2)
-    return Equilibrium(log_stiffness, zeros, jnp.full(2, give / GIVE_UNIT), jnp.array(coupling), jnp.zeros((2, 1)))
+    return Equilibrium(
+        log_stiffness,
+        zeros,
+        jnp.full(2, give / GIVE_UNIT),
+        jnp.array(coupling),
+        jnp.zeros((2, 1)),
+    )
 
 
 def rest(one: Equilibrium, calls=30, engaged=False):
-    settled = jax.jit(lambda before: one.settled(CARRIED, NONE, MATRICES, before, engaged))
+    settled = jax.jit(
+        lambda before: one.settled(CARRIED, NONE, MATRICES, before, engaged)
+    )
     found = one.settled(CARRIED, NONE, MATRICES, None, engaged)
     for _ in range(calls):
         found = settled(found)
@@ -36,9 +46,14 @@ def test_all_cables_through_a_module_shorten_it_and_let_go_of_those_further_out(
     displaced = CARRIED + found.slack
     stretched = jnp.einsum("mnk,mk->mn", MATRICES, found.bends) - displaced
     pulls = STIFFNESS * np.maximum(stretched, 0.0).sum(axis=-1)
-    np.testing.assert_allclose(found.shorter, give * np.array([pulls.sum(), pulls[1]]), rtol=1e-4)
+    np.testing.assert_allclose(
+        found.shorter, give * np.array([pulls.sum(), pulls[1]]), rtol=1e-4
+    )
     np.testing.assert_allclose(found.slack[:, 0], np.cumsum(found.shorter), rtol=1e-4)
-    assert np.all(np.linalg.norm(found.bends, axis=-1) < np.linalg.norm(rest(equilibrium()).bends, axis=-1))
+    assert np.all(
+        np.linalg.norm(found.bends, axis=-1)
+        < np.linalg.norm(rest(equilibrium()).bends, axis=-1)
+    )
 
 
 def test_outer_cables_are_led_by_an_inner_bend_and_bend_it_themselves():
@@ -49,7 +64,9 @@ def test_outer_cables_are_led_by_an_inner_bend_and_bend_it_themselves():
     np.testing.assert_allclose(found.pulled[0], -moment, atol=1e-5)
     displaced = jnp.stack([CARRIED[0], CARRIED[1] - led])
     moments = jnp.stack([moment, jnp.zeros(2)])
-    alone = bend_at_rest(displaced, moments, MATRICES, jnp.full(2, STIFFNESS), jnp.zeros(2))
+    alone = bend_at_rest(
+        displaced, moments, MATRICES, jnp.full(2, STIFFNESS), jnp.zeros(2)
+    )
     np.testing.assert_allclose(found.bends, alone, atol=1e-5)
 
 

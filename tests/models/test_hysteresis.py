@@ -16,8 +16,15 @@ WIDTHS, SHARES = (0.5, 1.0), (0.1, 0.4)
 def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
     random = np.random.default_rng(seed)
     return Hysteresis(
-        Operators(*(jnp.asarray(part, dtype=jnp.float32).reshape(-1) for part in (widths, shares))),
-        jnp.asarray(random.normal(size=(modules, len(widths) + 2, 1)), dtype=jnp.float32),
+        Operators(
+            *(
+                jnp.asarray(part, dtype=jnp.float32).reshape(-1)
+                for part in (widths, shares)
+            )
+        ),
+        jnp.asarray(
+            random.normal(size=(modules, len(widths) + 2, 1)), dtype=jnp.float32
+        ),
         jnp.asarray(random.normal(size=(modules, len(shares), 1)), dtype=jnp.float32),
     )
 
@@ -37,7 +44,10 @@ def plays_along(hysteresis, path):
 
 
 def walk(seed, *shape):
-    return jnp.asarray(np.cumsum(np.random.default_rng(seed).normal(0, 0.4, shape), axis=0), dtype=jnp.float32)
+    return jnp.asarray(
+        np.cumsum(np.random.default_rng(seed).normal(0, 0.4, shape), axis=0),
+        dtype=jnp.float32,
+    )
 
 
 def test_a_play_follows_the_sequence_worked_by_hand():
@@ -45,14 +55,18 @@ def test_a_play_follows_the_sequence_worked_by_hand():
     path = [0.0, 0.4, 2.0, 1.6, 0.5, 0.9, -1.0]
     narrow = [0.0, 0.0, 1.5, 1.5, 1.0, 1.0, -0.5]
     wide = [0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]
-    np.testing.assert_allclose(plays_along(a_hysteresis(), path), np.transpose([narrow, wide]), atol=1e-6)
+    np.testing.assert_allclose(
+        plays_along(a_hysteresis(), path), np.transpose([narrow, wide]), atol=1e-6
+    )
 
 
 def test_a_play_does_not_mind_how_fast_it_is_driven():
     turns = [0.0, 2.0, -1.0, 0.7]
     slow = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(turns)])
     hysteresis = a_hysteresis()
-    np.testing.assert_allclose(plays_along(hysteresis, slow)[-1], plays_along(hysteresis, turns)[-1], atol=1e-6)
+    np.testing.assert_allclose(
+        plays_along(hysteresis, slow)[-1], plays_along(hysteresis, turns)[-1], atol=1e-6
+    )
 
 
 def test_at_rest_every_play_is_in_its_middle_and_stays_there():
@@ -73,7 +87,9 @@ def test_a_filter_approaches_a_held_step_as_the_exponential():
     """Share 1 - exp(-period / tau) in a step: after t the answer is 1 - exp(-t / tau), exactly."""
     period, times = 0.1, np.array([0.5, 3.0])
     hysteresis = a_hysteresis(shares=1 - np.exp(-period / times))
-    crept = np.array([memory.crept[0, :, 0] for memory in along(hysteresis, [0.0] + [1.0] * 30)])
+    crept = np.array(
+        [memory.crept[0, :, 0] for memory in along(hysteresis, [0.0] + [1.0] * 30)]
+    )
     expected = 1 - np.exp(-period * np.arange(31)[:, None] / times)
     np.testing.assert_allclose(crept, expected, atol=1e-5)
 
@@ -82,13 +98,18 @@ def test_inputs_are_displacement_plays_last_displacement_and_filters_in_this_ord
     hysteresis = a_hysteresis()
     memory = hysteresis.start(jnp.array([[1.0]]))
     inputs = hysteresis.inputs(jnp.array([[3.0]]), memory)
-    np.testing.assert_allclose(inputs[0, :, 0], [3.0, 2.5, 2.0, 1.0, 1.2, 1.8], atol=1e-6)
+    np.testing.assert_allclose(
+        inputs[0, :, 0], [3.0, 2.5, 2.0, 1.0, 1.2, 1.8], atol=1e-6
+    )
 
 
 def test_what_is_transmitted_is_the_weighted_sum():
     hysteresis = a_hysteresis(modules=2)
     inputs = walk(2, 2, 6, 3)
-    raw, creep = np.asarray(hysteresis.play_weights), np.asarray(hysteresis.creep_weights)
+    raw, creep = (
+        np.asarray(hysteresis.play_weights),
+        np.asarray(hysteresis.creep_weights),
+    )
     weights = np.concatenate([np.log1p(np.exp(raw)), creep], axis=1)
     expected = (weights * np.asarray(inputs)).sum(axis=-2)
     np.testing.assert_allclose(hysteresis.transmitted(inputs), expected, atol=1e-5)
@@ -97,8 +118,13 @@ def test_what_is_transmitted_is_the_weighted_sum():
 def test_plays_never_weigh_against_the_motor_whatever_was_learned():
     """Of inputs that are one where the play is and zero elsewhere, the weight comes out."""
     hysteresis = a_hysteresis()
-    low = replace(hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]])[..., None])
-    weights = [float(low.transmitted(jnp.eye(6)[None, place, :, None])[0, 0]) for place in range(4)]
+    low = replace(
+        hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]])[..., None]
+    )
+    weights = [
+        float(low.transmitted(jnp.eye(6)[None, place, :, None])[0, 0])
+        for place in range(4)
+    ]
     assert min(weights) >= 0.0
     np.testing.assert_allclose(weights, [0.0, 0.006715, np.log(2), 5.006715], atol=1e-5)
 
@@ -128,13 +154,16 @@ def test_a_batch_is_its_members_one_by_one():
     together = hysteresis.transmitted(hysteresis.inputs(then, hysteresis.start(first)))
     assert together.shape == (5, 3, 4)
     alone = [
-        hysteresis.transmitted(hysteresis.inputs(b, hysteresis.start(a))) for a, b in zip(first, then, strict=True)
+        hysteresis.transmitted(hysteresis.inputs(b, hysteresis.start(a)))
+        for a, b in zip(first, then, strict=True)
     ]
     np.testing.assert_allclose(together, alone, atol=1e-6)
 
 
 def test_without_plays_and_filters_only_the_last_two_displacements_are_left():
     hysteresis = a_hysteresis(widths=(), shares=())
-    inputs = hysteresis.inputs(jnp.array([[2.0, 3.0]]), hysteresis.start(jnp.array([[0.0, 1.0]])))
+    inputs = hysteresis.inputs(
+        jnp.array([[2.0, 3.0]]), hysteresis.start(jnp.array([[0.0, 1.0]]))
+    )
     np.testing.assert_allclose(inputs, [[[2.0, 3.0], [0.0, 1.0]]])
     assert hysteresis.transmitted(inputs).shape == (1, 2)

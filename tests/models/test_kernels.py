@@ -13,13 +13,21 @@ def samples(count=400, seed=0, noise=0.01):
     """A bent surface over two features that count, beside one that does not."""
     random = np.random.default_rng(seed)
     features = random.uniform(-1, 1, (count, 3))
-    clean = np.stack([np.sin(3 * features[:, 0]) + features[:, 1], features[:, 0] * features[:, 1]], axis=-1)
+    clean = np.stack(
+        [np.sin(3 * features[:, 0]) + features[:, 1], features[:, 0] * features[:, 1]],
+        axis=-1,
+    )
     return features, clean + random.normal(0, noise, clean.shape)
 
 
 def fitted(**changes):
     features, targets = samples()
-    given = {"features": features, "targets": targets, "kinds": np.eye(3), "count": POINTS} | changes
+    given = {
+        "features": features,
+        "targets": targets,
+        "kinds": np.eye(3),
+        "count": POINTS,
+    } | changes
     return fitted_kernels(**given)
 
 
@@ -48,12 +56,18 @@ def test_of_too_few_samples_it_says_nothing():
     silent = fitted(features=features, targets=targets)
     assert np.all(np.asarray(silent(jnp.asarray(features, jnp.float32))) == 0.0)
     assert jax.tree.map(jnp.shape, silent) == jax.tree.map(jnp.shape, fitted())
-    assert jax.tree.map(jnp.shape, silent) == jax.tree.map(jnp.shape, Kernels.silent(3, 2, POINTS))
+    assert jax.tree.map(jnp.shape, silent) == jax.tree.map(
+        jnp.shape, Kernels.silent(3, 2, POINTS)
+    )
 
 
 def test_the_kernel_is_one_at_a_point_falls_with_distance_and_has_a_slope_there():
     points = jnp.array([[0.0, 0.0], [1.0, 0.0]])
     values = matern(jnp.zeros(2), points)
     d = np.sqrt(5.0)
-    np.testing.assert_allclose(values, [1.0, (1 + d + d * d / 3) * np.exp(-d)], atol=1e-5)
-    assert np.isfinite(jax.jacfwd(lambda place: matern(place, points))(jnp.zeros(2))).all()
+    np.testing.assert_allclose(
+        values, [1.0, (1 + d + d * d / 3) * np.exp(-d)], atol=1e-5
+    )
+    assert np.isfinite(
+        jax.jacfwd(lambda place: matern(place, points))(jnp.zeros(2))
+    ).all()

@@ -8,14 +8,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.kinematics import bends_from_configurations, configurations_from_bends, states_from_bends
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    configurations_from_bends,
+    states_from_bends,
+)
 from s2c2a.models import LocalOptions
 from s2c2a.models.chain_training import inputs_along
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Doubt
 from s2c2a.training import FitOptions, TrainingData
 
-SIZE = LocalOptions(hidden=4, depth=1, play_widths=(0.02, 0.05, 0.1), creep_times=(2.0,), points=150, few=40)
+SIZE = LocalOptions(
+    hidden=4,
+    depth=1,
+    play_widths=(0.02, 0.05, 0.1),
+    creep_times=(2.0,),
+    points=150,
+    few=40,
+)
 FIT = FitOptions(most_epochs=3, epochs_per_call=3)
 
 
@@ -26,11 +37,15 @@ def data_of(arm, seen=slice(None), seed=0) -> TrainingData:
     bends = 0.5 * np.sin(bends)
     true = bends * (0.8 + 0.3 * np.cos(4 * bends[..., ::-1]))
     lengths = np.array([module.length for module in arm.modules], np.float32)
-    states = np.asarray(jax.jit(states_from_bends)(jnp.asarray(true, jnp.float32), lengths))
+    states = np.asarray(
+        jax.jit(states_from_bends)(jnp.asarray(true, jnp.float32), lengths)
+    )
     known = np.full_like(states, np.nan)
     known[..., seen] = states[..., seen]
     sensed = np.asarray(configurations_from_bends(jnp.asarray(bends, jnp.float32)))
-    return TrainingData(arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), known)
+    return TrainingData(
+        arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), known
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +61,9 @@ def trained(arm):
 def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
     data = data_of(arm, seed=1)
     errors = [
-        np.linalg.norm((SIZE.answers(model, data) - data.states)[..., :3], axis=-1).mean()
+        np.linalg.norm(
+            (SIZE.answers(model, data) - data.states)[..., :3], axis=-1
+        ).mean()
         for model in (trained, trained.chain)
     ]
     assert errors[0] < 0.5 * errors[1]
@@ -55,15 +72,28 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
     along, memory = SIZE.answers(trained, data)[0], trained.start(data.sensed[0, 0])
-    predict, observe = eqx.filter_jit(lambda m, c, k: m.predict(c, k)), eqx.filter_jit(lambda m, c, k: m.observe(c, k))
-    chained, seen = SIZE.answers(trained.chain, data)[0], inputs_along(trained.chain, data)[0]
-    inputs = eqx.filter_jit(lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k))
+    predict, observe = (
+        eqx.filter_jit(lambda m, c, k: m.predict(c, k)),
+        eqx.filter_jit(lambda m, c, k: m.observe(c, k)),
+    )
+    chained, seen = (
+        SIZE.answers(trained.chain, data)[0],
+        inputs_along(trained.chain, data)[0],
+    )
+    inputs = eqx.filter_jit(
+        lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k)
+    )
     for step in range(20):
         now = data.sensed[0, step]
         np.testing.assert_allclose(inputs(trained, now, memory), seen[step], atol=1e-6)
-        np.testing.assert_allclose(predict(trained.chain, now, memory), chained[step], atol=2e-5)
-        # weights of the kernels are up to 30: single precision leaves hundredths of a millimetre of their sum
-        np.testing.assert_allclose(predict(trained, now, memory), along[step], atol=1e-4)
+        np.testing.assert_allclose(
+            predict(trained.chain, now, memory), chained[step], atol=2e-5
+        )
+        # weights of the kernels are up to 30: single precision leaves hundredths of a
+        # millimetre of their sum
+        np.testing.assert_allclose(
+            predict(trained, now, memory), along[step], atol=1e-4
+        )
         memory = observe(trained, now, memory)
 
 
@@ -71,12 +101,19 @@ def test_near_a_configuration_it_says_the_same_and_has_the_same_slopes(arm, trai
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
     memory, here = trained.start(sensed[40]), bends_from_configurations(sensed[41])
     near = eqx.filter_jit(lambda m: m.near(sensed[41], memory))(trained)
-    there = replace(trained, chain=near.chain)  # delays are left out, all else is looked at anew
-    look = eqx.filter_jit(lambda m, bends: m.predict(configurations_from_bends(bends), memory))
+    # delays are left out, all else is looked at anew
+    there = replace(trained, chain=near.chain)
+    look = eqx.filter_jit(
+        lambda m, bends: m.predict(configurations_from_bends(bends), memory)
+    )
     np.testing.assert_allclose(look(near, here), look(there, here), atol=2e-5)
-    np.testing.assert_allclose(look(near, here + 0.01), look(there, here + 0.01), atol=3e-4)
+    np.testing.assert_allclose(
+        look(near, here + 0.01), look(there, here + 0.01), atol=3e-4
+    )
     engaged = near.for_planning()
-    np.testing.assert_allclose(look(engaged, here + 0.1), look(near, here + 0.1), atol=2e-5)
+    np.testing.assert_allclose(
+        look(engaged, here + 0.1), look(near, here + 0.1), atol=2e-5
+    )
 
 
 def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
@@ -88,14 +125,25 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
     late = eqx.tree_at(
         lambda m: (m.chain.hysteresis.play_weights, m.chain.hysteresis.creep_weights),
         model,
-        (jnp.full_like(hysteresis.play_weights, -20.0), hysteresis.creep_weights.at[:, 0].set(1.0)),
+        (
+            jnp.full_like(hysteresis.play_weights, -20.0),
+            hysteresis.creep_weights.at[:, 0].set(1.0),
+        ),
     )
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
-    memory, there = late.start(sensed[0]), configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1)
+    memory, there = (
+        late.start(sensed[0]),
+        configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1),
+    )
     rest = late.predict(there, late.start(there))
     moved = late.predict(there, memory) - late.predict(sensed[0], memory)
-    assert np.abs(moved).max() < 0.15 * np.abs(rest - late.predict(sensed[0], memory)).max()
-    np.testing.assert_allclose(late.near(sensed[0], memory).predict(there, memory), rest, atol=1e-5)
+    assert (
+        np.abs(moved).max()
+        < 0.15 * np.abs(rest - late.predict(sensed[0], memory)).max()
+    )
+    np.testing.assert_allclose(
+        late.near(sensed[0], memory).predict(there, memory), rest, atol=1e-5
+    )
 
 
 def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
@@ -104,24 +152,39 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     expected = np.asarray(
         trained.deviation(
             jnp.asarray(data.sensed[0, :40]),
-            jax.tree.map(lambda part: jnp.broadcast_to(part, (40, *part.shape)), straight),
+            jax.tree.map(
+                lambda part: jnp.broadcast_to(part, (40, *part.shape)), straight
+            ),
         )
     )
-    errors = np.linalg.norm((SIZE.answers(trained, data) - data.states)[0, :40, :, :3], axis=-1)
-    assert 0.2 < np.sqrt((errors[:, -1] ** 2).mean()) / np.sqrt((expected[:, -1] ** 2).mean()) < 5.0
+    errors = np.linalg.norm(
+        (SIZE.answers(trained, data) - data.states)[0, :40, :, :3], axis=-1
+    )
+    assert (
+        0.2
+        < np.sqrt((errors[:, -1] ** 2).mean()) / np.sqrt((expected[:, -1] ** 2).mean())
+        < 5.0
+    )
 
 
 def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, trained):
     """Half a radian about each axis was seen; the target asks for more than the limit."""
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
-    bold = replace(BEST, terms=tuple(term for term in BEST.terms if not isinstance(term, Doubt)))
+    bold = replace(
+        BEST, terms=tuple(term for term in BEST.terms if not isinstance(term, Doubt))
+    )
     ends = []
     for options in (BEST, bold):
         planner = Planner(arm, trained, options)
         plan = planner.start(np.tile([0.0, 0.0, 1.0], (2, 1)))
         for _ in range(40):
             plan = planner.plan(plan, plan.configurations, goal)
-        ends.append((float(planner.expectation(plan).doubt), float(np.min(plan.configurations[:, 2]))))
+        ends.append(
+            (
+                float(planner.expectation(plan).doubt),
+                float(np.min(plan.configurations[:, 2])),
+            )
+        )
     (careful, highest), (doubt, lowest) = ends
     assert careful < 0.5 * doubt
     assert doubt > 0.01
@@ -136,15 +199,23 @@ def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm
     said = SIZE.answers(model, data)
     assert np.isfinite(said).all()
     assert np.linalg.norm((said - data.states)[..., -1, :3], axis=-1).mean() < 0.02
-    np.testing.assert_allclose(said[..., 0, :], SIZE.answers(model.chain, data)[..., 0, :], atol=1e-5)
+    np.testing.assert_allclose(
+        said[..., 0, :], SIZE.answers(model.chain, data)[..., 0, :], atol=1e-5
+    )
 
 
 def test_where_cables_move_together_that_counts_too(arm):
     data = data_of(arm)
-    together = np.sin(np.arange(150) / 20.0)[None, :, None, None] * np.ones((4, 1, 2, 3))
-    moved = 0.3 * together + np.asarray(SIZE.untrained(arm, jax.random.key(0)).chain.body.displacements(data.sensed))
+    together = np.sin(np.arange(150) / 20.0)[None, :, None, None] * np.ones(
+        (4, 1, 2, 3)
+    )
+    moved = 0.3 * together + np.asarray(
+        SIZE.untrained(arm, jax.random.key(0)).chain.body.displacements(data.sensed)
+    )
     data.states[..., 2] += 0.05 * together[..., 0]
-    model = SIZE.train(replace(data, displacements=moved), FIT, jax.random.key(0)).network
+    model = SIZE.train(
+        replace(data, displacements=moved), FIT, jax.random.key(0)
+    ).network
     said = SIZE.answers(model, replace(data, displacements=moved))
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
 
@@ -154,9 +225,17 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
     """What is known of states; of the rest the chain alone speaks."""
     known = np.ones((arm.module_count, 6), bool)
     known[0] = False
-    silent, half, whole = (trained.weighed(share, weight, known) for weight in (0.0, 0.5, 1.0))
-    features, chained = jnp.zeros(len(trained.kernels.centre)), jnp.ones((arm.module_count, 6)) / np.sqrt(3)
-    ends = [one._put_together(chained, one.kernels(features))[..., :3] for one in (silent, half, whole)]
+    silent, half, whole = (
+        trained.weighed(share, weight, known) for weight in (0.0, 0.5, 1.0)
+    )
+    features, chained = (
+        jnp.zeros(len(trained.kernels.centre)),
+        jnp.ones((arm.module_count, 6)) / np.sqrt(3),
+    )
+    ends = [
+        one._put_together(chained, one.kernels(features))[..., :3]
+        for one in (silent, half, whole)
+    ]
     np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)
     np.testing.assert_allclose(ends[1], (ends[0] + ends[2]) / 2, atol=1e-5)
     np.testing.assert_allclose(whole.share[0], 1.0)

@@ -22,17 +22,24 @@ def numbers(seed, *shape):
 
 def an_lstm(seed=0, features=4, outputs=5, layers=2, hidden=8):
     network = LSTM(features, outputs, layers, hidden, jax.random.key(seed))
-    return eqx.tree_at(lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs)))
+    return eqx.tree_at(
+        lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs))
+    )
 
 
 def a_tip_lstm(arm, layers=1):
     model = LSTMOptions(layers, hidden=8).untrained(arm, jax.random.key(3))
-    scaling = Scaling(jnp.asarray(numbers(5, 3)), jnp.asarray(np.abs(numbers(6, 3)) + 0.5))
+    scaling = Scaling(
+        jnp.asarray(numbers(5, 3)), jnp.asarray(np.abs(numbers(6, 3)) + 0.5)
+    )
     return eqx.tree_at(lambda m: m.position_scaling, model, scaling)
 
 
 def a_history(arm, *batch):
-    return TipHistory(numbers(7, *batch, 5, 3), numbers(8, *batch, 5, arm.module_count, arm.cable_count))
+    return TipHistory(
+        numbers(7, *batch, 5, 3),
+        numbers(8, *batch, 5, arm.module_count, arm.cable_count),
+    )
 
 
 def sigmoid(x):
@@ -43,22 +50,31 @@ def slow_lstm(network, inputs):
     """A second LSTM, moment by moment and gate by gate, in float64; the oldest moment first."""
     values = [np.asarray(moment, np.float64) for moment in inputs]
     for layer in network.layers:
-        into, back, bias = (np.asarray(w, np.float64) for w in (layer.weight_input, layer.weight_hidden, layer.bias))
+        into, back, bias = (
+            np.asarray(w, np.float64)
+            for w in (layer.weight_input, layer.weight_hidden, layer.bias)
+        )
         hidden, cell, outputs = np.zeros(len(back)), np.zeros(len(back)), []
         for moment in values:
-            take, keep, candidate, show = np.split(moment @ into + hidden @ back + bias, 4)
+            take, keep, candidate, show = np.split(
+                moment @ into + hidden @ back + bias, 4
+            )
             cell = sigmoid(keep) * cell + sigmoid(take) * np.tanh(candidate)
             hidden = sigmoid(show) * np.tanh(cell)
             outputs.append(hidden)
         values = outputs
-    return values[-1] @ np.asarray(network.weight_head, np.float64) + np.asarray(network.bias_head, np.float64)
+    return values[-1] @ np.asarray(network.weight_head, np.float64) + np.asarray(
+        network.bias_head, np.float64
+    )
 
 
 @pytest.mark.parametrize(("layers", "moments"), [(1, 1), (1, 5), (2, 5), (4, 3)])
 def test_an_lstm_agrees_with_a_second_one_for_any_depth_and_time(layers, moments):
     network, inputs = an_lstm(layers=layers), numbers(0, moments, 4)
     assert len(network.layers) == layers
-    np.testing.assert_allclose(run(network, inputs), slow_lstm(network, inputs), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        run(network, inputs), slow_lstm(network, inputs), rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
@@ -80,7 +96,9 @@ def test_an_lstm_hears_every_moment(moment):
 
 def test_an_lstm_has_as_many_weights_as_its_formula_says():
     """Each layer: 4 gates of h cells with inputs, h recurrent values and a bias."""
-    network = eqx.filter_eval_shape(lambda: LSTM(18, 12, layers=3, hidden=64, key=jax.random.key(0)))
+    network = eqx.filter_eval_shape(
+        lambda: LSTM(18, 12, layers=3, hidden=64, key=jax.random.key(0))
+    )
     gates = sum(4 * 64 * (inputs + 64 + 1) for inputs in (18, 64, 64))
     assert sum(leaf.size for leaf in jax.tree.leaves(network)) == gates + 64 * 12 + 12
 
@@ -88,8 +106,18 @@ def test_an_lstm_has_as_many_weights_as_its_formula_says():
 def test_the_same_key_makes_the_same_lstm_and_another_key_or_layer_another():
     one, same, other = (an_lstm(seed).layers for seed in (0, 0, 1))
     np.testing.assert_array_equal(one[0].weight_input, same[0].weight_input)
-    assert np.abs(np.asarray(one[0].weight_input) - np.asarray(other[0].weight_input)).max() > 0.01
-    assert np.abs(np.asarray(one[0].weight_hidden) - np.asarray(one[1].weight_hidden)).max() > 0.01
+    assert (
+        np.abs(
+            np.asarray(one[0].weight_input) - np.asarray(other[0].weight_input)
+        ).max()
+        > 0.01
+    )
+    assert (
+        np.abs(
+            np.asarray(one[0].weight_hidden) - np.asarray(one[1].weight_hidden)
+        ).max()
+        > 0.01
+    )
 
 
 def equation_10(raw):
@@ -105,28 +133,49 @@ def bend_plane(raw):
     return np.stack([-x, -y, x, y], axis=-1)
 
 
-@pytest.mark.parametrize(("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)])
+@pytest.mark.parametrize(
+    ("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)]
+)
 def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
     """The layout spelt out: at each moment the tip then, the action before, the target."""
     model, wanted, history = a_tip_lstm(arm, layers=2), numbers(9, 3), a_history(arm)
-    centre, half = (np.asarray(part) for part in (model.position_scaling.centre, model.position_scaling.half_range))
+    centre, half = (
+        np.asarray(part)
+        for part in (model.position_scaling.centre, model.position_scaling.half_range)
+    )
     moments = [
-        np.concatenate([(position - centre) / half, action.ravel(), (wanted - centre) / half])
+        np.concatenate(
+            [(position - centre) / half, action.ravel(), (wanted - centre) / half]
+        )
         for position, action in zip(*history, strict=True)
     ]
-    expected = last_layer(slow_lstm(model.network, moments).reshape(arm.module_count, arm.cable_count))
-    np.testing.assert_allclose(run(model, wanted, history), expected, rtol=1e-5, atol=1e-6)
+    expected = last_layer(
+        slow_lstm(model.network, moments).reshape(arm.module_count, arm.cable_count)
+    )
+    np.testing.assert_allclose(
+        run(model, wanted, history), expected, rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
 def test_a_batch_through_a_tip_lstm_is_its_members_one_by_one(batch):
-    model, wanted, history = a_tip_lstm(TWIN), numbers(10, *batch, 3), a_history(TWIN, *batch)
+    model, wanted, history = (
+        a_tip_lstm(TWIN),
+        numbers(10, *batch, 3),
+        a_history(TWIN, *batch),
+    )
     together = run(model, wanted, history)
     assert together.shape == (*batch, 3, 3)
     members = zip(
-        wanted.reshape(-1, 3), history.positions.reshape(-1, 5, 3), history.actions.reshape(-1, 5, 3, 3), strict=True
+        wanted.reshape(-1, 3),
+        history.positions.reshape(-1, 5, 3),
+        history.actions.reshape(-1, 5, 3, 3),
+        strict=True,
     )
-    alone = [run(model, one, TipHistory(positions, actions)) for one, positions, actions in members]
+    alone = [
+        run(model, one, TipHistory(positions, actions))
+        for one, positions, actions in members
+    ]
     np.testing.assert_allclose(together.reshape(-1, 3, 3), alone, rtol=1e-5, atol=1e-6)
 
 
@@ -139,10 +188,19 @@ def test_a_tip_lstm_takes_any_module_and_cable_count(make_arm, modules, cables):
 
 
 def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one_passes_them():
-    model, wanted, history = a_tip_lstm(SIMULATED), numbers(12, 50, 3), a_history(SIMULATED, 50)
-    loud = eqx.tree_at(lambda m: m.network.weight_head, model, 100 * model.network.weight_head)
+    model, wanted, history = (
+        a_tip_lstm(SIMULATED),
+        numbers(12, 50, 3),
+        a_history(SIMULATED, 50),
+    )
+    loud = eqx.tree_at(
+        lambda m: m.network.weight_head, model, 100 * model.network.weight_head
+    )
     layer = loud.sum_and_range
-    limited, unlimited = (np.asarray(layer.actions(answer(wanted, history))) for answer in (loud, loud.unlimited))
+    limited, unlimited = (
+        np.asarray(layer.actions(answer(wanted, history)))
+        for answer in (loud, loud.unlimited)
+    )
     assert limited.min() >= -1e-4
     assert limited.max() <= 54 + 1e-4
     assert unlimited.max() > 55
@@ -151,7 +209,9 @@ def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one
 
 def test_training_cannot_move_the_scalings_of_a_tip_lstm():
     model, wanted, history = a_tip_lstm(TWIN), numbers(13, 3), a_history(TWIN)
-    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2)))(model)
+    gradient = eqx.filter_jit(
+        eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2))
+    )(model)
     fixed = jax.tree.leaves((gradient.position_scaling, gradient.sum_and_range))
     assert all(not np.any(leaf) for leaf in fixed)
     assert all(np.any(leaf) for leaf in jax.tree.leaves(gradient.network))

@@ -18,7 +18,9 @@ FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
 @pytest.fixture(scope="module")
 def seen(recording) -> TrainingData:
     sensed = estimator_for(recording.arm).sensed(recording.readings())
-    return TrainingData(recording.arm, sensed, recording.actions, recording.sensor("states"))
+    return TrainingData(
+        recording.arm, sensed, recording.actions, recording.sensor("states")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -38,77 +40,121 @@ def test_training_lowers_both_losses_of_both_networks(tiny_networks):
         assert curve[-1, 2] < 0.5 * curve[0, 2]
 
 
-def test_the_forward_models_percent_is_that_of_its_predictions(tiny_networks, forward_split, recording):
+def test_the_forward_models_percent_is_that_of_its_predictions(
+    tiny_networks, forward_split, recording
+):
     """Full range over the whole recording, error over the held-out part, in metres."""
     held_out = forward_split.test
-    predicted = np.asarray(tiny_networks.c2s.predict(held_out.inputs["configurations"], ()))
+    predicted = np.asarray(
+        tiny_networks.c2s.predict(held_out.inputs["configurations"], ())
+    )
     ranges = np.ptp(recording.sensor("states").reshape(-1, 3, 6), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert tiny_networks.percent["C2S"] == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    assert tiny_networks.percent["C2S"] == pytest.approx(
+        (percent.mean(), percent.std()), rel=1e-3
+    )
     assert 0.5 < percent.mean() < 40
 
 
 def answers(c2a, samples) -> np.ndarray:
     """Normalised actions of a controller, without noise on its history."""
-    past = np.moveaxis(np.asarray(c2a.sum_and_range.normalised(np.moveaxis(samples.inputs["actions"], -2, 0))), 0, -2)
-    return np.asarray(c2a(samples.inputs["wanted"], History(samples.inputs["configurations"], past)))
+    past = np.moveaxis(
+        np.asarray(
+            c2a.sum_and_range.normalised(np.moveaxis(samples.inputs["actions"], -2, 0))
+        ),
+        0,
+        -2,
+    )
+    return np.asarray(
+        c2a(samples.inputs["wanted"], History(samples.inputs["configurations"], past))
+    )
 
 
-def test_the_controllers_percent_is_that_of_its_actions_in_their_units(tiny_networks, control_split):
+def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
+    tiny_networks, control_split
+):
     """Whatever scaling the network uses: computed here from metres."""
     held_out, c2a = control_split.test, tiny_networks.c2a
     predicted = np.asarray(c2a.sum_and_range.actions(answers(c2a, held_out)))
     parts = (control_split.training, control_split.validation, control_split.test)
     ranges = np.ptp(np.concatenate([part.targets for part in parts]), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert tiny_networks.percent["C2A"] == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    assert tiny_networks.percent["C2A"] == pytest.approx(
+        (percent.mean(), percent.std()), rel=1e-3
+    )
     assert 0.5 < percent.mean() < 25
 
 
-def test_training_leaves_the_scalings_as_the_data_set_them(tiny_networks, forward_split, control_split):
+def test_training_leaves_the_scalings_as_the_data_set_them(
+    tiny_networks, forward_split, control_split
+):
     configurations = forward_split.training.inputs["configurations"].reshape(-1, 3)
     scaling = tiny_networks.c2s.configuration_scaling
-    np.testing.assert_allclose(scaling.centre - scaling.half_range, configurations.min(axis=0), atol=1e-6)
-    np.testing.assert_allclose(scaling.centre + scaling.half_range, configurations.max(axis=0), atol=1e-6)
+    np.testing.assert_allclose(
+        scaling.centre - scaling.half_range, configurations.min(axis=0), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        scaling.centre + scaling.half_range, configurations.max(axis=0), atol=1e-6
+    )
     expected = state_scaling(forward_split.training.targets)
-    np.testing.assert_array_equal(tiny_networks.c2s.state_scaling.half_range, expected.half_range)
-    np.testing.assert_array_equal(tiny_networks.c2s.state_scaling.centre, expected.centre)
+    np.testing.assert_array_equal(
+        tiny_networks.c2s.state_scaling.half_range, expected.half_range
+    )
+    np.testing.assert_array_equal(
+        tiny_networks.c2s.state_scaling.centre, expected.centre
+    )
     wanted = control_split.training.inputs["wanted"].reshape(-1, 3)
     half_ranges = tiny_networks.c2a.configuration_scaling.half_range
     np.testing.assert_allclose(half_ranges, np.ptp(wanted, axis=0) / 2, atol=1e-6)
-    np.testing.assert_array_equal(tiny_networks.c2a.sum_and_range.neutral, np.zeros((3, 3)))
+    np.testing.assert_array_equal(
+        tiny_networks.c2a.sum_and_range.neutral, np.zeros((3, 3))
+    )
 
 
 def test_positions_share_one_scale_half_the_widest_extent():
     states = np.zeros((2, 2, 6), np.float32)
-    states[0, 0, :3], states[1, 1, :3], states[:, :, 5] = [-0.1, 0.0, 0.2], [0.5, 0.3, 0.6], 1.0
+    states[0, 0, :3], states[1, 1, :3], states[:, :, 5] = (
+        [-0.1, 0.0, 0.2],
+        [0.5, 0.3, 0.6],
+        1.0,
+    )
     scaling = state_scaling(states)
     np.testing.assert_allclose(scaling.half_range, [0.3, 0.3, 0.3, 1, 1, 1])
     np.testing.assert_allclose(scaling.centre, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
 
 
-def test_noise_on_the_history_is_used_in_training_and_nowhere_else(seen, control_split, tiny_recipe):
+def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
+    seen, control_split, tiny_recipe
+):
     """Weights that do not move: against losses computed here without noise, only those of training can differ."""
     noisy = tiny_recipe.c2a.train(seen, 30.0, FROZEN, KEY)
     layer = noisy.network.sum_and_range
     calm = [
-        np.mean((answers(noisy.network, samples) - layer.normalised(samples.targets)) ** 2)
+        np.mean(
+            (answers(noisy.network, samples) - layer.normalised(samples.targets)) ** 2
+        )
         for samples in (control_split.training, control_split.validation)
     ]
     assert np.all(np.abs(noisy.curve[:, 1] - calm[0]) > 0.05 * calm[0])
     np.testing.assert_allclose(noisy.curve[:, 2], calm[1], rtol=1e-4)
 
 
-def test_the_same_key_trains_the_same_network_and_another_key_another(tiny_networks, tiny_recipe, seen):
+def test_the_same_key_trains_the_same_network_and_another_key_another(
+    tiny_networks, tiny_recipe, seen
+):
     key = jax.random.split(jax.random.key(7))[0]
-    again, other = (tiny_recipe.c2s.train(seen, tiny_recipe.c2s_fit, k) for k in (key, KEY))
+    again, other = (
+        tiny_recipe.c2s.train(seen, tiny_recipe.c2s_fit, k) for k in (key, KEY)
+    )
     np.testing.assert_array_equal(again.curve, tiny_networks.curves["C2S"])
     assert again.percent == tiny_networks.percent["C2S"]
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)
 
 
 def test_too_few_samples_are_refused(seen, tiny_recipe):
-    few = TrainingData(seen.arm, *(part[:1, :60] for part in (seen.sensed, seen.actions, seen.states)))
+    few = TrainingData(
+        seen.arm, *(part[:1, :60] for part in (seen.sensed, seen.actions, seen.states))
+    )
     with pytest.raises(TrainingError, match="42 training samples"):
         tiny_recipe.c2s.train(few, FitOptions(), KEY)
     with pytest.raises(TrainingError, match="41 training samples"):

@@ -12,7 +12,9 @@ from s2c2a.training.fit import held
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
-predict = eqx.filter_jit(lambda model, configurations: model.predict(configurations, ()))
+predict = eqx.filter_jit(
+    lambda model, configurations: model.predict(configurations, ())
+)
 
 
 def numbers(seed, *shape):
@@ -21,7 +23,10 @@ def numbers(seed, *shape):
 
 def affine(seed, features):
     """A scaling of random centre and range."""
-    return Scaling(jnp.asarray(numbers(seed, features)), jnp.asarray(np.abs(numbers(seed + 1, features)) + 0.5))
+    return Scaling(
+        jnp.asarray(numbers(seed, features)),
+        jnp.asarray(np.abs(numbers(seed + 1, features)) + 0.5),
+    )
 
 
 def sigmoid(x):
@@ -30,12 +35,17 @@ def sigmoid(x):
 
 def slow_direction(layer, inputs, order):
     """One LSTM along the modules in the given order, in float64, gate by gate."""
-    to_gates, back, bias = (np.asarray(w, np.float64) for w in (layer.weight_input, layer.weight_hidden, layer.bias))
+    to_gates, back, bias = (
+        np.asarray(w, np.float64)
+        for w in (layer.weight_input, layer.weight_hidden, layer.bias)
+    )
     width = back.shape[0]
     hidden, cell, outputs = np.zeros(width), np.zeros(width), {}
     for module in order:
         gates = inputs[module] @ to_gates + hidden @ back + bias
-        take, keep, candidate, show = (gates[gate * width : (gate + 1) * width] for gate in range(4))
+        take, keep, candidate, show = (
+            gates[gate * width : (gate + 1) * width] for gate in range(4)
+        )
         cell = sigmoid(keep) * cell + sigmoid(take) * np.tanh(candidate)
         hidden = sigmoid(show) * np.tanh(cell)
         outputs[module] = hidden
@@ -49,18 +59,27 @@ def slow_bilstm(network, inputs):
         rising = slow_direction(up, values, range(count))
         falling = slow_direction(down, values, range(count - 1, -1, -1))
         values = [np.concatenate(pair) for pair in zip(rising, falling, strict=True)]
-    head, bias = np.asarray(network.weight_head, np.float64), np.asarray(network.bias_head, np.float64)
+    head, bias = (
+        np.asarray(network.weight_head, np.float64),
+        np.asarray(network.bias_head, np.float64),
+    )
     return np.array([value @ head + bias for value in values])
 
 
 def a_bilstm(seed=0, features=3, outputs=5, layers=2, hidden=8):
     network = BiLSTM(features, outputs, layers, hidden, jax.random.key(seed))
-    return eqx.tree_at(lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs)))
+    return eqx.tree_at(
+        lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs))
+    )
 
 
 def a_c2s():
     model = C2SOptions(layers=1, hidden=8).untrained(TWIN, jax.random.key(1))
-    return eqx.tree_at(lambda m: (m.configuration_scaling, m.state_scaling), model, (affine(2, 3), affine(4, 6)))
+    return eqx.tree_at(
+        lambda m: (m.configuration_scaling, m.state_scaling),
+        model,
+        (affine(2, 3), affine(4, 6)),
+    )
 
 
 def a_c2a(arm):
@@ -69,20 +88,26 @@ def a_c2a(arm):
 
 
 def a_history(cables, *batch, modules=3):
-    return History(numbers(6, *batch, modules, 4, 3), numbers(7, *batch, modules, 5, cables))
+    return History(
+        numbers(6, *batch, modules, 4, 3), numbers(7, *batch, modules, 5, cables)
+    )
 
 
 @pytest.mark.parametrize("modules", range(1, 7))
 def test_a_bilstm_agrees_with_a_second_one_for_any_module_count(modules):
     network, inputs = a_bilstm(layers=1), numbers(0, modules, 3)
-    np.testing.assert_allclose(run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("layers", [2, 4])
 def test_a_bilstm_agrees_with_a_second_one_for_any_depth(layers):
     network, inputs = a_bilstm(layers=layers), numbers(1, 3, 3)
     assert len(network.layers) == layers
-    np.testing.assert_allclose(run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        run(network, inputs), slow_bilstm(network, inputs), rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
@@ -105,29 +130,39 @@ def test_every_module_sees_the_whole_row(changed):
 
 def test_the_paper_sizes_have_as_many_weights_as_its_formula_says():
     """Each direction: 4 gates of h cells with inputs, h recurrent values and a bias."""
-    network = eqx.filter_eval_shape(lambda: BiLSTM(3, 6, layers=4, hidden=64, key=jax.random.key(0)))
+    network = eqx.filter_eval_shape(
+        lambda: BiLSTM(3, 6, layers=4, hidden=64, key=jax.random.key(0))
+    )
     directions = [4 * 64 * (inputs + 64 + 1) for inputs in (3, 128, 128, 128)]
     count = sum(leaf.size for leaf in jax.tree.leaves(network))
     assert count == 2 * sum(directions) + 128 * 6 + 6
 
 
 def test_the_same_key_makes_the_same_network_and_another_key_another():
-    one, same, other = (np.asarray(a_bilstm(seed).layers[0][0].weight_input) for seed in (0, 0, 1))
+    one, same, other = (
+        np.asarray(a_bilstm(seed).layers[0][0].weight_input) for seed in (0, 0, 1)
+    )
     np.testing.assert_array_equal(one, same)
     assert np.abs(one - other).max() > 0.01
 
 
 def test_the_directions_of_a_layer_start_apart():
     up, down = a_bilstm().layers[0]
-    assert np.abs(np.asarray(up.weight_input) - np.asarray(down.weight_input)).max() > 0.01
+    assert (
+        np.abs(np.asarray(up.weight_input) - np.asarray(down.weight_input)).max() > 0.01
+    )
 
 
 def test_c2s_agrees_with_a_second_forward_pass():
     model, configurations = a_c2s(), numbers(8, 3, 3)
     into, out = model.configuration_scaling, model.state_scaling
     scaled = (configurations - np.asarray(into.centre)) / np.asarray(into.half_range)
-    states = slow_bilstm(model.network, scaled) * np.asarray(out.half_range) + np.asarray(out.centre)
-    np.testing.assert_allclose(predict(model, configurations), states, rtol=1e-5, atol=1e-6)
+    states = slow_bilstm(model.network, scaled) * np.asarray(
+        out.half_range
+    ) + np.asarray(out.centre)
+    np.testing.assert_allclose(
+        predict(model, configurations), states, rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("modules", [1, 6])
@@ -136,7 +171,9 @@ def test_c2s_takes_any_module_count_and_batch(modules):
     together = predict(model, configurations)
     assert together.shape == (2, 3, modules, 6)
     alone = [predict(model, one) for one in configurations.reshape(-1, modules, 3)]
-    np.testing.assert_allclose(together.reshape(-1, modules, 6), alone, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        together.reshape(-1, modules, 6), alone, rtol=1e-5, atol=1e-6
+    )
 
 
 def test_c2s_remembers_nothing():
@@ -144,7 +181,10 @@ def test_c2s_remembers_nothing():
     assert model.observe(jnp.zeros((3, 3)), model.start(jnp.zeros((3, 3)))) == ()
 
 
-@pytest.mark.parametrize(("modules", "labels"), [(1, [0]), (2, [-1, 1]), (3, [-1, 0, 1]), (5, [-1, -0.5, 0, 0.5, 1])])
+@pytest.mark.parametrize(
+    ("modules", "labels"),
+    [(1, [0]), (2, [-1, 1]), (3, [-1, 0, 1]), (5, [-1, -0.5, 0, 0.5, 1])],
+)
 def test_module_labels_are_equation_9_and_zero_for_a_single_module(modules, labels):
     np.testing.assert_allclose(module_labels(modules), labels, atol=1e-7)
 
@@ -161,10 +201,16 @@ def slow_c2a(model, wanted, history, last_layer):
     centre, half = np.asarray(scaling.centre), np.asarray(scaling.half_range)
     rows = []
     for module in range(len(wanted)):
-        configurations = [(history.configurations[module, age] - centre) / half for age in range(4)]
+        configurations = [
+            (history.configurations[module, age] - centre) / half for age in range(4)
+        ]
         actions = [history.actions[module, age] for age in range(5)]
         label = [2 * module / (len(wanted) - 1) - 1]
-        rows.append(np.concatenate([(wanted[module] - centre) / half, *configurations, *actions, label]))
+        rows.append(
+            np.concatenate(
+                [(wanted[module] - centre) / half, *configurations, *actions, label]
+            )
+        )
     return last_layer(slow_bilstm(model.network, np.array(rows)))
 
 
@@ -181,16 +227,24 @@ def bend_plane(raw):
     return np.stack([-x, -y, x, y], axis=-1)
 
 
-@pytest.mark.parametrize(("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)])
+@pytest.mark.parametrize(
+    ("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)]
+)
 def test_c2a_agrees_with_a_second_forward_pass(arm, last_layer):
     model, wanted, history = a_c2a(arm), numbers(10, 3, 3), a_history(arm.cable_count)
     expected = slow_c2a(model, wanted, history, last_layer)
-    np.testing.assert_allclose(run(model, wanted, history), expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        run(model, wanted, history), expected, rtol=1e-5, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
 def test_a_batch_through_c2a_is_its_members_one_by_one(batch):
-    model, wanted, history = a_c2a(TWIN), numbers(11, *batch, 3, 3), a_history(3, *batch)
+    model, wanted, history = (
+        a_c2a(TWIN),
+        numbers(11, *batch, 3, 3),
+        a_history(3, *batch),
+    )
     together = run(model, wanted, history)
     assert together.shape == (*batch, 3, 3)
     members = zip(
@@ -199,7 +253,10 @@ def test_a_batch_through_c2a_is_its_members_one_by_one(batch):
         history.actions.reshape(-1, 3, 5, 3),
         strict=True,
     )
-    alone = [run(model, one, History(configurations, actions)) for one, configurations, actions in members]
+    alone = [
+        run(model, one, History(configurations, actions))
+        for one, configurations, actions in members
+    ]
     np.testing.assert_allclose(together.reshape(-1, 3, 3), alone, rtol=1e-5, atol=1e-6)
 
 
@@ -223,7 +280,9 @@ def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
 
 def test_training_cannot_move_the_scalings():
     model, wanted, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
-    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2)))(model)
+    gradient = eqx.filter_jit(
+        eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2))
+    )(model)
     fixed = jax.tree.leaves((gradient.configuration_scaling, gradient.sum_and_range))
     assert all(not np.any(leaf) for leaf in fixed)
     assert all(np.any(leaf) for leaf in jax.tree.leaves(gradient.network))
@@ -231,6 +290,8 @@ def test_training_cannot_move_the_scalings():
 
 def test_training_cannot_move_the_scalings_of_c2s():
     model, configurations = a_c2s(), numbers(14, 3, 3)
-    gradient = eqx.filter_jit(eqx.filter_grad(lambda m: jnp.sum(held(m).predict(configurations, ()) ** 2)))(model)
+    gradient = eqx.filter_jit(
+        eqx.filter_grad(lambda m: jnp.sum(held(m).predict(configurations, ()) ** 2))
+    )(model)
     fixed = jax.tree.leaves((gradient.configuration_scaling, gradient.state_scaling))
     assert all(not np.any(leaf) for leaf in fixed)

@@ -6,7 +6,9 @@ VALUES = np.random.default_rng(0).uniform(-3, 7, (4, 5, 3)) * [1.0, 10.0, 0.01]
 
 
 def test_scaling_just_fits_the_values_it_was_made_of():
-    scaled = np.asarray(Scaling.of(VALUES).forward(VALUES.astype(np.float32))).reshape(-1, 3)
+    scaled = np.asarray(Scaling.of(VALUES).forward(VALUES.astype(np.float32))).reshape(
+        -1, 3
+    )
     np.testing.assert_allclose(scaled.min(axis=0), -1, atol=1e-5)
     np.testing.assert_allclose(scaled.max(axis=0), 1, atol=1e-5)
 
@@ -20,7 +22,9 @@ def test_scaling_by_hand():
 def test_values_come_back_from_their_scaling():
     scaling = Scaling.of(VALUES)
     values = VALUES.astype(np.float32)
-    np.testing.assert_allclose(scaling.back(scaling.forward(values)), values, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(
+        scaling.back(scaling.forward(values)), values, rtol=1e-5, atol=1e-5
+    )
 
 
 def test_a_feature_that_never_changes_keeps_its_unit():

@@ -15,8 +15,18 @@ FAR = 9.0
 """A displacement that leaves its cable slack."""
 
 
-def at_rest(displacements, moments, matrices=THREE, stiffness=(4.0,), tautness=(0.0,), engaged=False):
-    arrays = (np.asarray(values, np.float32) for values in (displacements, moments, matrices, stiffness, tautness))
+def at_rest(
+    displacements,
+    moments,
+    matrices=THREE,
+    stiffness=(4.0,),
+    tautness=(0.0,),
+    engaged=False,
+):
+    arrays = (
+        np.asarray(values, np.float32)
+        for values in (displacements, moments, matrices, stiffness, tautness)
+    )
     return np.asarray(rest(*arrays, engaged=engaged))
 
 
@@ -41,26 +51,41 @@ def least_energy(displacements, moment, matrix, stiffness, tautness):
     def energy(bend):
         stretched = np.maximum(matrix @ bend - displacements + tautness, 0.0)
         slope = bend - moment + stiffness * matrix.T @ stretched
-        return 0.5 * bend @ bend - moment @ bend + 0.5 * stiffness * stretched @ stretched, slope
+        return (
+            0.5 * bend @ bend - moment @ bend + 0.5 * stiffness * stretched @ stretched,
+            slope,
+        )
 
     return minimize(energy, np.zeros(2), jac=True, options={"gtol": 1e-9}).x
 
 
 def test_one_taut_cable_bends_as_two_springs_in_a_row_do():
     """B_1 = (-1, 0): at displacement -0.5 it stretches until beta_x = kappa 0.5 / (1 + kappa)."""
-    np.testing.assert_allclose(at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]]), [[0.4, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]]), [[0.4, 0.0]], atol=1e-6
+    )
 
 
 def test_across_its_cable_a_module_gives_way_to_the_moment_alone():
-    np.testing.assert_allclose(at_rest([[-0.5, FAR, FAR]], [[0.1, 0.3]]), [[(2.0 + 0.1) / 5, 0.3]], atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest([[-0.5, FAR, FAR]], [[0.1, 0.3]]), [[(2.0 + 0.1) / 5, 0.3]], atol=1e-6
+    )
 
 
 def test_what_a_cable_is_taut_by_at_rest_is_pulled_further():
-    np.testing.assert_allclose(at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]], tautness=[0.25]), [[0.6, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]], tautness=[0.25]),
+        [[0.6, 0.0]],
+        atol=1e-6,
+    )
 
 
 def test_cables_all_taut_at_rest_hold_a_straight_module_straight():
-    np.testing.assert_allclose(at_rest([[0.0, 0.0, 0.0]], [[0.0, 0.0]], tautness=[0.3]), [[0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest([[0.0, 0.0, 0.0]], [[0.0, 0.0]], tautness=[0.3]),
+        [[0.0, 0.0]],
+        atol=1e-6,
+    )
 
 
 def test_cables_all_taut_share_the_moment_with_the_module():
@@ -70,7 +95,9 @@ def test_cables_all_taut_share_the_moment_with_the_module():
 
 
 def test_slack_cables_leave_the_moment_alone():
-    np.testing.assert_allclose(at_rest([[FAR, FAR, FAR]], [[0.2, -0.3]]), [[0.2, -0.3]], atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest([[FAR, FAR, FAR]], [[0.2, -0.3]]), [[0.2, -0.3]], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("cables", range(3, 9))
@@ -85,22 +112,38 @@ def test_forces_are_in_balance_in_thousands_of_cases(cables):
     cases = random_cases(20 + cables, 4000, cables)
     displacements, moments, matrices, stiffness, tautness = cases
     bends = at_rest(*cases)
-    stretched = np.maximum(np.einsum("mnk,mk->mn", matrices, bends) - displacements + tautness[:, None], 0.0)
-    left_over = bends + stiffness[:, None] * np.einsum("mnk,mn->mk", matrices, stretched) - moments
+    stretched = np.maximum(
+        np.einsum("mnk,mk->mn", matrices, bends) - displacements + tautness[:, None],
+        0.0,
+    )
+    left_over = (
+        bends
+        + stiffness[:, None] * np.einsum("mnk,mn->mk", matrices, stretched)
+        - moments
+    )
     assert np.abs(left_over).max() < 1e-3
 
 
 def test_engaged_slopes_leave_the_values_as_they_are():
     cases = random_cases(1, 100, 3)
-    np.testing.assert_allclose(at_rest(*cases, engaged=True), at_rest(*cases), atol=1e-6)
+    np.testing.assert_allclose(
+        at_rest(*cases, engaged=True), at_rest(*cases), atol=1e-6
+    )
 
 
 def slopes(displacements, engaged):
     """d beta / d displacements of one module, shape (2, cables)."""
-    arrays = (jnp.asarray(values, dtype=jnp.float32) for values in ([[0.0, 0.0]], THREE, [4.0], [0.0]))
+    arrays = (
+        jnp.asarray(values, dtype=jnp.float32)
+        for values in ([[0.0, 0.0]], THREE, [4.0], [0.0])
+    )
     rest_of_it = tuple(arrays)
     values = jnp.asarray(displacements, dtype=jnp.float32)
-    return np.asarray(jax.jacrev(lambda d: bend_at_rest(d[None], *rest_of_it, engaged=engaged)[0])(values))
+    return np.asarray(
+        jax.jacrev(lambda d: bend_at_rest(d[None], *rest_of_it, engaged=engaged)[0])(
+            values
+        )
+    )
 
 
 def test_a_slack_cable_has_no_slope_unless_engaged():
@@ -117,7 +160,9 @@ def test_slopes_agree_with_finite_differences_away_from_kinks():
 
     @jax.jit
     def total(displacements, moments, stiffness, tautness):
-        bends = bend_at_rest(displacements, moments, jnp.asarray(THREE), stiffness, tautness)
+        bends = bend_at_rest(
+            displacements, moments, jnp.asarray(THREE), stiffness, tautness
+        )
         return jnp.sum(bends * jnp.array([1.0, 0.7]))
 
     with jax.enable_x64(True):
@@ -126,16 +171,26 @@ def test_slopes_agree_with_finite_differences_away_from_kinks():
         for place, gradient in enumerate(gradients):
             for entry in np.ndindex(gradient.shape):
                 up, down = (
-                    total(*(a.at[entry].add(shift) if n == place else a for n, a in enumerate(arrays)))
+                    total(
+                        *(
+                            a.at[entry].add(shift) if n == place else a
+                            for n, a in enumerate(arrays)
+                        )
+                    )
                     for shift in (1e-5, -1e-5)
                 )
-                assert float(gradient[entry]) == pytest.approx(float(up - down) / 2e-5, abs=1e-6)
+                assert float(gradient[entry]) == pytest.approx(
+                    float(up - down) / 2e-5, abs=1e-6
+                )
 
 
 def test_a_batch_is_its_members_one_by_one():
     displacements, moments, matrices, stiffness, tautness = random_cases(2, 3, 4)
     random = np.random.default_rng(3)
-    batch = displacements + random.normal(0, 0.2, (2, 5, 3, 4)), moments + random.normal(0, 0.2, (2, 5, 3, 2))
+    batch = (
+        displacements + random.normal(0, 0.2, (2, 5, 3, 4)),
+        moments + random.normal(0, 0.2, (2, 5, 3, 2)),
+    )
     together = at_rest(*batch, matrices, stiffness, tautness)
     assert together.shape == (2, 5, 3, 2)
     alone = at_rest(batch[0][1, 2], batch[1][1, 2], matrices, stiffness, tautness)

@@ -57,19 +57,29 @@ raw_outputs = st.lists(st.floats(-50, 50), min_size=8, max_size=8)
 def test_equation_10_by_hand():
     tanh = np.tanh([1.0, -2.0, 0.5])
     total = tanh.sum()
-    by_hand = [(3 * tanh[0] - total) / 4, (3 * tanh[1] - total) / 4, (3 * tanh[2] - total) / 4]
+    by_hand = [
+        (3 * tanh[0] - total) / 4,
+        (3 * tanh[1] - total) / 4,
+        (3 * tanh[2] - total) / 4,
+    ]
     np.testing.assert_allclose(applied(even(3), [1.0, -2.0, 0.5]), by_hand, atol=1e-6)
 
 
 def test_equation_10_reaches_one_where_one_cable_is_against_the_others():
-    np.testing.assert_allclose(applied(even(3), [50.0, -50.0, -50.0]), [1.0, -0.5, -0.5], atol=1e-6)
+    np.testing.assert_allclose(
+        applied(even(3), [50.0, -50.0, -50.0]), [1.0, -0.5, -0.5], atol=1e-6
+    )
 
 
 def test_each_module_is_squashed_by_itself():
     module = arm_of(even(3)).modules[0]
-    layer = SumAndRange.of(ArmSpec(name="arm", actuation="displacement", modules=(module,) * 2))
+    layer = SumAndRange.of(
+        ArmSpec(name="arm", actuation="displacement", modules=(module,) * 2)
+    )
     raw = np.array([[1.0, -2.0, 0.5], [0.1, 0.2, -0.3]], np.float32)
-    np.testing.assert_allclose(_apply(layer, raw), [applied(even(3), row) for row in raw], atol=1e-6)
+    np.testing.assert_allclose(
+        _apply(layer, raw), [applied(even(3), row) for row in raw], atol=1e-6
+    )
 
 
 @quick
@@ -83,7 +93,9 @@ def test_actions_of_evenly_spread_cables_sum_to_zero(cables, offset, raw):
 def test_actions_of_any_cables_stay_in_range_and_do_nothing_but_bend(angles, raw):
     actions, matrix = applied(angles, raw), cable_matrix(angles)
     assert np.abs(actions).max() <= 1 + 1e-6
-    np.testing.assert_allclose(matrix @ np.linalg.pinv(matrix) @ actions, actions, atol=3e-6)
+    np.testing.assert_allclose(
+        matrix @ np.linalg.pinv(matrix) @ actions, actions, atol=3e-6
+    )
 
 
 @quick
@@ -94,10 +106,16 @@ def test_actions_of_three_even_cables_stay_in_range_at_any_offset(offset, raw):
 
 @quick
 @given(st.floats(-180, 180), st.floats(0, 1), directions)
-def test_three_even_cables_can_say_every_bend_up_to_the_full_one(offset, share, direction):
+def test_three_even_cables_can_say_every_bend_up_to_the_full_one(
+    offset, share, direction
+):
     """Eq. (10) undone by hand: tanh t = 4 A / 3 + c with c in the middle of what is left."""
     angles = even(3, offset)
-    wanted = cable_matrix(angles) @ [share * np.cos(direction), share * np.sin(direction)] / HEADROOM
+    wanted = (
+        cable_matrix(angles)
+        @ [share * np.cos(direction), share * np.sin(direction)]
+        / HEADROOM
+    )
     squashed = 4 / 3 * wanted - 2 / 3 * (wanted.max() + wanted.min())
     assert np.abs(squashed).max() < 0.95
     np.testing.assert_allclose(applied(angles, np.arctanh(squashed)), wanted, atol=2e-6)
@@ -106,13 +124,21 @@ def test_three_even_cables_can_say_every_bend_up_to_the_full_one(offset, share, 
 @quick
 @given(layouts(), st.floats(1e-6, 1), directions)
 def test_any_cables_can_say_every_bend_up_to_the_full_one(angles, share, direction):
-    matrix, towards = cable_matrix(angles), np.array([np.cos(direction), np.sin(direction)])
+    matrix, towards = (
+        cable_matrix(angles),
+        np.array([np.cos(direction), np.sin(direction)]),
+    )
     assume(not SumAndRange.of(arm_of(angles)).evenly_three)
     raw = matrix @ towards * np.arctanh(share / HEADROOM)
-    np.testing.assert_allclose(applied(angles, raw), matrix @ towards * share / HEADROOM, atol=3e-6)
+    np.testing.assert_allclose(
+        applied(angles, raw), matrix @ towards * share / HEADROOM, atol=3e-6
+    )
 
 
-@pytest.mark.parametrize(("angles", "slope"), [(even(3), 0.75), ((0.0, 100.0, 220.0), 1), (even(4), 1), (even(8), 1)])
+@pytest.mark.parametrize(
+    ("angles", "slope"),
+    [(even(3), 0.75), ((0.0, 100.0, 220.0), 1), (even(4), 1), (even(8), 1)],
+)
 def test_raw_zero_is_exactly_rest_with_an_exact_gradient(angles, slope):
     """Eq. (10) is 3/4 of the projection I - 1 1^T / 3 there."""
     layer, zero = SumAndRange.of(arm_of(angles)), np.zeros((1, len(angles)), np.float32)
@@ -126,8 +152,13 @@ def test_raw_zero_is_exactly_rest_with_an_exact_gradient(angles, slope):
 def test_values_and_gradients_are_right_at_any_size(size):
     raw, step = size * np.array([[0.5, -1.0, 0.2, 0.4]]), 1e-4 * max(size, 0.1)
     layer = SumAndRange.of(arm_of(even(4)))
-    np.testing.assert_allclose(_apply(layer, raw.astype(np.float32)), slow_four(raw), rtol=2e-6, atol=1e-30)
-    columns = [(slow_four(raw + step * unit) - slow_four(raw - step * unit))[0] / (2 * step) for unit in np.eye(4)]
+    np.testing.assert_allclose(
+        _apply(layer, raw.astype(np.float32)), slow_four(raw), rtol=2e-6, atol=1e-30
+    )
+    columns = [
+        (slow_four(raw + step * unit) - slow_four(raw - step * unit))[0] / (2 * step)
+        for unit in np.eye(4)
+    ]
     jacobian = _jacobian(layer, raw.astype(np.float32))[0, :, 0]
     np.testing.assert_allclose(jacobian, np.stack(columns, axis=-1), atol=2e-5)
 
@@ -146,16 +177,24 @@ def test_a_normalised_one_is_the_full_action_and_its_headroom(angles, actuation)
     arm = arm_of(angles, actuation)
     layer, geometry = SumAndRange.of(arm), ArmGeometry.of(arm)
     full = {"displacement": 0.03 * np.pi / 3, "tension": -12.0}[actuation]
-    np.testing.assert_allclose(layer.actions(np.zeros_like(geometry.action_neutral)), geometry.action_neutral)
-    difference = layer.actions(np.ones_like(geometry.action_neutral)) - geometry.action_neutral
+    np.testing.assert_allclose(
+        layer.actions(np.zeros_like(geometry.action_neutral)), geometry.action_neutral
+    )
+    difference = (
+        layer.actions(np.ones_like(geometry.action_neutral)) - geometry.action_neutral
+    )
     np.testing.assert_allclose(difference, HEADROOM * full, rtol=1e-5)
 
 
 @pytest.mark.parametrize("actuation", ["displacement", "tension"])
 def test_actions_come_back_from_their_normalisation(actuation):
     layer = SumAndRange.of(arm_of(even(5), actuation))
-    normalised = np.random.default_rng(0).uniform(-1, 1, (2, 3, 1, 5)).astype(np.float32)
-    np.testing.assert_allclose(layer.normalised(layer.actions(normalised)), normalised, atol=1e-5)
+    normalised = (
+        np.random.default_rng(0).uniform(-1, 1, (2, 3, 1, 5)).astype(np.float32)
+    )
+    np.testing.assert_allclose(
+        layer.normalised(layer.actions(normalised)), normalised, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("cables", [3, 5])
@@ -163,7 +202,9 @@ def test_a_batch_through_the_layer_is_its_members_one_by_one(cables):
     layer = SumAndRange.of(arm_of(even(cables)))
     raw = np.random.default_rng(1).normal(size=(2, 3, 1, cables)).astype(np.float32)
     alone = [_apply(layer, one) for one in raw.reshape(-1, 1, cables)]
-    np.testing.assert_allclose(_apply(layer, raw).reshape(-1, 1, cables), alone, atol=1e-6)
+    np.testing.assert_allclose(
+        _apply(layer, raw).reshape(-1, 1, cables), alone, atol=1e-6
+    )
 
 
 def test_limited_actions_are_what_the_arm_will_be_sent():

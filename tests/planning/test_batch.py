@@ -15,7 +15,15 @@ TWIN = load_arm("twin_arm")
 PARTS = TWIN, PCCForwardModel.of(TWIN)
 CHUNK = 4
 STRAIGHT = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, 3, 1))
-TARGETS = np.array([[0.1, 0.05, 0.55], [-0.2, 0.1, 0.5], [0.0, -0.15, 0.55], [0.05, 0.2, 0.5], [0.2, 0.2, 0.45]])
+TARGETS = np.array(
+    [
+        [0.1, 0.05, 0.55],
+        [-0.2, 0.1, 0.5],
+        [0.0, -0.15, 0.55],
+        [0.05, 0.2, 0.5],
+        [0.2, 0.2, 0.45],
+    ]
+)
 BOTH = pytest.mark.parametrize("options", [PAPER, BEST], ids=["adam", "least squares"])
 
 
@@ -24,19 +32,25 @@ def batch_of():
     made = {}
 
     def of(options) -> BatchPlanner:
-        return made.setdefault(options, BatchPlanner(*PARTS, options, chunk=CHUNK, threads=2))
+        return made.setdefault(
+            options, BatchPlanner(*PARTS, options, chunk=CHUNK, threads=2)
+        )
 
     return of
 
 
 def somewhere(count, seed=0):
     """Configurations a little bent, shape (count, 3, 3)."""
-    bent = np.random.default_rng(seed).normal([0.1, 0.05, 1.0], [0.1, 0.1, 0.0], (count, 3, 3))
+    bent = np.random.default_rng(seed).normal(
+        [0.1, 0.05, 1.0], [0.1, 0.1, 0.0], (count, 3, 3)
+    )
     return (bent / np.linalg.norm(bent, axis=-1, keepdims=True)).astype(np.float32)
 
 
 def tips(configurations):
-    return np.asarray(states_from_configurations(configurations, PARTS[1].lengths))[..., -1, :3]
+    return np.asarray(states_from_configurations(configurations, PARTS[1].lengths))[
+        ..., -1, :3
+    ]
 
 
 def goals(**obstacles):
@@ -45,13 +59,21 @@ def goals(**obstacles):
 
 
 @BOTH
-@pytest.mark.parametrize("obstacles", [{}, {"centres": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}])
+@pytest.mark.parametrize(
+    "obstacles", [{}, {"centres": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}]
+)
 def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
     """Five, in chunks of four: the last chunk is filled up, and what fills it is thrown away."""
-    batch, planner, wanted, sensed = batch_of(options), Planner(*PARTS, options), goals(**obstacles), somewhere(5)
+    batch, planner, wanted, sensed = (
+        batch_of(options),
+        Planner(*PARTS, options),
+        goals(**obstacles),
+        somewhere(5),
+    )
     many = batch.plan(batch.start(sensed), sensed, Goal.stacked(wanted))
     each = [
-        planner.plan(planner.start(one), one, goal).configurations for one, goal in zip(sensed, wanted, strict=True)
+        planner.plan(planner.start(one), one, goal).configurations
+        for one, goal in zip(sensed, wanted, strict=True)
     ]
     np.testing.assert_allclose(many.configurations, each, atol=2e-4)
 
@@ -66,7 +88,9 @@ def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
         plan = planner.plan(plan, plan.configurations, goal)
         each.append(plan.configurations)
     np.testing.assert_allclose(path.configurations, each, atol=1e-3)
-    np.testing.assert_allclose(path.states[:, -1, :3], tips(path.configurations), atol=1e-6)
+    np.testing.assert_allclose(
+        path.states[:, -1, :3], tips(path.configurations), atol=1e-6
+    )
 
 
 def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
@@ -80,7 +104,8 @@ def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
 def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
     """The tip on the arm's axis, but lower: a straight arm could go to any side, and so goes to none."""
     goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
-    even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)  # as starts are judged
+    # as starts are judged
+    even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)
     batch = batch_of(replace(BEST, rescue=NO_RESCUE, terms=even))
     best = batch.best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
     assert best.value < 0.9 * best.values[0]

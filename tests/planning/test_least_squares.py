@@ -23,8 +23,14 @@ from s2c2a.tasks import task_named
 TWIN = load_arm("twin_arm")
 LENGTHS = jnp.full(3, 0.2)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
-states_of = jax.jit(lambda configurations: states_from_configurations(configurations, LENGTHS))
-lines_of = jax.jit(lambda configurations: centre_line(states_from_configurations(configurations, LENGTHS), LENGTHS))
+states_of = jax.jit(
+    lambda configurations: states_from_configurations(configurations, LENGTHS)
+)
+lines_of = jax.jit(
+    lambda configurations: centre_line(
+        states_from_configurations(configurations, LENGTHS), LENGTHS
+    )
+)
 
 
 def anywhere(point):
@@ -32,7 +38,11 @@ def anywhere(point):
 
 
 def solved(residuals, start, project=anywhere, iterations=20):
-    return np.asarray(jax.jit(lambda s: solve_least_squares(residuals, s, project, iterations)[0])(jnp.asarray(start)))
+    return np.asarray(
+        jax.jit(lambda s: solve_least_squares(residuals, s, project, iterations)[0])(
+            jnp.asarray(start)
+        )
+    )
 
 
 def valley(point):
@@ -42,14 +52,25 @@ def valley(point):
 
 def test_a_linear_problem_is_solved_exactly():
     random = np.random.default_rng(0)
-    matrix, right = random.normal(size=(9, 4)).astype(np.float32), random.normal(size=9).astype(np.float32)
+    matrix, right = (
+        random.normal(size=(9, 4)).astype(np.float32),
+        random.normal(size=9).astype(np.float32),
+    )
     expected = np.linalg.lstsq(matrix, right)[0]
-    np.testing.assert_allclose(solved(lambda x: matrix @ x - right, np.zeros(4, np.float32)), expected, atol=1e-5)
+    np.testing.assert_allclose(
+        solved(lambda x: matrix @ x - right, np.zeros(4, np.float32)),
+        expected,
+        atol=1e-5,
+    )
 
 
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [0.0, 0.0], [2.0, -3.0]])
 def test_a_curved_valley_is_followed_to_its_end(start):
-    np.testing.assert_allclose(solved(valley, np.array(start, np.float32), iterations=60), [1.0, 1.0], atol=1e-3)
+    np.testing.assert_allclose(
+        solved(valley, np.array(start, np.float32), iterations=60),
+        [1.0, 1.0],
+        atol=1e-3,
+    )
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 5, 20])
@@ -61,8 +82,12 @@ def test_the_sum_never_ends_above_where_it_began(iterations):
 
     random = np.random.default_rng(iterations)
     starts = random.normal(0, 2, (50, 3)).astype(np.float32)
-    ends = jax.jit(jax.vmap(lambda s: solve_least_squares(wild, s, anywhere, iterations)[0]))(starts)
-    before, after = (np.asarray(jax.vmap(wild)(points)) ** 2 for points in (starts, ends))
+    ends = jax.jit(
+        jax.vmap(lambda s: solve_least_squares(wild, s, anywhere, iterations)[0])
+    )(starts)
+    before, after = (
+        np.asarray(jax.vmap(wild)(points)) ** 2 for points in (starts, ends)
+    )
     assert (after.sum(axis=1) <= before.sum(axis=1)).all()
     assert after.sum() < 0.9 * before.sum()
 
@@ -73,7 +98,12 @@ def test_the_projection_is_respected_from_the_start_on():
     def onto_disc(point):
         return point / jnp.maximum(1.0, jnp.linalg.norm(point))
 
-    end = solved(lambda x: x - jnp.array([3.0, 1.0]), np.array([-4.0, 0.5], np.float32), onto_disc, iterations=60)
+    end = solved(
+        lambda x: x - jnp.array([3.0, 1.0]),
+        np.array([-4.0, 0.5], np.float32),
+        onto_disc,
+        iterations=60,
+    )
     assert np.linalg.norm(end) <= 1.0 + 1e-6
     np.testing.assert_allclose(end, np.array([3.0, 1.0]) / np.sqrt(10.0), atol=0.02)
 
@@ -119,7 +149,11 @@ def clearance(points, task) -> float:
 
 
 def bend_angles(planned):
-    return np.rad2deg(np.linalg.norm(np.asarray(bends_from_configurations(jnp.asarray(planned))), axis=-1))
+    return np.rad2deg(
+        np.linalg.norm(
+            np.asarray(bends_from_configurations(jnp.asarray(planned))), axis=-1
+        )
+    )
 
 
 def changes_deg(planned):
@@ -131,23 +165,38 @@ def wild_goals(seed, count, modules=3):
     """Goals that jump every 20 steps, many of them out of reach."""
     random, goals = np.random.default_rng(seed), []
     for _ in range(count // 20):
-        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(random.uniform(-0.5, 0.5, 3))
-        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(random.normal(size=3), 1.0, module=0)
-        goals += [goal.with_obstacles(random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2))] * 20
+        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(
+            random.uniform(-0.5, 0.5, 3)
+        )
+        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(
+            random.normal(size=3), 1.0, module=0
+        )
+        goals += [
+            goal.with_obstacles(
+                random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2)
+            )
+        ] * 20
     return goals
 
 
 def test_the_circle_is_followed_within_a_millimetre(planner):
     task = task_named("circle", TWIN)
-    errors = np.linalg.norm(tips_of(drive(planner, task.goals)) - task.wanted_positions()[:, -1], axis=-1)
+    errors = np.linalg.norm(
+        tips_of(drive(planner, task.goals)) - task.wanted_positions()[:, -1], axis=-1
+    )
     assert errors.max() < 1e-3
 
 
 def test_a_tilted_circle_is_followed_in_place_and_axis(planner):
     task = task_named("tilt-50", TWIN)
     states = np.asarray(states_of(drive(planner, task.goals)))[1:, -1]
-    assert np.linalg.norm(states[:, :3] - task.wanted_positions()[:, -1], axis=-1).max() < 2e-3
-    assert np.linalg.norm(states[:, 3:] - task.wanted_axes()[:, -1], axis=-1).max() < np.deg2rad(1.0)
+    assert (
+        np.linalg.norm(states[:, :3] - task.wanted_positions()[:, -1], axis=-1).max()
+        < 2e-3
+    )
+    assert np.linalg.norm(
+        states[:, 3:] - task.wanted_axes()[:, -1], axis=-1
+    ).max() < np.deg2rad(1.0)
 
 
 def test_steps_and_bends_stay_within_their_limits(planner):
@@ -159,28 +208,43 @@ def test_steps_and_bends_stay_within_their_limits(planner):
 
 
 def test_an_arm_found_beyond_its_bend_limit_comes_back_step_by_step(planner):
-    start = np.asarray(configurations_from_bends(jnp.deg2rad(jnp.array([[60.0, 0.0], [0.0, 55.0], [10.0, 0.0]]))))
+    start = np.asarray(
+        configurations_from_bends(
+            jnp.deg2rad(jnp.array([[60.0, 0.0], [0.0, 55.0], [10.0, 0.0]]))
+        )
+    )
     planned = drive(planner, [Goal.of(3).with_position([0.2, 0.1, 0.5])] * 30, start)
     assert changes_deg(planned).max() <= 4.0 + 0.01
     assert bend_angles(planned)[-10:].max() <= 47.0 + 0.01
 
 
 def test_planned_vectors_have_length_one(planner):
-    np.testing.assert_allclose(np.linalg.norm(drive(planner, wild_goals(1, 60)), axis=-1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(drive(planner, wild_goals(1, 60)), axis=-1), 1.0, atol=1e-6
+    )
 
 
-@pytest.mark.parametrize("spoilt", [{"positions": np.full((3, 3), np.nan, np.float32)}, {"change_weight": np.nan}])
+@pytest.mark.parametrize(
+    "spoilt",
+    [{"positions": np.full((3, 3), np.nan, np.float32)}, {"change_weight": np.nan}],
+)
 def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(planner, spoilt):
     sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
-    bad = sound._replace(**{name: np.asarray(value, np.float32) for name, value in spoilt.items()})
+    bad = sound._replace(
+        **{name: np.asarray(value, np.float32) for name, value in spoilt.items()}
+    )
     planned = drive(planner, [sound] * 3 + [bad] * 2 + [sound] * 3)
-    np.testing.assert_allclose(planned[3:6], np.repeat(planned[3:4], 3, axis=0), atol=1e-6)
+    np.testing.assert_allclose(
+        planned[3:6], np.repeat(planned[3:4], 3, axis=0), atol=1e-6
+    )
     np.testing.assert_allclose(planned[5:], drive(planner, [sound] * 6)[3:], atol=1e-4)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.5])
 def test_nothing_asked_nothing_moves(planner, weight):
-    start = np.asarray(configurations_from_bends(jnp.array([[0.3, 0.1], [-0.2, 0.4], [0.0, 0.1]])))
+    start = np.asarray(
+        configurations_from_bends(jnp.array([[0.3, 0.1], [-0.2, 0.4], [0.0, 0.1]]))
+    )
     planned = drive(planner, [Goal.of(3, change_weight=weight)] * 10, start)
     np.testing.assert_allclose(planned, np.tile(start, (11, 1, 1)), atol=1e-6)
 
@@ -197,10 +261,15 @@ def test_a_far_target_leaves_the_arm_calm(planner):
 
 
 @pytest.mark.parametrize("name", ["reach-1", "reach-2", "risk-a", "risk-c"])
-def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(planner, name):
+def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
+    planner, name
+):
     task = task_named(name, TWIN)
     tips = tips_of(drive(planner, task.goals))
-    assert np.linalg.norm(tips[-10:] - task.wanted_positions()[-1, -1], axis=-1).max() < 0.03
+    assert (
+        np.linalg.norm(tips[-10:] - task.wanted_positions()[-1, -1], axis=-1).max()
+        < 0.03
+    )
     assert clearance(tips[:, None], task) > 0.0
 
 
@@ -211,7 +280,9 @@ def test_where_no_way_is_worth_it_the_tip_waits_outside(planner):
     assert np.ptp(tips[-30:], axis=0).max() < 0.01
 
 
-def test_a_guarded_arm_goes_past_an_obstacle_with_all_its_points_outside(guarding_planner):
+def test_a_guarded_arm_goes_past_an_obstacle_with_all_its_points_outside(
+    guarding_planner,
+):
     task = task_named("reach-1", TWIN)
     planned = drive(guarding_planner, task.goals)
     assert np.linalg.norm(tips_of(planned)[-1] - task.wanted_positions()[-1, -1]) < 0.03
@@ -227,7 +298,11 @@ def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(planner):
 
 
 def compilations(caplog):
-    return [record.getMessage() for record in caplog.records if "Finished XLA compilation" in record.getMessage()]
+    return [
+        record.getMessage()
+        for record in caplog.records
+        if "Finished XLA compilation" in record.getMessage()
+    ]
 
 
 def test_building_a_planner_compiles_and_driving_it_does_not(caplog, make_arm):
@@ -236,5 +311,9 @@ def test_building_a_planner_compiles_and_driving_it_does_not(caplog, make_arm):
         assert any("next_plan" in message for message in compilations(caplog))
         caplog.clear()
         drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], STRAIGHT[:1])
-        drive(planner, [Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)], STRAIGHT[:1])
+        drive(
+            planner,
+            [Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)],
+            STRAIGHT[:1],
+        )
         assert compilations(caplog) == []

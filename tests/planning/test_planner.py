@@ -12,7 +12,9 @@ from s2c2a.errors import TargetError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, states_from_configurations
 from s2c2a.planning import PAPER, Adam, Goal, Planner
 
-states_of = jax.jit(lambda configurations: states_from_configurations(configurations, jnp.full(3, 0.2)))
+states_of = jax.jit(
+    lambda configurations: states_from_configurations(configurations, jnp.full(3, 0.2))
+)
 
 
 def an_arm(modules=3, bend_limit_deg=47.0, step_limit_deg=4.0) -> ArmSpec:
@@ -24,11 +26,20 @@ def an_arm(modules=3, bend_limit_deg=47.0, step_limit_deg=4.0) -> ArmSpec:
         bending_stiffness=0.16,
         bend_limit_deg=bend_limit_deg,
     )
-    return ArmSpec(name="arm", actuation="displacement", modules=(module,) * modules, step_limit_deg=step_limit_deg)
+    return ArmSpec(
+        name="arm",
+        actuation="displacement",
+        modules=(module,) * modules,
+        step_limit_deg=step_limit_deg,
+    )
 
 
 def planner_of(arm, on_sphere=True, **options):
-    return Planner(arm, PCCForwardModel.of(arm), replace(PAPER, solver=Adam(**options), on_sphere=on_sphere))
+    return Planner(
+        arm,
+        PCCForwardModel.of(arm),
+        replace(PAPER, solver=Adam(**options), on_sphere=on_sphere),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +61,15 @@ def straight(modules=3):
 def bent(angle_deg, azimuth_deg):
     """The configuration of one module, shape (1, 3)."""
     angle, azimuth = np.deg2rad([angle_deg, azimuth_deg])
-    return np.array([[np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)]])
+    return np.array(
+        [
+            [
+                np.sin(angle) * np.cos(azimuth),
+                np.sin(angle) * np.sin(azimuth),
+                np.cos(angle),
+            ]
+        ]
+    )
 
 
 def drive(planner, goals, start=None):
@@ -64,38 +83,65 @@ def drive(planner, goals, start=None):
 
 def angles_between(one, other):
     """Angles [deg] without loss of digits near zero."""
-    return np.rad2deg(2 * np.arctan2(np.linalg.norm(one - other, axis=-1), np.linalg.norm(one + other, axis=-1)))
+    return np.rad2deg(
+        2
+        * np.arctan2(
+            np.linalg.norm(one - other, axis=-1), np.linalg.norm(one + other, axis=-1)
+        )
+    )
 
 
 def tip_distances(planned, place):
     """Distances of the tip from a place [m], shape (steps + 1,)."""
-    return np.linalg.norm(np.asarray(states_of(planned))[:, -1, :3] - np.array(place), axis=-1)
+    return np.linalg.norm(
+        np.asarray(states_of(planned))[:, -1, :3] - np.array(place), axis=-1
+    )
 
 
 def bend_angles(configurations):
-    return np.rad2deg(np.arctan2(np.linalg.norm(configurations[..., :2], axis=-1), configurations[..., 2]))
+    return np.rad2deg(
+        np.arctan2(
+            np.linalg.norm(configurations[..., :2], axis=-1), configurations[..., 2]
+        )
+    )
 
 
 def wild_goals(seed, count, modules=3):
     """Goals that jump every 20 steps, many of them out of reach."""
     random, goals = np.random.default_rng(seed), []
     for _ in range(count // 20):
-        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(random.uniform(-0.5, 0.5, 3))
-        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(random.normal(size=3), 1.0, module=0)
-        goals += [goal.with_obstacles(random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2))] * 20
+        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(
+            random.uniform(-0.5, 0.5, 3)
+        )
+        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(
+            random.normal(size=3), 1.0, module=0
+        )
+        goals += [
+            goal.with_obstacles(
+                random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2)
+            )
+        ] * 20
     return goals
 
 
-@pytest.mark.parametrize("target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5], [0.0, 0.0, 0.6]])
+@pytest.mark.parametrize(
+    "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5], [0.0, 0.0, 0.6]]
+)
 def test_a_reachable_target_is_reached_to_a_millimetre_and_held(fine_planner, target):
     goal = Goal.of(3, change_weight=0.0).with_position(target)
     distances = tip_distances(drive(fine_planner, [goal] * 100), target)
     assert distances[-30:].max() < 1e-3
 
 
-@pytest.mark.parametrize("target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]])
-def test_the_paper_recipe_comes_within_four_centimetres_of_a_reachable_target(paper_planner, target):
-    distances = tip_distances(drive(paper_planner, [Goal.of(3).with_position(target)] * 100), target)
+@pytest.mark.parametrize(
+    "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]]
+)
+def test_the_paper_recipe_comes_within_four_centimetres_of_a_reachable_target(
+    paper_planner, target
+):
+    distances = tip_distances(
+        drive(paper_planner, [Goal.of(3).with_position(target)] * 100), target
+    )
     assert distances[-20:].max() < 0.04 < distances[0]
 
 
@@ -103,7 +149,10 @@ def test_an_axis_is_reached_too(fine_planner):
     wanted = np.array([np.sin(0.8), 0.0, np.cos(0.8)])
     goal = Goal.of(3, change_weight=0.0).with_axis(wanted)
     planned = drive(fine_planner, [goal] * 100)
-    assert angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], wanted) < 0.5
+    assert (
+        angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], wanted)
+        < 0.5
+    )
 
 
 def test_nothing_asked_nothing_moves(paper_planner):
@@ -125,24 +174,41 @@ def test_a_plan_never_bends_beyond_the_bend_limit(paper_planner):
 
 
 def test_planned_vectors_have_length_one(paper_planner):
-    np.testing.assert_allclose(np.linalg.norm(drive(paper_planner, wild_goals(2, 100)), axis=-1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(drive(paper_planner, wild_goals(2, 100)), axis=-1),
+        1.0,
+        atol=1e-6,
+    )
 
 
 def test_a_wide_step_limit_is_kept_too():
-    planner = planner_of(an_arm(1, bend_limit_deg=80.0, step_limit_deg=60.0), learning_rate=0.1, iterations=60)
-    there, back = (Goal.of(1, change_weight=0.0).with_axis(bent(70.0, azimuth)[0]) for azimuth in (0.0, 180.0))
+    planner = planner_of(
+        an_arm(1, bend_limit_deg=80.0, step_limit_deg=60.0),
+        learning_rate=0.1,
+        iterations=60,
+    )
+    there, back = (
+        Goal.of(1, change_weight=0.0).with_axis(bent(70.0, azimuth)[0])
+        for azimuth in (0.0, 180.0)
+    )
     planned = drive(planner, ([there] * 5 + [back] * 5) * 2, straight(1))
     assert angles_between(planned[1:], planned[:-1]).max() <= 60.0 + 0.1
 
 
 def test_a_bend_limit_beyond_a_right_angle_is_kept_on_the_way_too():
-    planner = planner_of(an_arm(1, bend_limit_deg=140.0, step_limit_deg=8.0), learning_rate=0.1, iterations=60)
+    planner = planner_of(
+        an_arm(1, bend_limit_deg=140.0, step_limit_deg=8.0),
+        learning_rate=0.1,
+        iterations=60,
+    )
     goal = Goal.of(1, change_weight=0.0).with_axis(bent(135.0, 170.0)[0])
     planned = drive(planner, [goal] * 40, bent(135.0, 0.0))
     assert bend_angles(planned).max() <= 140.0 + 0.1
 
 
-@pytest.mark.parametrize("target", [[2.0, 0.0, 0.3], [0.0, 0.0, 2.0], [1.2, -1.6, 0.0], [0.0, 0.0, -2.0]])
+@pytest.mark.parametrize(
+    "target", [[2.0, 0.0, 0.3], [0.0, 0.0, 2.0], [1.2, -1.6, 0.0], [0.0, 0.0, -2.0]]
+)
 def test_a_target_two_metres_away_leaves_the_arm_calm(paper_planner, target):
     planned = drive(paper_planner, [Goal.of(3).with_position(target)] * 100)
     assert np.isfinite(planned).all()
@@ -160,14 +226,20 @@ def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(paper_planner)
 
 
 def test_a_tip_in_the_middle_of_an_obstacle_stays_finite(paper_planner):
-    goal = Goal.of(3).with_obstacles([[0.0, 0.0, 0.6]], [0.1]).with_position([0.2, 0.0, 0.5])
+    goal = (
+        Goal.of(3)
+        .with_obstacles([[0.0, 0.0, 0.6]], [0.1])
+        .with_position([0.2, 0.0, 0.5])
+    )
     assert np.isfinite(drive(paper_planner, [goal] * 30)).all()
 
 
 def test_an_obstacle_out_of_the_way_changes_nothing(paper_planner):
     goal = Goal.of(3).with_position([0.2, 0.0, 0.5])
     far = goal.with_obstacles([[-0.5, -0.5, 0.1]], [0.2])
-    np.testing.assert_array_equal(drive(paper_planner, [goal] * 20), drive(paper_planner, [far] * 20))
+    np.testing.assert_array_equal(
+        drive(paper_planner, [goal] * 20), drive(paper_planner, [far] * 20)
+    )
 
 
 def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(paper_planner):
@@ -180,7 +252,9 @@ def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(paper_planner):
 
 def test_the_same_goals_make_the_same_plan(paper_planner):
     goals = wild_goals(3, 40)
-    np.testing.assert_array_equal(drive(paper_planner, goals), drive(paper_planner, goals))
+    np.testing.assert_array_equal(
+        drive(paper_planner, goals), drive(paper_planner, goals)
+    )
 
 
 def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
@@ -194,7 +268,11 @@ def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
 
 
 def compilations(caplog):
-    return [record.getMessage() for record in caplog.records if "Finished XLA compilation" in record.getMessage()]
+    return [
+        record.getMessage()
+        for record in caplog.records
+        if "Finished XLA compilation" in record.getMessage()
+    ]
 
 
 def test_building_a_planner_compiles_and_driving_it_does_not(caplog):
@@ -203,7 +281,11 @@ def test_building_a_planner_compiles_and_driving_it_does_not(caplog):
         assert any("next_plan" in message for message in compilations(caplog))
         caplog.clear()
         drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], straight(1))
-        drive(planner, [Goal.of(1).with_obstacles(np.ones((64, 3)), np.ones(64), weight=3)], bent(20.0, 30.0))
+        drive(
+            planner,
+            [Goal.of(1).with_obstacles(np.ones((64, 3)), np.ones(64), weight=3)],
+            bent(20.0, 30.0),
+        )
         assert compilations(caplog) == []
 
 
@@ -238,7 +320,10 @@ def test_the_forward_model_hears_every_reading_and_its_memory_travels_with_the_p
 @pytest.mark.parametrize("spoilt", [np.nan, np.inf])
 def test_a_reading_that_is_not_finite_never_stays_in_what_the_model_remembers(spoilt):
     planner = Planner(an_arm(1), Listener(scale=100.0), PAPER)
-    sound, goal = np.array([[0.01, 0.0, 0.02]]), Goal.of(1).with_position([0.5, 0.0, 0.5])
+    sound, goal = (
+        np.array([[0.01, 0.0, 0.02]]),
+        Goal.of(1).with_position([0.5, 0.0, 0.5]),
+    )
     heard = planner.plan(planner.start(sound), sound, goal)
     passed_over = planner.plan(heard, np.full((1, 3), spoilt), goal)
     assert float(passed_over.memory) == float(heard.memory)

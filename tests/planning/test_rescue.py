@@ -11,7 +11,16 @@ from jaxtyping import Array
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
-from s2c2a.planning import BEST, NO_RESCUE, PAPER, BatchPlanner, Goal, Notes, Planner, Rescue
+from s2c2a.planning import (
+    BEST,
+    NO_RESCUE,
+    PAPER,
+    BatchPlanner,
+    Goal,
+    Notes,
+    Planner,
+    Rescue,
+)
 from s2c2a.planning.rescue import LED, OTHER_START
 from s2c2a.programs import compilations
 
@@ -52,7 +61,9 @@ def planned(planner, goal, steps):
 
 
 def gap(planner, plan, goal):
-    return float(np.linalg.norm(planner.expectation(plan).states[-1, :3] - goal.positions[-1]))
+    return float(
+        np.linalg.norm(planner.expectation(plan).states[-1, :3] - goal.positions[-1])
+    )
 
 
 def told(plans):
@@ -92,8 +103,15 @@ def test_a_shape_behind_worse_ones_is_led_to_and_kept(planner):
 
 
 def test_steps_and_bends_stay_within_their_limits_on_the_way(planner):
-    bends = np.array([bends_from_configurations(plan.configurations) for plan in planned(planner, LOWER, 40)])
-    assert np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01
+    bends = np.array(
+        [
+            bends_from_configurations(plan.configurations)
+            for plan in planned(planner, LOWER, 40)
+        ]
+    )
+    assert (
+        np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01
+    )
     assert np.rad2deg(np.linalg.norm(bends, axis=-1)).max() <= 47.0 + 0.01
 
 
@@ -136,7 +154,9 @@ def test_the_paper_s_planner_is_left_alone():
     assert PAPER.rescue == NO_RESCUE
 
 
-@pytest.mark.parametrize("numbers", [{"iterations": 0}, {"least": -1.0}, {"starts": -1}])
+@pytest.mark.parametrize(
+    "numbers", [{"iterations": 0}, {"least": -1.0}, {"starts": -1}]
+)
 def test_numbers_that_cannot_be_are_refused(numbers):
     with pytest.raises(S2C2AError, match="asked for"):
         Rescue(**numbers)

@@ -9,7 +9,11 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import PCCForwardModel, bends_from_configurations, configurations_from_bends
+from s2c2a.kinematics import (
+    PCCForwardModel,
+    bends_from_configurations,
+    configurations_from_bends,
+)
 from s2c2a.planning import BEST, PAPER, Adam, Goal, LeastSquares, Planner, Solver, Term
 from s2c2a.planning.planner import Step
 
@@ -18,10 +22,17 @@ MODEL = PCCForwardModel.of(TWIN)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
-@pytest.mark.parametrize("target", [[0.22, 0.0, 0.54], [-0.1, 0.2, 0.5], [2.0, 0.0, 0.3]])
+@pytest.mark.parametrize(
+    "target", [[0.22, 0.0, 0.54], [-0.1, 0.2, 0.5], [2.0, 0.0, 0.3]]
+)
 def test_adam_strictly_lowers_the_objective(target):
-    problem = Step.of(TWIN, MODEL, PAPER).problem(STRAIGHT, (), Goal.of(3).with_position(target))
-    ends = [STRAIGHT, *(jax.jit(lambda n=n: Adam(iterations=n).solve(problem))() for n in (1, 10))]
+    problem = Step.of(TWIN, MODEL, PAPER).problem(
+        STRAIGHT, (), Goal.of(3).with_position(target)
+    )
+    ends = [
+        STRAIGHT,
+        *(jax.jit(lambda n=n: Adam(iterations=n).solve(problem))() for n in (1, 10)),
+    ]
     values = [float(problem.sum_of_norms(end)) for end in ends]
     assert values[0] > values[1] > values[2]
 
@@ -33,7 +44,9 @@ class SquaredDistance(Term):
     x: float = 1.0
 
     def residual(self, candidate, situation):
-        return 1.0, jnp.sum((candidate.configurations - jnp.array([self.x, -2.0, 0.5])) ** 2).reshape(1, 1)
+        return 1.0, jnp.sum(
+            (candidate.configurations - jnp.array([self.x, -2.0, 0.5])) ** 2
+        ).reshape(1, 1)
 
 
 def test_adam_is_adam_with_a_projection_after_every_iteration():
@@ -44,11 +57,17 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
     for step in range(1, 11):
         gradient = 2 * (place - pull)
         mean, square = 0.9 * mean + 0.1 * gradient, 0.999 * square + 0.001 * gradient**2
-        place = place - 0.02 * (mean / (1 - 0.9**step)) / (np.sqrt(square / (1 - 0.999**step)) + 1e-8)
+        place = place - 0.02 * (mean / (1 - 0.9**step)) / (
+            np.sqrt(square / (1 - 0.999**step)) + 1e-8
+        )
         place /= np.linalg.norm(place, axis=-1, keepdims=True)
     options = replace(PAPER, terms=(SquaredDistance(),))
-    problem = Step.of(TWIN, MODEL, options).problem(jnp.asarray(first, dtype=jnp.float32), (), Goal.of(3))
-    np.testing.assert_allclose(jax.jit(lambda: Adam().solve(problem))(), place, atol=2e-6)
+    problem = Step.of(TWIN, MODEL, options).problem(
+        jnp.asarray(first, dtype=jnp.float32), (), Goal.of(3)
+    )
+    np.testing.assert_allclose(
+        jax.jit(lambda: Adam().solve(problem))(), place, atol=2e-6
+    )
 
 
 @dataclass(frozen=True)
@@ -58,7 +77,9 @@ class Wild(Solver):
     bend: float = 3.0
 
     def solve(self, problem):
-        return configurations_from_bends(jnp.full_like(problem.situation.last.bends, self.bend))
+        return configurations_from_bends(
+            jnp.full_like(problem.situation.last.bends, self.bend)
+        )
 
 
 def test_no_solver_takes_a_plan_beyond_the_limits_of_the_arm():
@@ -67,13 +88,24 @@ def test_no_solver_takes_a_plan_beyond_the_limits_of_the_arm():
     for _ in range(20):
         plans.append(planner.plan(plans[-1], STRAIGHT, Goal.of(3)))
     bends = np.array([bends_from_configurations(plan.configurations) for plan in plans])
-    assert np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01
+    assert (
+        np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01
+    )
     assert 46.0 < np.rad2deg(np.linalg.norm(bends, axis=-1)).max() <= 47.0 + 0.01
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -1.0])
 @pytest.mark.parametrize(
-    "part", [*BEST.terms, *PAPER.terms, *BEST.guides, Adam(), LeastSquares(), Wild(), SquaredDistance()]
+    "part",
+    [
+        *BEST.terms,
+        *PAPER.terms,
+        *BEST.guides,
+        Adam(),
+        LeastSquares(),
+        Wild(),
+        SquaredDistance(),
+    ],
 )
 def test_parts_with_numbers_that_cannot_plan_are_refused(part, number):
     for name in vars(part).keys() - {"name"}:

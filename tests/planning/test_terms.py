@@ -10,7 +10,11 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.goals import MOST_OBSTACLES
-from s2c2a.kinematics import PCCForwardModel, configurations_from_bends, states_from_bends
+from s2c2a.kinematics import (
+    PCCForwardModel,
+    configurations_from_bends,
+    states_from_bends,
+)
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
 from s2c2a.planning.planner import AXES_WEIGHT, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
@@ -35,13 +39,28 @@ NEXT = LAST + np.array([[0.02, 0.0], [0.0, -0.03], [0.01, 0.01]], np.float32)
 def situation(goal=None, last=None, length=1.0):
     """With nothing in it but a goal and where the last plan stood."""
     last = np.zeros((3, 3)) if last is None else last
-    now = Candidate(last, np.zeros((3, 2)), np.zeros((3, 6)), np.zeros((1, 3)), np.zeros(()))
-    return Situation(goal or Goal.of(3), now, length, jnp.ones(3), 0.1, True, np.zeros((3, 2)), jnp.zeros(()))
+    now = Candidate(
+        last, np.zeros((3, 2)), np.zeros((3, 6)), np.zeros((1, 3)), np.zeros(())
+    )
+    return Situation(
+        goal or Goal.of(3),
+        now,
+        length,
+        jnp.ones(3),
+        0.1,
+        True,
+        np.zeros((3, 2)),
+        jnp.zeros(()),
+    )
 
 
 def candidate(positions=None, points=None, configurations=None):
     """Of which only what is given counts."""
-    states = np.zeros((3, 6)) if positions is None else jnp.concatenate([positions, jnp.zeros((3, 3))], axis=1)
+    states = (
+        np.zeros((3, 6))
+        if positions is None
+        else jnp.concatenate([positions, jnp.zeros((3, 3))], axis=1)
+    )
     return Candidate(configurations, None, states, points, np.zeros(()))
 
 
@@ -63,7 +82,9 @@ def obstacle_cost(points, centres=CENTRES, thresholds=THRESHOLDS):
 
 def change_cost(configurations, last):
     goal = Goal.of(3, change_weight=1.0)
-    return paid(terms.Change(), candidate(configurations=configurations), situation(goal, last))
+    return paid(
+        terms.Change(), candidate(configurations=configurations), situation(goal, last)
+    )
 
 
 target_cost, target_slope = jax.jit(target_cost), jax.jit(jax.grad(target_cost))
@@ -76,24 +97,39 @@ def differences(function, place, step=1e-6):
     """Gradient by central differences, in float64."""
     place = np.asarray(place, np.float64)
     units = np.eye(place.size).reshape(-1, *place.shape)
-    slopes = [(function(place + step * unit) - function(place - step * unit)) / (2 * step) for unit in units]
+    slopes = [
+        (function(place + step * unit) - function(place - step * unit)) / (2 * step)
+        for unit in units
+    ]
     return np.reshape(slopes, place.shape)
 
 
 def slow_target(predicted):
-    return sum(w * np.sqrt(np.sum((d - p) ** 2)) for w, d, p in zip(WEIGHTS, WANTED, predicted, strict=True))
+    return sum(
+        w * np.sqrt(np.sum((d - p) ** 2))
+        for w, d, p in zip(WEIGHTS, WANTED, predicted, strict=True)
+    )
 
 
 def slow_obstacles(points):
-    pairs = [(point, centre, r) for point in points for centre, r in zip(CENTRES, THRESHOLDS, strict=True) if r > 0]
-    distances = [(np.sqrt(np.sum((centre - point) ** 2)), r) for point, centre, r in pairs]
+    pairs = [
+        (point, centre, r)
+        for point in points
+        for centre, r in zip(CENTRES, THRESHOLDS, strict=True)
+        if r > 0
+    ]
+    distances = [
+        (np.sqrt(np.sum((centre - point) ** 2)), r) for point, centre, r in pairs
+    ]
     return sum((d <= r) / d for d, r in distances)
 
 
 def test_a_target_costs_its_distance_times_its_weight():
     predicted = np.array([[3.0, 0.0, 0.0], [9.0, 9.0, 9.0], [0.0, 1.0, 1.0]])
     wanted = np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.5]])
-    assert float(target_cost(predicted, wanted, np.array([2.0, 0.0, 10.0]))) == pytest.approx(2 * 5 + 10 * 0.5)
+    assert float(
+        target_cost(predicted, wanted, np.array([2.0, 0.0, 10.0]))
+    ) == pytest.approx(2 * 5 + 10 * 0.5)
 
 
 def test_the_gradient_of_a_target_is_the_slope_of_its_cost():
@@ -114,21 +150,44 @@ def test_an_almost_reached_target_pulls_with_its_whole_weight(size):
 
 
 @pytest.mark.parametrize(
-    ("distance", "cost"), [(0.05, 20.0), (0.0999, 10.01001), (0.1001, 0.0), (0.5, 0.0), (0.0, 1000.0), (1e-9, 1000.0)]
+    ("distance", "cost"),
+    [
+        (0.05, 20.0),
+        (0.0999, 10.01001),
+        (0.1001, 0.0),
+        (0.5, 0.0),
+        (0.0, 1000.0),
+        (1e-9, 1000.0),
+    ],
 )
-def test_an_obstacle_costs_one_over_the_distance_inside_its_threshold_and_nothing_outside(distance, cost):
-    found = obstacle_cost(np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
+def test_an_obstacle_costs_one_over_the_distance_inside_its_threshold_and_nothing_outside(
+    distance, cost
+):
+    found = obstacle_cost(
+        np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1])
+    )
     assert float(found) == pytest.approx(cost, rel=1e-4)
 
 
 def test_an_obstacle_costs_on_its_threshold_too():
     """Eq. (5): d <= r."""
-    assert float(obstacle_cost(np.array([[0.25, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.25]))) == 4.0
+    assert (
+        float(
+            obstacle_cost(
+                np.array([[0.25, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.25])
+            )
+        )
+        == 4.0
+    )
 
 
 def test_obstacles_add_up():
-    expected = 1 / np.linalg.norm(CENTRES[0] - TIP[0]) + 1 / np.linalg.norm(CENTRES[1] - TIP[0])
-    assert float(obstacle_cost(TIP, CENTRES, THRESHOLDS)) == pytest.approx(expected, rel=1e-5)
+    expected = 1 / np.linalg.norm(CENTRES[0] - TIP[0]) + 1 / np.linalg.norm(
+        CENTRES[1] - TIP[0]
+    )
+    assert float(obstacle_cost(TIP, CENTRES, THRESHOLDS)) == pytest.approx(
+        expected, rel=1e-5
+    )
 
 
 def test_points_that_are_guarded_add_up():
@@ -138,20 +197,30 @@ def test_points_that_are_guarded_add_up():
     assert both == pytest.approx(sum(each), rel=1e-6)
 
 
-@pytest.mark.parametrize("points", [TIP, np.concatenate([TIP, MIDDLE])], ids=["tip", "two points"])
+@pytest.mark.parametrize(
+    "points", [TIP, np.concatenate([TIP, MIDDLE])], ids=["tip", "two points"]
+)
 def test_the_gradient_of_obstacles_is_the_slope_of_their_cost(points):
     found = obstacle_slope(points, CENTRES, THRESHOLDS)
-    np.testing.assert_allclose(found, differences(slow_obstacles, points), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        found, differences(slow_obstacles, points), rtol=1e-4, atol=1e-4
+    )
 
 
 def test_going_down_the_cost_of_an_obstacle_leads_away_from_its_centre():
-    downhill = -np.asarray(obstacle_slope(np.array([[0.03, 0.04, 0.0]]), np.zeros((1, 3)), np.array([0.1])))[0]
-    np.testing.assert_allclose(downhill / np.linalg.norm(downhill), [0.6, 0.8, 0.0], atol=1e-6)
+    downhill = -np.asarray(
+        obstacle_slope(np.array([[0.03, 0.04, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
+    )[0]
+    np.testing.assert_allclose(
+        downhill / np.linalg.norm(downhill), [0.6, 0.8, 0.0], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-20, 1e-6, 1e-3])
 def test_the_gradient_in_the_middle_of_an_obstacle_is_finite(distance):
-    gradient = obstacle_slope(np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
+    gradient = obstacle_slope(
+        np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1])
+    )
     assert np.isfinite(gradient).all()
 
 
@@ -163,19 +232,29 @@ def test_an_unused_obstacle_costs_nothing_even_in_its_middle():
 
 
 def test_change_costs_the_norm_over_all_modules_together():
-    assert float(change_cost(np.diag([2.0, 1.0, -2.0]), np.zeros((3, 3)))) == pytest.approx(3.0)
+    assert float(
+        change_cost(np.diag([2.0, 1.0, -2.0]), np.zeros((3, 3)))
+    ) == pytest.approx(3.0)
 
 
 def test_the_gradient_of_change_is_its_slope_and_zero_at_no_change():
     found = change_slope(PREDICTED, WANTED)
-    expected = differences(lambda place: np.sqrt(np.sum((place - WANTED) ** 2)), PREDICTED)
+    expected = differences(
+        lambda place: np.sqrt(np.sum((place - WANTED) ** 2)), PREDICTED
+    )
     np.testing.assert_allclose(found, expected, atol=1e-5)
     np.testing.assert_array_equal(change_slope(WANTED, WANTED), np.zeros((3, 3)))
 
 
 def a_rich_goal():
-    goal = Goal.of(3, change_weight=0.7).with_position([0.2, 0.1, 0.5], 1.3).with_position([0.0, 0.05, 0.2], 4.0, 0)
-    return goal.with_axis([1.0, 0.0, 1.0], 2.0).with_obstacles([[0.1, 0.0, 0.6], [0.5, 0.5, 0.5]], [0.3, 0.1], 0.4)
+    goal = (
+        Goal.of(3, change_weight=0.7)
+        .with_position([0.2, 0.1, 0.5], 1.3)
+        .with_position([0.0, 0.05, 0.2], 4.0, 0)
+    )
+    return goal.with_axis([1.0, 0.0, 1.0], 2.0).with_obstacles(
+        [[0.1, 0.0, 0.6], [0.5, 0.5, 0.5]], [0.3, 0.1], 0.4
+    )
 
 
 BENT = configurations_from_bends(jnp.array([[0.2, 0.1], [-0.1, 0.3], [0.4, 0.0]]))
@@ -184,7 +263,11 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 def papers_objective(goal, guard="tip", last=STRAIGHT):
     """As the paper's recipe has it, from one configuration on."""
-    return Step.of(TWIN, MODEL, replace(PAPER, guard=guard)).problem(last, (), goal).sum_of_norms
+    return (
+        Step.of(TWIN, MODEL, replace(PAPER, guard=guard))
+        .problem(last, (), goal)
+        .sum_of_norms
+    )
 
 
 def test_the_objective_is_the_weighted_sum_in_units_of_the_length_scale():
@@ -203,16 +286,25 @@ def test_the_objective_is_the_weighted_sum_in_units_of_the_length_scale():
 
 def test_a_guarded_arm_pays_for_every_point_of_its_centre_line():
     goal = Goal.of(3).with_obstacles([[0.03, 0.0, 0.3]], [0.12], 0.4)
-    distances = np.linalg.norm(np.asarray(WHOLE_ARM(MODEL.predict(BENT, ()))) - [0.03, 0.0, 0.3], axis=-1)
+    distances = np.linalg.norm(
+        np.asarray(WHOLE_ARM(MODEL.predict(BENT, ()))) - [0.03, 0.0, 0.3], axis=-1
+    )
     change = 0.5 * np.linalg.norm(np.asarray(BENT) - np.asarray(STRAIGHT))
-    paid = {guard: float(jax.jit(papers_objective(goal, guard))(BENT)) - change for guard in ("tip", "arm")}
+    paid = {
+        guard: float(jax.jit(papers_objective(goal, guard))(BENT)) - change
+        for guard in ("tip", "arm")
+    }
     assert (distances <= 0.12).sum() > 1
     assert paid["tip"] == pytest.approx(0.0, abs=1e-6)
-    assert paid["arm"] == pytest.approx(0.4 * np.sum(SCALE / distances[distances <= 0.12]), rel=1e-5)
+    assert paid["arm"] == pytest.approx(
+        0.4 * np.sum(SCALE / distances[distances <= 0.12]), rel=1e-5
+    )
 
 
 def test_an_arm_at_rest_with_nothing_asked_has_no_slope():
-    value, gradient = jax.jit(jax.value_and_grad(papers_objective(Goal.of(3))))(STRAIGHT)
+    value, gradient = jax.jit(jax.value_and_grad(papers_objective(Goal.of(3))))(
+        STRAIGHT
+    )
     assert float(value) == 0.0
     np.testing.assert_array_equal(gradient, np.zeros((3, 3)))
 
@@ -223,26 +315,47 @@ def test_either_recipes_terms_serve_both_solvers(options):
     problem = Step.of(TWIN, MODEL, options).problem(BENT, (), a_rich_goal())
     bends = jnp.asarray(NEXT)
     tried = problem.look(configurations_from_bends(bends), bends)
-    judged = [[np.asarray(one) for one in term.residual(tried, problem.situation)] for term in options.terms]
+    judged = [
+        [np.asarray(one) for one in term.residual(tried, problem.situation)]
+        for term in options.terms
+    ]
     squares = sum((mu[..., None] * rows**2).sum() for mu, rows in judged)
     norms = sum((mu * np.linalg.norm(rows, axis=-1)).sum() for mu, rows in judged)
     assert squares > 0.1
     np.testing.assert_allclose(jnp.sum(problem.stacked(bends) ** 2), squares, rtol=1e-4)
-    np.testing.assert_allclose(problem.sum_of_norms(configurations_from_bends(bends)), norms, rtol=1e-3)
+    np.testing.assert_allclose(
+        problem.sum_of_norms(configurations_from_bends(bends)), norms, rtol=1e-3
+    )
 
 
-@pytest.mark.parametrize("goal", [Goal.of(3), Goal.of(3).with_obstacles(CENTRES[:2], THRESHOLDS[:2])])
+@pytest.mark.parametrize(
+    "goal", [Goal.of(3), Goal.of(3).with_obstacles(CENTRES[:2], THRESHOLDS[:2])]
+)
 def test_room_for_few_obstacles_or_none_changes_nothing(goal):
     """Planning for many leaves out what is not in use."""
     room = int((goal.thresholds > 0).sum())
-    small = goal._replace(obstacles=goal.obstacles[:room], thresholds=goal.thresholds[:room])
+    small = goal._replace(
+        obstacles=goal.obstacles[:room], thresholds=goal.thresholds[:room]
+    )
     for options in (PAPER, BEST):
         step = Step.of(TWIN, MODEL, options)
-        costs = [float(jnp.sum(step.problem(BENT, (), one).stacked(jnp.asarray(NEXT)) ** 2)) for one in (goal, small)]
+        costs = [
+            float(jnp.sum(step.problem(BENT, (), one).stacked(jnp.asarray(NEXT)) ** 2))
+            for one in (goal, small)
+        ]
         np.testing.assert_allclose(*costs, rtol=1e-6)
 
 
-BLOCKS = {"position": 9, "axis": 9, "shape": 6, "evenness": 4, "change": 6, "doubt": 1, "limit": 3, "obstacle": AT_HAND}
+BLOCKS = {
+    "position": 9,
+    "axis": 9,
+    "shape": 6,
+    "evenness": 4,
+    "change": 6,
+    "doubt": 1,
+    "limit": 3,
+    "obstacle": AT_HAND,
+}
 
 
 @pytest.fixture(scope="module")
@@ -253,10 +366,13 @@ def residuals_at():
     @jax.jit
     def values(bends, last, goal):
         problem = step.problem(configurations_from_bends(last), (), goal)
-        return problem.stacked(problem.situation.last.bends + (bends - last))  # no difference where there is none
+        # no difference where there is none
+        return problem.stacked(problem.situation.last.bends + (bends - last))
 
     def at(bends, goal, last=LAST) -> dict[str, np.ndarray]:
-        every = np.asarray(values(jnp.asarray(bends, dtype=jnp.float32), jnp.asarray(last), goal))
+        every = np.asarray(
+            values(jnp.asarray(bends, dtype=jnp.float32), jnp.asarray(last), goal)
+        )
         assert len(every) == sum(BLOCKS.values())
         parts = np.split(every, np.cumsum(list(BLOCKS.values()))[:-1])
         return dict(zip(BLOCKS, parts, strict=True))
@@ -275,80 +391,126 @@ def test_nothing_asked_where_the_plan_stands_is_all_zero(residuals_at):
 
 def test_nothing_asked_only_change_costs(residuals_at):
     blocks = residuals_at(NEXT, Goal.of(3, change_weight=0.5))
-    np.testing.assert_allclose(blocks.pop("change"), 0.03 * np.sqrt(0.5) * (NEXT - LAST).reshape(-1), atol=1e-7)
+    np.testing.assert_allclose(
+        blocks.pop("change"), 0.03 * np.sqrt(0.5) * (NEXT - LAST).reshape(-1), atol=1e-7
+    )
     assert all(not block.any() for block in blocks.values())
 
 
 def test_a_near_target_is_missed_in_units_of_the_arm(residuals_at):
     target = state_of(LAST)[-1, :3] + np.array([0.01, 0.0, -0.005])
-    missed = residuals_at(NEXT, Goal.of(3).with_position(target, weight=4.0))["position"].reshape(3, 3)
-    np.testing.assert_allclose(missed[-1], 2.0 * (state_of(NEXT)[-1, :3] - target) / UNIT, atol=1e-5)
+    missed = residuals_at(NEXT, Goal.of(3).with_position(target, weight=4.0))[
+        "position"
+    ].reshape(3, 3)
+    np.testing.assert_allclose(
+        missed[-1], 2.0 * (state_of(NEXT)[-1, :3] - target) / UNIT, atol=1e-5
+    )
     assert not missed[:2].any()
 
 
 def test_a_target_far_away_pulls_no_more_than_the_longest_pull(residuals_at):
     tip, towards = state_of(LAST)[-1, :3], np.array([0.6, 0.0, 0.8])
-    missed = residuals_at(LAST, Goal.of(3).with_position(tip + 0.5 * towards))["position"].reshape(3, 3)
+    missed = residuals_at(LAST, Goal.of(3).with_position(tip + 0.5 * towards))[
+        "position"
+    ].reshape(3, 3)
     np.testing.assert_allclose(missed[-1], -towards * PULL / UNIT, atol=1e-5)
 
 
 def test_every_module_can_be_asked_for(residuals_at):
     ends = state_of(LAST)[:, :3]
-    goal = Goal.of(3).with_position(ends[0] + np.array([0.01, 0, 0]), weight=4.0, module=0).with_position(ends[2])
+    goal = (
+        Goal.of(3)
+        .with_position(ends[0] + np.array([0.01, 0, 0]), weight=4.0, module=0)
+        .with_position(ends[2])
+    )
     missed = residuals_at(LAST, goal)["position"].reshape(3, 3)
-    np.testing.assert_allclose(missed, [[-2 * 0.01 / UNIT, 0, 0], [0, 0, 0], [0, 0, 0]], atol=1e-5)
+    np.testing.assert_allclose(
+        missed, [[-2 * 0.01 / UNIT, 0, 0], [0, 0, 0], [0, 0, 0]], atol=1e-5
+    )
 
 
 def test_an_axis_is_missed_as_it_is(residuals_at):
     wanted = np.array([0.6, 0.0, 0.8])
-    missed = residuals_at(NEXT, Goal.of(3).with_axis(wanted, weight=2.0))["axis"].reshape(3, 3)
-    np.testing.assert_allclose(missed[-1], AXES_WEIGHT * np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - wanted), atol=1e-5)
+    missed = residuals_at(NEXT, Goal.of(3).with_axis(wanted, weight=2.0))[
+        "axis"
+    ].reshape(3, 3)
+    np.testing.assert_allclose(
+        missed[-1],
+        AXES_WEIGHT * np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - wanted),
+        atol=1e-5,
+    )
     assert not missed[:2].any()
 
 
 def test_uneven_bends_cost_a_little_where_something_is_asked(residuals_at):
     blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.5]))
-    np.testing.assert_allclose(blocks["evenness"], 0.02 * np.diff(LAST, axis=0).reshape(-1), atol=1e-7)
+    np.testing.assert_allclose(
+        blocks["evenness"], 0.02 * np.diff(LAST, axis=0).reshape(-1), atol=1e-7
+    )
 
 
-def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(residuals_at):
+def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(
+    residuals_at,
+):
     blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.3], module=1))
-    np.testing.assert_allclose(blocks["evenness"][:2], 0.02 * np.diff(LAST, axis=0)[0], atol=1e-7)
+    np.testing.assert_allclose(
+        blocks["evenness"][:2], 0.02 * np.diff(LAST, axis=0)[0], atol=1e-7
+    )
     np.testing.assert_array_equal(blocks["evenness"][2:], 0.0)
 
 
 def test_doubt_costs_as_a_distance_of_the_tip_does():
     doubtful = candidate()._replace(doubt=jnp.asarray(0.03))
-    mu, rows = terms.Doubt(weight=2.0, unit=0.5).residual(doubtful, situation(length=0.6))
+    mu, rows = terms.Doubt(weight=2.0, unit=0.5).residual(
+        doubtful, situation(length=0.6)
+    )
     np.testing.assert_allclose(mu * rows, [[2.0 * 0.03 / 0.3]], rtol=1e-6)
 
 
 def test_a_bend_beyond_its_limit_costs_what_is_too_much(residuals_at):
     bends = np.array([[1.0, 0.0], [0.0, 0.5], [0.0, 0.0]], np.float32)
     excess = 5.0 * (1.0 - np.deg2rad(47.0))
-    np.testing.assert_allclose(residuals_at(bends, Goal.of(3))["limit"], [excess, 0, 0], atol=1e-5)
+    np.testing.assert_allclose(
+        residuals_at(bends, Goal.of(3))["limit"], [excess, 0, 0], atol=1e-5
+    )
 
 
-@pytest.mark.parametrize(("distance", "depth"), [(0.03, 0.05 + 0.024 - 0.03), (0.06, 0.014), (0.08, 0.0)])
-def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin(residuals_at, distance, depth):
+@pytest.mark.parametrize(
+    ("distance", "depth"), [(0.03, 0.05 + 0.024 - 0.03), (0.06, 0.014), (0.08, 0.0)]
+)
+def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin(
+    residuals_at, distance, depth
+):
     centre = state_of(LAST)[-1, :3] + np.array([0.0, distance, 0.0])
     blocks = residuals_at(LAST, Goal.of(3).with_obstacles([centre], [0.05], weight=4.0))
-    np.testing.assert_allclose(blocks["obstacle"], [2.0 * 20.0 * depth / UNIT] + [0.0] * (AT_HAND - 1), atol=1e-4)
+    np.testing.assert_allclose(
+        blocks["obstacle"],
+        [2.0 * 20.0 * depth / UNIT] + [0.0] * (AT_HAND - 1),
+        atol=1e-4,
+    )
 
 
 def test_places_for_obstacles_that_are_not_in_use_cost_nothing(residuals_at):
     """Even where the tip stands on their centre."""
-    goal = Goal.of(3)._replace(obstacles=np.tile(state_of(LAST)[-1, :3], (MOST_OBSTACLES, 1)).astype(np.float32))
+    goal = Goal.of(3)._replace(
+        obstacles=np.tile(state_of(LAST)[-1, :3], (MOST_OBSTACLES, 1)).astype(
+            np.float32
+        )
+    )
     assert not residuals_at(LAST, goal)["obstacle"].any()
 
 
 def test_of_many_obstacles_those_count_that_the_tip_is_deepest_in(residuals_at):
     """64 of them, all about the tip: a weight of one, and depths of 1 to 64 mm."""
-    depths = 1e-3 * np.random.default_rng(0).permutation(np.arange(1, MOST_OBSTACLES + 1))
+    depths = 1e-3 * np.random.default_rng(0).permutation(
+        np.arange(1, MOST_OBSTACLES + 1)
+    )
     away = np.random.default_rng(1).normal(size=(MOST_OBSTACLES, 3))
     away *= 0.2 / np.linalg.norm(away, axis=-1, keepdims=True)
     centres, thresholds = state_of(LAST)[-1, :3] + away, 0.2 - 0.04 * 0.6 + depths
-    found = residuals_at(LAST, Goal.of(3).with_obstacles(centres, thresholds))["obstacle"]
+    found = residuals_at(LAST, Goal.of(3).with_obstacles(centres, thresholds))[
+        "obstacle"
+    ]
     deepest = 1e-3 * np.arange(MOST_OBSTACLES, MOST_OBSTACLES - AT_HAND, -1)
     np.testing.assert_allclose(found, 20.0 * deepest / UNIT, atol=1e-4)
 
@@ -356,12 +518,19 @@ def test_of_many_obstacles_those_count_that_the_tip_is_deepest_in(residuals_at):
 def test_round_an_obstacle_the_tip_is_drawn_aside_and_shape_counts(residuals_at):
     """From a shape of the map, straight through, and past a sphere half way."""
     last = np.tile(np.float32([0.4, -0.2]), (3, 1))
-    tip, target = (state_of(np.tile(bend, (3, 1)))[-1, :3] for bend in ([0.4, -0.2], [0.4, 0.2]))
+    tip, target = (
+        state_of(np.tile(bend, (3, 1)))[-1, :3] for bend in ([0.4, -0.2], [0.4, 0.2])
+    )
     free = Goal.of(3).with_position(target)
     past = free.with_obstacles([(tip + target) / 2], [0.05])
-    straight, aside = (residuals_at(last, goal, last)["position"].reshape(3, 3)[-1] for goal in (free, past))
+    straight, aside = (
+        residuals_at(last, goal, last)["position"].reshape(3, 3)[-1]
+        for goal in (free, past)
+    )
     straight, aside = straight / np.linalg.norm(straight), aside / np.linalg.norm(aside)
-    np.testing.assert_allclose(straight, (tip - target) / np.linalg.norm(tip - target), atol=1e-4)
+    np.testing.assert_allclose(
+        straight, (tip - target) / np.linalg.norm(tip - target), atol=1e-4
+    )
     assert straight @ aside < 0.99
     assert not residuals_at(last, free, last)["shape"].any()
     shape = residuals_at(last, past, last)["shape"].reshape(3, 2)
@@ -372,10 +541,13 @@ def test_round_an_obstacle_the_tip_is_drawn_aside_and_shape_counts(residuals_at)
 
 def test_an_obstacle_beside_an_untargeted_tip_draws_nothing(residuals_at):
     """With nothing asked of the tip there is no way to be found."""
-    goal = Goal.of(3).with_obstacles([state_of(LAST)[-1, :3] + np.array([0.0, 0.3, 0.0])], [0.05])
+    goal = Goal.of(3).with_obstacles(
+        [state_of(LAST)[-1, :3] + np.array([0.0, 0.3, 0.0])], [0.05]
+    )
     blocks = residuals_at(LAST, goal)
     for name, block in blocks.items():
-        np.testing.assert_allclose(block, 0.0, atol=1e-6, err_msg=name)  # bends go to configurations and back
+        # bends go to configurations and back
+        np.testing.assert_allclose(block, 0.0, atol=1e-6, err_msg=name)
 
 
 def test_the_tip_alone_or_the_whole_centre_line_is_guarded():

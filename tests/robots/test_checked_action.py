@@ -20,7 +20,10 @@ def test_each_cable_is_clipped_to_its_own_limits(simulated):
     action = geometry.action_neutral.copy()
     action[0, 1], action[2, 3] = 1e6, -1e6
     expected = geometry.action_neutral.copy()
-    expected[0, 1], expected[2, 3] = geometry.action_high[0, 1], geometry.action_low[2, 3]
+    expected[0, 1], expected[2, 3] = (
+        geometry.action_high[0, 1],
+        geometry.action_low[2, 3],
+    )
     np.testing.assert_array_equal(checked_action(action, geometry), expected)
 
 
@@ -33,8 +36,12 @@ def test_send_returns_what_was_clipped(preset, request):
     arm = request.getfixturevalue(preset)
     geometry = ArmGeometry.of(arm)
     with SimulatedRobot(arm) as robot:
-        np.testing.assert_array_equal(robot.send(np.full_like(geometry.action_low, 1e3)), geometry.action_high)
-        np.testing.assert_array_equal(robot.send(np.full_like(geometry.action_low, -1e3)), geometry.action_low)
+        np.testing.assert_array_equal(
+            robot.send(np.full_like(geometry.action_low, 1e3)), geometry.action_high
+        )
+        np.testing.assert_array_equal(
+            robot.send(np.full_like(geometry.action_low, -1e3)), geometry.action_low
+        )
 
 
 REFUSED = {
@@ -55,10 +62,19 @@ def test_what_is_no_action_is_refused_and_nothing_moves(action, twin):
     robot = SimulatedRobot(twin)
     robot.open()
     robot.step(np.array([[-0.01, 0.005, 0.005]] * 3))
-    before = robot.data.time, robot.data.qpos.copy(), robot.data.qvel.copy(), robot.data.ctrl.copy()
+    before = (
+        robot.data.time,
+        robot.data.qpos.copy(),
+        robot.data.qvel.copy(),
+        robot.data.ctrl.copy(),
+    )
     with pytest.raises(ActionError):
         robot.send(action)
-    for was, now in zip(before, (robot.data.time, robot.data.qpos, robot.data.qvel, robot.data.ctrl), strict=True):
+    for was, now in zip(
+        before,
+        (robot.data.time, robot.data.qpos, robot.data.qvel, robot.data.ctrl),
+        strict=True,
+    ):
         np.testing.assert_array_equal(now, was)
 
 

@@ -26,17 +26,26 @@ class _Faulty(SimulatedRobot):
 def _saying(reading, **sensors):
     """The reading with other numbers of some sensors; None leaves one out."""
     said = {**reading.sensors, **sensors}
-    return replace(reading, sensors={name: values for name, values in said.items() if values is not None})
+    return replace(
+        reading,
+        sensors={name: values for name, values in said.items() if values is not None},
+    )
 
 
 class _ReadsTooManyCables(_Faulty):
     def read(self):
-        return _saying(super().read(), cables=np.zeros((self.arm.module_count, self.arm.cable_count + 1)))
+        return _saying(
+            super().read(),
+            cables=np.zeros((self.arm.module_count, self.arm.cable_count + 1)),
+        )
 
 
 class _ReadsNaN(_Faulty):
     def read(self):
-        return _saying(super().read(), cables=np.full((self.arm.module_count, self.arm.cable_count), np.nan))
+        return _saying(
+            super().read(),
+            cables=np.full((self.arm.module_count, self.arm.cable_count), np.nan),
+        )
 
 
 class _ReadsStatesWithoutAxes(_Faulty):
@@ -79,7 +88,9 @@ class _DeclaresNothing(_Faulty):
 class _ReadsBeyondItsOwnRange(_Faulty):
     @property
     def sensors(self):
-        return super().sensors | {"states": Sensor((self.arm.module_count, 6), "m, 1", high=0.5)}
+        return super().sensors | {
+            "states": Sensor((self.arm.module_count, 6), "m, 1", high=0.5)
+        }
 
 
 class _ReportsAnotherAction(_Faulty):
@@ -151,7 +162,9 @@ class _TakesNaN(_Faulty):
 
 class _TakesAnyShape(_Faulty):
     def send(self, action):
-        return super().send(np.resize(action, (self.arm.module_count, self.arm.cable_count)))
+        return super().send(
+            np.resize(action, (self.arm.module_count, self.arm.cable_count))
+        )
 
 
 class _RefusesInItsOwnWords(_Faulty):
@@ -194,7 +207,9 @@ def test_the_presets_keep_every_promise_in_every_fidelity(preset, fidelity, requ
     check_robot(SimulatedRobot(request.getfixturevalue(preset), fidelity))
 
 
-@pytest.mark.parametrize(("kind", "fault"), FAULTS.items(), ids=[kind.__name__ for kind in FAULTS])
+@pytest.mark.parametrize(
+    ("kind", "fault"), FAULTS.items(), ids=[kind.__name__ for kind in FAULTS]
+)
 def test_a_robot_that_breaks_a_promise_is_named_and_closed(kind, fault, twin):
     robot = kind(twin)
     with pytest.raises(S2C2AError, match=fault):
@@ -211,7 +226,11 @@ def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
 
 
 def test_a_camera_that_has_no_picture_in_most_readings_is_fine(twin):
-    check_robot(SimulatedRobot(twin.model_copy(update={"senses": Senses(imu=Inertial(), camera=Camera())})))
+    check_robot(
+        SimulatedRobot(
+            twin.model_copy(update={"senses": Senses(imu=Inertial(), camera=Camera())})
+        )
+    )
 
 
 def test_a_robot_that_nothing_watches_is_fine(twin):
@@ -237,7 +256,8 @@ def test_the_check_is_gentle(twin):
     check_robot(Recorder(twin))
     geometry = Recorder(twin)._geometry
     moves = [one for one in sent if np.abs(one / geometry.action_high).max() < 0.5]
-    assert len(moves) == len(sent) - 2  # that limits hold is tried at both ends: no time passes then
+    # that limits hold is tried at both ends: no time passes then
+    assert len(moves) == len(sent) - 2
     assert np.max(np.abs(moves) / geometry.action_high) == pytest.approx(0.05)
 
 
@@ -285,7 +305,9 @@ class _WallStands(_Metal):
         return Reading(0.0, {"cables": self.at})
 
 
-def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_much(make_arm, monkeypatch):
+def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_much(
+    make_arm, monkeypatch
+):
     monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
     robot = _Metal(make_arm(1, control_rate=100.0))
     kept = check_robot(robot)
@@ -302,7 +324,9 @@ def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_mu
         (_WallStands, r"its clock went on by 0.000 s"),
     ],
 )
-def test_a_body_on_the_walls_time_that_breaks_a_promise_is_named_and_closed(kind, fault, make_arm, monkeypatch):
+def test_a_body_on_the_walls_time_that_breaks_a_promise_is_named_and_closed(
+    kind, fault, make_arm, monkeypatch
+):
     monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
     robot = kind(make_arm(1, control_rate=20.0))
     with pytest.raises(S2C2AError, match=fault):

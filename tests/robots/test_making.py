@@ -71,27 +71,58 @@ def test_the_packages_own_body_is_found_by_its_short_name():
     assert (str(Body()), str(Body.simulation())) == ("sim", "sim fidelity=fast")
 
 
-def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for(own, twin):
-    options = {"port": "/dev/ttyUSB0", "baud": "115200", "slow": "yes", "gain": "2.5", "grip": "hard", "anything": "x"}
+def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for(
+    own, twin
+):
+    options = {
+        "port": "/dev/ttyUSB0",
+        "baud": "115200",
+        "slow": "yes",
+        "gain": "2.5",
+        "grip": "hard",
+        "anything": "x",
+    }
     robot = Body(f"{own}Own", tuple(options.items())).make(twin)
     assert robot.given == ("/dev/ttyUSB0", 115200, True, 2.5, "hard", "x", 0)
     assert robot.arm is twin
 
 
-def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_more(own, twin):
+def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_more(
+    own, twin
+):
     assert Body(f"{own}Own", ()).make(twin, seed=5, temperature=3).given[-1] == 5
     assert Body(f"{own}Own", (("seed", "9"),)).make(twin, seed=5).given[-1] == 9
     assert Body(f"{own}Needy", (("port", "a"),)).make(twin, seed=5).arm is twin
 
 
 REFUSED = {
-    "an option that it does not take": ("Own", {"colour": "red"}, r"Own takes no option 'colour'; it takes port, baud"),
-    "a word for a number": ("Own", {"baud": "fast"}, r"option baud=fast of Own: write a whole number"),
-    "another word than those": ("Own", {"grip": "firm"}, r"option grip=firm of Own: .*'soft' or 'hard'"),
+    "an option that it does not take": (
+        "Own",
+        {"colour": "red"},
+        r"Own takes no option 'colour'; it takes port, baud",
+    ),
+    "a word for a number": (
+        "Own",
+        {"baud": "fast"},
+        r"option baud=fast of Own: write a whole number",
+    ),
+    "another word than those": (
+        "Own",
+        {"grip": "firm"},
+        r"option grip=firm of Own: .*'soft' or 'hard'",
+    ),
     "no number": ("Own", {"gain": "much"}, r"option gain=much of Own: .*number"),
-    "one that it cannot do without": ("Needy", {}, r"Needy needs port; say --robot-option port=..."),
+    "one that it cannot do without": (
+        "Needy",
+        {},
+        r"Needy needs port; say --robot-option port=...",
+    ),
     "the arm by its name": ("Own", {"arm": "x"}, r"takes no option 'arm'"),
-    "half a robot": ("Half", {}, r"Half is half a robot: it lacks close, read, send, sensors"),
+    "half a robot": (
+        "Half",
+        {},
+        r"Half is half a robot: it lacks close, read, send, sensors",
+    ),
     "a function": ("maker", {}, r"no robot; give a subclass of s2c2a.robots.Robot"),
     "a number": ("number", {}, r"is 7, no robot"),
     "nothing of that name": ("Nobody", {}, r"cannot be loaded: AttributeError"),
@@ -109,14 +140,19 @@ def test_options_whose_kind_cannot_be_told_are_given_as_they_were_written(own, t
 
 
 def test_what_a_body_raises_itself_is_not_hidden(own, twin):
-    with pytest.raises(S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"):
+    with pytest.raises(
+        S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"
+    ):
         Body(f"{own}Refusing", ()).make(twin)
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("twin", r"no robot 'twin'; choose one of sim, or give your own as module:Name or file.py:Name"),
+        (
+            "twin",
+            r"no robot 'twin'; choose one of sim, or give your own as module:Name or file.py:Name",
+        ),
         ("nowhere_at_all:Arm", "cannot be loaded: ModuleNotFoundError"),
         ("nowhere.py:Arm", "there is no file nowhere.py"),
         (":", "cannot be loaded"),
@@ -156,7 +192,10 @@ def test_an_entry_point_that_fails_is_told_by_its_name(monkeypatch):
             raise ImportError("libmotor.so is missing")
 
     monkeypatch.setattr("s2c2a.extensions.entry_points", lambda group, name: [Point()])
-    with pytest.raises(S2C2AError, match=r"the robot 'theirs' cannot be loaded: ImportError: libmotor\.so is missing"):
+    with pytest.raises(
+        S2C2AError,
+        match=r"the robot 'theirs' cannot be loaded: ImportError: libmotor\.so is missing",
+    ):
         robot_class("theirs")
 
 
@@ -168,7 +207,11 @@ def test_options_are_read_as_a_user_writes_them():
 
 @pytest.mark.parametrize(
     ("texts", "said"),
-    [(["port"], "'port' is no option"), (["a=1", "a=2"], "stands twice"), (["=3"], "'=3' is no option")],
+    [
+        (["port"], "'port' is no option"),
+        (["a=1", "a=2"], "stands twice"),
+        (["=3"], "'=3' is no option"),
+    ],
 )
 def test_options_that_are_none_are_refused(texts, said):
     with pytest.raises(S2C2AError, match=said):

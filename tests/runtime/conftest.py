@@ -21,7 +21,8 @@ class Puppet(Robot):
 
     Attributes:
         before_read: called before every reading, with the number of readings so far.
-        before_send: called before every action that is sent, with the number of those so far.
+        before_send: called before every action that is sent, with the number of those
+            so far.
     """
 
     def __init__(self, arm, clock):
@@ -35,7 +36,13 @@ class Puppet(Robot):
         room = np.abs(self.geometry.action_scale).max()
         shape = self.geometry.action_neutral.shape
         return {
-            "cables": Sensor(shape, "m", self.geometry.action_low - room, self.geometry.action_high + room, 40 * room),
+            "cables": Sensor(
+                shape,
+                "m",
+                self.geometry.action_low - room,
+                self.geometry.action_high + room,
+                40 * room,
+            ),
             "warmth": Sensor((), "K"),
         }
 
@@ -48,7 +55,8 @@ class Puppet(Robot):
         self.before_read(self.reads)
         self.reads += 1
         return Reading(
-            self.clock.now() - self.began, {"cables": self.at + 1e-9 * self.reads, "warmth": np.array(300.0)}
+            self.clock.now() - self.began,
+            {"cables": self.at + 1e-9 * self.reads, "warmth": np.array(300.0)},
         )
 
     def send(self, action):
@@ -78,7 +86,10 @@ class Actor:
     def step(self, reading, goal):
         self.before_step(len(self.steps))
         self.steps.append((reading, goal))
-        return self.geometry.action_neutral + self.share * self.geometry.action_scale[:, None] * self.towards_x
+        return (
+            self.geometry.action_neutral
+            + self.share * self.geometry.action_scale[:, None] * self.towards_x
+        )
 
     @property
     def towards_x(self):

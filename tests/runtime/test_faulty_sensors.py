@@ -14,7 +14,9 @@ from s2c2a.tasks import circle
 BEGIN, LAST = 25, 95
 FAULTS = {
     "frozen": lambda before, now, step: before,
-    "jumping": lambda before, now, step: now + (-1) ** step * (1.2 * np.abs(now).max() + 0.02),
+    "jumping": lambda before, now, step: (
+        now + (-1) ** step * (1.2 * np.abs(now).max() + 0.02)
+    ),
     "zero": lambda before, now, step: np.zeros_like(now),
     "a million times": lambda before, now, step: 1e6 * now,
     "NaN": lambda before, now, step: np.full_like(now, np.nan),
@@ -50,20 +52,30 @@ def spoiling(spoil, count):
         if not BEGIN <= len(kept) - 1 < BEGIN + count:
             return reading
         before, step = kept[BEGIN - 1], len(kept)
-        return Reading(reading.time, {name: spoil(before[name], now, step) for name, now in reading.sensors.items()})
+        return Reading(
+            reading.time,
+            {
+                name: spoil(before[name], now, step)
+                for name, now in reading.sensors.items()
+            },
+        )
 
     return spoilt
 
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("fault", FAULTS)
-def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_and_never_jump(driven, fault, count):
+def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_and_never_jump(
+    driven, fault, count
+):
     arm, strategy, task, undisturbed = driven
     limits = CommandLimits.of(arm)
     steps = run(arm, strategy, task, spoiling(FAULTS[fault], count))
     commands = np.array([limits.rest, *(step.action for step in steps)])
     degrees = limits.sizes(np.diff(commands, axis=0)) / limits.step * arm.step_limit_deg
-    turns = limits.sizes(np.diff(commands, 2, axis=0)) / limits.step * arm.step_limit_deg
+    turns = (
+        limits.sizes(np.diff(commands, 2, axis=0)) / limits.step * arm.step_limit_deg
+    )
     stages = [step.stage for step in steps]
     assert degrees.max() <= 4.0 + 1e-6
     assert turns.max() <= TURN * 4.0 + 1e-6
@@ -75,6 +87,7 @@ def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_and_never_jum
     else:
         release = stages.index(Stage.RELEASE)
         assert BEGIN + 10 <= release <= BEGIN + 20
-        assert stages[BEGIN:release].count(Stage.HOLD) >= 10  # 1 s, whatever sound ones came between
+        # 1 s, whatever sound ones came between
+        assert stages[BEGIN:release].count(Stage.HOLD) >= 10
         assert stages[-1] is Stage.FAULT
         np.testing.assert_allclose(commands[-1], limits.rest, atol=1e-9)

@@ -19,7 +19,9 @@ KINDS = st.fixed_dictionaries(
         "turn": st.one_of(st.none(), st.floats(0.1, 3.0)),
     }
 )
-QUICK = settings(deadline=None, max_examples=25, suppress_health_check=list(HealthCheck))
+QUICK = settings(
+    deadline=None, max_examples=25, suppress_health_check=list(HealthCheck)
+)
 
 
 def built(make_arm, kind):
@@ -41,9 +43,15 @@ def size_deg(change, geometry):
     """Of each module, by hand: the bend that a change asks for, or the largest of any cable where that is more."""
     parts = change / geometry.action_scale[:, None]
     bends = np.linalg.norm(
-        [np.linalg.pinv(b) @ p for b, p in zip(geometry.cable_matrices, parts, strict=True)], axis=-1
+        [
+            np.linalg.pinv(b) @ p
+            for b, p in zip(geometry.cable_matrices, parts, strict=True)
+        ],
+        axis=-1,
     )
-    return np.rad2deg(geometry.bend_limits) * np.maximum(bends, np.abs(parts).max(axis=-1))
+    return np.rad2deg(geometry.bend_limits) * np.maximum(
+        bends, np.abs(parts).max(axis=-1)
+    )
 
 
 def asked_madly(geometry, seed, count=40):
@@ -53,13 +61,23 @@ def asked_madly(geometry, seed, count=40):
     for _ in range(count):
         kind = random.integers(6)
         if kind == 0:
-            wanted = geometry.action_neutral + reach * random.normal(scale=3.0, size=wanted.shape)
+            wanted = geometry.action_neutral + reach * random.normal(
+                scale=3.0, size=wanted.shape
+            )
         elif kind == 1:
             wanted = wanted + reach * random.normal(scale=0.05, size=wanted.shape)
         elif kind == 2:
-            wanted = np.where(random.random(wanted.shape) < 0.5, geometry.action_low, geometry.action_high)
+            wanted = np.where(
+                random.random(wanted.shape) < 0.5,
+                geometry.action_low,
+                geometry.action_high,
+            )
         elif kind == 3:
-            wanted = np.where(random.random(wanted.shape) < 0.3, random.choice([np.nan, np.inf, -np.inf]), wanted)
+            wanted = np.where(
+                random.random(wanted.shape) < 0.3,
+                random.choice([np.nan, np.inf, -np.inf]),
+                wanted,
+            )
         yield wanted
 
 
@@ -98,9 +116,15 @@ def test_an_action_within_all_limits_is_sent_bit_for_bit(make_arm, kind, seed):
     """Slow steps about rest, no larger than any limit."""
     arm, limits, geometry = built(make_arm, kind)
     random = np.random.default_rng(seed)
-    turn = min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf) / np.rad2deg(geometry.bend_limits)[:, None]
+    turn = (
+        min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf)
+        / np.rad2deg(geometry.bend_limits)[:, None]
+    )
     reach = np.minimum(0.2 * turn, 0.1) * np.abs(geometry.action_scale)[:, None]
-    asked = [geometry.action_neutral + reach * random.uniform(-1, 1, limits.rest.shape) for _ in range(10)]
+    asked = [
+        geometry.action_neutral + reach * random.uniform(-1, 1, limits.rest.shape)
+        for _ in range(10)
+    ]
     asked = [np.clip(one, geometry.action_low, geometry.action_high) for one in asked]
     commands, _ = followed(limits, asked)
     np.testing.assert_array_equal(commands[1:], asked)
@@ -108,7 +132,10 @@ def test_an_action_within_all_limits_is_sent_bit_for_bit(make_arm, kind, seed):
 
 def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(make_arm):
     """At full rate, with an acceleration of an eighth of it: it is no target to brake for."""
-    _, limits, geometry = built(make_arm, {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125})
+    _, limits, geometry = built(
+        make_arm,
+        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
+    )
     full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
     speeds = np.concatenate([0.49 * np.arange(1, 9), [3.95] * 3])
     asked = [full * degrees / 50.0 for degrees in np.cumsum(speeds)]
@@ -116,10 +143,15 @@ def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(make
 
 
 def test_a_plan_that_begins_too_fast_is_caught_up_with_without_going_beyond(make_arm):
-    _, limits, geometry = built(make_arm, {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125})
+    _, limits, geometry = built(
+        make_arm,
+        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
+    )
     full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
     asked = [full * degrees / 50.0 for degrees in np.arange(2.0, 44.0, 2.0)]
-    behind = (np.array(asked) - followed(limits, asked)[0][1:])[:, 0, 0] / full[0, 0] * 50.0
+    behind = (
+        (np.array(asked) - followed(limits, asked)[0][1:])[:, 0, 0] / full[0, 0] * 50.0
+    )
     assert behind[3] > 2.0
     assert behind.min() > -1e-9
     np.testing.assert_allclose(behind[-5:], 0.0, atol=1e-9)
@@ -127,21 +159,32 @@ def test_a_plan_that_begins_too_fast_is_caught_up_with_without_going_beyond(make
 
 @QUICK
 @given(KINDS, st.integers(0, 2**32))
-def test_what_is_held_is_arrived_at_on_the_straight_way_without_going_beyond(make_arm, kind, seed):
+def test_what_is_held_is_arrived_at_on_the_straight_way_without_going_beyond(
+    make_arm, kind, seed
+):
     arm, limits, geometry = built(make_arm, kind)
-    wanted = np.random.default_rng(seed).uniform(geometry.action_low, geometry.action_high)
+    wanted = np.random.default_rng(seed).uniform(
+        geometry.action_low, geometry.action_high
+    )
     turn = min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf)
     most = 3 + 2 * np.sqrt(300.0 / turn) + 150.0 / arm.step_limit_deg
     commands, _ = followed(limits, [wanted] * int(most))
-    np.testing.assert_allclose(commands[-1], wanted, atol=1e-9 * np.abs(geometry.action_scale).max())
+    np.testing.assert_allclose(
+        commands[-1], wanted, atol=1e-9 * np.abs(geometry.action_scale).max()
+    )
     left = wanted - commands
-    assert (np.diff(np.abs(left), axis=0) <= 1e-9 * np.abs(geometry.action_scale)[:, None]).all()
+    assert (
+        np.diff(np.abs(left), axis=0) <= 1e-9 * np.abs(geometry.action_scale)[:, None]
+    ).all()
     assert (left * left[0] >= -1e-12 * np.abs(geometry.action_scale).max() ** 2).all()
 
 
 def test_braking_from_a_full_run_stops_where_it_shall(make_arm):
     """Four degrees a step, half a degree of acceleration, from rest to the full bend."""
-    _, limits, geometry = built(make_arm, {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125})
+    _, limits, geometry = built(
+        make_arm,
+        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
+    )
     along = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
     commands, _ = followed(limits, [along] * 30)
     degrees = np.rad2deg(geometry.bend_limits[0]) * commands[:, 0, 0] / along[0, 0]
@@ -156,7 +199,9 @@ def test_what_is_no_number_asks_for_nothing(twin, nothing):
     limits = CommandLimits.of(twin)
     last = 0.3 * limits.geometry.action_high
     wanted = np.full_like(last, nothing)
-    np.testing.assert_array_equal(limits.limited(wanted, last, np.zeros_like(last), wanted), last)
+    np.testing.assert_array_equal(
+        limits.limited(wanted, last, np.zeros_like(last), wanted), last
+    )
     wanted[0] = limits.rest[0]
     moved = limits.limited(wanted, last, np.zeros_like(last), wanted)
     np.testing.assert_array_equal(moved[1:], last[1:])
@@ -166,7 +211,9 @@ def test_what_is_no_number_asks_for_nothing(twin, nothing):
 def led(limits, last):
     """Commands of a gentle way back to rest."""
     commands, change = [last], np.zeros_like(last)
-    while (limits.sizes(commands[-1] - limits.rest) > 1e-6).any() and len(commands) < 2000:
+    while (limits.sizes(commands[-1] - limits.rest) > 1e-6).any() and len(
+        commands
+    ) < 2000:
         command = limits.towards_rest(commands[-1], change)
         change = command - commands[-1]
         commands.append(command)
@@ -175,9 +222,13 @@ def led(limits, last):
 
 @QUICK
 @given(KINDS.map(lambda kind: kind | {"turn": None}), st.integers(0, 2**32))
-def test_the_way_to_rest_takes_as_few_steps_as_the_limit_allows_and_all_modules_arrive_together(make_arm, kind, seed):
+def test_the_way_to_rest_takes_as_few_steps_as_the_limit_allows_and_all_modules_arrive_together(
+    make_arm, kind, seed
+):
     arm, limits, geometry = built(make_arm, kind)
-    last = np.random.default_rng(seed).uniform(geometry.action_low, geometry.action_high)
+    last = np.random.default_rng(seed).uniform(
+        geometry.action_low, geometry.action_high
+    )
     commands = led(limits, last)
     distances = np.array([size_deg(one - limits.rest, geometry) for one in commands])
     assert len(commands) - 1 == np.ceil(distances[0].max() / arm.step_limit_deg - 1e-9)
@@ -191,14 +242,24 @@ def test_the_way_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
     """Also where it begins in the middle of a mad drive."""
     arm, limits, geometry = built(make_arm, kind)
     commands, changes = followed(limits, asked_madly(geometry, seed, 15))
-    last, change, turn = commands[-1], changes[-1], arm.acceleration_limit_deg or TURN * arm.step_limit_deg
-    most = 20 + 4 * np.sqrt(300.0 / min(turn, arm.step_limit_deg)) + 2 * 150.0 / arm.step_limit_deg
+    last, change, turn = (
+        commands[-1],
+        changes[-1],
+        arm.acceleration_limit_deg or TURN * arm.step_limit_deg,
+    )
+    most = (
+        20
+        + 4 * np.sqrt(300.0 / min(turn, arm.step_limit_deg))
+        + 2 * 150.0 / arm.step_limit_deg
+    )
     for _ in range(int(most)):
         command = limits.towards_rest(last, change)
         assert size_deg(command - last, geometry).max() <= arm.step_limit_deg * SLACK
         assert size_deg(command - last - change, geometry).max() <= turn * SLACK
         last, change = command, command - last
-    np.testing.assert_allclose(last, limits.rest, atol=1e-6 * np.abs(geometry.action_scale).max())
+    np.testing.assert_allclose(
+        last, limits.rest, atol=1e-6 * np.abs(geometry.action_scale).max()
+    )
 
 
 def test_a_gap_in_time_allows_no_larger_step(twin):
@@ -206,7 +267,9 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
     limits, geometry = CommandLimits.of(twin), ArmGeometry.of(twin)
     held = limits.rest.copy()
     for _ in range(3600):
-        held = limits.limited(np.full_like(held, np.nan), held, np.zeros_like(held), held)
+        held = limits.limited(
+            np.full_like(held, np.nan), held, np.zeros_like(held), held
+        )
     moved = limits.limited(geometry.action_high, held, np.zeros_like(held), held)
     assert size_deg(moved - held, geometry).max() == pytest.approx(4.0)
 

@@ -11,7 +11,13 @@ from s2c2a.goals import Goal
 from s2c2a.runtime import Ask, CommandLimits, Loop, Patience
 from s2c2a.spaces import Reading, Stage
 
-RUN, HOLD, RELEASE, IDLE, FAULT = Stage.RUN, Stage.HOLD, Stage.RELEASE, Stage.IDLE, Stage.FAULT
+RUN, HOLD, RELEASE, IDLE, FAULT = (
+    Stage.RUN,
+    Stage.HOLD,
+    Stage.RELEASE,
+    Stage.IDLE,
+    Stage.FAULT,
+)
 NOTHING = Ask(asked=False)
 
 
@@ -39,7 +45,9 @@ def ticked(loop, count):
 
 def steps_to_rest(actor):
     """From where the driver leads the arm."""
-    return np.ceil(actor.share * actor.arm.modules[0].bend_limit_deg / actor.arm.step_limit_deg)
+    return np.ceil(
+        actor.share * actor.arm.modules[0].bend_limit_deg / actor.arm.step_limit_deg
+    )
 
 
 def at_rest(puppet):
@@ -54,7 +62,9 @@ def test_steps_begin_a_control_period_apart(loop, puppet):
     assert loop.late_steps == 0
 
 
-def test_the_time_that_deciding_takes_is_not_added_to_the_period(loop, actor, puppet, clock):
+def test_the_time_that_deciding_takes_is_not_added_to_the_period(
+    loop, actor, puppet, clock
+):
     actor.before_step = lambda number: clock.let_pass(0.06)
     for _ in range(10):
         loop.tick(Ask())
@@ -62,11 +72,17 @@ def test_the_time_that_deciding_takes_is_not_added_to_the_period(loop, actor, pu
     assert loop.late_steps == 0
 
 
-def test_a_late_step_is_counted_and_told_and_missed_ones_are_left_out(loop, actor, puppet, clock):
+def test_a_late_step_is_counted_and_told_and_missed_ones_are_left_out(
+    loop, actor, puppet, clock
+):
     actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
     steps = [loop.tick(Ask()) for _ in range(6)]
-    np.testing.assert_allclose([step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.6, 0.7])
-    np.testing.assert_allclose([step.late for step in steps], [0, 0, 0, 0.25, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.6, 0.7]
+    )
+    np.testing.assert_allclose(
+        [step.late for step in steps], [0, 0, 0, 0.25, 0, 0], atol=1e-12
+    )
     assert loop.late_steps == 1
 
 
@@ -75,28 +91,39 @@ def test_missed_steps_are_caught_up_with_where_that_is_chosen(puppet, actor, clo
     loop.open()
     actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
     steps = [loop.tick(Ask()) for _ in range(7)]
-    np.testing.assert_allclose([step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.55, 0.55, 0.6])
+    np.testing.assert_allclose(
+        [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.55, 0.55, 0.6]
+    )
     assert loop.late_steps == 3
 
 
-def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(loop, actor):
+def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(
+    loop, actor
+):
     goals = [Goal.of(3).with_position([0.0, 0.0, 0.1 * step]) for step in range(3)]
     steps = [loop.tick(Ask(goal)) for goal in goals]
     assert len(actor.starts) == 1
     assert actor.starts[0] is steps[0].reading
-    assert [reading is step.reading for (reading, _), step in zip(actor.steps, steps, strict=True)] == [True] * 3
+    assert [
+        reading is step.reading
+        for (reading, _), step in zip(actor.steps, steps, strict=True)
+    ] == [True] * 3
     assert [goal for _, goal in actor.steps] == goals
     assert [step.told["planned"][0, 0] for step in steps] == [1.0, 2.0, 3.0]
     assert [step.stage for step in steps] == [RUN] * 3
 
 
-def test_an_arm_of_which_nothing_is_asked_stays_at_rest_and_nothing_is_decided(loop, actor, puppet):
+def test_an_arm_of_which_nothing_is_asked_stays_at_rest_and_nothing_is_decided(
+    loop, actor, puppet
+):
     assert {loop.tick(NOTHING).stage for _ in range(5)} == {IDLE}
     assert actor.steps == actor.starts == []
     assert at_rest(puppet)
 
 
-def test_an_arm_that_is_not_asked_any_more_holds_where_the_driver_says_with_no_goal(loop, actor):
+def test_an_arm_that_is_not_asked_any_more_holds_where_the_driver_says_with_no_goal(
+    loop, actor
+):
     for _ in range(3):
         loop.tick(Ask(Goal.of(3).with_position([0.1, 0.0, 0.5])))
     step = loop.tick(Ask(Goal.of(3).with_position([0.3, 0.0, 0.5]), asked=False))
@@ -105,18 +132,25 @@ def test_an_arm_that_is_not_asked_any_more_holds_where_the_driver_says_with_no_g
     assert len(actor.starts) == 1
 
 
-def test_a_driver_that_asks_for_too_much_is_slowed_and_told_what_was_sent(loop, actor, puppet):
+def test_a_driver_that_asks_for_too_much_is_slowed_and_told_what_was_sent(
+    loop, actor, puppet
+):
     steps = [loop.tick(Ask()) for _ in range(12)]
     change, turn = sizes_of(puppet)
     assert change.max() == pytest.approx(1.0)
     assert turn.max() <= 1 + 1e-9
     np.testing.assert_allclose(actor.corrected, puppet.sent[: len(actor.corrected)])
     assert len(actor.corrected) == steps_to_rest(actor) - 1  # the last one arrives
-    np.testing.assert_allclose(steps[-1].action, actor.share * actor.geometry.action_scale[:, None] * actor.towards_x)
+    np.testing.assert_allclose(
+        steps[-1].action,
+        actor.share * actor.geometry.action_scale[:, None] * actor.towards_x,
+    )
 
 
 @pytest.mark.parametrize("wild", [np.nan, np.inf, 1e300])
-def test_a_driver_gone_wild_moves_nothing_faster_than_the_limits(loop, actor, puppet, wild):
+def test_a_driver_gone_wild_moves_nothing_faster_than_the_limits(
+    loop, actor, puppet, wild
+):
     for _ in range(5):
         loop.tick(Ask())
     actor.share = wild
@@ -136,7 +170,11 @@ def faulty(*steps):
 
     def spoilt(reading: Reading) -> Reading:
         bad = begin <= next(seen) < begin + count
-        return Reading(reading.time, {"cables": np.full((3, 3), np.nan)}) if bad else reading
+        return (
+            Reading(reading.time, {"cables": np.full((3, 3), np.nan)})
+            if bad
+            else reading
+        )
 
     return spoilt
 
@@ -154,8 +192,16 @@ def test_after_a_short_fault_the_arm_goes_on_where_it_held(puppet, actor, clock)
     assert sizes_of(puppet)[0].max() <= 1 + 1e-9
 
 
-def test_after_a_long_fault_the_arm_is_led_to_rest_and_stands_still_until_it_is_opened(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, faults=faulty(4, 40), patience=Patience(unsound=10, alone=10))
+def test_after_a_long_fault_the_arm_is_led_to_rest_and_stands_still_until_it_is_opened(
+    puppet, actor, clock
+):
+    loop = Loop(
+        puppet,
+        actor,
+        clock,
+        faults=faulty(4, 40),
+        patience=Patience(unsound=10, alone=10),
+    )
     loop.open()
     steps = [loop.tick(Ask()) for _ in range(60)]
     stages = [step.stage for step in steps]
@@ -172,7 +218,9 @@ def test_after_a_long_fault_the_arm_is_led_to_rest_and_stands_still_until_it_is_
     assert len(actor.starts) == 2
 
 
-def test_an_arm_left_alone_holds_then_goes_to_rest_and_can_run_again_at_once(puppet, actor, clock):
+def test_an_arm_left_alone_holds_then_goes_to_rest_and_can_run_again_at_once(
+    puppet, actor, clock
+):
     loop = Loop(puppet, actor, clock, patience=Patience(unsound=10, alone=5))
     loop.open()
     stages = [loop.tick(Ask()).stage for _ in range(3)]
@@ -188,7 +236,8 @@ def test_a_release_needs_no_reading_that_can_be_believed(puppet, actor, clock):
     loop.open()
     for _ in range(5):
         loop.tick(Ask())
-    assert [step.stage for step in loop.to_rest()] == [RELEASE] * 6 + [IDLE]  # it takes one to turn round
+    # it takes one to turn round
+    assert [step.stage for step in loop.to_rest()] == [RELEASE] * 6 + [IDLE]
     assert at_rest(puppet)
 
 
@@ -213,10 +262,19 @@ def fail(number):
 
 @pytest.mark.parametrize("fault", [fail, interrupt])
 @pytest.mark.parametrize("where", ["before_read", "before_send", "before_step"])
-def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(puppet, actor, clock, where, fault):
+def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(
+    puppet, actor, clock, where, fault
+):
     calls = iter(range(100))
-    setattr(actor if where == "before_step" else puppet, where, lambda number: fault(next(calls)))
-    with pytest.raises((OSError, KeyboardInterrupt)), Loop(puppet, actor, clock) as loop:
+    setattr(
+        actor if where == "before_step" else puppet,
+        where,
+        lambda number: fault(next(calls)),
+    )
+    with (
+        pytest.raises((OSError, KeyboardInterrupt)),
+        Loop(puppet, actor, clock) as loop,
+    ):
         ticked(loop, 20)
     assert 6 <= len(actor.steps) <= 8
     assert at_rest(puppet)
@@ -248,7 +306,9 @@ def test_an_error_beside_the_loop_leads_it_to_rest_too(puppet, actor, clock):
     assert puppet.notes == ["open", "close"]
 
 
-def test_the_way_to_rest_after_a_long_wait_is_paced_also_where_missed_steps_are_caught_up_with(puppet, actor, clock):
+def test_the_way_to_rest_after_a_long_wait_is_paced_also_where_missed_steps_are_caught_up_with(
+    puppet, actor, clock
+):
     with Loop(puppet, actor, clock, when_late="catch up") as loop:
         for _ in range(8):
             loop.tick(Ask())
@@ -281,7 +341,9 @@ def test_closing_what_was_never_opened_moves_nothing(puppet, actor, clock):
     assert (puppet.notes, puppet.sent) == (["close"], [])
 
 
-def test_after_a_failure_every_tick_says_why_until_the_arm_is_opened_again(loop, puppet):
+def test_after_a_failure_every_tick_says_why_until_the_arm_is_opened_again(
+    loop, puppet
+):
     puppet.before_send = fail
     with pytest.raises(OSError, match="torn off"):
         ticked(loop, 20)
@@ -294,12 +356,19 @@ def test_after_a_failure_every_tick_says_why_until_the_arm_is_opened_again(loop,
     assert loop.tick(Ask()).stage is RUN
 
 
-def test_a_driver_for_another_arm_or_in_need_of_what_the_body_does_not_say_is_refused(puppet, actor, clock, make_arm):
+def test_a_driver_for_another_arm_or_in_need_of_what_the_body_does_not_say_is_refused(
+    puppet, actor, clock, make_arm
+):
     actor.sensors = ("cables", "flex")
-    with pytest.raises(S2C2AError, match="flex is needed, and this body says cables, warmth"):
+    with pytest.raises(
+        S2C2AError, match="flex is needed, and this body says cables, warmth"
+    ):
         Loop(puppet, actor, clock)
     actor.sensors, actor.arm = ("cables",), make_arm(2)
-    with pytest.raises(S2C2AError, match=r"made for \(2, 3\) modules and cables each, and 'twin_arm' has \(3, 3\)"):
+    with pytest.raises(
+        S2C2AError,
+        match=r"made for \(2, 3\) modules and cables each, and 'twin_arm' has \(3, 3\)",
+    ):
         Loop(puppet, actor, clock)
 
 
@@ -322,7 +391,9 @@ def test_a_watcher_is_told_of_every_step(puppet, actor, clock):
 
 def test_a_sensor_that_nobody_needs_may_fail(puppet, actor, clock):
     def spoilt(reading):
-        return Reading(reading.time, {"cables": reading["cables"], "warmth": np.array(np.nan)})
+        return Reading(
+            reading.time, {"cables": reading["cables"], "warmth": np.array(np.nan)}
+        )
 
     loop = Loop(puppet, actor, clock, faults=spoilt)
     loop.open()

@@ -23,9 +23,15 @@ class Watch:
 
     def __call__(self, bends=SOUND, moved=0.0, time=None, now=None, **others):
         self.time += PERIOD
-        said = {name: values for name, values in ({"bends": bends} | others).items() if values is not None}
+        said = {
+            name: values
+            for name, values in ({"bends": bends} | others).items()
+            if values is not None
+        }
         time = self.time if time is None else time
-        return self.check.fault(Reading(time, said), self.time if now is None else now, moved)
+        return self.check.fault(
+            Reading(time, said), self.time if now is None else now, moved
+        )
 
 
 @pytest.fixture
@@ -56,14 +62,18 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("bends", "said"), FAULTS.values(), ids=FAULTS)
-def test_a_fault_is_told_in_words_and_the_next_sound_reading_is_believed(fault, bends, said):
+def test_a_fault_is_told_in_words_and_the_next_sound_reading_is_believed(
+    fault, bends, said
+):
     assert fault() == ""
     with pytest.raises(AssertionError, match=said):
         assert fault(bends) == ""
     assert fault(SOUND + 1e-6) == ""
 
 
-@pytest.mark.parametrize(("bends", "said"), [one for name, one in FAULTS.items() if name != "jumped"])
+@pytest.mark.parametrize(
+    ("bends", "said"), [one for name, one in FAULTS.items() if name != "jumped"]
+)
 def test_a_fault_is_told_in_the_first_reading_too(bends, said):
     with pytest.raises(AssertionError, match=said):
         assert Watch()(bends) == ""
@@ -81,18 +91,28 @@ def test_after_a_gap_a_sensor_may_have_gone_further(fault):
     assert fault(SOUND + 0.55) == ""
 
 
-def test_a_sensor_that_jumped_and_stays_there_is_believed_when_it_could_have_come_there(fault):
+def test_a_sensor_that_jumped_and_stays_there_is_believed_when_it_could_have_come_there(
+    fault,
+):
     fault()
-    assert [fault(SOUND + 0.5) for _ in range(3)] == ["'bends' has jumped", "'bends' has jumped", ""]
+    assert [fault(SOUND + 0.5) for _ in range(3)] == [
+        "'bends' has jumped",
+        "'bends' has jumped",
+        "",
+    ]
 
 
 def test_a_sensor_that_jumps_to_and_fro_is_not_believed_however_long_it_does(fault):
     fault()
-    assert {fault(SOUND + 0.5 * (-1) ** step) for step in range(30)} == {"'bends' has jumped"}
+    assert {fault(SOUND + 0.5 * (-1) ** step) for step in range(30)} == {
+        "'bends' has jumped"
+    }
     assert fault(SOUND) == ""
 
 
-def test_a_sensor_that_says_the_same_to_the_last_bit_while_the_arm_moves_is_frozen(fault):
+def test_a_sensor_that_says_the_same_to_the_last_bit_while_the_arm_moves_is_frozen(
+    fault,
+):
     said = [fault(moved=0.04) for _ in range(6)]
     assert said[:3] == [""] * 3
     assert set(said[3:]) == {"'bends' is frozen"}
@@ -116,7 +136,9 @@ def test_an_arm_that_hardly_moves_may_say_the_same_for_a_while(fault):
 
 def test_one_of_two_sensors_can_be_frozen_alone():
     fault = Watch(("bends", "flex"))
-    said = [fault(SOUND + 0.001 * step, moved=0.04, flex=np.ones(3)) for step in range(5)]
+    said = [
+        fault(SOUND + 0.001 * step, moved=0.04, flex=np.ones(3)) for step in range(5)
+    ]
     assert said[-1] == "'flex' is frozen"
 
 
@@ -138,7 +160,16 @@ def test_a_reading_may_be_three_periods_behind_and_no_more(fault):
 
 def test_what_nobody_needs_may_say_anything():
     fault = Watch(("bends",))
-    for step, odd in enumerate([np.array([np.nan]), np.array([9e9]), np.zeros((4, 4)), "words", None, np.zeros(1)]):
+    for step, odd in enumerate(
+        [
+            np.array([np.nan]),
+            np.array([9e9]),
+            np.zeros((4, 4)),
+            "words",
+            None,
+            np.zeros(1),
+        ]
+    ):
         assert fault(SOUND + 0.001 * step, moved=0.04, unused=odd) == ""
 
 
@@ -154,7 +185,15 @@ def test_with_nothing_needed_only_the_time_counts():
 
 
 def test_one_limit_a_number_is_heeded_one_by_one():
-    sensors = {"bends": Sensor((2,), "rad", np.array([-1.0, 0.0]), np.array([1.0, 5.0]), np.array([0.5, 50.0]))}
+    sensors = {
+        "bends": Sensor(
+            (2,),
+            "rad",
+            np.array([-1.0, 0.0]),
+            np.array([1.0, 5.0]),
+            np.array([0.5, 50.0]),
+        )
+    }
     fault = Watch(("bends",), sensors)
     assert fault(np.array([0.0, 4.0])) == ""
     assert fault(np.array([0.0, 0.5])) == ""

@@ -15,18 +15,39 @@ NAN = np.full((3, 3), np.nan)
 def step(twin):
     """Makes a step; what it reads, and when, can be chosen."""
 
-    def make(number, stage=Stage.RUN, time=None, cables=None, told=None, goal=None, **others):
+    def make(
+        number, stage=Stage.RUN, time=None, cables=None, told=None, goal=None, **others
+    ):
         cables = np.full((3, 3), float(number)) if cables is None else cables
-        reading = Reading(0.1 * number if time is None else time, {"cables": cables} | others)
-        return Step(number, 7.0 + 0.1 * number, stage, reading, goal, np.full((3, 3), 10.0 + number), told or {}, 0.01)
+        reading = Reading(
+            0.1 * number if time is None else time, {"cables": cables} | others
+        )
+        return Step(
+            number,
+            7.0 + 0.1 * number,
+            stage,
+            reading,
+            goal,
+            np.full((3, 3), 10.0 + number),
+            told or {},
+            0.01,
+        )
 
     return make
 
 
 def test_an_episode_has_a_row_a_step_and_a_column_for_what_there_is(step, twin):
     episode = episode_of([step(number) for number in range(5)], twin, task="circle")
-    assert set(episode.columns) == {"time", "stage", "actions", "tick_time", "sensor.cables"}
-    np.testing.assert_array_equal(episode["time"], [0.1 * number for number in range(5)])
+    assert set(episode.columns) == {
+        "time",
+        "stage",
+        "actions",
+        "tick_time",
+        "sensor.cables",
+    }
+    np.testing.assert_array_equal(
+        episode["time"], [0.1 * number for number in range(5)]
+    )
     np.testing.assert_array_equal(episode["actions"][:, 0, 0], [10, 11, 12, 13, 14])
     np.testing.assert_array_equal(episode.sensor("cables")[:, 0, 0], [0, 1, 2, 3, 4])
     np.testing.assert_array_equal(episode["stage"], [Stage.RUN] * 5)
@@ -39,58 +60,105 @@ def test_no_step_is_no_episode(twin):
 
 
 def test_what_was_told_in_some_steps_is_nan_in_the_others(step, twin):
-    steps = [step(0, Stage.IDLE), step(1, told={"planned": np.ones((3, 3))}), step(2, Stage.HOLD)]
-    np.testing.assert_array_equal(episode_of(steps, twin)["planned"], [NAN, np.ones((3, 3)), NAN])
+    steps = [
+        step(0, Stage.IDLE),
+        step(1, told={"planned": np.ones((3, 3))}),
+        step(2, Stage.HOLD),
+    ]
+    np.testing.assert_array_equal(
+        episode_of(steps, twin)["planned"], [NAN, np.ones((3, 3)), NAN]
+    )
 
 
 def test_what_was_asked_has_columns_only_where_anything_was(step, twin):
-    goal = Goal.of(3).with_position([0.1, 0.0, 0.5]).with_obstacles([[0.3, 0.0, 0.4]], [0.1])
-    steps = [step(0, goal=goal), step(1, goal=Goal.of(3)), step(2, Stage.RELEASE, goal=goal)]
+    goal = (
+        Goal.of(3)
+        .with_position([0.1, 0.0, 0.5])
+        .with_obstacles([[0.3, 0.0, 0.4]], [0.1])
+    )
+    steps = [
+        step(0, goal=goal),
+        step(1, goal=Goal.of(3)),
+        step(2, Stage.RELEASE, goal=goal),
+    ]
     episode = episode_of(steps, twin)
-    np.testing.assert_allclose(episode["wanted_positions"][0], [*NAN[:2], [0.1, 0.0, 0.5]], rtol=1e-6)
+    np.testing.assert_allclose(
+        episode["wanted_positions"][0], [*NAN[:2], [0.1, 0.0, 0.5]], rtol=1e-6
+    )
     assert np.isnan(episode["wanted_positions"][1:]).all()
     assert "wanted_axes" not in episode.columns
-    np.testing.assert_allclose(episode["obstacles"][:, 0], [[0.3, 0.0, 0.4, 0.1], [0] * 4, [0] * 4], rtol=1e-6)
-    assert set(episode_of(steps[1:], twin).columns) & {"wanted_positions", "wanted_axes", "obstacles"} == set()
+    np.testing.assert_allclose(
+        episode["obstacles"][:, 0], [[0.3, 0.0, 0.4, 0.1], [0] * 4, [0] * 4], rtol=1e-6
+    )
+    assert (
+        set(episode_of(steps[1:], twin).columns)
+        & {"wanted_positions", "wanted_axes", "obstacles"}
+        == set()
+    )
 
 
-def test_a_sensor_that_is_missing_or_of_another_shape_for_a_while_is_nan_then(step, twin):
+def test_a_sensor_that_is_missing_or_of_another_shape_for_a_while_is_nan_then(
+    step, twin
+):
     """Also where the first reading of all is the odd one."""
-    odd = [np.zeros((2, 3)), np.zeros(9), np.array([["a"] * 3] * 3), np.array([[None] * 3] * 3)]
+    odd = [
+        np.zeros((2, 3)),
+        np.zeros(9),
+        np.array([["a"] * 3] * 3),
+        np.array([[None] * 3] * 3),
+    ]
     steps = [step(number, cables=cables) for number, cables in enumerate(odd)]
     steps += [step(number) for number in range(4, 10)]
     steps[5] = Step(5, 7.5, Stage.HOLD, Reading(0.5, {}), None, np.zeros((3, 3)))
     cables = episode_of(steps, twin).sensor("cables")
     assert cables.shape == (10, 3, 3)
-    np.testing.assert_array_equal(np.isnan(cables).all(axis=(1, 2)), [True] * 4 + [False, True] + [False] * 4)
+    np.testing.assert_array_equal(
+        np.isnan(cables).all(axis=(1, 2)), [True] * 4 + [False, True] + [False] * 4
+    )
 
 
 def test_a_sensor_that_never_said_a_number_loses_nothing_of_the_others(step, twin):
-    episode = episode_of([step(number, warmth=np.array("hot")) for number in range(3)], twin)
+    episode = episode_of(
+        [step(number, warmth=np.array("hot")) for number in range(3)], twin
+    )
     np.testing.assert_array_equal(episode.sensor("cables")[:, 0, 0], [0, 1, 2])
     assert np.isnan(episode.sensor("warmth")).all()
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf, 0.1, -5.0, 0.0])
-def test_where_a_reading_has_no_time_of_its_own_the_loops_clock_goes_on(step, twin, time):
+def test_where_a_reading_has_no_time_of_its_own_the_loops_clock_goes_on(
+    step, twin, time
+):
     steps = [step(0), step(1), step(2, time=time), step(3, time=time), step(4)]
-    np.testing.assert_allclose(episode_of(steps, twin)["time"], [0.0, 0.1, 0.2, 0.3, 0.4])
+    np.testing.assert_allclose(
+        episode_of(steps, twin)["time"], [0.0, 0.1, 0.2, 0.3, 0.4]
+    )
 
 
 def test_sound_times_are_kept_bit_for_bit(step, twin):
     times = np.cumsum(np.random.default_rng(0).uniform(0.05, 0.15, 20))
-    episode = episode_of([step(number, time=time) for number, time in enumerate(times)], twin)
+    episode = episode_of(
+        [step(number, time=time) for number, time in enumerate(times)], twin
+    )
     np.testing.assert_array_equal(episode["time"], times)
 
 
 def test_what_was_wrong_is_kept_with_the_episode(puppet, actor, clock, twin):
     def spoilt(reading):
-        return Reading(reading.time, {"cables": NAN}) if 0.25 < reading.time < 0.55 else reading
+        return (
+            Reading(reading.time, {"cables": NAN})
+            if 0.25 < reading.time < 0.55
+            else reading
+        )
 
     loop = Loop(puppet, actor, clock, faults=spoilt)
     loop.open()
     episode = episode_of([loop.tick(Ask()) for _ in range(10)], twin)
     assert episode.options["faults"] == ["'cables' is not finite"]
-    np.testing.assert_array_equal(episode["stage"], [Stage.RUN] * 3 + [Stage.HOLD] * 3 + [Stage.RUN] * 4)
+    np.testing.assert_array_equal(
+        episode["stage"], [Stage.RUN] * 3 + [Stage.HOLD] * 3 + [Stage.RUN] * 4
+    )
     assert np.isnan(episode.sensor("cables")[3:6]).all()
-    np.testing.assert_array_equal(episode.sensor("warmth"), [300.0] * 3 + [np.nan] * 3 + [300.0] * 4)
+    np.testing.assert_array_equal(
+        episode.sensor("warmth"), [300.0] * 3 + [np.nan] * 3 + [300.0] * 4
+    )

@@ -13,7 +13,9 @@ from s2c2a.training import FitOptions
 
 @pytest.fixture(scope="module")
 def trained(recording):
-    return train_lstm_strategy(recording, LSTMOptions(2, 8, FitOptions(most_epochs=5), 0.1), seed=3)
+    return train_lstm_strategy(
+        recording, LSTMOptions(2, 8, FitOptions(most_epochs=5), 0.1), seed=3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +43,26 @@ def rewrite(file, forged):
 
 def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     random = np.random.default_rng(0)
-    wanted, *past = (random.normal(size=(4, *shape)).astype(np.float32) for shape in ((3,), (5, 3), (5, 3, 3)))
+    wanted, *past = (
+        random.normal(size=(4, *shape)).astype(np.float32)
+        for shape in ((3,), (5, 3), (5, 3, 3))
+    )
     before, after = (
         network(wanted, TipHistory(*past))
-        for network in (one.networks["LSTM"] for one in (trained, load_lstm(file, twin)))
+        for network in (
+            one.networks["LSTM"] for one in (trained, load_lstm(file, twin))
+        )
     )
     np.testing.assert_array_equal(after, before)
 
 
 def test_everything_comes_back(file, trained):
     loaded = load_lstm(file)
-    assert (loaded.arm, loaded.recipe, loaded.seed) == (trained.arm, trained.recipe, trained.seed)
+    assert (loaded.arm, loaded.recipe, loaded.seed) == (
+        trained.arm,
+        trained.recipe,
+        trained.seed,
+    )
     assert loaded.percent == trained.percent
     np.testing.assert_array_equal(loaded.curves["LSTM"], trained.curves["LSTM"])
     before, after = (jax.tree.leaves(one.networks) for one in (trained, loaded))
@@ -69,7 +80,9 @@ def test_an_lstm_of_another_arm_is_refused_and_the_difference_named(file, twin):
         load_lstm(file, other)
 
 
-def test_files_of_the_papers_strategy_and_of_the_lstm_are_not_mixed_up(file, strategy_file):
+def test_files_of_the_papers_strategy_and_of_the_lstm_are_not_mixed_up(
+    file, strategy_file
+):
     with pytest.raises(StrategyError, match="no strategy file"):
         load_lstm(strategy_file)
     with pytest.raises(StrategyError, match="no strategy file"):
@@ -90,7 +103,12 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["LSTM.network.bias_head", "LSTM.network.layers[1].weight_hidden", "LSTM.position_scaling.centre"]
+    "name",
+    [
+        "LSTM.network.bias_head",
+        "LSTM.network.layers[1].weight_hidden",
+        "LSTM.position_scaling.centre",
+    ],
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
@@ -124,7 +142,10 @@ def test_a_file_without_its_curve_is_refused(rewrite):
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
-    loaded = load_lstm(rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)}))
+    loaded = load_lstm(
+        rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})
+    )
     np.testing.assert_array_equal(
-        loaded.networks["LSTM"].sum_and_range.high, trained.networks["LSTM"].sum_and_range.high
+        loaded.networks["LSTM"].sum_and_range.high,
+        trained.networks["LSTM"].sum_and_range.high,
     )

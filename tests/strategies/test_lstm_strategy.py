@@ -27,7 +27,9 @@ FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
 
 @pytest.fixture(scope="module")
 def options() -> LSTMOptions:
-    return LSTMOptions(1, 8, FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05)
+    return LSTMOptions(
+        1, 8, FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,9 @@ def strategy(trained) -> LSTMStrategy:
 def untrained(arm, loudness: float = 1.0) -> TrainedLSTM:
     """A random LSTM of an arm; a loud one asks for full bends at once."""
     network = LSTMOptions(1, 8).untrained(arm, jax.random.key(0))
-    network = eqx.tree_at(lambda n: n.network.weight_head, network, loudness * network.network.weight_head)
+    network = eqx.tree_at(
+        lambda n: n.network.weight_head, network, loudness * network.network.weight_head
+    )
     return TrainedLSTM(arm, LSTMOptions(), 0, {"LSTM": network}, {}, {})
 
 
@@ -64,13 +68,19 @@ def bends_of(arm, actions) -> np.ndarray:
     """Bends [deg] that actions stand for: the full bend times the share of it."""
     geometry = ArmGeometry.of(arm)
     across = (actions - geometry.action_neutral) / geometry.action_scale[:, None]
-    return np.rad2deg(np.einsum("mkc,tmc->tmk", geometry.bend_matrices, across) * geometry.bend_limits[:, None])
+    return np.rad2deg(
+        np.einsum("mkc,tmc->tmk", geometry.bend_matrices, across)
+        * geometry.bend_limits[:, None]
+    )
 
 
 def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
     goals = [
         TARGET,
-        Goal.of(3, 0.1).with_position([0.0, 0.1, 0.5]).with_axis([0, 1, 1]).with_obstacles([[0, 0, 1]], [0.1]),
+        Goal.of(3, 0.1)
+        .with_position([0.0, 0.1, 0.5])
+        .with_axis([0, 1, 1])
+        .with_obstacles([[0, 0, 1]], [0.1]),
     ]
     with caplog.at_level(logging.WARNING), jax.log_compiles(True):
         jax.jit(lambda value: 5 * value - 2)(np.float32(2))
@@ -78,7 +88,9 @@ def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
         live(strategy, twin, goals * 3)
         assert strategy.told()["sensed"].shape == (3, 3)
         assert counted > 0
-        assert sum(record.name.startswith("jax") for record in caplog.records) == counted
+        assert (
+            sum(record.name.startswith("jax") for record in caplog.records) == counted
+        )
 
 
 def test_training_lowers_both_losses(trained):
@@ -91,25 +103,43 @@ def test_training_lowers_both_losses(trained):
 def answers(trained, samples) -> np.ndarray:
     """Actions [m or N] of the network, without noise on its history."""
     layer = trained.networks["LSTM"].sum_and_range
-    history = TipHistory(samples.inputs["positions"], layer.normalised(samples.inputs["actions"]))
-    return np.asarray(layer.actions(trained.networks["LSTM"](samples.inputs["wanted"], history)))
+    history = TipHistory(
+        samples.inputs["positions"], layer.normalised(samples.inputs["actions"])
+    )
+    return np.asarray(
+        layer.actions(trained.networks["LSTM"](samples.inputs["wanted"], history))
+    )
 
 
 @pytest.fixture(scope="module")
 def split(recording):
-    return lstm_samples(recording.sensor("states")[:, :, -1, :3], recording.actions, np.zeros((3, 3)))
+    return lstm_samples(
+        recording.sensor("states")[:, :, -1, :3], recording.actions, np.zeros((3, 3))
+    )
 
 
 def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
-    targets = np.concatenate([part.targets for part in (split.training, split.validation, split.test)])
-    percent = 100 * np.abs(answers(trained, split.test) - split.test.targets) / np.ptp(targets, axis=0)
-    assert trained.percent["LSTM"] == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    targets = np.concatenate(
+        [part.targets for part in (split.training, split.validation, split.test)]
+    )
+    percent = (
+        100
+        * np.abs(answers(trained, split.test) - split.test.targets)
+        / np.ptp(targets, axis=0)
+    )
+    assert trained.percent["LSTM"] == pytest.approx(
+        (percent.mean(), percent.std()), rel=1e-3
+    )
     assert 0.5 < percent.mean() < 25
 
 
-def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(recording, options, split):
+def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
+    recording, options, split
+):
     """Weights that do not move: against losses computed here without noise, only those of training can differ."""
-    noisy = train_lstm_strategy(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
+    noisy = train_lstm_strategy(
+        recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0
+    )
     unit = np.asarray(noisy.networks["LSTM"].sum_and_range.unit)
     calm = [
         np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
@@ -119,24 +149,40 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(recordin
     np.testing.assert_allclose(noisy.curves["LSTM"][:, 2], calm[1], rtol=1e-4)
 
 
-def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(trained, recording, options):
+def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
+    trained, recording, options
+):
     again, other = (train_lstm_strategy(recording, options, seed) for seed in (7, 8))
     np.testing.assert_array_equal(again.curves["LSTM"], trained.curves["LSTM"])
-    assert other.curves["LSTM"][0, 2] != pytest.approx(trained.curves["LSTM"][0, 2], rel=1e-3)
+    assert other.curves["LSTM"][0, 2] != pytest.approx(
+        trained.curves["LSTM"][0, 2], rel=1e-3
+    )
 
 
 def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
     wanted = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
     scaling = trained.networks["LSTM"].position_scaling
-    np.testing.assert_allclose(scaling.half_range, np.ptp(wanted, axis=0) / 2, rtol=1e-4)
-    np.testing.assert_allclose(scaling.centre, (wanted.min(axis=0) + wanted.max(axis=0)) / 2, atol=1e-6)
+    np.testing.assert_allclose(
+        scaling.half_range, np.ptp(wanted, axis=0) / 2, rtol=1e-4
+    )
+    np.testing.assert_allclose(
+        scaling.centre, (wanted.min(axis=0) + wanted.max(axis=0)) / 2, atol=1e-6
+    )
 
 
 def test_training_without_true_states_is_refused(recording, options):
     def with_states(values):
-        columns = {name: value for name, value in recording.episodes[0].columns.items() if name != "sensor.states"}
+        columns = {
+            name: value
+            for name, value in recording.episodes[0].columns.items()
+            if name != "sensor.states"
+        }
         columns |= {} if values is None else {"sensor.states": values}
-        return replace(recording, options={}, episodes=(replace(recording.episodes[0], columns=columns),))
+        return replace(
+            recording,
+            options={},
+            episodes=(replace(recording.episodes[0], columns=columns),),
+        )
 
     with pytest.raises(RecordingError, match="lacks 'states'"):
         train_lstm_strategy(with_states(None), options, seed=0)
@@ -155,13 +201,23 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, re
     """A live session as a recording: the network's answers to its windows are the actions that were taken."""
     arm = request.getfixturevalue(body).model_copy(update={"step_limit_deg": 90.0})
     quick = untrained(arm)
-    targets = np.cumsum(np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0) + np.array([0.0, 0.0, 0.5])
-    actions, tips = live(LSTMStrategy(quick), arm, [Goal.of(3).with_position(target) for target in targets])
-    samples = lstm_samples(tips[None], actions[None], ArmGeometry.of(arm).action_neutral).training
+    targets = np.cumsum(
+        np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0
+    ) + np.array([0.0, 0.0, 0.5])
+    actions, tips = live(
+        LSTMStrategy(quick),
+        arm,
+        [Goal.of(3).with_position(target) for target in targets],
+    )
+    samples = lstm_samples(
+        tips[None], actions[None], ArmGeometry.of(arm).action_neutral
+    ).training
     samples.inputs["wanted"] = targets[: len(samples.targets)].astype(np.float32)
     span = np.ptp(actions, axis=0).max()
     assert span > 1e-3 * ArmGeometry.of(arm).action_high.max()
-    np.testing.assert_allclose(answers(quick, samples), actions[: len(samples.targets)], atol=1e-3 * span)
+    np.testing.assert_allclose(
+        answers(quick, samples), actions[: len(samples.targets)], atol=1e-3 * span
+    )
 
 
 @pytest.mark.parametrize("body", ["twin", "simulated"])
@@ -176,9 +232,17 @@ def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(body, request)
     assert np.linalg.norm(bends[-1], axis=-1).min() > 0.7 * 50.0
 
 
-def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(make_arm):
+def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
+    make_arm,
+):
     """Tension of 1 N at rest and 9 N more at full bend: clipping a cable at zero must not halve the bend asked for."""
-    arm = make_arm(2, 4, {"pretension": 1.0, "tension_range": 9.0}, actuation="tension", sensing="true")
+    arm = make_arm(
+        2,
+        4,
+        {"pretension": 1.0, "tension_range": 9.0},
+        actuation="tension",
+        sensing="true",
+    )
     strategy = LSTMStrategy(untrained(arm, loudness=100.0))
     reading = Reading(0.0, {"states": np.tile([0.0, 0, 0.4, 0, 0, 1], (2, 1))})
     strategy.start(reading)
@@ -206,7 +270,11 @@ def test_a_run_does_not_depend_on_the_runs_before_it(strategy, twin):
 
 def test_it_hears_the_wanted_tip_and_nothing_else_of_a_goal(strategy, twin):
     reading = SimulatedRobot(twin).open()
-    more = TARGET.with_axis([1, 0, 1]).with_obstacles([[0.1, 0.0, 0.5]], [0.1]).with_position([0, 0, 0.1], module=0)
+    more = (
+        TARGET.with_axis([1, 0, 1])
+        .with_obstacles([[0.1, 0.0, 0.5]], [0.1])
+        .with_position([0, 0, 0.1], module=0)
+    )
     other = Goal.of(3).with_position([-0.2, 0.0, 0.5])
     answers = []
     for goal in (TARGET, more, other):
@@ -220,11 +288,14 @@ def test_it_senses_what_is_true_and_plans_nothing(strategy, twin):
     robot = SimulatedRobot(twin)
     strategy.start(robot.open())
     for _ in range(8):
-        robot.step(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+        robot.step(
+            -0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high
+        )
     reading = robot.read()
     strategy.step(reading, TARGET)
     sensed = strategy.told()["sensed"]
-    np.testing.assert_allclose(sensed, reading["configurations"], atol=3e-3)  # states do not tell torsion
+    # states do not tell torsion
+    np.testing.assert_allclose(sensed, reading["configurations"], atol=3e-3)
     assert np.abs(sensed[:, :2]).max() > 0.05
     assert set(strategy.told()) == {"sensed"}
 
@@ -235,8 +306,14 @@ def without_tip(reading: Reading) -> Reading:
     return Reading(reading.time, {"states": states})
 
 
-@pytest.mark.parametrize("blind", [lambda reading: Reading(reading.time, {}), without_tip], ids=["none", "nan"])
-def test_a_reading_without_the_true_tip_is_refused_and_changes_nothing(strategy, twin, blind):
+@pytest.mark.parametrize(
+    "blind",
+    [lambda reading: Reading(reading.time, {}), without_tip],
+    ids=["none", "nan"],
+)
+def test_a_reading_without_the_true_tip_is_refused_and_changes_nothing(
+    strategy, twin, blind
+):
     reading = SimulatedRobot(twin).open()
     with pytest.raises(StrategyError, match="reads true states"):
         strategy.start(blind(reading))
@@ -251,7 +328,11 @@ def test_a_reading_without_the_true_tip_is_refused_and_changes_nothing(strategy,
 
 @pytest.mark.parametrize(
     "goal",
-    [Goal.of(3), Goal.of(3).with_axis([0, 0, 1]), TARGET._replace(positions=np.full((3, 3), np.nan))],
+    [
+        Goal.of(3),
+        Goal.of(3).with_axis([0, 0, 1]),
+        TARGET._replace(positions=np.full((3, 3), np.nan)),
+    ],
     ids=["nothing", "axis", "nan"],
 )
 def test_a_goal_without_a_tip_position_is_refused(strategy, twin, goal):
@@ -269,7 +350,9 @@ def test_one_that_was_not_started_says_so(trained, twin):
         fresh.told()
 
 
-def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towards_a_target(strategy, twin):
+def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towards_a_target(
+    strategy, twin
+):
     task = Task("hold", (TARGET,) * 40)
     done = rollout(SimulatedRobot(twin), strategy, task)
     errors = position_errors(done.after("states"), task.wanted_positions())
@@ -283,4 +366,6 @@ def test_layers_units_are_those_that_bends_are_counted_in(twin):
     layer, geometry = SumAndRange.of(twin), ArmGeometry.of(twin)
     action = np.asarray(layer.actions(layer.matrices[..., 0]))
     degrees = bends_of(twin, action[None])[0, :, 0]
-    np.testing.assert_allclose(degrees, 1.25 * np.rad2deg(geometry.bend_limits), rtol=1e-5)
+    np.testing.assert_allclose(
+        degrees, 1.25 * np.rad2deg(geometry.bend_limits), rtol=1e-5
+    )

@@ -25,8 +25,15 @@ PATH = 0.5 + 0.5 * np.sin(np.linspace(0, 20, 60)[:, None] + np.arange(6))
 @pytest.fixture(scope="module")
 def ideal(twin):
     """The twin with cables that neither stretch nor rub, without gravity: an arm as PCC says."""
-    modules = tuple(module.model_copy(update={"cable": Cable(stiffness=1e6)}) for module in twin.modules)
-    changes = {"gravity_direction": (0.0, 0.0, 0.0), "motor": Motor(noise_ticks=0.0), "modules": modules}
+    modules = tuple(
+        module.model_copy(update={"cable": Cable(stiffness=1e6)})
+        for module in twin.modules
+    )
+    changes = {
+        "gravity_direction": (0.0, 0.0, 0.0),
+        "motor": Motor(noise_ticks=0.0),
+        "modules": modules,
+    }
     return twin.model_copy(update={"name": "ideal", **changes})
 
 
@@ -45,7 +52,15 @@ def circle_run(ideal, pcc):
 def recorded(arm, cables, states, options=None) -> Recording:
     """A recording of these cables and states, shape (episodes, samples, ...)."""
     episodes = [
-        Episode(arm, {"time": np.arange(len(one)), "actions": one, "sensor.cables": one, "sensor.states": true})
+        Episode(
+            arm,
+            {
+                "time": np.arange(len(one)),
+                "actions": one,
+                "sensor.cables": one,
+                "sensor.states": true,
+            },
+        )
         for one, true in zip(cables, states, strict=True)
     ]
     return Recording(arm, options or {"episodes": len(episodes)}, tuple(episodes))
@@ -56,12 +71,16 @@ def synthetic(arm, gains) -> Recording:
     bends = 0.6 * (PATH.reshape(2, 30, 3, 2) - 0.5)
     cables = np.asarray(PCC.of(arm).actions(jnp.asarray(bends, jnp.float32)), float)
     true = jnp.asarray(bends * np.asarray(gains)[:, None], jnp.float32)
-    states = np.asarray(states_from_bends(true, jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)))
+    states = np.asarray(
+        states_from_bends(true, jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32))
+    )
     return recorded(arm, cables, states)
 
 
 def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
-    errors = position_errors(circle_run.after("states"), circle_run.ran("wanted_positions"))
+    errors = position_errors(
+        circle_run.after("states"), circle_run.ran("wanted_positions")
+    )
     assert errors.mean() < 1.0
     assert errors.max() < 2.0
 
@@ -69,10 +88,14 @@ def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
 def test_on_such_an_arm_what_is_planned_is_what_happens(circle_run):
     configurations = circle_run.after("configurations")
     np.testing.assert_allclose(configurations, circle_run.ran("planned"), atol=0.01)
-    np.testing.assert_allclose(circle_run.ran("sensed")[1:], configurations[:-1], atol=0.01)
+    np.testing.assert_allclose(
+        circle_run.ran("sensed")[1:], configurations[:-1], atol=0.01
+    )
 
 
-@pytest.mark.parametrize("target", [[5.0, 0.0, 0.0], [0.0, 0.0, 100.0], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "target", [[5.0, 0.0, 0.0], [0.0, 0.0, 100.0], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]]
+)
 def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, target):
     geometry, robot = ArmGeometry.of(ideal), SimulatedRobot(ideal)
     reading = robot.open()
@@ -80,17 +103,26 @@ def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, ta
     states = []
     for _ in range(60):
         action = pcc.step(reading, Goal.of(3).with_position(target))
-        assert np.all((action >= geometry.action_low - 1e-6) & (action <= geometry.action_high + 1e-6))
+        assert np.all(
+            (action >= geometry.action_low - 1e-6)
+            & (action <= geometry.action_high + 1e-6)
+        )
         robot.step(action)
         reading = robot.read()
         states.append(reading["states"])
     assert np.isfinite(states).all()
-    assert np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
-    np.testing.assert_allclose(np.linalg.norm(pcc.told()["planned"], axis=-1), 1.0, atol=1e-4)
+    assert (
+        np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
+    )
+    np.testing.assert_allclose(
+        np.linalg.norm(pcc.told()["planned"], axis=-1), 1.0, atol=1e-4
+    )
     assert np.all(np.arccos(pcc.told()["planned"][:, 2]) <= geometry.bend_limits + 1e-3)
 
 
-def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_limit_and_no_faster(ideal, pcc):
+def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_limit_and_no_faster(
+    ideal, pcc
+):
     robot = SimulatedRobot(ideal)
     reading = robot.open()
     pcc.start(reading)
@@ -113,7 +145,9 @@ def test_pcc_does_not_listen_to_the_arm(ideal, pcc):
     actions = []
     for bend in (0.0, 0.01):
         pcc.start(rest)
-        reading = Reading(0.1, {"cables": rest["cables"] + bend * np.array([-1, 0.5, 0.5])})
+        reading = Reading(
+            0.1, {"cables": rest["cables"] + bend * np.array([-1, 0.5, 0.5])}
+        )
         actions.append([pcc.step(reading, goal) for goal in goals])
     np.testing.assert_array_equal(*actions)
 
@@ -128,15 +162,22 @@ def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     plain = pcc_strategy(twin, PAPER)
     fitted = pcc_fitted_strategy(synthetic(twin, [0.8] * 3), PAPER)
     assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
-    goal, rest = Goal.of(3).with_position([0.2, 0.05, 0.5]), Reading(0.0, {"cables": np.zeros((3, 3))})
+    goal, rest = (
+        Goal.of(3).with_position([0.2, 0.05, 0.5]),
+        Reading(0.0, {"cables": np.zeros((3, 3))}),
+    )
     for strategy in (plain, fitted):
         strategy.start(rest)
     for _ in range(5):
         one, two = (strategy.step(rest, goal) for strategy in (plain, fitted))
     assert np.abs(one).max() > 1e-3
     np.testing.assert_allclose(two, one / 0.8, atol=1e-6)
-    far = [fitted.step(rest, Goal.of(3).with_position([5.0, 0.0, 0.2])) for _ in range(30)]
-    assert np.max(np.abs(far) / ArmGeometry.of(twin).action_high) == pytest.approx(1.0, abs=1e-6)
+    far = [
+        fitted.step(rest, Goal.of(3).with_position([5.0, 0.0, 0.2])) for _ in range(30)
+    ]
+    assert np.max(np.abs(far) / ArmGeometry.of(twin).action_high) == pytest.approx(
+        1.0, abs=1e-6
+    )
 
 
 def test_gains_are_not_fitted_to_a_recording_cut_short(twin):
@@ -151,9 +192,17 @@ def test_gains_cannot_be_fitted_without_true_states(twin):
     with pytest.raises(RecordingError, match="true states"):
         fitted_gains(nan)
     episode = whole.episodes[0]
-    columns = {name: values for name, values in episode.columns.items() if name != "sensor.states"}
-    with pytest.raises(RecordingError, match="this recording lacks 'states'; it has cables"):
-        fitted_gains(replace(whole, options={}, episodes=(replace(episode, columns=columns),)))
+    columns = {
+        name: values
+        for name, values in episode.columns.items()
+        if name != "sensor.states"
+    }
+    with pytest.raises(
+        RecordingError, match="this recording lacks 'states'; it has cables"
+    ):
+        fitted_gains(
+            replace(whole, options={}, episodes=(replace(episode, columns=columns),))
+        )
 
 
 def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):

@@ -28,17 +28,25 @@ def test_a_recipe_comes_back_from_its_file_under_the_name_of_the_file(recipe, tm
 
 
 def test_the_recipe_that_the_page_shows_is_one(tmp_path):
-    page = (Path(__file__).parents[2] / "docs" / "recipe.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "recipe.md").read_text(
+        encoding="utf-8"
+    )
     (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (tmp_path / "mine.toml").write_text(text)
     mine, best = load_recipe(tmp_path / "mine.toml"), RECIPES["best"]
     assert (mine.episodes, mine.c2s.hidden, mine.c2s_fit.most_epochs) == (40, 32, 30)
-    assert (mine.c2a_fit, len(mine.planner.terms)) == (best.c2a_fit, len(best.planner.terms))
+    assert (mine.c2a_fit, len(mine.planner.terms)) == (
+        best.c2a_fit,
+        len(best.planner.terms),
+    )
 
 
 def test_names_and_files_are_told_apart(tmp_path):
     assert recipe_from("best") is RECIPES["best"]
-    assert recipe_from(save_recipe(RECIPES["paper"], tmp_path / "mine.toml")).c2s == RECIPES["paper"].c2s
+    assert (
+        recipe_from(save_recipe(RECIPES["paper"], tmp_path / "mine.toml")).c2s
+        == RECIPES["paper"].c2s
+    )
     with pytest.raises(StrategyError, match="a name of its own"):
         recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml"))
     with pytest.raises(StrategyError, match="choose one of best, best-long, paper"):
@@ -48,21 +56,45 @@ def test_names_and_files_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda text: text.replace("correction =", "corection ="), "corection: no such key; did you mean correction"),
-        (lambda text: text.replace("depth =", "dept ="), "dept: no such key; did you mean depth"),
-        (lambda text: text.replace("iterations = 20", "iterations = 0"), "0 iterations"),
-        (lambda text: text.replace("iterations = 20", "iterations = 'many'"), "iterations"),
+        (
+            lambda text: text.replace("correction =", "corection ="),
+            "corection: no such key; did you mean correction",
+        ),
+        (
+            lambda text: text.replace("depth =", "dept ="),
+            "dept: no such key; did you mean depth",
+        ),
+        (
+            lambda text: text.replace("iterations = 20", "iterations = 0"),
+            "0 iterations",
+        ),
+        (
+            lambda text: text.replace("iterations = 20", "iterations = 'many'"),
+            "iterations",
+        ),
         (lambda text: text[: text.index("[c2s]")], "c2s"),
-        (lambda text: text.replace("correction = 0.2", "correction = nan"), "correction = nan was asked for"),
-        (lambda text: text.replace('model = "local"', ""), r"version 0\.1; .*such as model = 'chain'"),
+        (
+            lambda text: text.replace("correction = 0.2", "correction = nan"),
+            "correction = nan was asked for",
+        ),
+        (
+            lambda text: text.replace('model = "local"', ""),
+            r"version 0\.1; .*such as model = 'chain'",
+        ),
         (
             lambda text: text.replace('model = "local"', 'model = "soup"'),
             "no model 'soup'; choose one of bilstm, chain, local",
         ),
-        (lambda text: text.replace('model = "local"', 'model = "json:loads"'), "no forward model's options"),
+        (
+            lambda text: text.replace('model = "local"', 'model = "json:loads"'),
+            "no forward model's options",
+        ),
         (lambda text: text.replace('model = "local"', 'model = "bilstm"'), "layers"),
         (lambda text: "no recipe", "mine.toml: not valid TOML"),
-        (lambda text: "most_epochs = 5\n" + text, "most_epochs: no such key here, though another table has one"),
+        (
+            lambda text: "most_epochs = 5\n" + text,
+            "most_epochs: no such key here, though another table has one",
+        ),
     ],
 )
 def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
@@ -73,14 +105,22 @@ def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
 
 
 def test_a_file_that_is_missing_names_the_recipes(tmp_path):
-    with pytest.raises(StrategyError, match=r"no recipe at .*; take best, best-long, paper"):
+    with pytest.raises(
+        StrategyError, match=r"no recipe at .*; take best, best-long, paper"
+    ):
         recipe_from(tmp_path / "none.toml")
 
 
-def test_a_recipe_of_0_1_is_refused_in_one_sentence_that_says_how_to_write_it_again(tmp_path):
+def test_a_recipe_of_0_1_is_refused_in_one_sentence_that_says_how_to_write_it_again(
+    tmp_path,
+):
     c2s, c2a = "[c2s]\nhidden = 64\ndepth = 2\n", "[c2a]\nlayers = 2\nhidden = 32\n"
-    (tmp_path / "mine.toml").write_text(f"correction = 0.2\n{c2s}{c2a}[planner]\niterations = 25\nunit = 0.5\n")
-    with pytest.raises(StrategyError, match=r"version 0\.1; write based_on = 'best' and what differs") as refused:
+    (tmp_path / "mine.toml").write_text(
+        f"correction = 0.2\n{c2s}{c2a}[planner]\niterations = 25\nunit = 0.5\n"
+    )
+    with pytest.raises(
+        StrategyError, match=r"version 0\.1; write based_on = 'best' and what differs"
+    ) as refused:
         load_recipe(tmp_path / "mine.toml")
     assert len(str(refused.value).splitlines()) == 1
 
@@ -92,9 +132,17 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
         '[[planner.terms]]\nname = "Evenness"\nweight = 0.5\n[c2s]\nhidden = 32\n'
     )
     mine, best = load_recipe(path), RECIPES["best"]
-    terms = tuple(Evenness(0.5) if term == Evenness() else term for term in best.planner.terms)
+    terms = tuple(
+        Evenness(0.5) if term == Evenness() else term for term in best.planner.terms
+    )
     assert mine.planner == replace(best.planner, guides=(), solver=Adam(), terms=terms)
-    assert mine == replace(best, name="mine", correction=0.1, c2s=replace(best.c2s, hidden=32), planner=mine.planner)
+    assert mine == replace(
+        best,
+        name="mine",
+        correction=0.1,
+        c2s=replace(best.c2s, hidden=32),
+        planner=mine.planner,
+    )
     path.write_text('based_on = "worst"')
     with pytest.raises(StrategyError, match="no recipe 'worst'"):
         load_recipe(path)
@@ -105,12 +153,28 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
     [
         (lambda: {"correction": math.nan}, "correction = nan was asked for"),
         (lambda: {"history_noise": math.inf}, "history_noise = inf was asked for"),
-        (lambda: {"speeds": (0.02, math.inf)}, r"speeds = \(0\.02, inf\) was asked for"),
-        (lambda: {"axis_weights": (("hold-", math.nan),)}, "nan.* was asked for; take weights"),
-        (lambda: {"c2s_fit": replace(RECIPES["best"].c2s_fit, learning_rate=math.inf)}, "learning_rate = inf"),
-        (lambda: {"c2s": replace(RECIPES["best"].c2s, creep_times=(math.nan,))}, "creep_times"),
         (
-            lambda: {"planner": replace(BEST, solver=Own("mine:Solver", {"step": math.nan}))},
+            lambda: {"speeds": (0.02, math.inf)},
+            r"speeds = \(0\.02, inf\) was asked for",
+        ),
+        (
+            lambda: {"axis_weights": (("hold-", math.nan),)},
+            "nan.* was asked for; take weights",
+        ),
+        (
+            lambda: {
+                "c2s_fit": replace(RECIPES["best"].c2s_fit, learning_rate=math.inf)
+            },
+            "learning_rate = inf",
+        ),
+        (
+            lambda: {"c2s": replace(RECIPES["best"].c2s, creep_times=(math.nan,))},
+            "creep_times",
+        ),
+        (
+            lambda: {
+                "planner": replace(BEST, solver=Own("mine:Solver", {"step": math.nan}))
+            },
             r"no finite number at planner\.solver\.parameters\.step",
         ),
     ],
@@ -138,15 +202,27 @@ def test_absurd_numbers_are_refused_where_they_are_given(absurd):
         absurd()
 
 
-def test_a_recipe_based_on_another_takes_nothing_of_its_forward_model_where_that_differs(tmp_path):
+def test_a_recipe_based_on_another_takes_nothing_of_its_forward_model_where_that_differs(
+    tmp_path,
+):
     path = tmp_path / "mine.toml"
-    path.write_text('based_on = "best"\n[c2s]\nmodel = "bilstm"\nlayers = 2\nhidden = 16\n')
-    assert load_recipe(path) == replace(RECIPES["best"], name="mine", c2s=C2SOptions(2, 16))
+    path.write_text(
+        'based_on = "best"\n[c2s]\nmodel = "bilstm"\nlayers = 2\nhidden = 16\n'
+    )
+    assert load_recipe(path) == replace(
+        RECIPES["best"], name="mine", c2s=C2SOptions(2, 16)
+    )
 
 
-def test_a_forward_model_in_a_file_beside_the_recipe_is_found_from_anywhere(tmp_path, monkeypatch):
+def test_a_forward_model_in_a_file_beside_the_recipe_is_found_from_anywhere(
+    tmp_path, monkeypatch
+):
     file = tmp_path / "beside_model.py"
-    file.write_text((Path(__file__).parents[2] / "examples" / "extending" / "own_model.py").read_text())
+    file.write_text(
+        (
+            Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
+        ).read_text()
+    )
     (tmp_path / "mine.toml").write_text(
         'based_on = "paper"\n[c2s]\nmodel = "beside_model.py:ArcsOptions"\nhidden = 5\n'
     )

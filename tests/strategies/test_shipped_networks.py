@@ -7,11 +7,17 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import load_strategy, recipe_named, s2c2a_strategy, shipped_networks
+from s2c2a.strategies import (
+    load_strategy,
+    recipe_named,
+    s2c2a_strategy,
+    shipped_networks,
+)
 from s2c2a.strategies.s2c2a import FOLDER
 from s2c2a.tasks import circle
 
-PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}  # cm; README says 0.28 and 0.05 over five seeds
+# cm; README says 0.28 and 0.05 over five seeds
+PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}
 
 
 @pytest.mark.parametrize(("name", "most"), PRESETS.items())

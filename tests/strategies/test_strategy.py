@@ -16,7 +16,13 @@ from s2c2a.planning import PAPER, Adam, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
-from s2c2a.strategies import RECIPES, pcc_strategy, recipe_named, s2c2a_strategy, train_s2c2a
+from s2c2a.strategies import (
+    RECIPES,
+    pcc_strategy,
+    recipe_named,
+    s2c2a_strategy,
+    train_s2c2a,
+)
 
 REST = Goal.of(3)
 
@@ -49,9 +55,15 @@ def moving_goals(steps: int = 20) -> list[Goal]:
     """Goals that change in everything that may change from step to step."""
     goals = []
     for step in range(steps):
-        goal = Goal.of(3, change_weight=0.1 * step).with_position([0.01 * step, 0.0, 0.5], weight=step)
+        goal = Goal.of(3, change_weight=0.1 * step).with_position(
+            [0.01 * step, 0.0, 0.5], weight=step
+        )
         goal = goal.with_axis([0.1, step, 1.0], weight=0.3, module=step % 3)
-        goals.append(goal.with_obstacles(np.full((step % 3, 3), 0.3), np.full(step % 3, 0.1), weight=step))
+        goals.append(
+            goal.with_obstacles(
+                np.full((step % 3, 3), 0.3), np.full(step % 3, 0.1), weight=step
+            )
+        )
     return [*goals, REST]
 
 
@@ -61,12 +73,18 @@ def live(strategy, arm, goals, watched=True) -> np.ndarray:
     actions, reading = [], robot.open()
 
     def seen(reading):
-        return reading if watched else Reading(reading.time, {"cables": reading["cables"]})
+        return (
+            reading if watched else Reading(reading.time, {"cables": reading["cables"]})
+        )
 
     strategy.start(seen(reading))
     for goal in goals:
         actions.append(robot.step(strategy.step(seen(robot.read()), goal)))
-        assert strategy.told()["sensed"].shape == strategy.told()["planned"].shape == (3, 3)
+        assert (
+            strategy.told()["sensed"].shape
+            == strategy.told()["planned"].shape
+            == (3, 3)
+        )
     return np.array(actions)
 
 
@@ -75,7 +93,12 @@ def changed(recording, **columns) -> Recording:
 
     def one(episode):
         every = {**episode.columns, **columns}
-        return replace(episode, columns={name: values for name, values in every.items() if values is not None})
+        return replace(
+            episode,
+            columns={
+                name: values for name, values in every.items() if values is not None
+            },
+        )
 
     return replace(recording, episodes=tuple(map(one, recording.episodes)))
 
@@ -85,7 +108,11 @@ def compilations(caplog):
     """What JAX compiles inside a `with`; other loggers' words are left out."""
 
     def messages() -> list[str]:
-        return [record.getMessage() for record in caplog.records if record.name.startswith("jax")]
+        return [
+            record.getMessage()
+            for record in caplog.records
+            if record.name.startswith("jax")
+        ]
 
     with caplog.at_level(logging.WARNING), jax.log_compiles(True):
         yield messages
@@ -101,7 +128,9 @@ def compilations(caplog):
         ("simulated_pcc", "simulated", True),
     ],
 )
-def test_nothing_compiles_after_a_strategy_is_built(strategy, arm, watched, request, compilations):
+def test_nothing_compiles_after_a_strategy_is_built(
+    strategy, arm, watched, request, compilations
+):
     built, body = request.getfixturevalue(strategy), request.getfixturevalue(arm)
     before = len(compilations())
     live(built, body, moving_goals(), watched)
@@ -124,7 +153,10 @@ def test_a_trained_strategy_drives_the_arm_within_its_limits(either, twin):
 
 
 def test_readings_that_are_no_numbers_are_refused_and_leave_no_trace(either, twin):
-    good = [Reading(0.1 * step, {"cables": np.full((3, 3), 1e-3 * step)}) for step in range(3)]
+    good = [
+        Reading(0.1 * step, {"cables": np.full((3, 3), 1e-3 * step)})
+        for step in range(3)
+    ]
     bad = Reading(0.1, {"cables": np.full((3, 3), np.nan)})
 
     def driven(with_a_bad_one):
@@ -160,16 +192,28 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
     robot = SimulatedRobot(twin)
     either.start(robot.open())
     for _ in range(8):
-        robot.step(-0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high)
+        robot.step(
+            -0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high
+        )
     reading = robot.read()
     either.step(reading, REST)
-    np.testing.assert_allclose(either.told()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6)
-    assert np.linalg.norm(either.told()["sensed"] - reading["configurations"], axis=-1).max() > 0.02
+    np.testing.assert_allclose(
+        either.told()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6
+    )
+    assert (
+        np.linalg.norm(
+            either.told()["sensed"] - reading["configurations"], axis=-1
+        ).max()
+        > 0.02
+    )
 
 
 def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, twin):
     """Its history holds the action that a limit let through, as if it had asked for it."""
-    reading, goal = SimulatedRobot(twin).open(), Goal.of(3).with_position([0.1, 0.0, 0.55])
+    reading, goal = (
+        SimulatedRobot(twin).open(),
+        Goal.of(3).with_position([0.1, 0.0, 0.55]),
+    )
     after = []
     for told in (False, True, True):
         trained.start(reading)
@@ -181,14 +225,24 @@ def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, 
     np.testing.assert_array_equal(after[1], after[2])
 
 
-@pytest.mark.parametrize(("name", "watched"), [("trained", {}), ("best", {"load": (), "leans": (3, 2)})])
-def test_what_is_told_of_a_step_has_the_columns_of_an_episode(name, watched, twin, request):
+@pytest.mark.parametrize(
+    ("name", "watched"), [("trained", {}), ("best", {"load": (), "leans": (3, 2)})]
+)
+def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
+    name, watched, twin, request
+):
     either = request.getfixturevalue(name)
     reading = SimulatedRobot(twin).open()
     either.start(reading)
     either.step(reading, REST)
     told = {name: values.shape for name, values in either.told().items()}
-    columns = {"sensed": (3, 3), "planned": (3, 3), "expected": (3, 6), "deviation": (3,), "doubt": ()}
+    columns = {
+        "sensed": (3, 3),
+        "planned": (3, 3),
+        "expected": (3, 6),
+        "deviation": (3,),
+        "doubt": (),
+    }
     columns |= {"rescued": (), "standing": ()}
     assert told == columns | watched
 
@@ -217,51 +271,84 @@ def test_training_without_true_states_is_refused(recording, tiny_recipe):
 
 def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe):
     nan = np.full_like(recording.episodes[0].sensor("cables"), np.nan)
-    with pytest.raises(RecordingError, match="lacks the configurations that its arm senses"):
+    with pytest.raises(
+        RecordingError, match="lacks the configurations that its arm senses"
+    ):
         train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
 
 
 def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
     told = []
-    train_s2c2a(recording, tiny_recipe, seed=7, progress=lambda *what: told.append(what[:3]))
+    train_s2c2a(
+        recording, tiny_recipe, seed=7, progress=lambda *what: told.append(what[:3])
+    )
     assert told == [("C2S", 6, 12), ("C2S", 12, 12), ("C2A", 6, 12), ("C2A", 12, 12)]
 
 
 def test_recipes_are_known_by_name_and_others_refused():
-    assert [recipe_named(name).name for name in RECIPES] == ["best", "best-long", "paper"]
+    assert [recipe_named(name).name for name in RECIPES] == [
+        "best",
+        "best-long",
+        "paper",
+    ]
     with pytest.raises(StrategyError, match=r"'soup'.*best, best-long, paper"):
         recipe_named("soup")
 
 
 def test_a_recipe_says_how_its_data_are_collected():
     best, long = recipe_named("best"), recipe_named("best-long")
-    assert long.collect_options(3) == CollectOptions("mixed", 72, seed=3, speeds=best.speeds)
+    assert long.collect_options(3) == CollectOptions(
+        "mixed", 72, seed=3, speeds=best.speeds
+    )
     assert replace(long, name="best", episodes=18) == best
 
 
 def test_the_papers_recipe_has_the_papers_numbers():
     """Chen et al. 2025, table II and sec. III-A."""
     paper = recipe_named("paper")
-    assert (paper.c2s.layers, paper.c2s.hidden, paper.c2a.layers, paper.c2a.hidden) == (4, 64, 2, 32)
+    assert (paper.c2s.layers, paper.c2s.hidden, paper.c2a.layers, paper.c2a.hidden) == (
+        4,
+        64,
+        2,
+        32,
+    )
     assert (paper.c2s_fit.learning_rate, paper.c2s_fit.batch_size) == (1e-3, 64)
     assert (paper.c2a_fit.learning_rate, paper.c2a_fit.batch_size) == (1e-3, 64)
-    assert (paper.planner.solver, paper.planner.on_sphere) == (Adam(learning_rate=0.02, iterations=10), True)
+    assert (paper.planner.solver, paper.planner.on_sphere) == (
+        Adam(learning_rate=0.02, iterations=10),
+        True,
+    )
     assert paper.history_noise > 0
 
 
 def test_the_papers_recipe_has_nothing_of_the_best_ones():
     """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
     paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.correction, paper.directions) == ("tip", 0.0, False)
-    assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {1.0}
-    assert (recipe_named("best").axis_weight("hold-end"), recipe_named("best").axis_weight("circle")) == (3.0, 1.0)
+    assert (paper.planner.guard, paper.correction, paper.directions) == (
+        "tip",
+        0.0,
+        False,
+    )
+    assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {
+        1.0
+    }
+    assert (
+        recipe_named("best").axis_weight("hold-end"),
+        recipe_named("best").axis_weight("circle"),
+    ) == (3.0, 1.0)
 
 
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     best = recipe_named("best")
-    at_work = replace(best, name="other", planner=PAPER, correction=0.0, axis_weights=())
+    at_work = replace(
+        best, name="other", planner=PAPER, correction=0.0, axis_weights=()
+    )
     assert at_work.training == best.training
-    for change in ({"speeds": (0.03, 0.2)}, {"directions": False}, {"c2s": recipe_named("paper").c2s}):
+    for change in (
+        {"speeds": (0.03, 0.2)},
+        {"directions": False},
+        {"c2s": recipe_named("paper").c2s},
+    ):
         assert replace(best, **change).training != best.training
 
 

@@ -21,7 +21,10 @@ from s2c2a.strategies import load_lstm, load_strategy, save_strategy
 def outputs(networks, seed=0) -> list[np.ndarray]:
     """What both networks answer to random questions."""
     random = np.random.default_rng(seed)
-    shapes = (random.normal(size=(5, 3, *shape)).astype(np.float32) for shape in ((3,), (4, 3), (5, 3)))
+    shapes = (
+        random.normal(size=(5, 3, *shape)).astype(np.float32)
+        for shape in ((3,), (4, 3), (5, 3))
+    )
     wanted, configurations, actions = shapes
 
     def predicted(c2s, sensed):
@@ -39,7 +42,10 @@ def outputs(networks, seed=0) -> list[np.ndarray]:
 @pytest.fixture(params=["paper", "best"])
 def saved(request):
     """Networks of either recipe, and the file that they were saved to."""
-    of_kind = {"paper": ("tiny_networks", "strategy_file"), "best": ("tiny_best_networks", "best_strategy_file")}
+    of_kind = {
+        "paper": ("tiny_networks", "strategy_file"),
+        "best": ("tiny_best_networks", "best_strategy_file"),
+    }
     return tuple(request.getfixturevalue(name) for name in of_kind[request.param])
 
 
@@ -76,13 +82,17 @@ def test_others_may_read_a_file_as_far_as_the_user_lets_them(tiny_networks, tmp_
 
 def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(saved, twin):
     networks, path = saved
-    for before, after in zip(outputs(networks), outputs(load_strategy(path, twin)), strict=True):
+    for before, after in zip(
+        outputs(networks), outputs(load_strategy(path, twin)), strict=True
+    ):
         np.testing.assert_array_equal(after, before)
 
 
 def test_every_weight_and_scaling_comes_back(saved):
     loaded = load_strategy(saved[1])
-    before, after = (jax.tree.leaves(networks.networks) for networks in (saved[0], loaded))
+    before, after = (
+        jax.tree.leaves(networks.networks) for networks in (saved[0], loaded)
+    )
     assert len(before) > 20
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
@@ -92,7 +102,11 @@ def test_what_is_known_of_the_training_comes_back(saved, twin):
     networks, path = saved
     loaded = load_strategy(path)
     assert loaded.arm == twin
-    assert (loaded.recipe, loaded.seed, loaded.percent) == (networks.recipe, 7, networks.percent)
+    assert (loaded.recipe, loaded.seed, loaded.percent) == (
+        networks.recipe,
+        7,
+        networks.percent,
+    )
     assert loaded.curves.keys() == networks.curves.keys()
     np.testing.assert_array_equal(loaded.curves["C2A"], networks.curves["C2A"])
 
@@ -121,7 +135,9 @@ def test_a_place_that_cannot_be_written_is_refused(tiny_networks, tmp_path):
         save_strategy(tiny_networks, tmp_path / "file" / "one.safetensors")
 
 
-def test_the_file_tells_its_schema_version_recipe_and_errors(strategy_file, tiny_networks):
+def test_the_file_tells_its_schema_version_recipe_and_errors(
+    strategy_file, tiny_networks
+):
     _, metadata = contents(strategy_file)
     assert (metadata["schema_version"], metadata["kind"]) == (2, "s2c2a")
     assert metadata["version"]
@@ -134,7 +150,8 @@ def test_the_file_tells_its_schema_version_recipe_and_errors(strategy_file, tiny
 def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):
     renamed = twin.model_copy(update={"name": "ours", "description": "the same body"})
     np.testing.assert_array_equal(
-        outputs(load_strategy(strategy_file, renamed))[0], outputs(load_strategy(strategy_file))[0]
+        outputs(load_strategy(strategy_file, renamed))[0],
+        outputs(load_strategy(strategy_file))[0],
     )
 
 
@@ -147,14 +164,18 @@ def softer(arm):
 OTHER_ARMS = {
     "control_rate": lambda arm: arm.model_copy(update={"control_rate": 20.0}),
     "coupled_cables": lambda arm: arm.model_copy(update={"coupled_cables": True}),
-    "motor": lambda arm: arm.model_copy(update={"motor": arm.motor.model_copy(update={"time_constant": 0.1})}),
+    "motor": lambda arm: arm.model_copy(
+        update={"motor": arm.motor.model_copy(update={"time_constant": 0.1})}
+    ),
     "modules": softer,
     "sensing": lambda arm: arm.model_copy(update={"sensing": "true"}),
 }
 
 
 @pytest.mark.parametrize(("field", "change"), OTHER_ARMS.items(), ids=OTHER_ARMS)
-def test_a_strategy_of_another_arm_is_refused_and_the_difference_named(strategy_file, twin, field, change):
+def test_a_strategy_of_another_arm_is_refused_and_the_difference_named(
+    strategy_file, twin, field, change
+):
     other = change(twin).model_copy(update={"name": "other"})
     with pytest.raises(StrategyError, match=rf"'twin_arm'.*'other' in {field};"):
         load_strategy(strategy_file, other)
@@ -203,16 +224,34 @@ def test_a_file_of_another_program_is_refused(tmp_path):
 
 @pytest.mark.parametrize("schema", [1, 3])
 def test_another_schema_is_refused_and_how_to_make_the_file_again_said(rewrite, schema):
-    with pytest.raises(StrategyError, match=rf"schema {schema}, this version reads 2.*`s2c2a train`"):
+    with pytest.raises(
+        StrategyError, match=rf"schema {schema}, this version reads 2.*`s2c2a train`"
+    ):
         load_strategy(rewrite({"schema_version": schema}))
 
 
 @pytest.mark.parametrize("key", ["s2c2a", "s2c2a-lstm"])
 @pytest.mark.parametrize("load", [load_strategy, load_lstm])
-def test_files_of_version_0_1_are_refused_with_how_to_make_them_again(tmp_path, key, load):
-    metadata = {"schema_version": 1, "version": "0.1.0", "arm": "", "recipe": {}, "seed": 0, "percent": {}}
-    save_file({"C2S.bias": np.zeros(3, np.float32)}, tmp_path / "old", metadata={key: json.dumps(metadata)})
-    with pytest.raises(StrategyError, match=r"0\.1; make it again with `s2c2a collect` and `s2c2a train`"):
+def test_files_of_version_0_1_are_refused_with_how_to_make_them_again(
+    tmp_path, key, load
+):
+    metadata = {
+        "schema_version": 1,
+        "version": "0.1.0",
+        "arm": "",
+        "recipe": {},
+        "seed": 0,
+        "percent": {},
+    }
+    save_file(
+        {"C2S.bias": np.zeros(3, np.float32)},
+        tmp_path / "old",
+        metadata={key: json.dumps(metadata)},
+    )
+    with pytest.raises(
+        StrategyError,
+        match=r"0\.1; make it again with `s2c2a collect` and `s2c2a train`",
+    ):
         load(tmp_path / "old")
 
 
@@ -231,8 +270,12 @@ WRONG_RECIPES = {
     "a weight of NaN": {"axis_weights": [["hold-", float("nan")]]},
     "a year of training": {"c2s_fit": {"most_epochs": 10**9}},
     "fewer than none": {"c2a": {"layers": 1, "hidden": -8}},
-    "no iteration": {"planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}},
-    "no number": {"planner": {"learning_rate": "fast", "iterations": 10, "on_sphere": True}},
+    "no iteration": {
+        "planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}
+    },
+    "no number": {
+        "planner": {"learning_rate": "fast", "iterations": 10, "on_sphere": True}
+    },
     "a size of no known form": {"c2a": {"layers": 1, "hidden": 8, "heads": 2}},
     "a word that no recipe has": {"luck": 1.0},
 }
@@ -242,37 +285,53 @@ WRONG_RECIPES = {
 def test_an_impossible_recipe_is_refused(rewrite, strategy_file, recipe):
     known = contents(strategy_file)[1]["recipe"] if recipe else {}
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite({"recipe": known | recipe if isinstance(recipe, dict) else recipe}))
+        load_strategy(
+            rewrite({"recipe": known | recipe if isinstance(recipe, dict) else recipe})
+        )
 
 
 @pytest.mark.parametrize("size", [{"hidden": 10**9}, {"layers": 32, "hidden": 4096}])
-def test_networks_larger_than_any_machine_holds_are_refused_and_not_built(rewrite, strategy_file, size):
+def test_networks_larger_than_any_machine_holds_are_refused_and_not_built(
+    rewrite, strategy_file, size
+):
     """In a process of its own, since running out of memory ends it."""
     huge = contents(strategy_file)[1]["recipe"] | {"c2s": BILSTM | size}
     load = "import sys; from s2c2a.strategies import load_strategy; load_strategy(sys.argv[1])"
     path = rewrite({"recipe": huge})
     limit = "import resource; resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30)); "
-    done = subprocess.run([sys.executable, "-c", limit + load, str(path)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", limit + load, str(path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 1
     assert "StrategyError" in done.stderr.splitlines()[-1]
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, tiny_networks):
     """A file cannot make a controller speak other cables than its arm has."""
-    forged = {"C2A.sum_and_range.high": np.full((3, 3), 9.0, np.float32), "C2A.sum_and_range.unit": np.ones((3, 1))}
+    forged = {
+        "C2A.sum_and_range.high": np.full((3, 3), 9.0, np.float32),
+        "C2A.sum_and_range.unit": np.ones((3, 1)),
+    }
     loaded, layer = load_strategy(rewrite(**forged)), tiny_networks.c2a.sum_and_range
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.high, layer.high)
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.unit, layer.unit)
 
 
-def test_what_follows_from_the_arm_is_no_part_of_the_file_of_a_chain(best_strategy_file, tiny_best_networks):
+def test_what_follows_from_the_arm_is_no_part_of_the_file_of_a_chain(
+    best_strategy_file, tiny_best_networks
+):
     """Lengths and cables are the arm's; the file holds only what was learned."""
     names = contents(best_strategy_file)[0].keys()
     assert len(jax.tree.leaves(tiny_best_networks.c2s.body)) > 0
     assert [name for name in names if ".body" in name] == []
 
 
-@pytest.mark.parametrize("name", ["C2S.network.bias_head", "C2A.network.layers[0][1].weight_hidden"])
+@pytest.mark.parametrize(
+    "name", ["C2S.network.bias_head", "C2A.network.layers[0][1].weight_hidden"]
+)
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
         load_strategy(rewrite(without=(name,)))
@@ -293,7 +352,9 @@ def test_an_array_of_other_numbers_is_refused(rewrite):
 def test_weights_that_are_not_finite_or_absurd_are_refused(rewrite, value):
     """They would drive the arm with NaN, or to its limits at once."""
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(rewrite(**{"C2S.network.bias_head": np.full(6, value, np.float32)}))
+        load_strategy(
+            rewrite(**{"C2S.network.bias_head": np.full(6, value, np.float32)})
+        )
 
 
 @pytest.mark.parametrize("key", ["arm", "recipe", "seed", "percent"])
@@ -304,7 +365,11 @@ def test_metadata_that_lack_a_key_are_refused(rewrite, key):
 
 @pytest.mark.parametrize("metadata", ["[1]", "{", "null", '"paper"'])
 def test_metadata_of_another_form_are_refused(strategy_file, tmp_path, metadata):
-    save_file(contents(strategy_file)[0], tmp_path / "odd", metadata={"s2c2a": metadata, "digest": "0" * 64})
+    save_file(
+        contents(strategy_file)[0],
+        tmp_path / "odd",
+        metadata={"s2c2a": metadata, "digest": "0" * 64},
+    )
     with pytest.raises(StrategyError, match="damaged"):
         load_strategy(tmp_path / "odd")
 
@@ -319,7 +384,12 @@ def test_a_byte_that_changes_anywhere_is_noticed(request, tmp_path, kind):
     """Of 300 places, half of them in the header: refused as a strategy, and with no other error."""
     whole = request.getfixturevalue(kind).read_bytes()
     random, length = np.random.default_rng(0), int.from_bytes(whole[:8], "little")
-    places = np.concatenate([random.integers(0, 8 + length, 150), random.integers(8 + length, len(whole), 150)])
+    places = np.concatenate(
+        [
+            random.integers(0, 8 + length, 150),
+            random.integers(8 + length, len(whole), 150),
+        ]
+    )
     for place in places:
         flipped = bytearray(whole)
         flipped[place] ^= int(random.integers(1, 256))
@@ -346,10 +416,16 @@ def test_a_header_too_large_and_arrays_too_many_are_refused(rewrite, tmp_path):
     with pytest.raises(StrategyError, match="header"):
         load_strategy(tmp_path / "header")
     with pytest.raises(StrategyError, match="arrays"):
-        load_strategy(rewrite(**{f"more{number}": np.zeros(1, np.float32) for number in range(10_001)}))
+        load_strategy(
+            rewrite(
+                **{f"more{number}": np.zeros(1, np.float32) for number in range(10_001)}
+            )
+        )
 
 
-@pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros(3), np.full((3, 3), np.nan)])
+@pytest.mark.parametrize(
+    "curve", [np.zeros((3, 2)), np.zeros(3), np.full((3, 3), np.nan)]
+)
 def test_a_learning_curve_that_cannot_be_drawn_is_refused(rewrite, curve):
     with pytest.raises(StrategyError, match="curve"):
         load_strategy(rewrite(**{"curve.C2S": curve}))
@@ -361,13 +437,18 @@ def test_a_file_without_its_curves_is_refused(rewrite, without):
         load_strategy(rewrite(without=(without,)))
 
 
-@pytest.mark.parametrize("percent", [{}, {"C2S": [1.0, 1.0]}, {"C2S": [float("nan"), 1.0], "C2A": [1.0, 1.0]}])
+@pytest.mark.parametrize(
+    "percent",
+    [{}, {"C2S": [1.0, 1.0]}, {"C2S": [float("nan"), 1.0], "C2A": [1.0, 1.0]}],
+)
 def test_held_out_errors_that_are_missing_or_no_numbers_are_refused(rewrite, percent):
     with pytest.raises(StrategyError, match="damaged"):
         load_strategy(rewrite({"percent": percent}))
 
 
-def test_no_module_is_imported_because_a_file_names_it(rewrite, strategy_file, tmp_path, monkeypatch):
+def test_no_module_is_imported_because_a_file_names_it(
+    rewrite, strategy_file, tmp_path, monkeypatch
+):
     (tmp_path / "trap.py").write_text("raise SystemExit('the file was believed')")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)

@@ -25,27 +25,44 @@ def cache(tmp_path_factory):
 def trained(cache):
     """Both arms' networks by the recipe `best`: name -> TrainedNetworks; one anew, the other as it is shipped."""
     shipped = {name: shipped_networks(load_arm(name)) for name in ARMS}
-    return shipped | {"twin_arm": made(NetworksArtifact(load_arm("twin_arm"), recipe_named("best"), seed=0), cache)}
+    return shipped | {
+        "twin_arm": made(
+            NetworksArtifact(load_arm("twin_arm"), recipe_named("best"), seed=0), cache
+        )
+    }
 
 
 @pytest.fixture(scope="session")
 def trained_as_the_paper(cache):
     """Both arms' networks by the recipe `paper`, with fewer epochs: name -> TrainedNetworks."""
     recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
-    recordings = {name: made(RecordingArtifact(load_arm(name), recipe.collect_options()), cache) for name in ARMS}
-    return {name: train_s2c2a(recording, recipe, seed=0) for name, recording in recordings.items()}
+    recordings = {
+        name: made(RecordingArtifact(load_arm(name), recipe.collect_options()), cache)
+        for name in ARMS
+    }
+    return {
+        name: train_s2c2a(recording, recipe, seed=0)
+        for name, recording in recordings.items()
+    }
 
 
 @pytest.fixture
 def make_trace(drawn):
     """Builds a run of an arm of 0.6 m round a circle, `lag` [rad] behind the target of the last module."""
 
-    def make(label: str = "s2c2a", lag: float = 0.0, modules: int = 3, **changes) -> Trace:
+    def make(
+        label: str = "s2c2a", lag: float = 0.0, modules: int = 3, **changes
+    ) -> Trace:
         around = 2 * np.pi * np.arange(200) / 200
         wanted, states = (_states_round(around - late, modules) for late in (0.0, lag))
         positions, axes = np.full((2, 200, modules, 3), np.nan)
         positions[:, -1], axes[:, -1] = wanted[:, -1, :3], wanted[:, -1, 3:]
-        values = {"times": 0.1 * np.arange(200), "states": states, "wanted_positions": positions, "wanted_axes": axes}
+        values = {
+            "times": 0.1 * np.arange(200),
+            "states": states,
+            "wanted_positions": positions,
+            "wanted_axes": axes,
+        }
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (200, 1, 1))
         return drawn(label, **{**values, "obstacles": obstacles, **changes})
 
@@ -55,10 +72,16 @@ def make_trace(drawn):
 def _states_round(angles: np.ndarray, modules: int) -> np.ndarray:
     bend = 0.78 / modules * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     bends = np.repeat(bend[:, None], modules, axis=1)
-    return np.asarray(states_from_bends(bends, np.full(modules, 0.6 / modules)), dtype=float)
+    return np.asarray(
+        states_from_bends(bends, np.full(modules, 0.6 / modules)), dtype=float
+    )
 
 
 @pytest.fixture
 def traces(make_trace) -> list[Trace]:
     """Three strategies on one task."""
-    return [make_trace(), make_trace("pcc", lag=0.15), make_trace("pcc-fitted", lag=0.08)]
+    return [
+        make_trace(),
+        make_trace("pcc", lag=0.15),
+        make_trace("pcc-fitted", lag=0.08),
+    ]

@@ -3,7 +3,16 @@
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.studies.calibration import C2S_ERROR, ESTIMATION, PCC_CIRCLE, WORKSPACE, Claim, claims_for, measure, search
+from s2c2a.studies.calibration import (
+    C2S_ERROR,
+    ESTIMATION,
+    PCC_CIRCLE,
+    WORKSPACE,
+    Claim,
+    claims_for,
+    measure,
+    search,
+)
 
 SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
 
@@ -23,13 +32,19 @@ def test_only_the_twin_is_held_to_the_networks_and_to_pcc():
 @pytest.mark.parametrize("name", SIBLINGS)
 def test_every_sibling_errs_and_reaches_as_the_papers_arm(name):
     values = measure(load_arm(name), seed=0, with_pcc=False, with_network=False)
-    assert [claim.quantity for claim in ESTIMATION + WORKSPACE if not claim.holds(values[claim.quantity])] == []
+    assert [
+        claim.quantity
+        for claim in ESTIMATION + WORKSPACE
+        if not claim.holds(values[claim.quantity])
+    ] == []
 
 
 def test_the_twin_errs_and_reaches_as_the_papers_arm_and_pcc_follows_the_circle_as_there():
     values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)
     claims = (*ESTIMATION, *WORKSPACE, PCC_CIRCLE)
-    assert [claim.quantity for claim in claims if not claim.holds(values[claim.quantity])] == []
+    assert [
+        claim.quantity for claim in claims if not claim.holds(values[claim.quantity])
+    ] == []
 
 
 @pytest.mark.parametrize(
@@ -43,13 +58,21 @@ def test_the_twin_errs_and_reaches_as_the_papers_arm_and_pcc_follows_the_circle_
 )
 def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
     for module in load_arm(name).modules:
-        assert {kind for kind in ("play", "friction", "creep") if getattr(module.cable, kind) > 0} == kinds
+        assert {
+            kind
+            for kind in ("play", "friction", "creep")
+            if getattr(module.cable, kind) > 0
+        } == kinds
 
 
 def test_the_search_improves_a_twin_that_is_off():
     twin = load_arm("twin_creep")
     stiff = twin.model_copy(
-        update={"modules": tuple(m.model_copy(update={"bending_stiffness": 0.2}) for m in twin.modules)}
+        update={
+            "modules": tuple(
+                m.model_copy(update={"bending_stiffness": 0.2}) for m in twin.modules
+            )
+        }
     )
     misfits = []
     search(stiff, 0, 4, lambda count, misfit: misfits.append(misfit))

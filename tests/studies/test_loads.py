@@ -17,7 +17,9 @@ LOAD = 0.05
 def loaded(tmp_path_factory):
     path = tmp_path_factory.mktemp("loads") / "loaded.episodes"
     options = CollectOptions(babbling="mixed", episodes=1, samples=300, seed=3)
-    return collect(path, TWIN, lambda seed: SimulatedRobot(TWIN, seed=seed, payload=LOAD), options)
+    return collect(
+        path, TWIN, lambda seed: SimulatedRobot(TWIN, seed=seed, payload=LOAD), options
+    )
 
 
 def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):

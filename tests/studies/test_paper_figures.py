@@ -50,7 +50,11 @@ every_figure = pytest.mark.parametrize("draw", OF_TASKS)
 def is_sensible_png(path) -> bool:
     content = path.read_bytes()
     width, height = struct.unpack(">II", content[16:24])
-    return content.startswith(b"\x89PNG\r\n") and 600 <= width <= 3000 and 200 <= height <= 3000
+    return (
+        content.startswith(b"\x89PNG\r\n")
+        and 600 <= width <= 3000
+        and 200 <= height <= 3000
+    )
 
 
 def many(trace: Trace, count: int) -> dict[str, Trace]:
@@ -59,24 +63,32 @@ def many(trace: Trace, count: int) -> dict[str, Trace]:
 
 @every_figure
 @pytest.mark.parametrize("modules", [1, 3, 7])
-def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(draw, modules, make_trace, tmp_path):
+def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(
+    draw, modules, make_trace, tmp_path
+):
     path = tmp_path / "new" / "figure.png"
     assert draw({"task": make_trace(modules=modules)}, path) == path
     assert is_sensible_png(path)
 
 
 @every_figure
-def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(draw, make_trace, tmp_path, drawn):
+def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(
+    draw, make_trace, tmp_path, drawn
+):
     trace = drawn("$recorded_", TIMES, make_trace().states[:50])
     assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
 
 
 @every_figure
 @pytest.mark.parametrize("unseen", [slice(0, 20), slice(None)])
-def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(draw, unseen, make_trace, tmp_path, drawn):
+def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(
+    draw, unseen, make_trace, tmp_path, drawn
+):
     states = make_trace().states.copy()
     states[unseen] = np.nan
-    assert is_sensible_png(draw({"task": make_trace(states=states)}, tmp_path / "figure.png"))
+    assert is_sensible_png(
+        draw({"task": make_trace(states=states)}, tmp_path / "figure.png")
+    )
 
 
 @every_figure
@@ -88,7 +100,9 @@ def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
 @every_figure
 def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_path):
     absent = np.tile([[np.nan, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0]], (200, 1, 1))
-    assert is_sensible_png(draw({"task": make_trace(obstacles=absent)}, tmp_path / "figure.png"))
+    assert is_sensible_png(
+        draw({"task": make_trace(obstacles=absent)}, tmp_path / "figure.png")
+    )
 
 
 @pytest.mark.parametrize("draw", [plan_view_figure, poses_figure, obstacles_figure])
@@ -104,7 +118,9 @@ def test_no_task_is_refused(draw, tmp_path):
 
 
 def test_runs_of_one_task_lie_over_each_other(traces, tmp_path):
-    assert is_sensible_png(obstacles_figure({"reach": traces, "alone": traces[0]}, tmp_path / "figure.png"))
+    assert is_sensible_png(
+        obstacles_figure({"reach": traces, "alone": traces[0]}, tmp_path / "figure.png")
+    )
     assert is_sensible_png(coordinates_figure(traces, tmp_path / "coordinates.png"))
     assert is_sensible_png(orientation_figure(traces, tmp_path / "orientation.png"))
 
@@ -127,8 +143,12 @@ def test_no_run_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("angles", [np.sin(TIMES), np.full(50, np.nan)])
-def test_estimated_angles_are_drawn_beside_true_ones_wherever_these_are_known(angles, tmp_path):
-    assert is_sensible_png(estimation_figure(TIMES, angles, np.cos(TIMES), tmp_path / "new" / "figure.png"))
+def test_estimated_angles_are_drawn_beside_true_ones_wherever_these_are_known(
+    angles, tmp_path
+):
+    assert is_sensible_png(
+        estimation_figure(TIMES, angles, np.cos(TIMES), tmp_path / "new" / "figure.png")
+    )
 
 
 @pytest.mark.parametrize("shapes", [(50, 50, 49), (0, 0, 0), ((5, 1), (5, 1), (5, 1))])
@@ -137,9 +157,13 @@ def test_angles_that_do_not_fit_together_are_refused(shapes, tmp_path):
         estimation_figure(*map(np.zeros, shapes), tmp_path / "figure.png")
 
 
-def test_a_true_azimuth_stays_within_half_a_turn_of_the_wanted_one_over_several_turns(make_trace):
+def test_a_true_azimuth_stays_within_half_a_turn_of_the_wanted_one_over_several_turns(
+    make_trace,
+):
     around = np.linspace(0, 6 * np.pi, 200)
-    wanted = np.stack([np.cos(around), np.sin(around), np.ones(200)], axis=-1) / np.sqrt(2)
+    wanted = np.stack(
+        [np.cos(around), np.sin(around), np.ones(200)], axis=-1
+    ) / np.sqrt(2)
     states, axes = make_trace().states.copy(), np.full((200, 3, 3), np.nan)
     states[:, -1, 3:], axes[:, -1] = wanted, wanted
     azimuth = _azimuth_like_wanted(make_trace(states=states, wanted_axes=axes))
@@ -171,8 +195,13 @@ def test_moments_are_spread_evenly_over_the_steps_that_are_there():
 
 def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):
     states = np.zeros((200, 3, 6))
-    obstacles = np.tile([[0.3, 0.0, 0.0, 0.1], [0.5, 0.0, 0.0, 0.4], [0.01, 0.0, 0.0, -1.0]], (200, 1, 1))
-    distances, thresholds = _nearest_obstacle(make_trace(states=states, obstacles=obstacles))
+    obstacles = np.tile(
+        [[0.3, 0.0, 0.0, 0.1], [0.5, 0.0, 0.0, 0.4], [0.01, 0.0, 0.0, -1.0]],
+        (200, 1, 1),
+    )
+    distances, thresholds = _nearest_obstacle(
+        make_trace(states=states, obstacles=obstacles)
+    )
     np.testing.assert_allclose([distances, thresholds], np.tile([[0.5], [0.4]], 200))
 
 

@@ -8,18 +8,31 @@ from s2c2a.studies.calibration import C2S_ERROR
 from s2c2a.studies.circle import track_circle
 
 
-def errors_on_circle(networks: TrainedNetworks, cache, *strategies: str) -> dict[str, float]:
-    path = cache.folder / f"{networks.recipe.name}-{networks.arm.name}-given.safetensors"
+def errors_on_circle(
+    networks: TrainedNetworks, cache, *strategies: str
+) -> dict[str, float]:
+    path = (
+        cache.folder / f"{networks.recipe.name}-{networks.arm.name}-given.safetensors"
+    )
     save_strategy(networks, path)
     given = GivenNetworks.read(path, networks.arm)
-    runs = run_all(jobs_for(["circle"], networks.arm, strategies, [0], given.recipe, weights=given), cache)
+    runs = run_all(
+        jobs_for(
+            ["circle"], networks.arm, strategies, [0], given.recipe, weights=given
+        ),
+        cache,
+    )
     assert all((run.episode.ran("tick_time") > 0).all() for run in runs)
     rows = score_rows("circle", runs)
-    assert [(row.strategy, row.metric, row.unit) for row in rows] == [(name, "position", "cm") for name in strategies]
+    assert [(row.strategy, row.metric, row.unit) for row in rows] == [
+        (name, "position", "cm") for name in strategies
+    ]
     return {row.strategy: row.mean for row in rows}
 
 
-def test_the_simulated_arm_follows_the_circle_three_times_as_well_as_the_papers(trained, cache):
+def test_the_simulated_arm_follows_the_circle_three_times_as_well_as_the_papers(
+    trained, cache
+):
     assert errors_on_circle(trained["simulated_arm"], cache, "s2c2a")["s2c2a"] <= 0.5
 
 
@@ -43,12 +56,19 @@ def test_the_controller_learns_to_the_papers_held_out_error(name, trained):
     assert trained[name].percent["C2A"][0] <= 0.91
 
 
-def test_with_the_papers_recipe_the_simulated_arm_follows_the_circle_as_well_as_the_papers(trained_as_the_paper, cache):
-    assert errors_on_circle(trained_as_the_paper["simulated_arm"], cache, "s2c2a")["s2c2a"] <= 1.5
+def test_with_the_papers_recipe_the_simulated_arm_follows_the_circle_as_well_as_the_papers(
+    trained_as_the_paper, cache
+):
+    assert (
+        errors_on_circle(trained_as_the_paper["simulated_arm"], cache, "s2c2a")["s2c2a"]
+        <= 1.5
+    )
 
 
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
-def test_with_the_papers_recipe_the_controller_learns_to_the_papers_held_out_error(name, trained_as_the_paper):
+def test_with_the_papers_recipe_the_controller_learns_to_the_papers_held_out_error(
+    name, trained_as_the_paper
+):
     assert trained_as_the_paper[name].percent["C2A"][0] <= 0.91
 
 
@@ -56,7 +76,9 @@ def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
     assert C2S_ERROR.holds(trained_as_the_paper["twin_arm"].percent["C2S"][0])
 
 
-def test_with_the_papers_recipe_the_simulated_arms_forward_model_errs_by_less_than_one_percent(trained_as_the_paper):
+def test_with_the_papers_recipe_the_simulated_arms_forward_model_errs_by_less_than_one_percent(
+    trained_as_the_paper,
+):
     assert trained_as_the_paper["simulated_arm"].percent["C2S"][0] <= 1.0
 
 
@@ -67,7 +89,9 @@ def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
 
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
 @pytest.mark.parametrize("speed", [0.2, 1.0, 2.0])
-def test_the_controller_tracks_unseen_references_without_diverging(name, speed, trained):
+def test_the_controller_tracks_unseen_references_without_diverging(
+    name, speed, trained
+):
     errors = track_circle(trained[name], speed, steps=400)
     assert errors.mean() <= 1.5
     assert errors[-100:].mean() <= 1.5 * max(errors[:100].mean(), 0.2)

@@ -19,7 +19,12 @@ MODEL = PCCForwardModel.of(TWIN)
 def small():
     """A short search, and few plans at once."""
     with pytest.MonkeyPatch.context() as patched:
-        for name, number in {"CHUNK": 8, "STARTS": 4, "ITERATIONS": 8, "SETTLING": 20}.items():
+        for name, number in {
+            "CHUNK": 8,
+            "STARTS": 4,
+            "ITERATIONS": 8,
+            "SETTLING": 20,
+        }.items():
             patched.setattr(studied, name, number)
         yield
 
@@ -28,14 +33,21 @@ def test_a_seed_draws_the_same_problems_and_every_kind_of_goal():
     first, again, other = (drawn(TWIN, MODEL, 8, seed) for seed in (0, 0, 1))
     np.testing.assert_array_equal(first.walks, again.walks)
     assert np.abs(first.walks - other.walks).max() > 0.1
-    asked = np.stack([first.goals.position_weights.sum(-1), first.goals.axis_weights.sum(-1)], axis=-1)
+    asked = np.stack(
+        [first.goals.position_weights.sum(-1), first.goals.axis_weights.sum(-1)],
+        axis=-1,
+    )
     assert dict(zip(KINDS, asked.tolist(), strict=False)) == {
         "tip": [1, 0], "tip and axis": [1, 2], "middle and tip": [5, 0], "anywhere": [1, 0],
     }  # fmt: skip
 
 
 def test_plans_are_good_that_come_near_the_long_search_or_move_by_a_whole_step():
-    held = Held(np.array([1.0, 1.2, 1.2, 1e-5]), np.array([0.99, 1.0, 1.0, 1e-6]), np.array([0, 0, 1, 0], bool))
+    held = Held(
+        np.array([1.0, 1.2, 1.2, 1e-5]),
+        np.array([0.99, 1.0, 1.0, 1e-6]),
+        np.array([0, 0, 1, 0], bool),
+    )
     assert held.good.tolist() == [True, False, True, False]
     assert held.standing.tolist() == [False, True, False, False]
 
@@ -45,6 +57,8 @@ def test_most_plans_come_near_the_long_search_and_few_of_one_iteration_do():
     for solver, rescue in ((LeastSquares(), Rescue()), (LeastSquares(1), NO_RESCUE)):
         options = replace(BEST, solver=solver, guides=(Pull(),), rescue=rescue)
         held = held_against_long_search(TWIN, MODEL, options, 16)
-        assert all(np.isfinite(held[when].cost).all() for when in ("one step", "settled"))
+        assert all(
+            np.isfinite(held[when].cost).all() for when in ("one step", "settled")
+        )
         share[solver.iterations] = held["settled"].good.mean()
     assert share[20] > 0.8 > share[1]

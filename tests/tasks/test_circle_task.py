@@ -36,11 +36,15 @@ def arc_height(reach):
 
 
 @pytest.mark.parametrize("step", [1, 2, 10, 39, 40])
-def test_the_approach_follows_arcs_of_equal_bends_and_ends_at_the_height_of_the_circle(step):
+def test_the_approach_follows_arcs_of_equal_bends_and_ends_at_the_height_of_the_circle(
+    step,
+):
     """The protocol's formula, with what the last arc is off by at full precision (0.5423, not 0.5416)."""
     share = step / 40
     height = arc_height(0.22 * share) + (0.54 - arc_height(0.22)) * share
-    np.testing.assert_allclose(tip_path(TWIN)[step - 1], [0.22 * share, 0.0, height], atol=1e-6)
+    np.testing.assert_allclose(
+        tip_path(TWIN)[step - 1], [0.22 * share, 0.0, height], atol=1e-6
+    )
 
 
 def test_the_approach_is_within_a_millimetre_of_the_protocol_as_printed():
@@ -70,7 +74,9 @@ def test_a_quarter_of_the_round_is_on_the_left():
 
 def test_the_target_never_jumps():
     start = np.array([[0.0, 0.0, 0.6]])
-    steps = np.linalg.norm(np.diff(np.concatenate([start, tip_path(TWIN)]), axis=0), axis=-1)
+    steps = np.linalg.norm(
+        np.diff(np.concatenate([start, tip_path(TWIN)]), axis=0), axis=-1
+    )
     assert steps.max() < 0.01
 
 
@@ -80,7 +86,9 @@ def test_lengths_scale_with_the_arm():
 
 
 def test_the_number_of_modules_does_not_matter_at_one_length():
-    halves = tuple(module.model_copy(update={"length": 0.1}) for module in TWIN.modules * 2)
+    halves = tuple(
+        module.model_copy(update={"length": 0.1}) for module in TWIN.modules * 2
+    )
     fine = TWIN.model_copy(update={"modules": halves})
     np.testing.assert_allclose(tip_path(fine), tip_path(TWIN), atol=1e-6)
 
@@ -93,7 +101,9 @@ def test_a_faster_control_keeps_the_times(rate, every):
 
 
 def test_a_slower_control_keeps_the_times():
-    np.testing.assert_allclose(tip_path(with_rate(5.0)), tip_path(TWIN)[1::2], atol=1e-6)
+    np.testing.assert_allclose(
+        tip_path(with_rate(5.0)), tip_path(TWIN)[1::2], atol=1e-6
+    )
 
 
 def test_the_circle_asks_the_tip_alone_and_no_axis():

@@ -13,7 +13,12 @@ from s2c2a.tasks import TASKS, task_named
 TWIN = load_arm("twin_arm")
 LIMIT_DEG = 50.0
 ARM = TWIN.model_copy(
-    update={"modules": tuple(module.model_copy(update={"bend_limit_deg": LIMIT_DEG}) for module in TWIN.modules)}
+    update={
+        "modules": tuple(
+            module.model_copy(update={"bend_limit_deg": LIMIT_DEG})
+            for module in TWIN.modules
+        )
+    }
 )
 """Three modules of 0.2 m that bend by at most 50 deg."""
 PAPER = [
@@ -34,7 +39,9 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
     task = task_named(name, TWIN)
     assert task.name == name
     assert {score.metric for score in task.scores} <= set(METRICS)
-    assert {len(score.steps) for score in task.scores if score.steps is not None} <= {len(task.goals)}
+    assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
+        len(task.goals)
+    }
 
 
 @pytest.mark.parametrize("name", WITH_TARGET)
@@ -43,7 +50,9 @@ def test_no_wanted_position_jumps(name):
     wanted = task_named(name, TWIN).wanted_positions()
     asked = np.isfinite(wanted[0, :, 0])
     rest = np.array([[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]])
-    moves = np.linalg.norm(np.diff(np.concatenate([rest[None], wanted]), axis=0), axis=-1)
+    moves = np.linalg.norm(
+        np.diff(np.concatenate([rest[None], wanted]), axis=0), axis=-1
+    )
     assert moves[:, asked].max() < 0.01
 
 
@@ -63,7 +72,9 @@ def states(bends, lengths):
     for (x, y), length in zip(bends, lengths, strict=True):
         angle = max(np.hypot(x, y), 1e-9)
         aside = (1 - np.cos(angle)) / angle**2
-        position = position + length * frame.apply([aside * x, aside * y, np.sin(angle) / angle])
+        position = position + length * frame.apply(
+            [aside * x, aside * y, np.sin(angle) / angle]
+        )
         frame = frame * Rotation.from_rotvec([-y, x, 0.0])
         found.append([*position, *frame.apply([0.0, 0.0, 1.0])])
     return np.array(found)
@@ -71,7 +82,11 @@ def states(bends, lengths):
 
 def limited(values):
     """Bends below the limit, whatever the values, smoothly."""
-    return np.deg2rad(LIMIT_DEG) * values / np.sqrt(1 + np.sum(values**2, axis=-1, keepdims=True))
+    return (
+        np.deg2rad(LIMIT_DEG)
+        * values
+        / np.sqrt(1 + np.sum(values**2, axis=-1, keepdims=True))
+    )
 
 
 def misses(task, step, lengths):
@@ -89,8 +104,15 @@ def misses(task, step, lengths):
 
     random = np.random.default_rng(step)
     starts = random.uniform(-1, 1, (4, 2 * len(lengths)))
-    apart, turned = gaps(min((least_squares(residuals, start) for start in starts), key=lambda found: found.cost).x)
-    return np.linalg.norm(apart, axis=-1).max(), np.rad2deg(np.linalg.norm(turned, axis=-1).max(initial=0.0))
+    apart, turned = gaps(
+        min(
+            (least_squares(residuals, start) for start in starts),
+            key=lambda found: found.cost,
+        ).x
+    )
+    return np.linalg.norm(apart, axis=-1).max(), np.rad2deg(
+        np.linalg.norm(turned, axis=-1).max(initial=0.0)
+    )
 
 
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)

@@ -1,6 +1,7 @@
 """A target moved by hand: worked by hand from docs/protocol.md.
 
-The steps: 50 of the line, 480 of the wandering, 54 out (0.4298 m at 8 cm/s), 20 outside, 54 back, 40 at the end.
+The steps: 50 of the line, 480 of the wandering, 54 out (0.4298 m at 8 cm/s), 20
+outside, 54 back, 40 at the end.
 """
 
 import numpy as np
@@ -10,7 +11,11 @@ from s2c2a.arm import load_arm
 from s2c2a.tasks import task_named
 
 TWIN = load_arm("twin_arm")
-DOUBLE = TWIN.model_copy(update={"modules": tuple(m.model_copy(update={"length": 0.4}) for m in TWIN.modules)})
+DOUBLE = TWIN.model_copy(
+    update={
+        "modules": tuple(m.model_copy(update={"length": 0.4}) for m in TWIN.modules)
+    }
+)
 FAST = TWIN.model_copy(update={"control_rate": 20.0})
 BEGIN = [0.18, 0.0, 0.58 - 1.2 * 0.18**2]
 
@@ -47,11 +52,23 @@ def test_it_begins_with_a_line_from_rest_of_five_seconds(path, step):
      (9, 0.10, 0.18 * 0.5**0.5), (12, 0.18, 0.0), (18, 0.18, -0.18), (48, 0.18, 0.0)],
 )  # fmt: skip
 def test_it_wanders_on_a_dome(path, seconds, x, y):
-    np.testing.assert_allclose(path[49 + round(10 * seconds)], [x, y, 0.58 - 1.2 * (x * x + y * y)], atol=1e-6)
+    np.testing.assert_allclose(
+        path[49 + round(10 * seconds)], [x, y, 0.58 - 1.2 * (x * x + y * y)], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(
-    ("step", "share"), [(530, 0), (531, 1 / 54), (557, 0.5), (584, 1), (604, 1), (605, 53 / 54), (658, 0), (698, 0)]
+    ("step", "share"),
+    [
+        (530, 0),
+        (531, 1 / 54),
+        (557, 0.5),
+        (584, 1),
+        (604, 1),
+        (605, 53 / 54),
+        (658, 0),
+        (698, 0),
+    ],
 )
 def test_it_leaves_waits_comes_back_and_stays(path, step, share):
     expected = np.array(BEGIN) + share * (np.array([0.60, 0, 0.45]) - BEGIN)
@@ -59,7 +76,9 @@ def test_it_leaves_waits_comes_back_and_stays(path, step, share):
 
 
 def test_it_is_never_faster_than_eight_centimetres_a_second(path):
-    moves = np.linalg.norm(np.diff(np.concatenate([[[0, 0, 0.6]], path]), axis=0), axis=-1)
+    moves = np.linalg.norm(
+        np.diff(np.concatenate([[[0, 0, 0.6]], path]), axis=0), axis=-1
+    )
     assert moves.max() <= 0.008 + 1e-6
     np.testing.assert_allclose(moves[530:584], 0.008, rtol=0.01)
 
@@ -72,7 +91,10 @@ def test_the_tip_counts_once_and_change_half(task):
 
 
 def test_position_and_recovery_are_scored_of_the_tip(task):
-    assert [(score.metric, score.module) for score in task.scores] == [("position", -1), ("recovery", -1)]
+    assert [(score.metric, score.module) for score in task.scores] == [
+        ("position", -1),
+        ("recovery", -1),
+    ]
 
 
 def test_the_target_is_out_of_reach_once_about_its_time_outside(inside):
@@ -81,7 +103,8 @@ def test_the_target_is_out_of_reach_once_about_its_time_outside(inside):
     assert inside[back:].all()
     assert 530 < left < 584
     assert 604 < back < 658
-    assert left - 530 == pytest.approx(658 - back, abs=1)  # out and back on the same line
+    # out and back on the same line
+    assert left - 530 == pytest.approx(658 - back, abs=1)
 
 
 def test_no_arm_of_its_length_reaches_where_it_waits(path, inside):
@@ -90,7 +113,9 @@ def test_no_arm_of_its_length_reaches_where_it_waits(path, inside):
     assert not inside[584:604].any()
 
 
-def test_position_is_scored_within_reach_after_the_line_and_but_for_a_second_and_a_half_after_re_entry(task, inside):
+def test_position_is_scored_within_reach_after_the_line_and_but_for_a_second_and_a_half_after_re_entry(
+    task, inside
+):
     back = np.flatnonzero(inside[1:] & ~inside[:-1])[0] + 1
     expected = inside.copy()
     expected[:50] = False
@@ -98,14 +123,18 @@ def test_position_is_scored_within_reach_after_the_line_and_but_for_a_second_and
     np.testing.assert_array_equal(task.scores[0].steps, expected)
 
 
-def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(path, inside):
+def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
+    path, inside
+):
     double = task_named("follow", DOUBLE)
     np.testing.assert_allclose(double.wanted_positions()[:, -1], 2 * path, atol=1e-6)
     np.testing.assert_array_equal(double.scores[1].steps, inside)
 
 
 def test_a_faster_control_keeps_the_times(path, monkeypatch):
-    monkeypatch.setattr("s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points)))
+    monkeypatch.setattr(
+        "s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points))
+    )
     fast = task_named("follow", FAST).wanted_positions()[:, -1]
     np.testing.assert_allclose(fast[1 : 2 * 530 : 2], path[:530], atol=1e-6)
     assert len(fast) == 100 + 960 + 107 + 40 + 107 + 80

@@ -35,9 +35,14 @@ def test_the_base_module_stays_where_it_is_at_rest():
     assert np.isnan(axes).all()
 
 
-@pytest.mark.parametrize(("step", "point"), [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])])
+@pytest.mark.parametrize(
+    ("step", "point"),
+    [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])],
+)
 def test_over_a_held_base_the_tip_goes_once_around_anticlockwise(step, point):
-    np.testing.assert_allclose(wanted("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6)
+    np.testing.assert_allclose(
+        wanted("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
+    )
 
 
 def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
@@ -56,26 +61,49 @@ def test_a_held_base_counts_four_times_and_the_tip_once():
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(name, module, rest, height, tilt):
+def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(
+    name, module, rest, height, tilt
+):
     positions, _ = wanted(name, module)
     shares = np.append(np.arange(1, 41) / 40, np.ones(160))
     np.testing.assert_array_equal(positions[:, :2], 0)
-    np.testing.assert_allclose(positions[:, 2], rest + (height - rest) * shares, atol=1e-6)
+    np.testing.assert_allclose(
+        positions[:, 2], rest + (height - rest) * shares, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
 @pytest.mark.parametrize(
-    ("step", "share", "azimuth"), [(1, 1 / 40, 0), (20, 0.5, 0), (40, 1, 0), (80, 1, 90), (160, 1, 270), (200, 1, 360)]
+    ("step", "share", "azimuth"),
+    [
+        (1, 1 / 40, 0),
+        (20, 0.5, 0),
+        (40, 1, 0),
+        (80, 1, 90),
+        (160, 1, 270),
+        (200, 1, 360),
+    ],
 )
-def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(name, module, rest, height, tilt, step, share, azimuth):
+def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
+    name, module, rest, height, tilt, step, share, azimuth
+):
     angle, turned = np.deg2rad([tilt * share, azimuth])
-    expected = [np.sin(angle) * np.cos(turned), np.sin(angle) * np.sin(turned), np.cos(angle)]
+    expected = [
+        np.sin(angle) * np.cos(turned),
+        np.sin(angle) * np.sin(turned),
+        np.cos(angle),
+    ]
     np.testing.assert_allclose(wanted(name, module)[1][step - 1], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_of_other_modules_than_the_held_one_nothing_is_asked(name, module, rest, height, tilt):
-    goals, only = task_named(name, TWIN).goals, tuple(float(number == module) for number in range(3))
+def test_of_other_modules_than_the_held_one_nothing_is_asked(
+    name, module, rest, height, tilt
+):
+    goals, only = (
+        task_named(name, TWIN).goals,
+        tuple(float(number == module) for number in range(3)),
+    )
     assert {tuple(goal.position_weights) for goal in goals} == {only}
     assert {tuple(goal.axis_weights) for goal in goals} == {only}
     assert {float(goal.change_weight) for goal in goals} == {0.5}
@@ -94,25 +122,37 @@ def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
 
 
 @pytest.mark.parametrize(
-    ("name", "modules"), [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)]
+    ("name", "modules"),
+    [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)],
 )
 def test_an_arm_with_too_few_modules_is_refused(name, modules):
-    with pytest.raises(TargetError, match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}"):
+    with pytest.raises(
+        TargetError,
+        match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}",
+    ):
         task_named(name, arm_of(modules))
 
 
 @pytest.mark.parametrize(("modules", "middle"), [(3, 1), (4, 1), (5, 2), (6, 2)])
-def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(modules, middle):
+def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
+    modules, middle
+):
     positions = task_named("hold-middle", arm_of(modules)).wanted_positions()
     assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
     assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
 
 
 def test_lengths_scale_with_the_arm_and_angles_do_not():
-    half = TWIN.model_copy(update={"modules": tuple(m.model_copy(update={"length": 0.1}) for m in TWIN.modules)})
+    half = TWIN.model_copy(
+        update={
+            "modules": tuple(m.model_copy(update={"length": 0.1}) for m in TWIN.modules)
+        }
+    )
     for name in HOLDS:
         long, short = task_named(name, TWIN), task_named(name, half)
-        np.testing.assert_allclose(short.wanted_positions(), long.wanted_positions() / 2, atol=1e-6)
+        np.testing.assert_allclose(
+            short.wanted_positions(), long.wanted_positions() / 2, atol=1e-6
+        )
         np.testing.assert_array_equal(short.wanted_axes(), long.wanted_axes())
 
 
@@ -120,11 +160,22 @@ def test_a_faster_control_keeps_the_times():
     for name in HOLDS:
         fast = task_named(name, TWIN.model_copy(update={"control_rate": 20.0}))
         assert len(fast.goals) == 400
-        np.testing.assert_allclose(fast.wanted_positions()[1::2], task_named(name, TWIN).wanted_positions(), atol=1e-6)
+        np.testing.assert_allclose(
+            fast.wanted_positions()[1::2],
+            task_named(name, TWIN).wanted_positions(),
+            atol=1e-6,
+        )
 
 
 def test_a_module_of_another_length_is_held_where_it_ends():
-    modules = [TWIN.modules[0].model_copy(update={"length": length}) for length in (0.1, 0.2, 0.3)]
+    modules = [
+        TWIN.modules[0].model_copy(update={"length": length})
+        for length in (0.1, 0.2, 0.3)
+    ]
     arm = TWIN.model_copy(update={"modules": tuple(modules)})
-    np.testing.assert_allclose(wanted("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7)
-    np.testing.assert_allclose(wanted("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7)
+    np.testing.assert_allclose(
+        wanted("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7
+    )
+    np.testing.assert_allclose(
+        wanted("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7
+    )

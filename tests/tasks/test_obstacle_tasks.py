@@ -35,17 +35,25 @@ def test_the_reference_runs_straight_from_rest_at_five_centimetres_a_second():
     """0.3195 m are 64 steps of 5 mm, nearly."""
     path = np.concatenate([[[0, 0, 0.6]], tips(task_named("reach-0", TWIN))])
     moves = np.diff(path, axis=0)
-    np.testing.assert_allclose(moves[:64], np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        moves[:64], np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1)), atol=1e-6
+    )
     np.testing.assert_allclose(np.linalg.norm(moves[:64], axis=-1), 0.005, rtol=0.01)
 
 
 def test_then_it_stays_at_the_target():
-    np.testing.assert_allclose(tips(task_named("reach-0", TWIN))[63:], np.tile([0.30, 0, 0.49], (177, 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        tips(task_named("reach-0", TWIN))[63:],
+        np.tile([0.30, 0, 0.49], (177, 1)),
+        atol=1e-6,
+    )
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_the_reference_is_the_same_whatever_stands_in_the_way(name):
-    np.testing.assert_array_equal(tips(task_named(name, TWIN)), tips(task_named("reach-0", TWIN)))
+    np.testing.assert_array_equal(
+        tips(task_named(name, TWIN)), tips(task_named("reach-0", TWIN))
+    )
 
 
 @pytest.mark.parametrize(("name", "obstacles"), OBSTACLES.items())
@@ -58,20 +66,35 @@ def test_obstacles_stand_still_where_the_protocol_puts_them(name, obstacles):
 def test_target_and_obstacles_count_once_and_change_half(name):
     goals = task_named(name, TWIN).goals
     assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
-    assert {(float(goal.obstacle_weight), float(goal.change_weight)) for goal in goals} == {(1.0, 0.5)}
+    assert {
+        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in goals
+    } == {(1.0, 0.5)}
     assert not any(goal.axis_weights.any() for goal in goals)
 
 
-CLEARANCES = [Score("clearance"), Score("clearance at steps"), Score("clearance of the arm")]
+CLEARANCES = [
+    Score("clearance"),
+    Score("clearance at steps"),
+    Score("clearance of the arm"),
+]
 
 
 def test_without_an_obstacle_only_the_end_and_the_way_are_scored():
-    assert list(task_named("reach-0", TWIN).scores) == [Score("end distance"), Score("reached"), Score("path length")]
+    assert list(task_named("reach-0", TWIN).scores) == [
+        Score("end distance"),
+        Score("reached"),
+        Score("path length"),
+    ]
 
 
 @pytest.mark.parametrize("name", list(OBSTACLES)[1:])
 def test_with_obstacles_clearances_are_scored_as_well(name):
-    expected = [Score("end distance"), Score("reached"), *CLEARANCES, Score("path length")]
+    expected = [
+        Score("end distance"),
+        Score("reached"),
+        *CLEARANCES,
+        Score("path length"),
+    ]
     assert list(task_named(name, TWIN).scores) == expected
 
 
@@ -85,7 +108,9 @@ def test_lengths_and_thresholds_scale_with_the_arm(name):
 def test_a_faster_control_keeps_the_speed_and_the_time():
     fast = tips(task_named("reach-0", FAST))
     assert len(fast) == 480
-    np.testing.assert_allclose(fast[1:128:2], tips(task_named("reach-0", TWIN))[:64], atol=1e-6)
+    np.testing.assert_allclose(
+        fast[1:128:2], tips(task_named("reach-0", TWIN))[:64], atol=1e-6
+    )
 
 
 def test_fleeing_takes_eleven_seconds_and_four_tenths():
@@ -97,35 +122,66 @@ def test_fleeing_asks_for_nothing_but_little_change_and_room():
     task = task_named("flee", TWIN)
     assert np.isnan(task.wanted_positions()).all()
     assert np.isnan(task.wanted_axes()).all()
-    assert {(float(goal.obstacle_weight), float(goal.change_weight)) for goal in task.goals} == {(1.0, 0.5)}
+    assert {
+        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in task.goals
+    } == {(1.0, 0.5)}
 
 
 @pytest.mark.parametrize(
     ("step", "x"),
-    [(1, 0.25), (10, 0.25), (11, 0.245), (27, 0.165), (44, 0.08), (64, 0.08), (65, 0.075), (94, -0.07), (114, -0.07)],
+    [
+        (1, 0.25),
+        (10, 0.25),
+        (11, 0.245),
+        (27, 0.165),
+        (44, 0.08),
+        (64, 0.08),
+        (65, 0.075),
+        (94, -0.07),
+        (114, -0.07),
+    ],
 )
 def test_what_is_fled_from_waits_comes_near_waits_and_goes_through(step, x):
-    np.testing.assert_allclose(task_named("flee", TWIN).obstacles()[step - 1], [[x, 0.02, 0.58, 0.10]], atol=1e-6)
+    np.testing.assert_allclose(
+        task_named("flee", TWIN).obstacles()[step - 1],
+        [[x, 0.02, 0.58, 0.10]],
+        atol=1e-6,
+    )
 
 
 def test_what_is_fled_from_moves_at_five_centimetres_a_second_or_not_at_all():
-    speeds = np.linalg.norm(np.diff(task_named("flee", TWIN).obstacles()[:, 0], axis=0), axis=-1) * TWIN.control_rate
+    speeds = (
+        np.linalg.norm(
+            np.diff(task_named("flee", TWIN).obstacles()[:, 0], axis=0), axis=-1
+        )
+        * TWIN.control_rate
+    )
     moving = speeds > 1e-6
     np.testing.assert_allclose(speeds[moving], 0.05, atol=1e-5)
     assert moving.sum() == 34 + 30
 
 
 def test_fleeing_is_scored_by_clearances_stillness_and_the_way():
-    assert list(task_named("flee", TWIN).scores) == [*CLEARANCES, Score("stillness"), Score("path length")]
+    assert list(task_named("flee", TWIN).scores) == [
+        *CLEARANCES,
+        Score("stillness"),
+        Score("path length"),
+    ]
 
 
 def test_fleeing_scales_with_the_arm_and_keeps_its_times():
     once = task_named("flee", TWIN).obstacles()
-    np.testing.assert_allclose(task_named("flee", DOUBLE).obstacles(), 2 * once, atol=1e-6)
-    np.testing.assert_allclose(task_named("flee", FAST).obstacles()[1::2], once, atol=1e-6)
+    np.testing.assert_allclose(
+        task_named("flee", DOUBLE).obstacles(), 2 * once, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        task_named("flee", FAST).obstacles()[1::2], once, atol=1e-6
+    )
 
 
 def test_an_obstacle_that_comes_later_is_listed_with_no_threshold_until_it_is_there():
     rest = Goal.of(3)
     task = Task("later", (rest, rest.with_obstacles([[0.1, 0.2, 0.3]], [0.05])))
-    np.testing.assert_allclose(task.obstacles(), [[[0, 0, 0, 0]], [[0.1, 0.2, 0.3, 0.05]]], atol=1e-7)
+    np.testing.assert_allclose(
+        task.obstacles(), [[[0, 0, 0, 0]], [[0.1, 0.2, 0.3, 0.05]]], atol=1e-7
+    )

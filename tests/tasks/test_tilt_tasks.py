@@ -7,7 +7,14 @@ from s2c2a.arm import load_arm
 from s2c2a.tasks import Score, circle, task_named
 
 TWIN = load_arm("twin_arm")
-TILTS = {"tilt-40": 40, "tilt-50": 50, "tilt-60": 60, "tilt-0": 0, "tilt-50-a20": 50, "tilt-50-c20": 50}
+TILTS = {
+    "tilt-40": 40,
+    "tilt-50": 50,
+    "tilt-60": 60,
+    "tilt-0": 0,
+    "tilt-50-a20": 50,
+    "tilt-50-c20": 50,
+}
 TURNS = {"tilt-50-a20": 20, "tilt-50-c20": -20}
 PLAIN = [name for name in TILTS if name not in TURNS]
 
@@ -22,20 +29,28 @@ def angles_to_the_vertical(axes):
 
 def axis(tilt_deg, azimuth_deg):
     tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
-    return [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)]
+    return [
+        np.sin(tilt) * np.cos(azimuth),
+        np.sin(tilt) * np.sin(azimuth),
+        np.cos(tilt),
+    ]
 
 
 @pytest.mark.parametrize("name", TILTS)
 def test_the_tip_goes_the_way_of_the_circle(name):
     task = task_named(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
-    np.testing.assert_array_equal(task.wanted_positions(), circle(TWIN).wanted_positions())
+    np.testing.assert_array_equal(
+        task.wanted_positions(), circle(TWIN).wanted_positions()
+    )
 
 
 @pytest.mark.parametrize("name", TILTS)
 def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
     shares = np.append(np.arange(1, 41) / 40, np.ones(160))
-    np.testing.assert_allclose(angles_to_the_vertical(tip_axes(name)), TILTS[name] * shares, atol=1e-3)
+    np.testing.assert_allclose(
+        angles_to_the_vertical(tip_axes(name)), TILTS[name] * shares, atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
@@ -48,16 +63,33 @@ def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
 
 
 @pytest.mark.parametrize(
-    ("step", "tilt", "azimuth"), [(1, 1.25, 0), (20, 25, 0), (40, 50, 0), (80, 50, 90), (120, 50, 180), (200, 50, 360)]
+    ("step", "tilt", "azimuth"),
+    [
+        (1, 1.25, 0),
+        (20, 25, 0),
+        (40, 50, 0),
+        (80, 50, 90),
+        (120, 50, 180),
+        (200, 50, 360),
+    ],
 )
 def test_a_tilt_of_fifty_degrees_step_by_step(step, tilt, azimuth):
-    np.testing.assert_allclose(tip_axes("tilt-50")[step - 1], axis(tilt, azimuth), atol=1e-6)
+    np.testing.assert_allclose(
+        tip_axes("tilt-50")[step - 1], axis(tilt, azimuth), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("name", "turn"), TURNS.items())
-@pytest.mark.parametrize(("step", "tilt", "azimuth"), [(1, 1.25, 0), (40, 50, 0), (80, 50, 90), (200, 50, 360)])
-def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(name, turn, step, tilt, azimuth):
-    np.testing.assert_allclose(tip_axes(name)[step - 1], axis(tilt, azimuth + turn), atol=1e-6)
+@pytest.mark.parametrize(
+    ("step", "tilt", "azimuth"),
+    [(1, 1.25, 0), (40, 50, 0), (80, 50, 90), (200, 50, 360)],
+)
+def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
+    name, turn, step, tilt, azimuth
+):
+    np.testing.assert_allclose(
+        tip_axes(name)[step - 1], axis(tilt, azimuth + turn), atol=1e-6
+    )
 
 
 def test_a_quarter_round_and_turned_anticlockwise_the_tip_points_left_and_back():
@@ -66,7 +98,9 @@ def test_a_quarter_round_and_turned_anticlockwise_the_tip_points_left_and_back()
 
 
 def test_a_tilt_of_zero_points_up_all_the_time():
-    np.testing.assert_array_equal(tip_axes("tilt-0"), np.tile([0.0, 0.0, 1.0], (200, 1)))
+    np.testing.assert_array_equal(
+        tip_axes("tilt-0"), np.tile([0.0, 0.0, 1.0], (200, 1))
+    )
 
 
 @pytest.mark.parametrize("name", TILTS)
@@ -91,7 +125,9 @@ def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
 
 
 @pytest.mark.parametrize("name", TILTS)
-def test_orientations_do_not_scale_with_the_arm_and_keep_their_times_at_a_faster_control(name):
+def test_orientations_do_not_scale_with_the_arm_and_keep_their_times_at_a_faster_control(
+    name,
+):
     short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
     fast = TWIN.model_copy(update={"control_rate": 20.0})
     np.testing.assert_array_equal(tip_axes(name, short), tip_axes(name))

@@ -5,7 +5,14 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import Score, Waypoints, load_waypoints, out_of_reach, task_named, waypoints_task
+from s2c2a.tasks import (
+    Score,
+    Waypoints,
+    load_waypoints,
+    out_of_reach,
+    task_named,
+    waypoints_task,
+)
 
 TWIN = load_arm("twin_arm")
 SLOPE = "time,x,y,z\n0,0,0,0.6\n1,0.1,0,0.58\n3,0.1,0.2,0.54\n"
@@ -33,7 +40,9 @@ def test_a_table_of_positions_is_a_track_of_the_tip(table):
     (track,) = load_waypoints(table(SLOPE))
     assert (track.module, track.axes) == (-1, None)
     np.testing.assert_array_equal(track.times, [0, 1, 3])
-    np.testing.assert_array_equal(track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]])
+    np.testing.assert_array_equal(
+        track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]]
+    )
 
 
 def test_axes_of_any_length_become_directions(table):
@@ -76,7 +85,9 @@ def test_every_module_named_has_a_track_of_its_own(table):
 def test_tables_as_programs_write_them_say_the_same(table, text):
     (track,) = load_waypoints(table(text))
     np.testing.assert_array_equal(track.times, [0, 1, 3])
-    np.testing.assert_array_equal(track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]])
+    np.testing.assert_array_equal(
+        track.positions, [[0, 0, 0.6], [0.1, 0, 0.58], [0.1, 0.2, 0.54]]
+    )
 
 
 def test_a_path_may_be_text(table):
@@ -97,15 +108,26 @@ def test_a_faster_control_makes_more_steps_of_the_same_path(table):
     np.testing.assert_allclose(fast[1::2], tip_path(tracks), atol=1e-7)
 
 
-def test_the_first_waypoint_holds_from_the_start_and_the_last_of_a_shorter_track_to_the_end(table):
-    late = table("time,x,y,z,module\n1,0.1,0,0.58,-1\n2,0.2,0,0.55,-1\n0,0,0,0.2,0\n1,0.02,0,0.19,0\n")
+def test_the_first_waypoint_holds_from_the_start_and_the_last_of_a_shorter_track_to_the_end(
+    table,
+):
+    late = table(
+        "time,x,y,z,module\n1,0.1,0,0.58,-1\n2,0.2,0,0.55,-1\n0,0,0,0.2,0\n1,0.02,0,0.19,0\n"
+    )
     wanted = waypoints_task("late", load_waypoints(late), TWIN).wanted_positions()
-    np.testing.assert_allclose(wanted[:10, 2], np.tile([0.1, 0, 0.58], (10, 1)), atol=1e-7)
-    np.testing.assert_allclose(wanted[9:, 0], np.tile([0.02, 0, 0.19], (11, 1)), atol=1e-7)
+    np.testing.assert_allclose(
+        wanted[:10, 2], np.tile([0.1, 0, 0.58], (10, 1)), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        wanted[9:, 0], np.tile([0.02, 0, 0.19], (11, 1)), atol=1e-7
+    )
 
 
 def test_a_last_time_between_two_steps_ends_with_the_step_before(table):
-    assert len(tip_path(load_waypoints(table("time,x,y,z\n0,0,0,0.6\n0.57,0.1,0,0.58\n")))) == 5
+    assert (
+        len(tip_path(load_waypoints(table("time,x,y,z\n0,0,0,0.6\n0.57,0.1,0,0.58\n"))))
+        == 5
+    )
 
 
 def test_one_waypoint_is_held_until_its_time(table):
@@ -115,7 +137,9 @@ def test_one_waypoint_is_held_until_its_time(table):
 
 def test_axes_turn_from_one_waypoint_to_the_next(table):
     """Half-way between (0, 0, 1) and (0.6, 0, 0.8)."""
-    axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).wanted_axes()[:, -1]
+    axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).wanted_axes()[
+        :, -1
+    ]
     np.testing.assert_allclose(axes[9], np.array([0.3, 0, 0.9]) / 0.9**0.5, atol=1e-6)
     np.testing.assert_allclose(axes[19], [0.6, 0, 0.8], atol=1e-6)
 
@@ -146,7 +170,9 @@ def test_a_file_is_a_task_by_its_name(table):
 
 
 def test_a_missing_file_is_refused_and_the_columns_are_told(tmp_path):
-    with pytest.raises(TargetError, match=r"no waypoints at .*nowhere\.csv; .*time, x, y, z"):
+    with pytest.raises(
+        TargetError, match=r"no waypoints at .*nowhere\.csv; .*time, x, y, z"
+    ):
         load_waypoints(tmp_path / "nowhere.csv")
     with pytest.raises(TargetError, match="no waypoints at"):
         load_waypoints(tmp_path)
@@ -158,11 +184,16 @@ def test_a_missing_file_is_refused_and_the_columns_are_told(tmp_path):
      "time,x,y,z,axis_x,axis_y", "time,x,y,z,", "0,0,0,0.6", ""],
 )  # fmt: skip
 def test_other_columns_are_refused_and_the_right_ones_told(table, columns):
-    with pytest.raises(TargetError, match=r"has the columns .*it needs time, x, y, z, and may have axis_x"):
+    with pytest.raises(
+        TargetError,
+        match=r"has the columns .*it needs time, x, y, z, and may have axis_x",
+    ):
         load_waypoints(table(columns + "\n0,0,0,0.6\n1,0,0,0.6\n"))
 
 
-@pytest.mark.parametrize("text", ["time,x,y,z", "time,x,y,z\n", "time,x,y,z,module\n\n\n"])
+@pytest.mark.parametrize(
+    "text", ["time,x,y,z", "time,x,y,z\n", "time,x,y,z,module\n\n\n"]
+)
 def test_a_table_without_lines_is_refused(table, text):
     with pytest.raises(TargetError, match="holds no waypoints; give at least one line"):
         load_waypoints(table(text))
@@ -173,13 +204,20 @@ def test_a_file_without_a_word_is_refused(table):
         load_waypoints(table(""))
 
 
-@pytest.mark.parametrize("row", ["1,0.1,here,0.5", "1,0.1,,0.5", "1,0.1,0.5", "1,0.1,0.2,0.5,7", "1,0.1,0x2,0.5"])
+@pytest.mark.parametrize(
+    "row",
+    ["1,0.1,here,0.5", "1,0.1,,0.5", "1,0.1,0.5", "1,0.1,0.2,0.5,7", "1,0.1,0x2,0.5"],
+)
 def test_what_is_no_number_is_refused_by_its_line(table, row):
-    with pytest.raises(TargetError, match=r"my_path\.csv, line 3: every column must hold one number"):
+    with pytest.raises(
+        TargetError, match=r"my_path\.csv, line 3: every column must hold one number"
+    ):
         load_waypoints(table("time,x,y,z\n0,0,0,0.6\n" + row + "\n"))
 
 
-@pytest.mark.parametrize("row", ["1,nan,0,0.5", "1,0,inf,0.5", "nan,0,0,0.5", "1,0,0,-inf", "1,0,0,1e999"])
+@pytest.mark.parametrize(
+    "row", ["1,nan,0,0.5", "1,0,inf,0.5", "nan,0,0,0.5", "1,0,0,-inf", "1,0,0,1e999"]
+)
 def test_what_is_not_finite_is_refused_by_its_line(table, row):
     with pytest.raises(TargetError, match="line 3: numbers must be finite"):
         load_waypoints(table("time,x,y,z\n0,0,0,0.6\n" + row + "\n"))
@@ -192,12 +230,16 @@ def test_a_line_is_named_as_an_editor_counts_it(table):
 
 @pytest.mark.parametrize("module", ["0.5", "nan", "inf"])
 def test_a_module_that_is_no_whole_number_is_refused(table, module):
-    with pytest.raises(TargetError, match="line 2: numbers must be finite, and the module a whole number"):
+    with pytest.raises(
+        TargetError,
+        match="line 2: numbers must be finite, and the module a whole number",
+    ):
         load_waypoints(table(f"time,x,y,z,module\n1,0,0,0.6,{module}\n"))
 
 
 @pytest.mark.parametrize(
-    ("times", "told"), [((0, 2, 1), "1 after 2"), ((0, 1, 1), "1 after 1"), ((3, 2, 1), "2 after")]
+    ("times", "told"),
+    [((0, 2, 1), "1 after 2"), ((0, 1, 1), "1 after 1"), ((3, 2, 1), "2 after")],
 )
 def test_times_that_do_not_rise_are_refused(table, times, told):
     rows = "".join(f"{time},0,0,0.6\n" for time in times)
@@ -211,7 +253,9 @@ def test_a_time_before_the_start_is_refused(table):
 
 
 def test_an_axis_of_no_length_is_refused_by_its_time(table):
-    with pytest.raises(TargetError, match=r"an axis of length zero at time 2; give a direction"):
+    with pytest.raises(
+        TargetError, match=r"an axis of length zero at time 2; give a direction"
+    ):
         load_waypoints(table(POINTED.replace("3,0,4", "0,0,0")))
 
 
@@ -221,7 +265,9 @@ def test_axes_that_turn_right_round_have_no_way_between(table):
         waypoints_task("mine", tracks, TWIN)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\n"])
+@pytest.mark.parametrize(
+    "content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\n"]
+)
 def test_what_is_no_text_is_refused(tmp_path, content):
     path = tmp_path / "picture.csv"
     path.write_bytes(content)
@@ -232,16 +278,21 @@ def test_what_is_no_text_is_refused(tmp_path, content):
 @pytest.mark.parametrize("module", [3, -4, 1e30])
 def test_a_module_that_the_arm_lacks_is_refused(table, module):
     tracks = load_waypoints(table(f"time,x,y,z,module\n1,0,0,0.6,{module}\n"))
-    with pytest.raises(TargetError, match=rf"no module {int(module)}; this goal is for 3"):
+    with pytest.raises(
+        TargetError, match=rf"no module {int(module)}; this goal is for 3"
+    ):
         waypoints_task("mine", tracks, TWIN)
-    with pytest.raises(TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"):
+    with pytest.raises(
+        TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"
+    ):
         out_of_reach(tracks, TWIN)
 
 
 def test_the_tip_cannot_be_asked_for_twice_under_two_numbers(table):
     tracks = load_waypoints(table("time,x,y,z,module\n1,0,0,0.6,-1\n1,0,0,0.5,2\n"))
     with pytest.raises(
-        TargetError, match=r"name a module of 'twin_arm' twice, by \[-1, 2\]; -1 and 2 are both its tip"
+        TargetError,
+        match=r"name a module of 'twin_arm' twice, by \[-1, 2\]; -1 and 2 are both its tip",
     ):
         waypoints_task("mine", tracks, TWIN)
 
@@ -260,7 +311,11 @@ def test_no_tracks_are_refused():
 
 def test_waypoints_out_of_reach_are_told_with_module_time_and_gap(table):
     """The arm is 0.6 m long, its base module 0.2 m."""
-    tracks = load_waypoints(table("time,x,y,z,module\n1,0,0,0.7,-1\n2,0.1,0,0.58,-1\n0,0,0,0.2,0\n4,0,0,0.25,0\n"))
+    tracks = load_waypoints(
+        table(
+            "time,x,y,z,module\n1,0,0,0.7,-1\n2,0.1,0,0.58,-1\n0,0,0,0.2,0\n4,0,0,0.25,0\n"
+        )
+    )
     tip, base = out_of_reach(tracks, TWIN)
     assert (tip.module, tip.time, base.module, base.time) == (-1, 1.0, 0, 4.0)
     assert (tip.gap, base.gap) == pytest.approx((0.1, 0.05), abs=1e-4)
@@ -272,6 +327,8 @@ def test_gaps_below_a_hundredth_of_the_arm_are_not_told(table):
 
 
 def test_waypoints_need_no_file():
-    track = Waypoints(-1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None)
+    track = Waypoints(
+        -1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None
+    )
     assert len(tip_path([track])) == 10
     assert out_of_reach([track], TWIN) == []

@@ -12,7 +12,9 @@ from s2c2a.training import FitOptions, Fixed, fit
 
 TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
 KEY = jax.random.key(0)
-QUICK = FitOptions(learning_rate=0.01, batch_size=16, most_epochs=20, patience=100, epochs_per_call=5)
+QUICK = FitOptions(
+    learning_rate=0.01, batch_size=16, most_epochs=20, patience=100, epochs_per_call=5
+)
 
 
 class Line(eqx.Module):
@@ -28,7 +30,9 @@ def squared(model: Line, batch, key) -> Array:
 def data(samples: int, seed: int, noise: float = 0.0) -> dict:
     random = np.random.default_rng(seed)
     inputs = random.normal(size=(samples, 2)).astype(np.float32)
-    targets = inputs @ TRUE + noise * random.normal(size=(samples, 2)).astype(np.float32)
+    targets = inputs @ TRUE + noise * random.normal(size=(samples, 2)).astype(
+        np.float32
+    )
     return {"inputs": inputs, "targets": targets}
 
 
@@ -36,7 +40,9 @@ TRAINING, VALIDATION = data(128, 0), data(64, 1)
 BLANK = Line(jnp.zeros((2, 2)))
 
 
-def fitted(options=QUICK, loss=squared, training=TRAINING, key=KEY, network=BLANK, **changes):
+def fitted(
+    options=QUICK, loss=squared, training=TRAINING, key=KEY, network=BLANK, **changes
+):
     return fit(network, loss, training, VALIDATION, options, key, **changes)
 
 
@@ -53,19 +59,25 @@ def test_both_losses_fall_with_every_epoch():
 
 
 def test_enough_epochs_find_the_answer():
-    result = fitted(with_options(most_epochs=300, epochs_per_call=100, learning_rate=0.03))
+    result = fitted(
+        with_options(most_epochs=300, epochs_per_call=100, learning_rate=0.03)
+    )
     np.testing.assert_allclose(result.network.weights, TRUE, atol=1e-3)
 
 
 def test_the_first_step_is_adams():
     """Adam's first step is the learning rate against the sign of the gradient, whatever its size."""
     one_batch = with_options(batch_size=128, most_epochs=1, epochs_per_call=1)
-    np.testing.assert_allclose(fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4)
+    np.testing.assert_allclose(
+        fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4
+    )
 
 
 def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
     result = fitted(with_options(most_epochs=5))
-    assert squared(result.network, VALIDATION, None) == pytest.approx(result.curve[-1, 2], rel=1e-5)
+    assert squared(result.network, VALIDATION, None) == pytest.approx(
+        result.curve[-1, 2], rel=1e-5
+    )
 
 
 def worse_later(model: Line, batch, key) -> Array:
@@ -83,7 +95,9 @@ def test_it_returns_the_weights_of_the_best_validation_loss():
 
 @pytest.mark.parametrize("patience", [1, 4, 9])
 def test_it_stops_when_validation_has_not_improved_for_so_many_epochs(patience):
-    options = with_options(learning_rate=0.02, most_epochs=400, patience=patience, epochs_per_call=1)
+    options = with_options(
+        learning_rate=0.02, most_epochs=400, patience=patience, epochs_per_call=1
+    )
     curve = fitted(options, worse_later).curve
     assert len(curve) - (np.argmin(curve[:, 2]) + 1) == patience
     assert len(curve) < 60
@@ -95,12 +109,17 @@ def test_while_it_improves_patience_does_not_stop_it():
 
 @pytest.mark.parametrize(("most_epochs", "epochs_per_call"), [(10, 5), (1, 1), (7, 5)])
 def test_it_never_trains_longer_than_the_most_epochs(most_epochs, epochs_per_call):
-    curve = fitted(with_options(most_epochs=most_epochs, epochs_per_call=epochs_per_call)).curve
+    curve = fitted(
+        with_options(most_epochs=most_epochs, epochs_per_call=epochs_per_call)
+    ).curve
     assert len(curve) == most_epochs
 
 
 def test_the_same_key_gives_the_same_result():
-    one, two, other = (fitted(training=data(128, 0, 0.5), key=jax.random.key(seed)) for seed in (3, 3, 4))
+    one, two, other = (
+        fitted(training=data(128, 0, 0.5), key=jax.random.key(seed))
+        for seed in (3, 3, 4)
+    )
     np.testing.assert_array_equal(one.network.weights, two.network.weights)
     np.testing.assert_array_equal(one.curve, two.curve)
     assert not np.array_equal(one.curve, other.curve)
@@ -109,7 +128,9 @@ def test_the_same_key_gives_the_same_result():
 def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
     """Every grouping ends at the same place on a clean line."""
     ends = [
-        fitted(with_options(most_epochs=200, epochs_per_call=calls, learning_rate=0.03)).network.weights
+        fitted(
+            with_options(most_epochs=200, epochs_per_call=calls, learning_rate=0.03)
+        ).network.weights
         for calls in (10, 100)
     ]
     np.testing.assert_allclose(*ends, atol=1e-2)
@@ -117,15 +138,24 @@ def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
 
 def test_every_epoch_sees_every_sample_once():
     """With a rate of zero the mean training loss of an epoch is that of all samples."""
-    curve = fitted(with_options(learning_rate=0.0, most_epochs=3, epochs_per_call=3)).curve
+    curve = fitted(
+        with_options(learning_rate=0.0, most_epochs=3, epochs_per_call=3)
+    ).curve
     np.testing.assert_allclose(curve[:, 1], squared(BLANK, TRAINING, None), rtol=1e-5)
 
 
 def test_progress_is_told_after_every_call():
     told = []
     result = fitted(progress=lambda epoch, most, loss: told.append((epoch, most, loss)))
-    assert [(epoch, most) for epoch, most, _ in told] == [(5, 20), (10, 20), (15, 20), (20, 20)]
-    np.testing.assert_allclose([loss for *_, loss in told], result.curve[4::5, 2], rtol=1e-6)
+    assert [(epoch, most) for epoch, most, _ in told] == [
+        (5, 20),
+        (10, 20),
+        (15, 20),
+        (20, 20),
+    ]
+    np.testing.assert_allclose(
+        [loss for *_, loss in told], result.curve[4::5, 2], rtol=1e-6
+    )
 
 
 def test_an_interrupt_in_progress_stops_it():
@@ -151,7 +181,9 @@ def test_a_stopped_gradient_keeps_what_it_guards():
         scale: Array
 
     def loss(model, batch, key):
-        return squared(Line(model.weights * jax.lax.stop_gradient(model.scale)), batch, key)
+        return squared(
+            Line(model.weights * jax.lax.stop_gradient(model.scale)), batch, key
+        )
 
     result = fitted(loss=loss, network=Scaled(jnp.zeros((2, 2)), jnp.array(1.5)))
     assert result.network.scale == 1.5

@@ -11,7 +11,12 @@ RADIUS, HEIGHT, STEPS, BEND = 0.22, 0.54, 200, 0.26
 
 def _module(cables: int = 3, **changes) -> Module:
     angles = tuple(360.0 * cable / cables for cable in range(cables))
-    values = {"length": 0.2, "cable_radius": 0.027, "mass": 0.075, "bending_stiffness": 0.16}
+    values = {
+        "length": 0.2,
+        "cable_radius": 0.027,
+        "mass": 0.075,
+        "bending_stiffness": 0.16,
+    }
     return Module(**{**values, "cable_angles_deg": angles, **changes})
 
 
@@ -22,7 +27,8 @@ def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarra
     sideways = np.stack([radius * (1 - np.cos(angles)), np.sin(angles)], axis=-1)
     upward = np.stack([radius * np.sin(angles), np.cos(angles)], axis=-1)
     plane = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    flat = np.einsum("td,mk->tmkd", plane, sideways)  # (time, modules, position and axis, 2)
+    # (time, modules, position and axis, 2)
+    flat = np.einsum("td,mk->tmkd", plane, sideways)
     rise = np.broadcast_to(upward[None, :, :, None], (*flat.shape[:3], 1))
     return np.concatenate([flat, rise], axis=-1).reshape(directions.size, modules, 6)
 
@@ -39,7 +45,14 @@ def make_arm():
 
     def make(modules: int = 3, cables: int = 3, **changes) -> ArmSpec:
         kinds = (_module(cables, length=0.6 / modules),) * modules
-        return ArmSpec(**{"name": "test_arm", "actuation": "displacement", "modules": kinds, **changes})
+        return ArmSpec(
+            **{
+                "name": "test_arm",
+                "actuation": "displacement",
+                "modules": kinds,
+                **changes,
+            }
+        )
 
     return make
 
@@ -48,16 +61,33 @@ def make_arm():
 def make_trace(drawn):
     """Builds a run round a circle, `lag` [rad] behind the target of the last module."""
 
-    def make(label: str = "s2c2a", bend: float = BEND, lag: float = 0.0, modules: int = 3, **changes) -> Trace:
+    def make(
+        label: str = "s2c2a",
+        bend: float = BEND,
+        lag: float = 0.0,
+        modules: int = 3,
+        **changes,
+    ) -> Trace:
         around = 2 * np.pi * np.arange(STEPS) / STEPS
         wobble = bend * (1 + 0.04 * np.sin(7 * around + 9 * bend))
         states = np.concatenate(
-            [_bent_states(b, a, modules) for b, a in zip(wobble, around[:, None] - lag, strict=True)]
+            [
+                _bent_states(b, a, modules)
+                for b, a in zip(wobble, around[:, None] - lag, strict=True)
+            ]
         )
         positions, axes = np.full((2, STEPS, modules, 3), np.nan)
-        positions[:, -1] = np.stack([RADIUS * np.cos(around), RADIUS * np.sin(around), np.full(STEPS, HEIGHT)], axis=-1)
+        positions[:, -1] = np.stack(
+            [RADIUS * np.cos(around), RADIUS * np.sin(around), np.full(STEPS, HEIGHT)],
+            axis=-1,
+        )
         axes[:, -1] = _bent_states(BEND, around, modules)[:, -1, 3:]
-        values = {"times": 0.1 * np.arange(STEPS), "states": states, "wanted_positions": positions, "wanted_axes": axes}
+        values = {
+            "times": 0.1 * np.arange(STEPS),
+            "states": states,
+            "wanted_positions": positions,
+            "wanted_axes": axes,
+        }
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (STEPS, 1, 1))
         return drawn(label, **{**values, "obstacles": obstacles, **changes})
 
@@ -77,8 +107,13 @@ def tip_is_below():
     """Whether a picture has the red module below the blue one; it must have both."""
 
     def look(pixels: np.ndarray) -> bool:
-        red, _, blue = places = np.moveaxis(pixels[..., :3] / np.float64(pixels.max()), -1, 0)
-        tip, base = (np.argwhere(one - np.delete(places, k, 0).max(axis=0) > 0.25) for k, one in ((0, red), (2, blue)))
+        red, _, blue = places = np.moveaxis(
+            pixels[..., :3] / np.float64(pixels.max()), -1, 0
+        )
+        tip, base = (
+            np.argwhere(one - np.delete(places, k, 0).max(axis=0) > 0.25)
+            for k, one in ((0, red), (2, blue))
+        )
         assert min(len(tip), len(base)) > 100
         return bool(tip[:, 0].mean() > base[:, 0].mean() + 20)
 
@@ -94,4 +129,8 @@ def arm(make_arm) -> ArmSpec:
 @pytest.fixture
 def traces(make_trace) -> list[Trace]:
     """Three controllers on one task."""
-    return [make_trace(), make_trace("pcc", bend=0.30, lag=0.15), make_trace("pcc-fitted", bend=0.25, lag=0.08)]
+    return [
+        make_trace(),
+        make_trace("pcc", bend=0.30, lag=0.15),
+        make_trace("pcc-fitted", bend=0.25, lag=0.08),
+    ]

@@ -17,7 +17,9 @@ def test_every_preset_is_drawn(name, tmp_path):
     assert arm_figure(load_arm(name), tmp_path / "arm.png").stat().st_size > 20_000
 
 
-@pytest.mark.parametrize("gravity", [(0, 0, 1), (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, -0.8)])
+@pytest.mark.parametrize(
+    "gravity", [(0, 0, 1), (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, -0.8)]
+)
 def test_gravity_is_drawn_whichever_way_it_points(make_arm, gravity, tmp_path):
     arm = make_arm(gravity_direction=gravity, description="costs $5 to $6, " * 20)
     assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
@@ -48,15 +50,23 @@ MOUNTS = [
 
 
 @pytest.mark.parametrize(("gravity", "way"), MOUNTS)
-def test_the_side_view_shows_the_arm_as_it_is_mounted_whole_and_to_scale(make_arm, gravity, way):
+def test_the_side_view_shows_the_arm_as_it_is_mounted_whole_and_to_scale(
+    make_arm, gravity, way
+):
     arm = make_arm(gravity_direction=gravity)
     view = SideView.of(arm, SIZE[1])
     base, tip = view.at([0.0, arm.length])
-    np.testing.assert_allclose(tip - base, np.array(way) * arm.length / view.per_inch, atol=1e-9)
-    corners = view.at([0.0, 0.0, arm.length, arm.length], 0.027 * np.array([-1, 1, -1, 1]))
+    np.testing.assert_allclose(
+        tip - base, np.array(way) * arm.length / view.per_inch, atol=1e-9
+    )
+    corners = view.at(
+        [0.0, 0.0, arm.length, arm.length], 0.027 * np.array([-1, 1, -1, 1])
+    )
     assert (corners > 0).all()
     assert (corners < SIZE).all()
-    np.testing.assert_allclose(np.linalg.norm(corners[1] - corners[0]) * view.per_inch, 2 * 0.027)
+    np.testing.assert_allclose(
+        np.linalg.norm(corners[1] - corners[0]) * view.per_inch, 2 * 0.027
+    )
 
 
 def test_rows_are_spread_apart_without_leaving_the_table_or_their_order():

@@ -21,4 +21,6 @@ def test_unknown_controllers_get_colours_of_their_own():
 
 
 def test_a_label_that_comes_again_keeps_its_colour():
-    assert colours_by_label(["mine", "pcc", "mine"]) == colours_by_label(["mine", "pcc"])
+    assert colours_by_label(["mine", "pcc", "mine"]) == colours_by_label(
+        ["mine", "pcc"]
+    )

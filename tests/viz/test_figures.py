@@ -5,7 +5,10 @@ from s2c2a.errors import S2C2AError
 from s2c2a.viz import learning_curves, recording_figure, run_figure, trials_figure
 
 PNG = b"\x89PNG\r\n"
-ROWS = [{"epoch": epoch, "train": 0.5**epoch, "validation": 0.6**epoch} for epoch in range(5)]
+ROWS = [
+    {"epoch": epoch, "train": 0.5**epoch, "validation": 0.6**epoch}
+    for epoch in range(5)
+]
 
 
 def is_png(path) -> bool:
@@ -25,15 +28,21 @@ def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path, dra
 
 def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path, **_: drawn.append(figure))
+    monkeypatch.setattr(
+        "s2c2a.viz.figures.save_figure", lambda figure, path, **_: drawn.append(figure)
+    )
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
     errors = [figure.axes[3] for figure in drawn]
-    assert [axes.get_legend_handles_labels()[1].count("not counted") for axes in errors] == [1, 0]
+    assert [
+        axes.get_legend_handles_labels()[1].count("not counted") for axes in errors
+    ] == [1, 0]
     assert errors[0].patches[0].get_extents().width > 0
 
 
-def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, tmp_path, drawn):
+def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(
+    make_trace, arm, tmp_path, drawn
+):
     seen = make_trace().states
     one = drawn("one", [0.0], seen[:1])
     assert is_png(run_figure([one], arm, tmp_path / "one.png"))
@@ -42,7 +51,9 @@ def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(make_trace, arm, t
     assert is_png(run_figure([make_trace(states=gap)], arm, tmp_path / "gap.png"))
 
 
-def test_a_run_of_another_arm_is_refused_and_nothing_is_written(make_arm, traces, tmp_path):
+def test_a_run_of_another_arm_is_refused_and_nothing_is_written(
+    make_arm, traces, tmp_path
+):
     with pytest.raises(S2C2AError, match="modules"):
         run_figure(traces, make_arm(5), tmp_path / "run.png")
     assert list(tmp_path.iterdir()) == []
@@ -54,18 +65,33 @@ def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, arm, tmp
 
 def place_in(axes, point) -> np.ndarray:
     """Where a point of the base frame is on paper, up and to the right being positive."""
-    x, y = (point["xyz".index(label[0])] for label in (axes.get_xlabel(), axes.get_ylabel()))
+    x, y = (
+        point["xyz".index(label[0])] for label in (axes.get_xlabel(), axes.get_ylabel())
+    )
     return axes.transData.transform((x, y))
 
 
 @pytest.mark.parametrize(
     ("gravity", "way"),
-    [((0, 0, -1), (0, 1)), ((0, 0, 0), (0, 1)), ((0, 0, 1), (0, -1)), ((1, 0, 0), (1, 0)), ((0, -0.8, 0.6), (1, 0))],
+    [
+        ((0, 0, -1), (0, 1)),
+        ((0, 0, 0), (0, 1)),
+        ((0, 0, 1), (0, -1)),
+        ((1, 0, 0), (1, 0)),
+        ((0, -0.8, 0.6), (1, 0)),
+    ],
 )
-def test_a_recording_is_drawn_as_its_arm_is_mounted(make_arm, make_trace, tmp_path, monkeypatch, gravity, way):
+def test_a_recording_is_drawn_as_its_arm_is_mounted(
+    make_arm, make_trace, tmp_path, monkeypatch, gravity, way
+):
     figures = []
-    monkeypatch.setattr("s2c2a.viz.figures.save_figure", lambda figure, path, **_: figures.append(figure))
-    recording_figure(make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png")
+    monkeypatch.setattr(
+        "s2c2a.viz.figures.save_figure",
+        lambda figure, path, **_: figures.append(figure),
+    )
+    recording_figure(
+        make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png"
+    )
     side, above = figures[0].axes
     for axes, expected in ((side, way), (above, (way[0], 0))):
         if any(expected):
@@ -83,10 +109,14 @@ def test_a_recording_of_the_wrong_shape_is_refused(shape, arm, tmp_path):
 
 def test_learning_curves_are_drawn_from_rows_of_numbers_or_of_text(tmp_path):
     as_text = [{key: str(value) for key, value in row.items()} for row in ROWS]
-    assert is_png(learning_curves({"C2S": ROWS, "C2A": as_text}, tmp_path / "curves.png"))
+    assert is_png(
+        learning_curves({"C2S": ROWS, "C2A": as_text}, tmp_path / "curves.png")
+    )
 
 
-@pytest.mark.parametrize("curves", [{}, {"C2S": []}, {"C2S": [{"epoch": 1}]}, {"C2S": [(1, 2, 3)]}])
+@pytest.mark.parametrize(
+    "curves", [{}, {"C2S": []}, {"C2S": [{"epoch": 1}]}, {"C2S": [(1, 2, 3)]}]
+)
 def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
     with pytest.raises(S2C2AError, match="curve"):
         learning_curves(curves, tmp_path / "curves.png")
@@ -94,8 +124,21 @@ def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
 
 @pytest.mark.parametrize("rises", [False, True])
 def test_trials_are_drawn_over_time_and_over_what_was_tried(rises, tmp_path):
-    scores, values = np.array([3.0, 0.1, 2.0]), {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])}
-    assert is_png(trials_figure([0, 1, 3], scores, values, "error [cm]", ["a.b"], tmp_path / "trials.png", rises))
+    scores, values = (
+        np.array([3.0, 0.1, 2.0]),
+        {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])},
+    )
+    assert is_png(
+        trials_figure(
+            [0, 1, 3],
+            scores,
+            values,
+            "error [cm]",
+            ["a.b"],
+            tmp_path / "trials.png",
+            rises,
+        )
+    )
 
 
 def test_without_a_finished_trial_there_is_nothing_to_draw(tmp_path):

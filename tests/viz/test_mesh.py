@@ -15,13 +15,23 @@ def volume(corners, faces) -> float:
 
 
 def named(mesh, vertices, name):
-    return [(corners, piece.faces) for piece, corners in zip(mesh.pieces, vertices, strict=True) if piece.name == name]
+    return [
+        (corners, piece.faces)
+        for piece, corners in zip(mesh.pieces, vertices, strict=True)
+        if piece.name == name
+    ]
 
 
 def test_every_piece_faces_outwards(make_trace, arm):
     mesh = ArmMesh(arm)
     vertices = mesh.vertices(make_trace().states[0])
-    assert {piece.name for piece in mesh.pieces} == {"module", "cables", "discs", "tip", "base"}
+    assert {piece.name for piece in mesh.pieces} == {
+        "module",
+        "cables",
+        "discs",
+        "tip",
+        "base",
+    }
     for piece, corners in zip(mesh.pieces, vertices, strict=True):
         assert volume(corners, piece.faces) > 0
         assert piece.faces.max() == len(corners) - 1
@@ -35,7 +45,9 @@ def test_a_straight_module_is_a_cylinder_as_wide_as_its_cables_and_a_bit(straigh
 
 
 @pytest.mark.parametrize("bend", [0.01, 0.26, 1.4])
-def test_the_tubes_run_along_the_centre_line_and_keep_their_width(make_trace, arm, bend):
+def test_the_tubes_run_along_the_centre_line_and_keep_their_width(
+    make_trace, arm, bend
+):
     mesh, states = ArmMesh(arm), make_trace(bend=bend).states[30]
     rings = np.reshape(mesh.vertices(states)[:3], (3, BODY_ROWS, -1, 3))
     middles = rings.mean(axis=2)
@@ -48,22 +60,33 @@ def test_the_tubes_run_along_the_centre_line_and_keep_their_width(make_trace, ar
 def test_frames_are_rotations_without_twist_that_point_along_the_axes(make_trace):
     states = make_trace(bend=0.5).states
     frames = frames_of(states)
-    np.testing.assert_allclose(frames[:, 0, 1:], np.broadcast_to(np.eye(3), (200, 3, 3)))
+    np.testing.assert_allclose(
+        frames[:, 0, 1:], np.broadcast_to(np.eye(3), (200, 3, 3))
+    )
     np.testing.assert_allclose(frames[:, 1:, 0], states[..., :3])
     np.testing.assert_allclose(frames[:, 1:, 3], states[..., 3:], atol=1e-12)
     turns = frames[..., 1:, :]
-    np.testing.assert_allclose(turns @ np.swapaxes(turns, -1, -2), np.broadcast_to(np.eye(3), turns.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        turns @ np.swapaxes(turns, -1, -2),
+        np.broadcast_to(np.eye(3), turns.shape),
+        atol=1e-12,
+    )
     np.testing.assert_allclose(np.linalg.det(turns), 1.0)
-    steps = np.einsum("tmki,tmkj->tmij", turns[:, 1:], turns[:, :-1])  # from each frame to the next
+    # from each frame to the next
+    steps = np.einsum("tmki,tmkj->tmij", turns[:, 1:], turns[:, :-1])
     axes = np.cross(states[:, 0, 3:], states[:, 1, 3:])
-    np.testing.assert_allclose(np.einsum("tij,tj->ti", steps[:, 1], axes), axes, atol=1e-12)
+    np.testing.assert_allclose(
+        np.einsum("tij,tj->ti", steps[:, 1], axes), axes, atol=1e-12
+    )
 
 
 def test_the_plate_at_the_tip_is_at_the_tip(make_trace, arm):
     states = make_trace().states[0]
     mesh = ArmMesh(arm)
     ((tip, _),) = named(mesh, mesh.vertices(states), "tip")
-    np.testing.assert_allclose(tip[-1], states[-1, :3] + 0.14 * 1.12 * 0.027 * states[-1, 3:], atol=1e-9)
+    np.testing.assert_allclose(
+        tip[-1], states[-1, :3] + 0.14 * 1.12 * 0.027 * states[-1, 3:], atol=1e-9
+    )
 
 
 def test_cables_lie_on_the_body_at_their_angles(make_arm, straight):
@@ -84,7 +107,9 @@ def test_the_outline_is_the_body_in_a_quarter_of_the_corners(make_trace, make_ar
         assert volume(outline, mesh.outline_faces) == pytest.approx(body, rel=0.06)
 
 
-def test_the_centre_line_starts_at_the_base_and_passes_through_every_module_end(make_trace):
+def test_the_centre_line_starts_at_the_base_and_passes_through_every_module_end(
+    make_trace,
+):
     states = make_trace().states
     line = centre_line(states, LENGTHS, points_per_module=10)
     assert line.shape == (200, 31, 3)
@@ -96,9 +121,13 @@ def test_the_centre_line_leaves_each_end_along_its_axis(make_trace):
     states = make_trace().states[0]
     line = centre_line(states, LENGTHS, points_per_module=2000)
     steps = np.diff(line, axis=0)
-    before = steps[1999::2000] / np.linalg.norm(steps[1999::2000], axis=-1, keepdims=True)
+    before = steps[1999::2000] / np.linalg.norm(
+        steps[1999::2000], axis=-1, keepdims=True
+    )
     np.testing.assert_allclose(before, states[:, 3:], atol=1e-3)
-    np.testing.assert_allclose(steps[0] / np.linalg.norm(steps[0]), [0, 0, 1], atol=1e-3)
+    np.testing.assert_allclose(
+        steps[0] / np.linalg.norm(steps[0]), [0, 0, 1], atol=1e-3
+    )
 
 
 def test_a_straight_arm_has_a_straight_and_even_centre_line():
@@ -110,6 +139,8 @@ def test_a_straight_arm_has_a_straight_and_even_centre_line():
 
 def test_a_quarter_circle_is_drawn_within_a_hundredth_of_its_length():
     radius = 0.2 / (np.pi / 2)
-    line = centre_line(np.array([[radius, 0, radius, 1, 0, 0]]), np.array([0.2]), points_per_module=50)
+    line = centre_line(
+        np.array([[radius, 0, radius, 1, 0, 0]]), np.array([0.2]), points_per_module=50
+    )
     distance = np.linalg.norm(line - [radius, 0, 0], axis=-1)
     assert np.abs(distance - radius).max() < 0.011 * 0.2

@@ -9,17 +9,32 @@ from s2c2a.arm import ArmSpec, Module
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, Surroundings
 
 MODULE = Module(
-    length=0.2, cable_radius=0.027, cable_angles_deg=(0.0, 120.0, 240.0), mass=0.075, bending_stiffness=0.16
+    length=0.2,
+    cable_radius=0.027,
+    cable_angles_deg=(0.0, 120.0, 240.0),
+    mass=0.075,
+    bending_stiffness=0.16,
 )
 
 
 def mounted(*gravity) -> ArmSpec:
-    return ArmSpec(name="test_arm", actuation="displacement", modules=(MODULE,) * 3, gravity_direction=gravity)
+    return ArmSpec(
+        name="test_arm",
+        actuation="displacement",
+        modules=(MODULE,) * 3,
+        gravity_direction=gravity,
+    )
 
 
 def directions():
     angles = st.tuples(st.floats(0, np.pi), st.floats(-np.pi, np.pi))
-    return angles.map(lambda at: (np.sin(at[0]) * np.cos(at[1]), np.sin(at[0]) * np.sin(at[1]), np.cos(at[0])))
+    return angles.map(
+        lambda at: (
+            np.sin(at[0]) * np.cos(at[1]),
+            np.sin(at[0]) * np.sin(at[1]),
+            np.cos(at[0]),
+        )
+    )
 
 
 @pytest.mark.parametrize(
@@ -37,7 +52,9 @@ def test_an_arm_points_in_the_world_where_its_gravity_says(gravity, word, tip):
     mounting = Mounting.of(mounted(*gravity))
     assert mounting.word == word
     along = mounting.turn @ (0, 0, 1)
-    np.testing.assert_allclose([np.hypot(*along[:2]), along[2]], [np.hypot(*tip[:2]), tip[2]], atol=1e-12)
+    np.testing.assert_allclose(
+        [np.hypot(*along[:2]), along[2]], [np.hypot(*tip[:2]), tip[2]], atol=1e-12
+    )
 
 
 @given(directions())
@@ -49,7 +66,9 @@ def test_the_turn_is_a_rotation_in_which_things_fall_straight_down(gravity):
 
 
 @given(directions())
-def test_flat_drawings_have_different_axes_the_arm_in_the_plane_of_the_page_and_gravity_downward(gravity):
+def test_flat_drawings_have_different_axes_the_arm_in_the_plane_of_the_page_and_gravity_downward(
+    gravity,
+):
     mounting = Mounting.of(mounted(*gravity))
     (right, up), (_, backward) = mounting.flat(SIDE)
     assert 2 in {right, up}
@@ -67,15 +86,23 @@ def test_a_standing_arm_is_drawn_in_its_base_frame_as_it_is():
 
 
 def test_gravity_is_named_where_an_arm_does_not_stand():
-    assert Surroundings.of(mounted(0, 0, -1)).arrow is Surroundings.of(mounted(0, 0, 0)).arrow is None
+    assert (
+        Surroundings.of(mounted(0, 0, -1)).arrow
+        is Surroundings.of(mounted(0, 0, 0)).arrow
+        is None
+    )
     for gravity in ((0, 0, 1), (1, 0, 0)):
         tail, tip = Surroundings.of(mounted(*gravity)).arrow
-        np.testing.assert_allclose((tip - tail) / np.linalg.norm(tip - tail), gravity, atol=1e-12)
+        np.testing.assert_allclose(
+            (tip - tail) / np.linalg.norm(tip - tail), gravity, atol=1e-12
+        )
 
 
 def test_the_plane_is_below_the_base_and_its_lines_end_on_a_circle():
     around = Surroundings.of(mounted(0, 0, -1))
     assert around.spacing == 0.05
-    np.testing.assert_allclose(np.linalg.norm(around.grid[..., :2], axis=-1), around.radius, atol=1e-4)
+    np.testing.assert_allclose(
+        np.linalg.norm(around.grid[..., :2], axis=-1), around.radius, atol=1e-4
+    )
     np.testing.assert_allclose(around.grid[..., 2], around.level)
     assert around.level < 0

@@ -12,8 +12,17 @@ from matplotlib.image import imread
 
 from s2c2a.viz import replay_page
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-OFFLINE = ("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update")
+CHROMIUM = (
+    shutil.which("chromium")
+    or shutil.which("chromium-browser")
+    or shutil.which("google-chrome")
+)
+OFFLINE = (
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+)
 SIZES = [(1280, 800), (390, 844)]
 
 # Measures the page from inside: what overlaps, what sticks out sideways.
@@ -54,10 +63,29 @@ def chromium(tmp_path):
         pytest.skip("no chromium, chromium-browser or google-chrome on the path")
 
     def run(page, *options, size=SIZES[0], moment="0"):
-        fixed = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-sync", "--hide-scrollbars", *OFFLINE]
-        own = [f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={size[0]},{size[1]}"]
-        command = [CHROMIUM, *fixed, *own, "--virtual-time-budget=3000", *options, f"{page.as_uri()}#t={moment}"]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+        fixed = [
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-sync",
+            "--hide-scrollbars",
+            *OFFLINE,
+        ]
+        own = [
+            f"--user-data-dir={tmp_path / 'profile'}",
+            f"--window-size={size[0]},{size[1]}",
+        ]
+        command = [
+            CHROMIUM,
+            *fixed,
+            *own,
+            "--virtual-time-budget=3000",
+            *options,
+            f"{page.as_uri()}#t={moment}",
+        ]
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=120, check=True
+        ).stdout
 
     return run
 
@@ -65,13 +93,18 @@ def chromium(tmp_path):
 def body_data(dom: str) -> dict[str, str]:
     """The data attributes of the body."""
     tag = re.search(r"<body[^>]*>", dom)[0]
-    return {name: html.unescape(value) for name, value in re.findall(r'data-(\w+)="([^"]*)"', tag)}
+    return {
+        name: html.unescape(value)
+        for name, value in re.findall(r'data-(\w+)="([^"]*)"', tag)
+    }
 
 
 def with_script(page, script: str):
     """A copy of the page with a script at its end."""
     copy = page.with_name("probed.html")
-    copy.write_text(page.read_text(encoding="utf-8").replace("</body>", script), encoding="utf-8")
+    copy.write_text(
+        page.read_text(encoding="utf-8").replace("</body>", script), encoding="utf-8"
+    )
     return copy
 
 
@@ -79,39 +112,67 @@ def with_script(page, script: str):
 def page(traces, arm, tmp_path):
     """A page of three controllers."""
     summary = {"task": "circle", "controller": "s2c2a"}
-    return replay_page(traces, arm, "A circle at 0.54 m", tmp_path / "page.html", summary)
+    return replay_page(
+        traces, arm, "A circle at 0.54 m", tmp_path / "page.html", summary
+    )
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_page_draws_without_an_error_and_nothing_overlaps(chromium, page, traces, size):
-    data = body_data(chromium(with_script(page, PROBE), "--dump-dom", size=size, moment="6.3"))
+def test_the_page_draws_without_an_error_and_nothing_overlaps(
+    chromium, page, traces, size
+):
+    data = body_data(
+        chromium(with_script(page, PROBE), "--dump-dom", size=size, moment="6.3")
+    )
     assert "error" not in data
     assert data["ready"] == "true"
     probe = json.loads(data["probe"])
-    assert (probe["overlaps"], probe["sideways"], probe["clock"]) == (0, 0, "6.3 / 19.9 s")
-    assert probe["errors"] == [f"{100 * trace.position_errors[63]:.2f} cm" for trace in traces]
+    assert (probe["overlaps"], probe["sideways"], probe["clock"]) == (
+        0,
+        0,
+        "6.3 / 19.9 s",
+    )
+    assert probe["errors"] == [
+        f"{100 * trace.position_errors[63]:.2f} cm" for trace in traces
+    ]
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_page_says_where_the_mean_is_taken_and_nothing_overlaps(chromium, make_trace, arm, tmp_path, size):
-    traces = [make_trace(counted=np.arange(200) < 50), make_trace("unreached", counted=np.zeros(200, bool))]
+def test_the_page_says_where_the_mean_is_taken_and_nothing_overlaps(
+    chromium, make_trace, arm, tmp_path, size
+):
+    traces = [
+        make_trace(counted=np.arange(200) < 50),
+        make_trace("unreached", counted=np.zeros(200, bool)),
+    ]
     page = replay_page(traces, arm, "A circle", tmp_path / "page.html")
     dom = chromium(with_script(page, PROBE), "--dump-dom", size=size, moment="6.3")
-    assert f"mean {100 * traces[0].counted_errors.mean():.2f} cm outside the shade<" in dom
+    assert (
+        f"mean {100 * traces[0].counted_errors.mean():.2f} cm outside the shade<" in dom
+    )
     assert ">no step counts<" in dom
     probe = json.loads(body_data(dom)["probe"])
     assert (probe["overlaps"], probe["sideways"]) == (0, 0)
 
 
-@pytest.mark.parametrize(("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)])
-def test_the_arm_is_seen_in_the_colours_of_its_modules(chromium, page, tmp_path, size, stage_ends, least):
+@pytest.mark.parametrize(
+    ("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)]
+)
+def test_the_arm_is_seen_in_the_colours_of_its_modules(
+    chromium, page, tmp_path, size, stage_ends, least
+):
     picture = tmp_path / "page.png"
     chromium(page, f"--screenshot={picture}", size=size, moment="6.3")
     pixels = imread(picture)[..., :3]
     red, green, blue = pixels[110:stage_ends, :900].reshape(-1, 3).T
-    for first, second, third in ((red, green, blue), (green, red, blue), (blue, red, green)):
+    for first, second, third in (
+        (red, green, blue),
+        (green, red, blue),
+        (blue, red, green),
+    ):
         seen = np.sum((first - np.maximum(second, third) > 0.12) & (first > 0.25))
-        assert seen > least  # pixels; a grey arm among coloured paths has too few of green or blue
+        # pixels; a grey arm among coloured paths has too few of green or blue
+        assert seen > least
 
 
 @pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 1), True)])
@@ -119,7 +180,9 @@ def test_the_tip_of_a_hanging_arm_is_below_its_base(
     chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below, drawn
 ):
     still = drawn("recorded", [0.0], straight[None])
-    page = replay_page([still], make_arm(gravity_direction=gravity), "still", tmp_path / "page.html")
+    page = replay_page(
+        [still], make_arm(gravity_direction=gravity), "still", tmp_path / "page.html"
+    )
     chromium(page, f"--screenshot={tmp_path / 'page.png'}")
     assert tip_is_below(imread(tmp_path / "page.png")[60:690, :900]) == below
 
@@ -127,7 +190,12 @@ def test_the_tip_of_a_hanging_arm_is_below_its_base(
 def test_keys_step_play_and_choose(chromium, page):
     data = body_data(chromium(with_script(page, KEYS), "--dump-dom"))
     assert "error" not in data
-    assert json.loads(data["probe"]) == ["Pause", "Play", "0.1 / 19.9 s", "false,true,false"]
+    assert json.loads(data["probe"]) == [
+        "Pause",
+        "Play",
+        "0.1 / 19.9 s",
+        "false,true,false",
+    ]
 
 
 def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path, drawn):
@@ -137,6 +205,8 @@ def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path, drawn):
     single = drawn("one step", [4.0], states[1:2])
     for number, gravity in enumerate([(0, 0, 1), (1, 0, 0), (0, 0, 0)]):
         arm = make_arm(20, 8, gravity_direction=gravity)
-        page = replay_page([recorded, single], arm, "</script>", tmp_path / f"{number}.html")
+        page = replay_page(
+            [recorded, single], arm, "</script>", tmp_path / f"{number}.html"
+        )
         data = body_data(chromium(page, "--dump-dom"))
         assert data == {"ready": "true"}

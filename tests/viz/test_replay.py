@@ -20,7 +20,9 @@ def data_of(page: str) -> dict:
     def refuse(word):
         raise AssertionError(f"{word} is not JSON")
 
-    found = re.search(r'<script type="application/json" id="run">(.*?)</script>', page, re.DOTALL)
+    found = re.search(
+        r'<script type="application/json" id="run">(.*?)</script>', page, re.DOTALL
+    )
     return json.loads(found[1], parse_constant=refuse)
 
 
@@ -29,14 +31,19 @@ def write_page(arm, tmp_path):
     """Writes a page and gives its text."""
 
     def write(traces, title="A circle", of_arm=arm, **options):
-        return replay_page(traces, of_arm, title, tmp_path / "page.html", **options).read_text(encoding="utf-8")
+        return replay_page(
+            traces, of_arm, title, tmp_path / "page.html", **options
+        ).read_text(encoding="utf-8")
 
     return write
 
 
 def test_a_page_needs_nothing_from_outside_of_itself(write_page, traces):
     page = write_page(traces)
-    assert not re.search(r"https?:|//[a-z0-9-]+\.[a-z]|\bimport\b|@import|url\(|\bsrc=|\bhref=|fetch\(", page)
+    assert not re.search(
+        r"https?:|//[a-z0-9-]+\.[a-z]|\bimport\b|@import|url\(|\bsrc=|\bhref=|fetch\(",
+        page,
+    )
     assert "default-src 'none'" in page
     assert "{{" not in page
 
@@ -49,52 +56,84 @@ def test_titles_labels_and_summaries_cannot_become_markup(write_page, make_trace
     page = write_page([make_trace(NASTY)], title=NASTY, summary={NASTY: NASTY})
     assert "alert(" not in re.sub(r"alert\((\\\"|&quot;)x", "", page)
     assert page.count("</script>") == 3
-    assert "&lt;/script&gt;&lt;script&gt;alert(&quot;x&quot;)&lt;/script&gt;&amp;{{data}}&lt;!--" in page
+    assert (
+        "&lt;/script&gt;&lt;script&gt;alert(&quot;x&quot;)&lt;/script&gt;&amp;{{data}}&lt;!--"
+        in page
+    )
     data = data_of(page)
-    assert (data["title"], data["traces"][0]["label"], data["summary"]) == (NASTY, NASTY, [[NASTY, NASTY]])
+    assert (data["title"], data["traces"][0]["label"], data["summary"]) == (
+        NASTY,
+        NASTY,
+        [[NASTY, NASTY]],
+    )
 
 
 def test_the_mean_is_that_of_the_steps_that_count(write_page, make_trace):
     counted = np.arange(200) < 50
     trace = make_trace(lag=0.1, counted=counted)
     unreached = make_trace("unreached", counted=np.zeros(200, bool))
-    means = [one["meanError"] for one in data_of(write_page([trace, unreached]))["traces"]]
+    means = [
+        one["meanError"] for one in data_of(write_page([trace, unreached]))["traces"]
+    ]
     assert means == [pytest.approx(trace.position_errors[:50].mean()), None]
 
 
-def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(write_page, make_trace):
+def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(
+    write_page, make_trace
+):
     trace = make_trace()
     wanted, states = trace.wanted_positions.copy(), trace.states.copy()
     wanted[5:9], states[7] = np.nan, np.nan
-    data = data_of(write_page([make_trace(wanted_positions=wanted, states=states)]))["traces"][0]
+    data = data_of(write_page([make_trace(wanted_positions=wanted, states=states)]))[
+        "traces"
+    ][0]
     assert list(data["wanted"]) == ["2"]
-    assert [step for step, point in enumerate(data["wanted"]["2"]) if point is None] == [5, 6, 7, 8]
+    assert [
+        step for step, point in enumerate(data["wanted"]["2"]) if point is None
+    ] == [5, 6, 7, 8]
     assert [step for step, frames in enumerate(data["frames"]) if frames is None] == [7]
-    assert [step for step, error in enumerate(data["errors"]) if error is None] == [5, 6, 7, 8]
+    assert [step for step, error in enumerate(data["errors"]) if error is None] == [
+        5,
+        6,
+        7,
+        8,
+    ]
 
 
 def test_every_step_travels_to_a_tenth_of_a_millimetre(write_page, make_trace):
     trace = make_trace()
     data = data_of(write_page([trace]))["traces"][0]
     assert len(data["frames"]) == len(data["times"]) == 200
-    shown = np.array(data["frames"]).reshape(200, 3, 9) / 10_000  # position, x axis, z axis
-    np.testing.assert_allclose(shown[..., [0, 1, 2, 6, 7, 8]], trace.states, atol=0.51e-4)
-    np.testing.assert_allclose(np.array(data["errors"]) / 1e6, trace.position_errors, atol=0.51e-6)
+    # position, x axis, z axis
+    shown = np.array(data["frames"]).reshape(200, 3, 9) / 10_000
+    np.testing.assert_allclose(
+        shown[..., [0, 1, 2, 6, 7, 8]], trace.states, atol=0.51e-4
+    )
+    np.testing.assert_allclose(
+        np.array(data["errors"]) / 1e6, trace.position_errors, atol=0.51e-6
+    )
 
 
 def test_the_page_can_lay_the_surface_from_what_it_is_told(write_page, make_trace, arm):
     """As page/arm.js does it: a section lies between the frames at its module's ends, an outline in the section."""
     data, states = data_of(write_page([make_trace()])), make_trace().states[40]
-    frames = frames_of(np.array(data["traces"][0]["frames"][40]).reshape(3, 9)[:, [0, 1, 2, 6, 7, 8]] / 10_000)
+    frames = frames_of(
+        np.array(data["traces"][0]["frames"][40]).reshape(3, 9)[:, [0, 1, 2, 6, 7, 8]]
+        / 10_000
+    )
     places, x, y = [], [], []
     for module, start, slope, end, end_slope, share, radius in data["mesh"]["sections"]:
         near, far = frames[int(module) : int(module) + 2]
-        places.append(start * near[0] + slope * near[3] + end * far[0] + end_slope * far[3])
+        places.append(
+            start * near[0] + slope * near[3] + end * far[0] + end_slope * far[3]
+        )
         across, along = ((1 - share) * near[k] + share * far[k] for k in (1, 3))
         x.append(radius * across / np.linalg.norm(across))
         y.append(np.cross(along / np.linalg.norm(along), x[-1]))
     places, x, y = (np.array(values)[:, None] for values in (places, x, y))
-    for piece, expected in zip(data["mesh"]["pieces"], ArmMesh(arm).vertices(states), strict=True):
+    for piece, expected in zip(
+        data["mesh"]["pieces"], ArmMesh(arm).vertices(states), strict=True
+    ):
         got = [
             places[slice(*tube)]
             + np.array(outline)[:, :1] * x[slice(*tube)]
@@ -102,24 +141,32 @@ def test_the_page_can_lay_the_surface_from_what_it_is_told(write_page, make_trac
             for tube in piece["tubes"]
             for outline in piece["outlines"]
         ]
-        np.testing.assert_allclose(np.concatenate(got).reshape(-1, 3), expected, atol=2e-4)
+        np.testing.assert_allclose(
+            np.concatenate(got).reshape(-1, 3), expected, atol=2e-4
+        )
 
 
-def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(write_page, make_trace):
+def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(
+    write_page, make_trace
+):
     moving = make_trace().obstacles.copy()
     moving[:, 0, 0] += np.linspace(0, 0.1, 200)
     pages = [write_page([make_trace()]), write_page([make_trace(obstacles=moving)])]
     assert [len(data_of(page)["traces"][0]["obstacles"]) for page in pages] == [1, 200]
 
 
-def test_a_page_is_refused_for_another_arm_or_for_no_trace(write_page, make_arm, traces):
+def test_a_page_is_refused_for_another_arm_or_for_no_trace(
+    write_page, make_arm, traces
+):
     with pytest.raises(S2C2AError, match="modules"):
         write_page(traces, of_arm=make_arm(2))
     with pytest.raises(S2C2AError, match="no trace"):
         write_page([])
 
 
-def test_a_recording_of_which_nothing_is_asked_makes_a_page(write_page, make_trace, drawn):
+def test_a_recording_of_which_nothing_is_asked_makes_a_page(
+    write_page, make_trace, drawn
+):
     states = make_trace().states
     data = data_of(write_page([drawn("recorded", np.arange(200.0), states)]))
     assert data["traces"][0]["wanted"] == {}
@@ -129,12 +176,20 @@ def test_a_recording_of_which_nothing_is_asked_makes_a_page(write_page, make_tra
 def test_importing_viz_brings_in_neither_matplotlib_nor_engines():
     heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy'}"
     code = f"import sys, s2c2a.viz; found = {heavy} & set(sys.modules); assert not found, found"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
 def test_every_public_name_of_viz_can_be_had():
-    names = ("arm_figure", "learning_curves", "recording_figure", "run_figure", "trials_figure")
+    names = (
+        "arm_figure",
+        "learning_curves",
+        "recording_figure",
+        "run_figure",
+        "trials_figure",
+    )
     assert all(callable(getattr(viz, name)) for name in names)
     with pytest.raises(AttributeError, match="nothing_like_it"):
         _ = viz.nothing_like_it

@@ -10,7 +10,11 @@ from s2c2a.viz.trace import check_same_arm
 
 def test_what_was_not_seen_cannot_be_drawn(make_trace, drawn):
     episode = make_trace().episode
-    unseen = {name: values for name, values in episode.columns.items() if name != "sensor.states"}
+    unseen = {
+        name: values
+        for name, values in episode.columns.items()
+        if name != "sensor.states"
+    }
     with pytest.raises(S2C2AError, match="'pcc' holds no true states"):
         Trace(replace(episode, columns=unseen), "pcc")
     never_driven = {**episode.columns, "stage": np.zeros(len(episode), int)}
@@ -28,7 +32,10 @@ def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
 
 
 def test_errors_are_distance_and_angle_from_what_is_wanted(drawn):
-    asked = {"wanted_positions": [[[0.03, 0.04, 0.2]]], "wanted_axes": [[[1.0, 0.0, 0.0]]]}
+    asked = {
+        "wanted_positions": [[[0.03, 0.04, 0.2]]],
+        "wanted_axes": [[[1.0, 0.0, 0.0]]],
+    }
     trace = drawn("one", [0.0], [[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]], **asked)
     np.testing.assert_allclose(trace.position_errors, [0.05])
     np.testing.assert_allclose(trace.axis_errors, [np.pi / 2])
@@ -47,7 +54,9 @@ def test_steps_that_do_not_count_lie_in_spans_half_a_step_wider(make_trace):
     counted = np.ones(200, bool)
     counted[[0, 50, 51, 70, 199]] = False
     spans = make_trace(counted=counted).uncounted_spans
-    np.testing.assert_allclose(spans, [(0.0, 0.05), (4.95, 5.15), (6.95, 7.05), (19.85, 19.9)])
+    np.testing.assert_allclose(
+        spans, [(0.0, 0.05), (4.95, 5.15), (6.95, 7.05), (19.85, 19.9)]
+    )
     assert make_trace().uncounted_spans == []
 
 

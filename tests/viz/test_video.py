@@ -16,8 +16,13 @@ def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
         assert 50 <= film.n_frames <= 120
         film.seek(film.n_frames // 2)
         red, green, blue = np.moveaxis(np.array(film.convert("RGB"), dtype=int), -1, 0)
-    for first, second, third in ((red, green, blue), (green, red, blue), (blue, red, green)):
-        assert np.sum(first - np.maximum(second, third) > 40) > 300  # every module is seen
+    for first, second, third in (
+        (red, green, blue),
+        (green, red, blue),
+        (blue, red, green),
+    ):
+        # every module is seen
+        assert np.sum(first - np.maximum(second, third) > 40) > 300
     assert path.stat().st_size < 2_000_000
 
 
@@ -26,9 +31,16 @@ def test_a_run_becomes_a_film_where_ffmpeg_is_found(make_trace, arm, tmp_path):
     assert save_video(make_trace(), arm, tmp_path / "run").suffix == ".mp4"
 
 
-@pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 0), False), ((0, 0, 1), True)])
-def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(make_arm, straight, tip_is_below, gravity, below, drawn):
-    studio, trace = Studio(make_arm(gravity_direction=gravity)), drawn("s2c2a", [0.0], straight[None])
+@pytest.mark.parametrize(
+    ("gravity", "below"), [((0, 0, -1), False), ((0, 0, 0), False), ((0, 0, 1), True)]
+)
+def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(
+    make_arm, straight, tip_is_below, gravity, below, drawn
+):
+    studio, trace = (
+        Studio(make_arm(gravity_direction=gravity)),
+        drawn("s2c2a", [0.0], straight[None]),
+    )
     assert tip_is_below(np.array(studio.frame(trace, 0))) == below
     rows = studio.places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
     assert (rows[1] > rows[0] + 200) == below  # rows are counted from the top
@@ -36,11 +48,15 @@ def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(make_arm, straight, t
 
 def test_a_lying_arm_is_filmed_level_and_from_beside_it(make_arm):
     for gravity in ((1, 0, 0), (0, -1, 0), (-0.6, 0.8, 0)):
-        base, tip = Studio(make_arm(gravity_direction=gravity)).places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))
+        base, tip = Studio(make_arm(gravity_direction=gravity)).places(
+            np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]])
+        )
         assert tip[0] - base[0] > 3 * abs(tip[1] - base[1])
 
 
 def test_an_arm_that_is_not_seen_is_not_painted(make_trace, arm):
     unseen = make_trace(states=np.full((200, 3, 6), np.nan))
-    red, green, blue = np.moveaxis(np.array(Studio(arm).frame(unseen, 5), dtype=int), -1, 0)
+    red, green, blue = np.moveaxis(
+        np.array(Studio(arm).frame(unseen, 5), dtype=int), -1, 0
+    )
     assert np.sum(red - np.maximum(green, blue) > 40) == 0

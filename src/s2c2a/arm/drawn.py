@@ -11,13 +11,24 @@ from s2c2a.errors import ArmError
 
 Random = np.random.Generator
 
-ANGLE_DEG, RADIUS, MASS, STIFFNESS = 5.0, 0.06, 0.1, 0.1  # either way
-COUPLING, RATIO, HARDENING = 0.25, 0.15, 0.2
+# either way
+ANGLE_DEG = 5.0
+RADIUS = 0.06
+MASS = 0.1
+STIFFNESS = 0.1
+COUPLING = 0.25
+RATIO = 0.15
+HARDENING = 0.2
 RELAXING = (1 / 10, 1 / 7)  # of the stiffness, for either time constant
 SHORTER = (0.02, 0.04)  # of the length, at full bend
 REST_DEG = (2.0, 4.0)
-HOMING, PLAY = 0.3e-3, (0.2e-3, 1.0e-3)  # m
-FRICTION, VISCOUS, DRIFT = 0.1, 50.0, 0.05  # 1, N s/m, 1
+# m
+HOMING = 0.3e-3
+PLAY = (0.2e-3, 1.0e-3)
+# 1, N s/m, 1
+FRICTION = 0.1
+VISCOUS = 50.0
+DRIFT = 0.05
 DIGITS = 4
 MOST_STRENGTH = 2.0
 
@@ -25,8 +36,9 @@ MOST_STRENGTH = 2.0
 def drawn_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
     """An arm with flaws, each drawn independently; what its file says of it otherwise is the base's.
 
-    At strength 1 they are as large as in the numbers above, at others in proportion; what the base has of play and
-    friction itself gives way to what is drawn in the same proportion, so that at strength 0 it is the base.
+    At strength 1 they are as large as in the numbers above, at others in proportion;
+    what the base has of play and friction itself gives way to what is drawn in the same
+    proportion, so that at strength 0 it is the base.
 
     Args:
         base: how many modules and cables, and all nominal numbers.
@@ -37,13 +49,19 @@ def drawn_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
         ArmError: impossible seed or strength.
     """
     if seed < 0 or not 0 <= strength <= MOST_STRENGTH:
-        raise ArmError(f"seed {seed} and strength {strength} asked for; take a seed from 0 and 0 to {MOST_STRENGTH:g}")
+        raise ArmError(
+            f"seed {seed} and strength {strength} asked for; take a seed from 0 and 0 to {MOST_STRENGTH:g}"
+        )
     name = {"name": f"{base.name[:48]}_{round(100 * strength)}_{seed}"}
     if strength == 0:
         return base.model_copy(update=name)
-    random, described = np.random.default_rng([seed, 7]), base.model_dump()
-    pulls = np.cumsum(_pulls_at_full_bend(base)[::-1])[::-1]  # of all cables through a module, its own and outer ones
-    for module, table, pull in zip(base.modules, described["modules"], pulls, strict=True):
+    random = np.random.default_rng([seed, 7])
+    described = base.model_dump()
+    # of all cables through a module, its own and outer ones
+    pulls = np.cumsum(_pulls_at_full_bend(base)[::-1])[::-1]
+    for module, table, pull in zip(
+        base.modules, described["modules"], pulls, strict=True
+    ):
         table["flaws"] = _flaws(module, random, strength, pull)
         table["cable"] |= _losses(module, random, strength, base.actuation)
     if base.actuation == "displacement":
@@ -52,10 +70,13 @@ def drawn_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
     return ArmSpec.model_validate(described | name | {"description": about})
 
 
-def _flaws(module: Module, random: Random, strength: float, pull: float) -> dict[str, Any]:
+def _flaws(
+    module: Module, random: Random, strength: float, pull: float
+) -> dict[str, Any]:
     """Of one module, through which cables together pull so much with all modules at full bend [N]."""
     cables = len(module.cable_angles_deg)
-    either, within = _either(random, strength), _within(random, strength)
+    either = _either(random, strength)
+    within = _within(random, strength)
     table = {
         "angle_errors_deg": either(ANGLE_DEG, cables),
         "radius_errors": either(RADIUS, cables),
@@ -74,9 +95,12 @@ def _flaws(module: Module, random: Random, strength: float, pull: float) -> dict
     return {key: _said(value) for key, value in table.items()}
 
 
-def _losses(module: Module, random: Random, strength: float, actuation: str) -> dict[str, Any]:
+def _losses(
+    module: Module, random: Random, strength: float, actuation: str
+) -> dict[str, Any]:
     """Of its cables; a tension arm has no play."""
-    kept, cable = max(0.0, 1.0 - strength), module.cable
+    kept = max(0.0, 1.0 - strength)
+    cable = module.cable
     count = len(module.cable_angles_deg)
     drawn = random.uniform(*PLAY, count)
     losses: dict[str, Any] = {
@@ -100,8 +124,14 @@ def _pulls_at_full_bend(arm: ArmSpec) -> np.ndarray:
     """What the cables of each module pull together when they bend it fully, on average over directions [N]."""
     geometry = ArmGeometry.of(arm)
     if arm.actuation == "displacement":  # one cable alone: T r = EI bend / length
-        moments = np.array([module.bending_stiffness for module in arm.modules]) * geometry.bend_limits
-        return moments / geometry.lengths / geometry.cable_radii + geometry.pretensions.sum(axis=-1)
+        moments = (
+            np.array([module.bending_stiffness for module in arm.modules])
+            * geometry.bend_limits
+        )
+        return (
+            moments / geometry.lengths / geometry.cable_radii
+            + geometry.pretensions.sum(axis=-1)
+        )
     around = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
     shares = np.stack([np.cos(around), np.sin(around)], axis=-1)[:, None, :]
     actions = geometry.actions_at(np.broadcast_to(shares, (36, arm.module_count, 2)))

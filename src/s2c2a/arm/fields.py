@@ -22,7 +22,9 @@ from pydantic_core.core_schema import no_info_after_validator_function
 from s2c2a.faults import EACH, ONE
 
 
-def between(low: float, high: float, unit: str, meaning: str, default: Any = ...) -> Any:
+def between(
+    low: float, high: float, unit: str, meaning: str, default: Any = ...
+) -> Any:
     """A number with the range of plausible arms; a value wrong by a factor of 1000 falls outside of it."""
     return Field(default, ge=low, le=high, description=f"{meaning} [{unit}]")
 
@@ -50,18 +52,25 @@ class Within:
     low: float
     high: float
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         """They are checked once they are numbers."""
         return no_info_after_validator_function(self._checked, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         """In words."""
         return {"allowed": f"{self.low:.10g} to {self.high:.10g}, one or one a cable"}
 
     def _checked(self, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
         each = value if isinstance(value, tuple) else (value,)
         if not each:
-            raise PydanticKnownError("too_short", {"field_type": "Tuple", "min_length": 1, "actual_length": 0})
+            raise PydanticKnownError(
+                "too_short",
+                {"field_type": "Tuple", "min_length": 1, "actual_length": 0},
+            )
         if min(each) < self.low:
             raise PydanticKnownError("greater_than_equal", {"ge": self.low})
         if max(each) > self.high:
@@ -73,18 +82,27 @@ class Frozen(BaseModel):
     """A table of a file.
 
     Attributes:
-        unsaid: keys that are left out of a file where they say nothing, so that arms without them stay the same to
-            the byte, and with them all that is kept by what is made of them.
+        unsaid: keys that are left out of a file where they say nothing, so that arms
+            without them stay the same to the byte, and with them all that is kept by
+            what is made of them.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, strict=False
+    )
     unsaid: ClassVar[frozenset[str]] = frozenset()
 
     @model_serializer(mode="wrap")
     def _as_said(self, written) -> dict[str, Any]:
         """Without what is unsaid."""
-        silent = {name for name in self.unsaid if getattr(self, name) == type(self).model_fields[name].default}
-        return {name: value for name, value in written(self).items() if name not in silent}
+        silent = {
+            name
+            for name in self.unsaid
+            if getattr(self, name) == type(self).model_fields[name].default
+        }
+        return {
+            name: value for name, value in written(self).items() if name not in silent
+        }
 
 
 def largest_gap_deg(angles_deg: Iterable[float]) -> float:

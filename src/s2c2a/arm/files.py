@@ -52,7 +52,9 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
     try:
         return ArmSpec.model_validate(toml_in(text))
     except S2C2AError as error:
-        raise ArmError(f"{source}: {error}; mend that place or start again from a preset") from error
+        raise ArmError(
+            f"{source}: {error}; mend that place or start again from a preset"
+        ) from error
     except ValidationError as error:
         raise ArmError(explained(error, f"{source}: {HEADING}", KEYS, _hint)) from error
 
@@ -69,13 +71,18 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         ArmError: the file exists and `overwrite` is false, or it cannot be written.
     """
     if Path(path).exists() and not overwrite:
-        raise ArmError(f"{path} exists; choose another name or overwrite it (--overwrite)")
+        raise ArmError(
+            f"{path} exists; choose another name or overwrite it (--overwrite)"
+        )
     save_whole(arm_to_toml(arm), path, ArmError)
 
 
 def _hint(fault) -> str:
     """Guess a slip of units where a number misses its range."""
-    if fault["type"] not in ("greater_than_equal", "less_than_equal") or not fault["input"]:
+    if (
+        fault["type"] not in ("greater_than_equal", "less_than_equal")
+        or not fault["input"]
+    ):
         return ""
     if str(fault["loc"][-1]).endswith("_deg"):
         return "; this key is in degrees"

@@ -19,19 +19,26 @@ def per_module(arm: ArmSpec, key: str) -> np.ndarray:
 def per_cable(arm: ArmSpec, key: str) -> Float[np.ndarray, "modules cables"]:
     """The same of every cable, where a module says one number for all of its own, or one each."""
     values = map(attrgetter(key), arm.modules)
-    return np.array([np.broadcast_to(value, arm.cable_count) for value in values], dtype=float)
+    return np.array(
+        [np.broadcast_to(value, arm.cable_count) for value in values], dtype=float
+    )
 
 
-def cable_matrix(angles: Float[np.ndarray, "*modules cables"]) -> Float[np.ndarray, "*modules cables 2"]:
+def cable_matrix(
+    angles: Float[np.ndarray, "*modules cables"],
+) -> Float[np.ndarray, "*modules cables 2"]:
     """B with rows -(cos b_i, sin b_i): cable displacements are r B b for a bend b [rad] at cable radius r."""
     return -np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def balanced_pull(matrix: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " cables"]:
+def balanced_pull(
+    matrix: Float[np.ndarray, "cables 2"],
+) -> Float[np.ndarray, " cables"]:
     """Positive tensions of mean one that do not bend the module; all ones where the cables are evenly spread.
 
-    They are t_i = exp(B_i q), where q minimises their sum: its gradient B^T t is then zero. The minimum exists for
-    cables that can bend every way, and damped Newton steps find it.
+    They are t_i = exp(B_i q), where q minimises their sum: its gradient B^T t is then
+    zero. The minimum exists for cables that can bend every way, and damped Newton steps
+    find it.
     """
     point = np.zeros(2)
     for _ in range(200):
@@ -44,16 +51,18 @@ def balanced_pull(matrix: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " 
     return pull / pull.mean()
 
 
-MADE_UP = 1.5  # of the bend limit: what a plan may ask for where motion is lost on the way
+# of the bend limit: what a plan may ask for where motion is lost on the way
+MADE_UP = 1.5
 
 
 @dataclass(frozen=True)
 class ArmGeometry:
     """Arrays over the modules of one arm, SI units.
 
-    An action is `action_neutral + action_scale * B v`, where v (|v| <= 1) is the share of the full bend in the
-    module's two bend directions: the same words for displacement and tension. Where cables travel further than a full
-    bend takes, v is the share of that travel.
+    An action is `action_neutral + action_scale * B v`, where v (|v| <= 1) is the share
+    of the full bend in the module's two bend directions: the same words for
+    displacement and tension. Where cables travel further than a full bend takes, v is
+    the share of that travel.
 
     Attributes:
         lengths: module lengths [m], shape (modules,).
@@ -61,12 +70,16 @@ class ArmGeometry:
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
-        action_bends: what the whole range of actions would bend without any loss [rad], shape (modules,).
-        planned_bends: largest bend that a plan may have, as it is sensed: encoders do not see what is lost on the way,
-            for which cables that travel further may make up by half the bend limit [rad], shape (modules,).
-        cable_springs: what cables that hold still add to a module's stiffness against bending while all are taut
-            [N m/rad], none where they give way, shape (modules,).
-        pretensions: tensions at rest [N], in balance within each module, shape (modules, cables).
+        action_bends: what the whole range of actions would bend without any loss [rad],
+            shape (modules,).
+        planned_bends: largest bend that a plan may have, as it is sensed: encoders do
+            not see what is lost on the way, for which cables that travel further may
+            make up by half the bend limit [rad], shape (modules,).
+        cable_springs: what cables that hold still add to a module's stiffness against
+            bending while all are taut [N m/rad], none where they give way, shape
+            (modules,).
+        pretensions: tensions at rest [N], in balance within each module, shape
+            (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
         action_low: least action allowed [m or N], shape (modules, cables).
@@ -91,7 +104,8 @@ class ArmGeometry:
     def of(cls, arm: ArmSpec) -> "ArmGeometry":
         """Derive the arrays from a description."""
         matrices = cable_matrix(np.deg2rad(per_module(arm, "cable_angles_deg")))
-        radii, bend_limits = per_module(arm, "cable_radius"), np.deg2rad(per_module(arm, "bend_limit_deg"))
+        radii = per_module(arm, "cable_radius")
+        bend_limits = np.deg2rad(per_module(arm, "bend_limit_deg"))
         travels = [module.cable.travel for module in arm.modules]
         bends = np.array(
             [
@@ -114,7 +128,9 @@ class ArmGeometry:
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
             action_bends=bends,
-            planned_bends=np.minimum(bends, MADE_UP * bend_limits) if arm.sensing == "encoders" else bend_limits,
+            planned_bends=np.minimum(bends, MADE_UP * bend_limits)
+            if arm.sensing == "encoders"
+            else bend_limits,
             cable_springs=springs * (0.0 if tension else 1.0),
             pretensions=pretensions,
             action_neutral=neutral,
@@ -123,36 +139,48 @@ class ArmGeometry:
             action_high=neutral + reach,
         )
 
-    def actions_at(self, shares: Float[np.ndarray, "*batch modules 2"]) -> Float[np.ndarray, "*batch modules cables"]:
+    def actions_at(
+        self, shares: Float[np.ndarray, "*batch modules 2"]
+    ) -> Float[np.ndarray, "*batch modules cables"]:
         """Actions [m or N] for shares v of the full bend in each module's two bend directions."""
         return self.action_neutral + self.action_scale[:, None] * np.einsum(
             "mck,...mk->...mc", self.cable_matrices, shares
         )
 
 
-def hermite_weights(shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "4 points"]:
+def hermite_weights(
+    shares: Float[np.ndarray, " points"],
+) -> Float[np.ndarray, "4 points"]:
     """What start, slope there, end and slope there weigh in the cubic (Hermite) at shares 0 to 1 of its way."""
     s = shares
-    return np.stack([2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2])
+    return np.stack(
+        [2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2]
+    )
 
 
 def centre_line(
-    states: Float[Any, "*batch modules 6"], lengths: Float[Any, " modules"], points: int = CENTRE_LINE_POINTS
+    states: Float[Any, "*batch modules 6"],
+    lengths: Float[Any, " modules"],
+    points: int = CENTRE_LINE_POINTS,
 ) -> Float[Any, "*batch points 3"]:
     """Points along the arm from base to tip, the last of each module at its end [m], base frame.
 
-    Between two ends runs the cubic that has their positions and axes (Hermite), its speed the module's length: within
-    a millimetre of an arc of 0.2 m and 50 deg, and exact for a straight module.
+    Between two ends runs the cubic that has their positions and axes (Hermite), its
+    speed the module's length: within a millimetre of an arc of 0.2 m and 50 deg, and
+    exact for a straight module.
 
     Args:
-        states: end position [m] and axis of every module, base frame; of NumPy, or of JAX and then differentiable.
+        states: end position [m] and axis of every module, base frame; of NumPy, or of
+            JAX and then differentiable.
         lengths: of the modules [m], of the same kind.
         points: of each module.
     """
-    xp, unit = states.__array_namespace__(), np.array([0, 0, 0, 0, 0, 1], states.dtype)
+    xp = states.__array_namespace__()
+    unit = np.array([0, 0, 0, 0, 0, 1], states.dtype)
     base = xp.broadcast_to(xp.asarray(unit), (*states.shape[:-2], 1, 6))
     before = xp.concat([base, states[..., :-1, :]], axis=-2)[..., None, :]
-    after, speed = states[..., None, :], lengths[:, None, None]
+    after = states[..., None, :]
+    speed = lengths[:, None, None]
     shares = np.arange(1, points + 1, dtype=states.dtype) / points
     start, slope, end, end_slope = hermite_weights(shares)[..., None]
     line = (

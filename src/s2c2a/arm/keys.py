@@ -17,7 +17,8 @@ class Key(NamedTuple):
     """One key.
 
     Attributes:
-        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]`, ....
+        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]`,
+            ....
         name: what stands left of the equals sign.
         allowed: its values, in words.
         otherwise: what holds if it is not stated.
@@ -34,7 +35,10 @@ class Key(NamedTuple):
 def file_keys() -> list[Key]:
     """All of them, table after table."""
     schema = ArmSpec.model_json_schema()
-    return [key._replace(table=_TABLES[key.table]) for key in _keys_of(schema, schema["$defs"], "")]
+    return [
+        key._replace(table=_TABLES[key.table])
+        for key in _keys_of(schema, schema["$defs"], "")
+    ]
 
 
 def keys_as_markdown() -> str:
@@ -45,15 +49,24 @@ def keys_as_markdown() -> str:
 
 def _as_markdown(table: str, rows: Iterable[Key]) -> str:
     title = f"`{table}`" if table else "The arm itself"
-    lines = [f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |" for key in rows]
-    header = [f"### {title}\n", "| key | allowed | if not stated | what it is |", "| --- " * 4 + "|"]
+    lines = [
+        f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |"
+        for key in rows
+    ]
+    header = [
+        f"### {title}\n",
+        "| key | allowed | if not stated | what it is |",
+        "| --- " * 4 + "|",
+    ]
     return "\n".join([*header, *lines, ""])
 
 
 def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
     inner = []
     for name, value in part["properties"].items():
-        form = next((one for one in value.get("anyOf", ()) if one.get("type") != "null"), value)
+        form = next(
+            (one for one in value.get("anyOf", ()) if one.get("type") != "null"), value
+        )
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
             if "items" in form:
@@ -64,14 +77,21 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
             continue
         otherwise = "needed" if name in part["required"] else _written(value["default"])
         allowed = value.get("allowed") or _allowed(form)
-        yield Key(table, name, allowed, otherwise, value.get("description") or form.get("description", ""))
+        yield Key(
+            table,
+            name,
+            allowed,
+            otherwise,
+            value.get("description") or form.get("description", ""),
+        )
     for path, kind in inner:
         yield from _keys_of({"required": ()} | kind, kinds, path)
 
 
 def _allowed(form: dict) -> str:
     """Behind a validator of our own a number's range is `ge` and `le`, as pydantic has it; else as JSON Schema has."""
-    low, high = form.get("ge", form.get("minimum")), form.get("le", form.get("maximum"))
+    low = form.get("ge", form.get("minimum"))
+    high = form.get("le", form.get("maximum"))
     if low is not None:
         whole = "whole, " if form["type"] == "integer" else ""
         return f"{whole}{low:.10g} to {high:.10g}"
@@ -80,7 +100,8 @@ def _allowed(form: dict) -> str:
     if "enum" in form:
         return " or ".join(f'"{one}"' for one in form["enum"])
     if form["type"] == "array":
-        least, most = form.get("minItems"), form.get("maxItems")
+        least = form.get("minItems")
+        most = form.get("maxItems")
         if least is None:
             return "rows of numbers"
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"

@@ -19,24 +19,42 @@ SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,2
 class Cable(Frozen):
     """How the cables of one module pass on what their motors do.
 
-    Each cable pulls and never pushes. Between motor and module it loses motion in three ways that can be mixed: play,
-    capstan friction in its housing tube, creep of the material. All three are zero unless stated.
+    Each cable pulls and never pushes. Between motor and module it loses motion in three
+    ways that can be mixed: play, capstan friction in its housing tube, creep of the
+    material. All three are zero unless stated.
     """
 
     unsaid: ClassVar[frozenset[str]] = frozenset(("viscous_friction",))
 
     travel: Number | None = between(
-        0.0001, 2, "m", "how far motors may move it from rest, either way; cable_radius times full bend if none", None
+        0.0001,
+        2,
+        "m",
+        "how far motors may move it from rest, either way; cable_radius times full bend if none",
+        None,
     )
-    stiffness: Number = between(50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5)
+    stiffness: Number = between(
+        50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5
+    )
     play: Annotated[Numbers, Within(0, 0.02)] = Field(
-        default=0.0, description="half-width of the play between motor and module; displacement arms [m]"
+        default=0.0,
+        description="half-width of the play between motor and module; displacement arms [m]",
     )
-    friction: Number = between(0, 1, "1", "capstan friction coefficient of cable in tube", 0.0)
-    friction_angle_deg: Number = between(0, 1440, "deg", "bend of the tube with the arm straight", 90.0)
-    viscous_friction: Number = between(0, 10_000, "N s/m", "friction that grows with the speed of the cable", 0.0)
+    friction: Number = between(
+        0, 1, "1", "capstan friction coefficient of cable in tube", 0.0
+    )
+    friction_angle_deg: Number = between(
+        0, 1440, "deg", "bend of the tube with the arm straight", 90.0
+    )
+    viscous_friction: Number = between(
+        0, 10_000, "N s/m", "friction that grows with the speed of the cable", 0.0
+    )
     creep: Number = between(
-        0, 0.9, "1", "part of a held motion that creep takes back in the end; displacement arms", 0.0
+        0,
+        0.9,
+        "1",
+        "part of a held motion that creep takes back in the end; displacement arms",
+        0.0,
     )
     creep_time: Number = between(0.1, 3600, "s", "time constant of creep", 5.0)
 
@@ -51,24 +69,39 @@ class Module(Frozen):
     unsaid: ClassVar[frozenset[str]] = frozenset(("flaws",))
 
     length: Number = between(0.005, 2, "m", "length of the centre line")
-    cable_radius: Number = between(0.0015, 0.3, "m", "distance of the cables from the centre line; at most the length")
+    cable_radius: Number = between(
+        0.0015,
+        0.3,
+        "m",
+        "distance of the cables from the centre line; at most the length",
+    )
     cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
-        min_length=3, max_length=8, description="where the cables are, from x to y, no gap of 179 or more [deg]"
+        min_length=3,
+        max_length=8,
+        description="where the cables are, from x to y, no gap of 179 or more [deg]",
     )
     mass: Number = between(0.0005, 10, "kg", "mass")
     bending_stiffness: Number = between(0.0005, 50, "N m2", "EI")
-    torsional_stiffness: Number | None = between(0.0005, 50, "N m2", "GJ; as EI if none", None)
+    torsional_stiffness: Number | None = between(
+        0.0005, 50, "N m2", "GJ; as EI if none", None
+    )
     damping_time: Number = between(0.005, 2, "s", "damping over stiffness", 0.05)
     bend_limit_deg: Number = between(1, 150, "deg", "largest bend asked for", 50.0)
     pretension: Number = between(0, 500, "N", "tension of every cable at rest", 0.0)
-    tension_range: Number | None = between(0.05, 500, "N", "tension added at full bend; tension arms need it", None)
+    tension_range: Number | None = between(
+        0.05, 500, "N", "tension added at full bend; tension arms need it", None
+    )
     cable: Cable = Cable()
     flaws: Flaws = Flaws()
 
     @property
     def gj(self) -> float:
         """Torsional stiffness GJ [N m2]."""
-        return self.bending_stiffness if self.torsional_stiffness is None else self.torsional_stiffness
+        return (
+            self.bending_stiffness
+            if self.torsional_stiffness is None
+            else self.torsional_stiffness
+        )
 
     @model_validator(mode="after")
     def _can_be_built(self):
@@ -79,18 +112,27 @@ class Module(Frozen):
                 "so the module cannot bend every way; spread them so that no gap reaches 179 deg"
             )
         if self.cable_radius > self.length:
-            raise ValueError(f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in metres")
+            raise ValueError(
+                f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in metres"
+            )
         self._check_cables()
         return self
 
     def _check_cables(self):
         count = len(self.cable_angles_deg)
-        for key, value in {"cable.play": self.cable.play, **self.flaws.per_cable()}.items():
+        for key, value in {
+            "cable.play": self.cable.play,
+            **self.flaws.per_cable(),
+        }.items():
             if isinstance(value, tuple) and len(value) != count:
-                raise ValueError(f"{key} has {len(value)} numbers; give one for each of the {count} cables, or one")
+                raise ValueError(
+                    f"{key} has {len(value)} numbers; give one for each of the {count} cables, or one"
+                )
         true_angles = np.add(self.cable_angles_deg, self.flaws.angle_errors_deg)
         if (gap := largest_gap_deg(true_angles)) >= 180.0:
-            raise ValueError(f"with flaws.angle_errors_deg the cables leave a gap of {gap:.0f} deg; make them smaller")
+            raise ValueError(
+                f"with flaws.angle_errors_deg the cables leave a gap of {gap:.0f} deg; make them smaller"
+            )
 
 
 class Motor(Frozen):
@@ -100,43 +142,68 @@ class Motor(Frozen):
 
     time_constant: Number = between(0, 1, "s", "first-order lag", 0.0)
     speed_limit: Number | None = between(
-        0.001, 5000, "m/s or N/s", "largest rate of change; displacement arms at most 5", None
+        0.001,
+        5000,
+        "m/s or N/s",
+        "largest rate of change; displacement arms at most 5",
+        None,
     )
     pulley_radius: Number = between(0.001, 0.2, "m", "radius of the pulley", 0.01)
     ticks_per_turn: int = between(16, 2**24, "1", "encoder ticks in one turn", 4096)
-    noise_ticks: Number = between(0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0)
-    noise_tension: Number = between(0, 50, "N", "standard deviation of the tension sensor's noise", 0.0)
+    noise_ticks: Number = between(
+        0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0
+    )
+    noise_tension: Number = between(
+        0, 50, "N", "standard deviation of the tension sensor's noise", 0.0
+    )
     homing_error: Number = between(
-        0, 0.02, "m", "standard deviation of its zero, anew at every opening; displacement arms", 0.0
+        0,
+        0.02,
+        "m",
+        "standard deviation of its zero, anew at every opening; displacement arms",
+        0.0,
     )
     current_noise: Number | None = between(
-        0, 500, "N", "standard deviation of the tension that its current tells; no such sensor if none", None
+        0,
+        500,
+        "N",
+        "standard deviation of the tension that its current tells; no such sensor if none",
+        None,
     )
-    current_friction: Number = between(0, 500, "N", "friction of its gear, which the current has to overcome", 0.0)
+    current_friction: Number = between(
+        0, 500, "N", "friction of its gear, which the current has to overcome", 0.0
+    )
 
 
 class ArmSpec(Frozen):
     """A modular soft arm: modules from base to tip, motors, mounting, limits.
 
-    Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg` in degrees.
+    Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg`
+    in degrees.
     """
 
     unsaid: ClassVar[frozenset[str]] = frozenset(("senses",))
 
     name: str = Field(pattern=NAME, description="in tables, figures and names of files")
     description: str = Field("", description="a line about it")
-    actuation: Literal["displacement", "tension"] = Field(description="what its motors are told")
+    actuation: Literal["displacement", "tension"] = Field(
+        description="what its motors are told"
+    )
     sensing: str = Field(
         "encoders",
         pattern=SENSING,
         description="what tells how modules bend: the motors' encoders, something that sees it, or your own",
         json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
     )
-    sensing_coupling: tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None = Field(
-        None, description="how much a module's sensor, one row each, takes in of each module's configuration [1]"
+    sensing_coupling: (
+        tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None
+    ) = Field(
+        None,
+        description="how much a module's sensor, one row each, takes in of each module's configuration [1]",
     )
     coupled_cables: bool = Field(
-        False, description="whether cables of outer modules pass through inner ones at their radius and bend them"
+        False,
+        description="whether cables of outer modules pass through inner ones at their radius and bend them",
     )
     gravity_direction: tuple[Number, Number, Number] = Field(
         (0.0, 0.0, -1.0),
@@ -144,15 +211,25 @@ class ArmSpec(Frozen):
     )
     control_rate: Number = between(0.5, 1000, "Hz", "control steps a second", 10.0)
     step_limit_deg: Number = between(
-        0.01, 90, "deg", "largest change of a plan and of a command, per module and step", 4.0
+        0.01,
+        90,
+        "deg",
+        "largest change of a plan and of a command, per module and step",
+        4.0,
     )
     acceleration_limit_deg: Number | None = between(
-        0.001, 180, "deg", "largest change of that change; 1.5 times as large if none", None
+        0.001,
+        180,
+        "deg",
+        "largest change of that change; 1.5 times as large if none",
+        None,
     )
     motor: Motor = Motor()
     senses: Senses = Senses()
     modules: tuple[Module, ...] = Field(
-        min_length=1, max_length=MOST_MODULES, description="base first, all with as many cables"
+        min_length=1,
+        max_length=MOST_MODULES,
+        description="base first, all with as many cables",
     )
 
     @model_validator(mode="after")
@@ -165,7 +242,9 @@ class ArmSpec(Frozen):
         if self.actuation == "tension":
             self._check_tension_arm()
         elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
-            raise ValueError(f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; it is in metres a second")
+            raise ValueError(
+                f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; it is in metres a second"
+            )
         return self
 
     def _check_gravity(self):
@@ -187,16 +266,22 @@ class ArmSpec(Frozen):
     def _check_tension_arm(self):
         for number, module in enumerate(self.modules):
             if module.tension_range is None:
-                raise ValueError(f"modules.{number}.tension_range is missing; a tension arm needs it [N]")
+                raise ValueError(
+                    f"modules.{number}.tension_range is missing; a tension arm needs it [N]"
+                )
             if any(module.cable.plays(self.cable_count)) or module.cable.creep:
                 raise ValueError(
                     f"modules.{number}.cable has play or creep, which act on displacement; "
                     "a tension arm can only have friction"
                 )
             if module.cable.travel is not None:
-                raise ValueError(f"modules.{number}.cable.travel is of displacement arms; tension_range is its like")
+                raise ValueError(
+                    f"modules.{number}.cable.travel is of displacement arms; tension_range is its like"
+                )
         if self.motor.homing_error:
-            raise ValueError("motor.homing_error acts on displacement; a tension arm needs no homing")
+            raise ValueError(
+                "motor.homing_error acts on displacement; a tension arm needs no homing"
+            )
 
     def same_body(self, other: "ArmSpec") -> bool:
         """Whether another arm is the same in all but name, description, and what it senses beside its motors."""
@@ -204,7 +289,12 @@ class ArmSpec(Frozen):
 
     def differences(self, other: "ArmSpec") -> list[str]:
         """Keys in which another arm differs, name, description and senses beside its motors' aside."""
-        aside: Any = {"name": True, "description": True, "senses": True, "motor": {"current_noise", "current_friction"}}
+        aside: Any = {
+            "name": True,
+            "description": True,
+            "senses": True,
+            "motor": {"current_noise", "current_friction"},
+        }
         mine, others = (arm.model_dump(exclude=aside) for arm in (self, other))
         return [key for key in mine if mine[key] != others[key]]
 

@@ -9,7 +9,8 @@ from s2c2a.arm import ArmSpec, Cable, Flaws, drawn_arm, file_keys, load_arm, sav
 from s2c2a.cli.console import Arm, File, print_table
 from s2c2a.cli.work import RobotName, RobotOptions, body_for
 
-app, robot_app = SubcommandApp(), SubcommandApp()
+app = SubcommandApp()
+robot_app = SubcommandApp()
 
 
 @app.command
@@ -32,7 +33,9 @@ def check(arm: File) -> None:
     spec = load_arm(arm)
     first_mode(spec)  # refuses an arm that falls over
     modules = f"{spec.module_count} module{'s' if spec.module_count > 1 else ''}, {spec.cable_count} cables each"
-    print(f"{arm}: {spec.name} is sound: {modules}, {spec.length:.3g} m, {spec.actuation}")
+    print(
+        f"{arm}: {spec.name} is sound: {modules}, {spec.length:.3g} m, {spec.actuation}"
+    )
 
 
 @app.command
@@ -47,9 +50,15 @@ def describe(arm: File) -> None:
     spec = load_arm(arm)
     frequency, damping = first_mode(spec)
     print(f"{spec.name}: {spec.description}" if spec.description else spec.name)
-    print(f"actuation by {spec.actuation}, sensing: {spec.sensing}, {spec.control_rate:g} Hz")
-    print(f"gravity along {list(spec.gravity_direction)} (base frame), coupled cables: {spec.coupled_cables}")
-    print(f"length {spec.length:.3g} m, first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
+    print(
+        f"actuation by {spec.actuation}, sensing: {spec.sensing}, {spec.control_rate:g} Hz"
+    )
+    print(
+        f"gravity along {list(spec.gravity_direction)} (base frame), coupled cables: {spec.coupled_cables}"
+    )
+    print(
+        f"length {spec.length:.3g} m, first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}"
+    )
     rows = [_cells(spec, number) for number in range(spec.module_count)]
     print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
 
@@ -64,7 +73,9 @@ def _cells(spec: ArmSpec, number: int) -> dict[str, str]:
         "mass g": f"{1e3 * module.mass:g}",
         "EI N m2": f"{module.bending_stiffness:g}",
         "bend deg": f"{module.bend_limit_deg:g}",
-        "cable N/m": f"{module.cable.stiffness:g}" if spec.actuation == "displacement" else "-",
+        "cable N/m": f"{module.cable.stiffness:g}"
+        if spec.actuation == "displacement"
+        else "-",
         "hysteresis": _hysteresis(module.cable),
         "flaws": "none" if module.flaws == Flaws() else "yes",
     }
@@ -73,8 +84,17 @@ def _cells(spec: ArmSpec, number: int) -> dict[str, str]:
 def _hysteresis(cable: Cable) -> str:
     plays = cable.play if isinstance(cable.play, tuple) else (cable.play,)
     widths = " ".join(f"{1e3 * play:g}" for play in plays)
-    said = {"play": f"{widths} mm", "friction": f"{cable.friction:g}", "creep": f"{cable.creep:g}"}
-    return ", ".join(f"{name} {value}" for name, value in said.items() if getattr(cable, name)) or "none"
+    said = {
+        "play": f"{widths} mm",
+        "friction": f"{cable.friction:g}",
+        "creep": f"{cable.creep:g}",
+    }
+    return (
+        ", ".join(
+            f"{name} {value}" for name, value in said.items() if getattr(cable, name)
+        )
+        or "none"
+    )
 
 
 @app.command
@@ -83,7 +103,8 @@ def draw(arm: File, out: Path | None = None) -> None:
 
     Args:
         arm: a preset or an arm file.
-        out: where to; here, under the file's own name, if not stated. Ends in .png, .pdf or .svg.
+        out: where to; here, under the file's own name, if not stated. Ends in .png,
+            .pdf or .svg.
     """
     from s2c2a.viz import arm_figure
 
@@ -100,21 +121,30 @@ def copy(arm: File, out: File, overwrite: bool = False) -> None:
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
-    own = {"name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm", "description": ""}
+    own = {
+        "name": re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm",
+        "description": "",
+    }
     save_arm(ArmSpec.model_validate(load_arm(arm).model_dump() | own), out, overwrite)
     print(f"written: {out}; change it and try `s2c2a arm check {out}`")
 
 
 @app.command
 def random(
-    seed: int, strength: float = 1.0, base: Arm = "twin_arm", out: Path | None = None, overwrite: bool = False
+    seed: int,
+    strength: float = 1.0,
+    base: Arm = "twin_arm",
+    out: Path | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Draw an arm with the flaws of real arms, which only its simulated body knows of (docs/simulator.md).
 
     Args:
         seed: of everything that is drawn.
-        strength: 1 for flaws as large as a careful builder's, 0.5 for half of that, 0 for the base itself; at most 2.
-        base: a preset or an arm file: modules, cables, and all that controllers are told.
+        strength: 1 for flaws as large as a careful builder's, 0.5 for half of that, 0
+            for the base itself; at most 2.
+        base: a preset or an arm file: modules, cables, and all that controllers are
+            told.
         out: the new arm file; here, under the arm's own name, if not stated.
         overwrite: replace the file if it exists.
     """
@@ -124,7 +154,9 @@ def random(
     first_mode(drawn)  # refuses an arm that falls over
     written = out or Path(f"{drawn.name}.toml")
     save_arm(drawn, written, overwrite)
-    print(f"written: {written}; collect, train and run it with --arm {written}, and runs with --robot-option aged=1")
+    print(
+        f"written: {written}; collect, train and run it with --arm {written}, and runs with --robot-option aged=1"
+    )
 
 
 @robot_app.command(name="check")
@@ -138,16 +170,18 @@ def check_body(
 ) -> None:
     """Open a body, drive it gently, and see that it keeps the promises that everything here relies on.
 
-    It moves every cable by at most 5 % of its range; with --response it makes the arm swing. Keep clear of it.
+    It moves every cable by at most 5 % of its range; with --response it makes the arm
+    swing. Keep clear of it.
 
     Args:
         robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
         arm: a preset or an arm file: what the body is.
         robot_option: what the class takes.
-        response: measure how the arm swings and how late it answers, instead: it is shaken for about a minute, every
-            module by a tenth of its bend limit, slowly at first, then faster (docs/senses.md).
-        weights: made by `s2c2a train`: what is expected follows from them, and the response is held against the
-            margins of their loop.
+        response: measure how the arm swings and how late it answers, instead: it is
+            shaken for about a minute, every module by a tenth of its bend limit, slowly
+            at first, then faster (docs/senses.md).
+        weights: made by `s2c2a train`: what is expected follows from them, and the
+            response is held against the margins of their loop.
         out: a file (.json) for what was found, with a figure beside it.
     """
     from s2c2a.cli.response import check_alone, check_response

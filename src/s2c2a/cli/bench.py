@@ -24,7 +24,9 @@ from s2c2a.files import save_whole
 from s2c2a.versions import versions
 
 QUIET_LOAD = 0.5
-REPEATS, SECONDS_SIMULATED, STARTS = 1000, 50, 5
+REPEATS = 1000
+SECONDS_SIMULATED = 50
+STARTS = 5
 WARM_UP = 10  # one call in so many is made before and not counted
 ASKED = {
     "a plan": 1.3e-3,
@@ -33,7 +35,8 @@ ASKED = {
     "a simulated second, fast": 4e-3,
     "a simulated second, accurate": 40e-3,
 }
-"""What the project holds itself to on `twin_arm` and two cores of a common server: medians [s] (docs/benchmarks.md)."""
+"""What the project holds itself to on `twin_arm` and two cores of a common server:
+medians [s] (docs/benchmarks.md)."""
 
 
 class Figure(NamedTuple):
@@ -51,21 +54,41 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
     """Time a plan, a tick, a second start and a second of simulation. Leave the machine alone meanwhile.
 
     Args:
-        arm: a preset, driven by the networks that come with the package, or an arm file, driven by PCC.
+        arm: a preset, driven by the networks that come with the package, or an arm
+            file, driven by PCC.
         out: a file for the figures, as JSON; replaced if it exists.
     """
-    spec, load = load_arm(arm), os.getloadavg()[0]
+    spec = load_arm(arm)
+    load = os.getloadavg()[0]
     if load > QUIET_LOAD:
         print(f"this machine is busy (load {load:.1f}): times will be too long")
     asked = ASKED if spec.same_body(load_arm("twin_arm")) else {}
-    figures = [*control_times(spec), *simulation_times(spec), Figure("a later start", start_times(arm))]
+    figures = [
+        *control_times(spec),
+        *simulation_times(spec),
+        Figure("a later start", start_times(arm)),
+    ]
     told = [_told(figure, asked.get(figure.what)) for figure in figures]
-    rows = [(each["what"], *(_time(each[name]) for name in ("median", "percentile_99", "at_most"))) for each in told]
-    print_table(f"{spec.name} on this machine", ("what", "median", "99th percentile", "at most"), rows)
+    rows = [
+        (
+            each["what"],
+            *(_time(each[name]) for name in ("median", "percentile_99", "at_most")),
+        )
+        for each in told
+    ]
+    print_table(
+        f"{spec.name} on this machine",
+        ("what", "median", "99th percentile", "at most"),
+        rows,
+    )
     machine = _machine()
     print("; ".join(f"{name} {value}" for name, value in machine.items()))
     if out:
-        kept = {"arm": spec.model_dump(mode="json"), "machine": machine | {"load": load}, "seconds": told}
+        kept = {
+            "arm": spec.model_dump(mode="json"),
+            "machine": machine | {"load": load},
+            "seconds": told,
+        }
         print(f"kept in {save_whole(json.dumps(kept, indent=1), out)}")
 
 
@@ -79,11 +102,14 @@ def control_times(arm: ArmSpec) -> Iterator[Figure]:
     model, strategy = driver_of(arm)
     goals = tasks.circle(arm).goals
     planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
-    plan, wanted = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))), cycle(goals)
+    plan = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1)))
+    wanted = cycle(goals)
 
     def next_plan() -> None:
         nonlocal plan
-        plan = jax.block_until_ready(planner.plan(plan, plan.configurations, next(wanted)))
+        plan = jax.block_until_ready(
+            planner.plan(plan, plan.configurations, next(wanted))
+        )
 
     yield Figure("a plan", times_of(next_plan, REPEATS))
     with SimulatedRobot(arm) as robot:
@@ -106,8 +132,12 @@ def simulation_times(arm: ArmSpec) -> Iterator[Figure]:
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
     for fidelity in simulation.FIDELITIES:
         with simulation.SimulatedRobot(arm, fidelity) as robot:
-            seconds = times_of(partial(_call_with_each, robot.step, actions), SECONDS_SIMULATED)
-        yield Figure(f"a simulated second, {fidelity}", seconds / (steps * arm.control_period))
+            seconds = times_of(
+                partial(_call_with_each, robot.step, actions), SECONDS_SIMULATED
+            )
+        yield Figure(
+            f"a simulated second, {fidelity}", seconds / (steps * arm.control_period)
+        )
 
 
 def _call_with_each(call: Callable[[Any], object], given: Iterable[Any]) -> None:
@@ -121,12 +151,15 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
     Raises:
         S2C2AError: a process ended before it acted.
     """
-    command, seconds = [sys.executable, "-m", "s2c2a.cli.first_action", arm], []
+    command = [sys.executable, "-m", "s2c2a.cli.first_action", arm]
+    seconds = []
     for _ in range(1 + starts):
         began = time.time()
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if not done.stdout:
-            raise S2C2AError(f"the start of '{arm}' in a process of its own failed: {done.stderr[-500:]}")
+            raise S2C2AError(
+                f"the start of '{arm}' in a process of its own failed: {done.stderr[-500:]}"
+            )
         seconds.append(float(done.stdout) - began)
     return seconds[1:]
 
@@ -143,7 +176,11 @@ def times_of(call: Callable[[], object], repeats: int):
 
 
 def _told(figure: Figure, asked: float | None) -> dict[str, Any]:
-    said = {"what": figure.what, "median": figure.percentile(50), "percentile_99": figure.percentile(99)}
+    said = {
+        "what": figure.what,
+        "median": figure.percentile(50),
+        "percentile_99": figure.percentile(99),
+    }
     return said | {"repeats": len(figure.seconds), "at_most": asked}
 
 
@@ -159,4 +196,9 @@ def _machine() -> dict[str, object]:
     said = info.read_text(encoding="utf-8") if info.is_file() else ""
     model = re.search(r"^model name\s*: (.*)$", said, re.MULTILINE)
     processor = model[1].strip() if model else platform.processor()
-    return {"processor": processor, "cores": all_cores(), "system": platform.platform(), **versions()}
+    return {
+        "processor": processor,
+        "cores": all_cores(),
+        "system": platform.platform(),
+        **versions(),
+    }

@@ -26,15 +26,19 @@ def unknown_arms(
 ) -> None:
     """Arms that nobody modelled: drawn ones through data, training and tasks, for every strategy (docs/protocol.md).
 
-    From strength 0.75 on, targets are put within the reach of the drawn arm. Cut short, it goes on where it was.
+    From strength 0.75 on, targets are put within the reach of the drawn arm. Cut short,
+    it goes on where it was.
 
     Args:
-        arms: how many are drawn at each strength, as `s2c2a arm random` does with seeds from zero.
+        arms: how many are drawn at each strength, as `s2c2a arm random` does with seeds
+            from zero.
         strengths: of their flaws.
         strategies: best, best-long and paper are recipes of the paper's strategy.
         tasks: by name.
-        targets: within reach, each held for five seconds, to see whether any strategy runs away; none if zero.
-        base: a preset or an arm file: modules, cables, and all that controllers are told.
+        targets: within reach, each held for five seconds, to see whether any strategy
+            runs away; none if zero.
+        base: a preset or an arm file: modules, cables, and all that controllers are
+            told.
         seed: of data, training and start.
         work: where results go, and who works.
     """
@@ -42,10 +46,15 @@ def unknown_arms(
     from s2c2a.studies.unknown_arms import EXPERIMENT, Unknown, unknown_arms_rows
 
     asked = Unknown(load_arm(base), arms, strengths, strategies, tasks, targets, seed)
-    with making(EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
+    with making(EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (
+        place,
+        make,
+    ):
         rows = unknown_arms_rows(asked, make)
         written = save_table(EXPERIMENT, rows, place)
-    print_results(EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
+    print_results(
+        EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place
+    )
     print(f"table: {written} (.csv, .tex, .json beside it)")
 
 
@@ -71,14 +80,16 @@ def senses(
 ) -> None:
     """What senses beside encoders are worth under loads that nobody told of, and the margins of each loop.
 
-    Networks are trained without load, once for all sets but `flex`, whose strips are learned too. Cut short, it goes on
-    where it was (docs/senses.md).
+    Networks are trained without load, once for all sets but `flex`, whose strips are
+    learned too. Cut short, it goes on where it was (docs/senses.md).
 
     Args:
         arm: a preset or an arm file.
-        drawn: how many arms are drawn beside it, as `s2c2a arm random` does, and tried in its place; none if zero.
+        drawn: how many arms are drawn beside it, as `s2c2a arm random` does, and tried
+            in its place; none if zero.
         strength: of their flaws.
-        sets: of senses; encoders-told is encoders and the word how much hangs at the tip.
+        sets: of senses; encoders-told is encoders and the word how much hangs at the
+            tip.
         loads_g: that hang at the tip [g].
         tasks: by name.
         seeds: how many, from zero.
@@ -94,7 +105,14 @@ def senses(
     arms = studied.arms_of(load_arm(arm), drawn, strength)
     loads = tuple(load / 1000 for load in loads_g)
     asked = studied.Worth(arms, sets, loads, tasks, tuple(numbers), strength, happens)
-    options = {"arm": arm, "drawn": drawn, "strength": strength, "sets": sets, "loads_g": loads_g, "tasks": tasks}
+    options = {
+        "arm": arm,
+        "drawn": drawn,
+        "strength": strength,
+        "sets": sets,
+        "loads_g": loads_g,
+        "tasks": tasks,
+    }
     options |= {"happens": happens, "seeds": seeds}
     with making(studied.EXPERIMENT, options, work, go_on=True) as (place, make):
         rows = studied.senses_rows(asked, make) + studied.margin_rows(asked, make)
@@ -123,7 +141,8 @@ def transfer(
     Cut short, it goes on where it was.
 
     Args:
-        drawn: seeds of arms as `s2c2a arm random` draws them; each begins from the networks of the next.
+        drawn: seeds of arms as `s2c2a arm random` draws them; each begins from the
+            networks of the next.
         counts: of modules, learned from and begun; modules of half the base's length.
         halves: seeds of arms of these counts.
         strength: of their flaws.
@@ -136,11 +155,17 @@ def transfer(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.studies import transfer as studied
 
-    asked = studied.Transfer(load_arm(base), drawn, counts, halves, strength, tasks, samples, seed)
-    with making(studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (place, make):
+    asked = studied.Transfer(
+        load_arm(base), drawn, counts, halves, strength, tasks, samples, seed
+    )
+    with making(
+        studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True
+    ) as (place, make):
         rows = studied.transfer_rows(asked, make)
         save_rows(rows, place / "results.json")
-    print_results(studied.EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place)
+    print_results(
+        studied.EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place
+    )
 
 
 def real(
@@ -154,12 +179,14 @@ def real(
 ) -> None:
     """Forward models on a recording of an arm that nobody here made, such as `s2c2a import` writes.
 
-    Rows that are held out are never shown to a model; what cables remember is carried along the whole recording.
+    Rows that are held out are never shown to a model; what cables remember is carried
+    along the whole recording.
 
     Args:
         recording: to learn from.
         unseen: other recordings of the same arm, tried as a whole.
-        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows; none if zero.
+        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
+            none if zero.
         last: hold out so many last rows, in a training of their own; none if zero.
         models: by name; all if not stated.
         seeds: of training, from zero.
@@ -169,8 +196,19 @@ def real(
     from s2c2a.studies.real import EXPERIMENT, Asked, real_rows
 
     asked = Asked.of(recording, unseen, block, last, models)
-    options = {"recording": str(recording), "unseen": [str(one) for one in unseen], "block": block, "last": last}
-    with making(EXPERIMENT, options | {"models": models, "seeds": seeds}, folder) as (place, _), progress_bar() as told:
+    options = {
+        "recording": str(recording),
+        "unseen": [str(one) for one in unseen],
+        "block": block,
+        "last": last,
+    }
+    with (
+        making(EXPERIMENT, options | {"models": models, "seeds": seeds}, folder) as (
+            place,
+            _,
+        ),
+        progress_bar() as told,
+    ):
         rows = real_rows(asked, range(seeds), told)
         written = save_table(EXPERIMENT, rows, place)
     print_results(EXPERIMENT, rows, [], place)
@@ -185,11 +223,13 @@ def loads(
 ) -> None:
     """Loads in recordings of an arm that nobody here made, of which its networks know nothing.
 
-    The observer hears encoders, and where the tip was for the first seconds; then it must do with what it found.
+    The observer hears encoders, and where the tip was for the first seconds; then it
+    must do with what it found.
 
     Args:
         weights: made by `s2c2a train` from a recording without load.
-        recordings: of the same arm with something at its tip, imported --like the first.
+        recordings: of the same arm with something at its tip, imported --like the
+            first.
         seen: for how long the tip is seen [s].
         folder: where results go.
     """
@@ -199,14 +239,23 @@ def loads(
     from s2c2a.studies.loads import EXPERIMENT, load_rows
 
     given = {str(path.with_suffix("")): load_recording(path) for path in recordings}
-    options = {"weights": weights, "recordings": [str(path) for path in recordings], "seen": seen}
+    options = {
+        "weights": weights,
+        "recordings": [str(path) for path in recordings],
+        "seen": seen,
+    }
     with making(EXPERIMENT, options, folder) as (place, _):
         rows = list(load_rows(load_strategy(weights), given, seen))
         save_rows(rows, place / "results.json")
     print_results(f"loads, the tip seen for {seen:g} s", rows, [], place)
 
 
-def plans(weights: tuple[Path, ...] = (), count: int = 10_000, seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
+def plans(
+    weights: tuple[Path, ...] = (),
+    count: int = 10_000,
+    seed: int = 0,
+    folder: Folder = NEW_FOLDER,
+) -> None:
     """Drawn plans beside a long search: which of them stand although their cost could fall.
 
     Args:
@@ -222,7 +271,9 @@ def plans(weights: tuple[Path, ...] = (), count: int = 10_000, seed: int = 0, fo
 
     given = [strategies.load_strategy(path) for path in weights]
     every = given or [strategies.shipped_networks(load_arm(name)) for name in ARMS]
-    with making("plans", {"weights": weights, "count": count, "seed": seed}, folder) as (place, _):
+    with making(
+        "plans", {"weights": weights, "count": count, "seed": seed}, folder
+    ) as (place, _):
         rows = plan_rows(every, count, seed)
         save_rows(rows, place / "results.json")
     print_results(f"{count} drawn plans beside a long search", rows, [], place)

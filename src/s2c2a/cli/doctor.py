@@ -34,7 +34,10 @@ def doctor() -> None:
     rows = [
         ("python", platform.python_version(), "everything"),
         ("cores", str(all_cores()), "trainings, runs and collecting go side by side"),
-        *((name, _package(name, "(extra" in use), use) for name, use in GOOD_FOR.items()),
+        *(
+            (name, _package(name, "(extra" in use), use)
+            for name, use in GOOD_FOR.items()
+        ),
         ("browser", _browser(), "replay pages"),
     ]
     advice = "install the package again with `pip install .`"
@@ -94,4 +97,8 @@ def _cache() -> str:
     folder = cache_folder()
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
     free = shutil.disk_usage(existing).free / 1e9
-    return f"{folder} ({free:.0f} GB free)" if os.access(existing, os.W_OK) else f"FAILED: {folder} cannot be written"
+    return (
+        f"{folder} ({free:.0f} GB free)"
+        if os.access(existing, os.W_OK)
+        else f"FAILED: {folder} cannot be written"
+    )

@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from s2c2a import arm, kinematics, strategies
 
 
-def driver_of(arm: "arm.ArmSpec") -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
+def driver_of(
+    arm: "arm.ArmSpec",
+) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
     """A forward model and a strategy that plans with it: networks where they come with the package, PCC elsewhere."""
     from s2c2a import errors, kinematics, strategies
 
@@ -18,7 +20,9 @@ def driver_of(arm: "arm.ArmSpec") -> "tuple[kinematics.ForwardModel, strategies.
         networks = strategies.shipped_networks(arm)
     except errors.StrategyError:
         recipe = strategies.recipe_named("best")
-        return kinematics.PCCForwardModel.of(arm), strategies.pcc_strategy(arm, recipe.planner)
+        return kinematics.PCCForwardModel.of(arm), strategies.pcc_strategy(
+            arm, recipe.planner
+        )
     return networks.c2s, strategies.s2c2a_strategy(networks)
 
 
@@ -34,7 +38,9 @@ def first_action(name: str) -> None:
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
     cables = np.zeros((arm.module_count, arm.cable_count))
     reading = spaces.Reading(0.0, {"cables": cables, "configurations": straight})
-    aside = goals.Goal.of(arm.module_count).with_position([0.2 * arm.length, 0.0, 0.9 * arm.length])
+    aside = goals.Goal.of(arm.module_count).with_position(
+        [0.2 * arm.length, 0.0, 0.9 * arm.length]
+    )
     strategy.start(reading)
     strategy.step(reading, aside)
 

@@ -23,13 +23,19 @@ def end_at_interrupts() -> None:
 def interrupts_heeded() -> Iterator[None]:
     """Interrupts become KeyboardInterrupt, also where that would be lost.
 
-    One that comes while a module is imported, which may make an error of its own of it, or while Python clears up after
-    an object, where nothing can be raised, comes once more. Where interrupts are ignored, as in what a shell starts in
-    the background, they stay so.
+    One that comes while a module is imported, which may make an error of its own of it,
+    or while Python clears up after an object, where nothing can be raised, comes once
+    more. Where interrupts are ignored, as in what a shell starts in the background,
+    they stay so.
     """
-    before, handler = sys.unraisablehook, signal.getsignal(signal.SIGINT)
-    swapped = threading.current_thread() is threading.main_thread() and callable(handler)
-    sys.unraisablehook = lambda lost: _come_again() if lost.exc_type is KeyboardInterrupt else before(lost)
+    before = sys.unraisablehook
+    handler = signal.getsignal(signal.SIGINT)
+    swapped = threading.current_thread() is threading.main_thread() and callable(
+        handler
+    )
+    sys.unraisablehook = lambda lost: (
+        _come_again() if lost.exc_type is KeyboardInterrupt else before(lost)
+    )
     try:
         if swapped:
             signal.signal(signal.SIGINT, _interrupt)
@@ -41,7 +47,10 @@ def interrupts_heeded() -> Iterator[None]:
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:
-    if any(one.f_code.co_filename.startswith("<frozen importlib") for one, _ in walk_stack(frame)):
+    if any(
+        one.f_code.co_filename.startswith("<frozen importlib")
+        for one, _ in walk_stack(frame)
+    ):
         return _come_again()
     raise KeyboardInterrupt
 

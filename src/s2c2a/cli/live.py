@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from s2c2a.live.process import ControlProcess
     from s2c2a.robots import Body
 
-Port = Annotated[int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")]
+Port = Annotated[
+    int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")
+]
 
 
 def live(
@@ -41,8 +43,9 @@ def live(
 
     Args:
         arm: a preset or an arm file.
-        weights: files made by `s2c2a train`, the first one drives; without any, the networks that come with the
-            package for the presets, and `pcc` for an arm of your own.
+        weights: files made by `s2c2a train`, the first one drives; without any, the
+            networks that come with the package for the presets, and `pcc` for an arm of
+            your own.
         robot: what is driven: the simulated arm, or a class of your own.
         robot_option: what that class takes.
         fidelity: of the simulation.
@@ -50,16 +53,26 @@ def live(
         seed: of the simulation's noise.
         port: where the page shall be; the next free one if it is taken.
         out: the folder in which recordings get folders of their own.
-        release_after: seconds without a driver until the arm is led back to rest; until then it holds.
+        release_after: seconds without a driver until the arm is led back to rest; until
+            then it holds.
         model: the class of a forward model of your own that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    body, said = body_for(robot, robot_option, fidelity), partial(print, flush=True)
-    options = {"weights": weights, "guard": guard, "seed": seed, "release_after": release_after, "model": model}
+    body = body_for(robot, robot_option, fidelity)
+    said = partial(print, flush=True)
+    options = {
+        "weights": weights,
+        "guard": guard,
+        "seed": seed,
+        "release_after": release_after,
+        "model": model,
+    }
     with running_page(arm, body, port, out, said, **options) as (control, _):
         wait_for_interrupt()
     latest = control.latest
-    print(f"{arm} has ended{', at rest' if latest and latest.stage is Stage.IDLE else '; look whether it is at rest'}.")
+    print(
+        f"{arm} has ended{', at rest' if latest and latest.stage is Stage.IDLE else '; look whether it is at rest'}."
+    )
 
 
 def wait_for_interrupt() -> None:
@@ -87,12 +100,21 @@ def running_page(
 
     spec = load_arm(arm)
     with ExitStack() as ends:
-        build = partial(_called, "s2c2a.live.control:arm_control", spec, body or body_for("sim", ()), **options)
+        build = partial(
+            _called,
+            "s2c2a.live.control:arm_control",
+            spec,
+            body or body_for("sim", ()),
+            **options,
+        )
         control = ControlProcess(spec, build)
         ends.callback(control.stop)
-        from s2c2a.live.page import LivePage  # imported while the other process imports its part
+        # imported while the other process imports its part
+        from s2c2a.live.page import LivePage
 
-        page = LivePage(control, port, out, partial(_called, "s2c2a.live.workspace:survey", spec))
+        page = LivePage(
+            control, port, out, partial(_called, "s2c2a.live.workspace:survey", spec)
+        )
         ends.callback(page.close)
         said(f"open {page.gate.address}")
         control.wait_until_ready()

@@ -8,7 +8,14 @@ from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm, save_arm
 from s2c2a.cli import beyond
-from s2c2a.cli.console import Arm, FidelityName, RecipeName, print_results, print_table, progress_bar
+from s2c2a.cli.console import (
+    Arm,
+    FidelityName,
+    RecipeName,
+    print_results,
+    print_table,
+    progress_bar,
+)
 from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Work, making
 
 if TYPE_CHECKING:
@@ -30,19 +37,36 @@ ABOUT = {
 
 def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
     def command(
-        recipe: RecipeName = "best", seeds: int = 5, beside: Path | None = None, work: Work = ALL_CORES
+        recipe: RecipeName = "best",
+        seeds: int = 5,
+        beside: Path | None = None,
+        work: Work = ALL_CORES,
     ) -> None:
         from s2c2a.evaluation import report
         from s2c2a.strategies import RECIPES
         from s2c2a.studies import tables
 
         numbers, chosen = _given(seeds, recipe)
-        options = {"tables": names, "recipe": recipe if recipe in RECIPES else asdict(chosen), "seeds": seeds}
-        with making(f"{name}-{chosen.name}", options, work, go_on=True) as (place, make):
+        options = {
+            "tables": names,
+            "recipe": recipe if recipe in RECIPES else asdict(chosen),
+            "seeds": seeds,
+        }
+        with making(f"{name}-{chosen.name}", options, work, go_on=True) as (
+            place,
+            make,
+        ):
             for table in names:
                 rows, figures = tables.make_table(table, place, numbers, make, chosen)
-                written = report.save_table(table, rows, place, report.rows_beside(beside, table))
-                print_results(f"{table}, recipe {chosen.name}, {seeds} seeds", rows, figures, place)
+                written = report.save_table(
+                    table, rows, place, report.rows_beside(beside, table)
+                )
+                print_results(
+                    f"{table}, recipe {chosen.name}, {seeds} seeds",
+                    rows,
+                    figures,
+                    place,
+                )
                 print(f"table: {written} (.csv, .tex, .json beside it)")
 
     command.__name__ = name
@@ -68,7 +92,11 @@ def _given(seeds: int, recipe: str = "best") -> "tuple[range, strategies.Recipe]
 
 for _name, _about in ABOUT.items():
     _table_command(_name, _about, (_name,))
-_table_command("all", "All tables and figures of the paper.", tuple(name for name in ABOUT if name != "paths"))
+_table_command(
+    "all",
+    "All tables and figures of the paper.",
+    tuple(name for name in ABOUT if name != "paths"),
+)
 
 
 @app.command
@@ -86,7 +114,10 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
     from s2c2a.studies.tables import ingredient_rows
 
     numbers, _ = _given(seeds)
-    with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (place, make):
+    with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (
+        place,
+        make,
+    ):
         rows = ingredient_rows(numbers, make, arm)
     print(save_across("ingredients", rows, place).read_text(encoding="utf-8"))
 
@@ -98,7 +129,10 @@ for _verb in (beyond.senses, beyond.loads, beyond.transfer, beyond.real, beyond.
 
 @app.command
 def circle(
-    seeds: int = 3, recipe: RecipeName = "best", fidelity: FidelityName = "fast", work: Work = ALL_CORES
+    seeds: int = 3,
+    recipe: RecipeName = "best",
+    fidelity: FidelityName = "fast",
+    work: Work = ALL_CORES,
 ) -> None:
     """The circle on both arms: the paper's strategy, pcc, pcc-fitted.
 
@@ -133,7 +167,10 @@ def demo(seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
 
 @app.command
 def controller(
-    seeds: int = 3, recipe: RecipeName = "best", arm: Arm | None = None, folder: Folder = NEW_FOLDER
+    seeds: int = 3,
+    recipe: RecipeName = "best",
+    arm: Arm | None = None,
+    folder: Folder = NEW_FOLDER,
 ) -> None:
     """C2A on its own, in closed loop, on references recorded while inverse PCC follows the circle at three speeds.
 
@@ -146,13 +183,19 @@ def controller(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.studies.circle import ARMS, tracking_table
 
-    names, (numbers, chosen) = (arm,) if arm else ARMS, _given(seeds, recipe)
+    names = (arm,) if arm else ARMS
+    (numbers, chosen) = _given(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "arms": names}
     with making("controller", options, folder, own_data=True) as (place, make):
-        rows, ends = tracking_table([load_arm(name) for name in names], numbers, make, chosen)
+        rows, ends = tracking_table(
+            [load_arm(name) for name in names], numbers, make, chosen
+        )
     save_rows(rows, place / "results.json")
     print_results("C2A in closed loop, 1000 steps", rows, [], place)
-    print("mean of the last 200 steps, worst seed [deg]: " + ", ".join(f"{value:.2f}" for value in ends))
+    print(
+        "mean of the last 200 steps, worst seed [deg]: "
+        + ", ".join(f"{value:.2f}" for value in ends)
+    )
 
 
 @app.command
@@ -170,28 +213,52 @@ def calibration(
         arm: a preset or an arm file.
         seeds: how many, from zero.
         network: also train NN_C2S, for its line.
-        search: first move stiffnesses and hysteresis, in so many evaluations of some seconds each.
-        out: where to write the arm that the search finds; ARM-calibrated.toml if not stated.
+        search: first move stiffnesses and hysteresis, in so many evaluations of some
+            seconds each.
+        out: where to write the arm that the search finds; ARM-calibrated.toml if not
+            stated.
         overwrite: replace that file if it exists.
     """
     from s2c2a.executors import compute_on_one_thread
     from s2c2a.studies import calibration as studied
 
     compute_on_one_thread()
-    spec, (numbers, _) = load_arm(arm), _given(seeds)
+    spec = load_arm(arm)
+    (numbers, _) = _given(seeds)
     studied.check_comparable(spec)
     if search:
         written = out or Path(f"{spec.name}-calibrated.toml")
-        save_arm(spec, written, overwrite)  # what cannot be written is told before the search
+        # what cannot be written is told before the search
+        save_arm(spec, written, overwrite)
         with progress_bar() as progress:
-            spec = studied.search(spec, 0, search, lambda count, misfit: progress("searching", count, search))
+            spec = studied.search(
+                spec,
+                0,
+                search,
+                lambda count, misfit: progress("searching", count, search),
+            )
         save_arm(spec, written, overwrite=True)
         print(f"written: {written}")
-    mean, rows = studied.mean_measured(spec, numbers, network), []
+    mean = studied.mean_measured(spec, numbers, network)
+    rows = []
     for claim in studied.claims_for(spec):
         if (value := mean.get(claim.quantity)) is not None:
             held = f"± {claim.tolerance:.0%}", "yes" if claim.holds(value) else "NO"
-            rows.append((claim.quantity, f"{value:.2f} {claim.unit}", f"{claim.paper:g}", *held))
+            rows.append(
+                (claim.quantity, f"{value:.2f} {claim.unit}", f"{claim.paper:g}", *held)
+            )
     for name, claim in zip(("I", "II", "III"), studied.LARGEST, strict=True):
-        rows.append((f"largest {name}", f"{mean[claim.quantity]:.1f} deg", f"{claim.paper:g}", "", "reported"))
-    print_table(f"{spec.name} beside the paper's arm", ("line", "here", "paper", "tolerance", "holds"), rows)
+        rows.append(
+            (
+                f"largest {name}",
+                f"{mean[claim.quantity]:.1f} deg",
+                f"{claim.paper:g}",
+                "",
+                "reported",
+            )
+        )
+    print_table(
+        f"{spec.name} beside the paper's arm",
+        ("line", "here", "paper", "tolerance", "holds"),
+        rows,
+    )

@@ -22,7 +22,13 @@ if TYPE_CHECKING:
 
 TOWARDS = "x", "y"
 UNLIKE = 0.5  # of what was seen; where more is not explained, a response says little
-ROWS = ("first mode [Hz]", "damping ratio", "gain of slow motion", "delay [control steps]", "lost at a turn [deg]")
+ROWS = (
+    "first mode [Hz]",
+    "damping ratio",
+    "gain of slow motion",
+    "delay [control steps]",
+    "lost at a turn [deg]",
+)
 NO_SENSES = "no margins: nothing in the arm file says what comes of it (docs/senses.md), so no loop could swing"
 UNWATCHED = "no margins: plans of recipe '{}' take no notice of what comes of them"
 
@@ -44,7 +50,11 @@ class Knowledge:
         """The trained factors; those of the description else."""
         from s2c2a.estimation import Swing
 
-        return Swing.nominal() if self.networks is None else self.networks.networks.get("swing", Swing.nominal())
+        return (
+            Swing.nominal()
+            if self.networks is None
+            else self.networks.networks.get("swing", Swing.nominal())
+        )
 
     @property
     def frequency(self) -> float:
@@ -52,11 +62,17 @@ class Knowledge:
         from s2c2a.estimation.swing import Body, modes, motion
 
         period = self.arm.control_period
-        return float(modes(motion(Body.of(self.arm), self.swing, 0.0, period), period)[0, 0])
+        return float(
+            modes(motion(Body.of(self.arm), self.swing, 0.0, period), period)[0, 0]
+        )
 
     def tilts(self, shaken: "Shaken", towards: int) -> np.ndarray:
         """How the tip would have tilted in a chirp [rad]."""
-        from s2c2a.estimation.expected import expected_tilts, rests_by_description, rests_by_model
+        from s2c2a.estimation.expected import (
+            expected_tilts,
+            rests_by_description,
+            rests_by_model,
+        )
         from s2c2a.kinematics import configurations_from_bends
 
         felt = shaken.felt[towards]
@@ -80,12 +96,22 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
     sight_of(robot)  # refused before anything else is read
     known = Knowledge(arm, None if weights is None else load_strategy(weights, arm))
     with progress_bar() as progress:
-        told = shaken(robot, known.frequency, lambda done, total: progress("shaking the arm", done, total))
+        told = shaken(
+            robot,
+            known.frequency,
+            lambda done, total: progress("shaking the arm", done, total),
+        )
     seen = [told.tilts(towards) for towards in range(2)]
     wanted = [known.tilts(told, towards) for towards in range(2)]
     measured, expected = (
-        [response_of(asked, came, arm.control_period, known.frequency) for asked, came in pairs]
-        for pairs in (seen, [(asked, came) for (asked, _), came in zip(seen, wanted, strict=True)])
+        [
+            response_of(asked, came, arm.control_period, known.frequency)
+            for asked, came in pairs
+        ]
+        for pairs in (
+            seen,
+            [(asked, came) for (asked, _), came in zip(seen, wanted, strict=True)],
+        )
     )
     _print(arm, told.sight, measured, expected)
     found = _margins(known)
@@ -94,23 +120,43 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         _keep(out, told, wanted, measured, expected, arm)
 
 
-def _print(arm: ArmSpec, sight: str, measured: "Sequence[Response]", expected: "Sequence[Response]") -> None:
-    columns = [cells(one) for pair in zip(measured, expected, strict=True) for one in pair]
-    header = ["", *(f"{what} {towards}" for towards in TOWARDS for what in ("towards", "expected"))]
-    print_table(f"How {arm.name} answers, as '{sight}' show it", header, zip(ROWS, *columns, strict=True))
+def _print(
+    arm: ArmSpec,
+    sight: str,
+    measured: "Sequence[Response]",
+    expected: "Sequence[Response]",
+) -> None:
+    columns = [
+        cells(one) for pair in zip(measured, expected, strict=True) for one in pair
+    ]
+    header = [
+        "",
+        *(
+            f"{what} {towards}"
+            for towards in TOWARDS
+            for what in ("towards", "expected")
+        ),
+    ]
+    print_table(
+        f"How {arm.name} answers, as '{sight}' show it",
+        header,
+        zip(ROWS, *columns, strict=True),
+    )
     worst = max(one.left for one in measured)
-    print(f"not explained by this: {100 * worst:.0f} % of the motion" + f"{'; believe none of it' * (worst > UNLIKE)}")
+    print(
+        f"not explained by this: {100 * worst:.0f} % of the motion"
+        + f"{'; believe none of it' * (worst > UNLIKE)}"
+    )
 
 
 def cells(one: "Response") -> tuple[str, ...]:
     """A response in words, row by row."""
     if np.isnan(one.frequency):
-        frequency, damping = "too fast to see", "-"
+        frequency = "too fast to see"
+        damping = "-"
     else:
-        frequency, damping = (
-            f"{one.frequency:.2f}",
-            f"{one.damping:.2f}" if one.damping < 1.0 else "1 or more: no swing",
-        )
+        frequency = f"{one.frequency:.2f}"
+        damping = f"{one.damping:.2f}" if one.damping < 1.0 else "1 or more: no swing"
     numbers = f"{one.gain:.2f}", f"{one.delay:.1f}", f"{np.rad2deg(one.lost):.1f}"
     return frequency, damping, *numbers
 
@@ -128,14 +174,14 @@ def _margins(known: Knowledge) -> "Margins | str":
     return margins_of(known.arm, observer) if observer.senses else NO_SENSES
 
 
-def verdict(measured: "Sequence[Response]", expected: "Sequence[Response]", margins: "Margins") -> str:
+def verdict(
+    measured: "Sequence[Response]", expected: "Sequence[Response]", margins: "Margins"
+) -> str:
     """Whether gain and delay lie within the margins, in words."""
     pairs = list(zip(measured, expected, strict=True))
     gain = max(one.gain / max(other.gain, 1e-6) for one, other in pairs)
     late = max(one.delay - other.delay for one, other in pairs)
-    said = (
-        f"it answers {gain:.2f} times as much as expected, {abs(late):.1f} steps {'later' if late > 0 else 'earlier'}"
-    )
+    said = f"it answers {gain:.2f} times as much as expected, {abs(late):.1f} steps {'later' if late > 0 else 'earlier'}"
     within = gain <= margins.gain and late <= margins.delay
     return f"{said}: {'within' if within else 'BEYOND'} the margins of its loop ({margins})"
 
@@ -152,19 +198,29 @@ def _keep(
     from s2c2a.viz.response import response_figure
 
     both = {"measured": measured, "expected": expected}
-    rows = {name: dict(zip(TOWARDS, (kept(one) for one in ones), strict=True)) for name, ones in both.items()}
-    print(f"kept in {save_whole(json.dumps({'arm': arm.name, 'seen_by': told.sight} | rows, indent=1), out)}")
+    rows = {
+        name: dict(zip(TOWARDS, (kept(one) for one in ones), strict=True))
+        for name, ones in both.items()
+    }
+    print(
+        f"kept in {save_whole(json.dumps({'arm': arm.name, 'seen_by': told.sight} | rows, indent=1), out)}"
+    )
     spectra = {}
     for number, towards in enumerate(TOWARDS):
         asked, seen = told.tilts(number)
-        spectra[towards] = [spectrum(asked, came, arm.control_period) for came in (seen, wanted[number])]
+        spectra[towards] = [
+            spectrum(asked, came, arm.control_period) for came in (seen, wanted[number])
+        ]
     picture = response_figure(spectra, Path(f"{out}.png"), f"How {arm.name} answers")
     print(f"figure: {picture}")
 
 
 def kept(one: "Response") -> dict[str, float | None]:
     """A response as it stands in a file, without what is not known."""
-    return {name: number if np.isfinite(number) else None for name, number in one._asdict().items()}
+    return {
+        name: number if np.isfinite(number) else None
+        for name, number in one._asdict().items()
+    }
 
 
 def check_alone(response: bool, **options: object) -> None:
@@ -173,5 +229,9 @@ def check_alone(response: bool, **options: object) -> None:
     Raises:
         S2C2AError: there is one.
     """
-    if not response and (given := [f"--{name}" for name, value in options.items() if value is not None]):
-        raise S2C2AError(f"{' and '.join(given)} go with --response; say that, too, or leave them out")
+    if not response and (
+        given := [f"--{name}" for name, value in options.items() if value is not None]
+    ):
+        raise S2C2AError(
+            f"{' and '.join(given)} go with --response; say that, too, or leave them out"
+        )

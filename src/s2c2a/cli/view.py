@@ -17,12 +17,17 @@ if TYPE_CHECKING:
     from s2c2a.live.window import Window
 
 
-def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080, model: ModelName = None) -> None:
+def view(
+    what: tyro.conf.Positional[tuple[str, ...]],
+    port: Port = 8080,
+    model: ModelName = None,
+) -> None:
     """Look at what is finished, in the scene of `s2c2a live`: runs, a recording, a training, or an arm on its own.
 
     Args:
-        what: run folders or files of runs to scrub and compare, or a recording (both end in .episodes), or a strategy
-            ending in .safetensors, or a preset or an arm file to bend.
+        what: run folders or files of runs to scrub and compare, or a recording (both
+            end in .episodes), or a strategy ending in .safetensors, or a preset or an
+            arm file to bend.
         port: where the page shall be; the next free one if it is taken.
         model: the class of a forward model of your own that a strategy file names.
     """
@@ -32,7 +37,9 @@ def view(what: tyro.conf.Positional[tuple[str, ...]], port: Port = 8080, model: 
     if model:
         model_named(model)
     with closing(window_on(what, port)) as window:
-        print(f"{', '.join(what)}: {window.gate.address}\nControl-C ends it.", flush=True)
+        print(
+            f"{', '.join(what)}: {window.gate.address}\nControl-C ends it.", flush=True
+        )
         wait_for_interrupt()
 
 
@@ -52,7 +59,9 @@ def window_on(what: tuple[str, ...], port: int) -> "Window":
     if all(Path(one).is_dir() or one.endswith(ENDING) for one in what):
         return _window_on_episodes(what, port)
     if len(what) > 1:
-        raise S2C2AError(f"{len(what)} things to look at, and not all are runs; give runs, or one thing alone")
+        raise S2C2AError(
+            f"{len(what)} things to look at, and not all are runs; give runs, or one thing alone"
+        )
     if what[0].endswith(".safetensors"):
         return viewing.view_training(load_strategy(what[0]), port)
     return viewing.view_arm(load_arm(what[0]), port)
@@ -63,18 +72,34 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     from s2c2a import data, episodes, viz
     from s2c2a.live import viewing
 
-    files = [file for one in map(Path, what) for file in (sorted(one.glob(f"*{ENDING}")) if one.is_dir() else [one])]
+    files = [
+        file
+        for one in map(Path, what)
+        for file in (sorted(one.glob(f"*{ENDING}")) if one.is_dir() else [one])
+    ]
     if not files:
-        raise S2C2AError(f"no runs in {', '.join(what)}; `s2c2a run` and recordings of `s2c2a live` write them")
+        raise S2C2AError(
+            f"no runs in {', '.join(what)}; `s2c2a run` and recordings of `s2c2a live` write them"
+        )
     loaded = [episodes.load_episodes(file) for file in files]
     if len(files) == 1 and "babbling" in loaded[0][1]:
         return viewing.view_recording(data.load_recording(files[0]).episodes, port)
-    runs = [(run, file.parent.name) for file, (every, _) in zip(files, loaded, strict=True) for run in every]
+    runs = [
+        (run, file.parent.name)
+        for file, (every, _) in zip(files, loaded, strict=True)
+        for run in every
+    ]
     first = runs[0][0].arm
-    if other := next((run.arm for run, _ in runs if not run.arm.same_body(first)), None):
-        raise S2C2AError(f"runs of '{first.name}' and of '{other.name}' cannot be shown as one; give those of one arm")
+    if other := next(
+        (run.arm for run, _ in runs if not run.arm.same_body(first)), None
+    ):
+        raise S2C2AError(
+            f"runs of '{first.name}' and of '{other.name}' cannot be shown as one; give those of one arm"
+        )
     return viewing.view_runs(
-        [viz.Trace(run, f"{_said_of(run.options)} · {folder}") for run, folder in runs], first, port
+        [viz.Trace(run, f"{_said_of(run.options)} · {folder}") for run, folder in runs],
+        first,
+        port,
     )
 
 

@@ -43,15 +43,17 @@ class _Work(_Folder):
 
     Attributes:
         jobs: trainings and runs side by side; all cores if not stated.
-        cluster: let the workers of a dask scheduler do it: its address (tcp://host:8786, or the file where it wrote
-            it), or local for one on this machine; docs/cluster.md.
+        cluster: let the workers of a dask scheduler do it: its address
+            (tcp://host:8786, or the file where it wrote it), or local for one on this
+            machine; docs/cluster.md.
     """
 
     jobs: int | None = None
     cluster: Address = None
 
 
-NEW_FOLDER, ALL_CORES = _Folder(), _Work()
+NEW_FOLDER = _Folder()
+ALL_CORES = _Work()
 Folder = Annotated[_Folder, tyro.conf.arg(name="")]
 Work = Annotated[_Work, tyro.conf.arg(name="")]
 
@@ -64,7 +66,8 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
         cluster: its address; none if None.
 
     Raises:
-        S2C2AError: no such cluster, its extra is missing, or a number that belongs to another machine.
+        S2C2AError: no such cluster, its extra is missing, or a number that belongs to
+            another machine.
     """
     if cluster is None:
         return Processes(jobs)
@@ -72,31 +75,48 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
     from s2c2a.jobs.cluster import LOCAL, Cluster
 
     if jobs is not None and cluster != LOCAL:
-        raise S2C2AError(f"{jobs} side by side asked for; how many workers {cluster} has is said where they start")
+        raise S2C2AError(
+            f"{jobs} side by side asked for; how many workers {cluster} has is said where they start"
+        )
     return Cluster(cluster, jobs)
 
 
 @contextmanager
 def making(
-    label: str, options: dict, folder: _Folder, *, alone: bool = False, go_on: bool = False, own_data: bool = False
+    label: str,
+    options: dict,
+    folder: _Folder,
+    *,
+    alone: bool = False,
+    go_on: bool = False,
+    own_data: bool = False,
 ) -> "Iterator[tuple[Path, jobs.Make]]":
     """A run folder, and what finds or makes things in it.
 
     Args:
         label: of a folder that has no name.
         options: that it is made with.
-        folder: where it shall be, and who works if it says so; else this process, which tells in detail.
+        folder: where it shall be, and who works if it says so; else this process, which
+            tells in detail.
         alone: whether this process works whatever the folder says.
-        go_on: whether one that was begun with the same options is gone on with, also under runs/.
-        own_data: whether recordings and networks stay in it as well, and not in the cache.
+        go_on: whether one that was begun with the same options is gone on with, also
+            under runs/.
+        own_data: whether recordings and networks stay in it as well, and not in the
+            cache.
     """
     from s2c2a import jobs
     from s2c2a.jobs.run_folder import open_run_folder
 
     compute_on_one_thread()
-    with executor_for(folder.jobs, folder.cluster) if isinstance(folder, _Work) and not alone else Serial() as executor:
+    with (
+        executor_for(folder.jobs, folder.cluster)
+        if isinstance(folder, _Work) and not alone
+        else Serial() as executor
+    ):
         place = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
-        kept = jobs.Cache(place / "data" if own_data else cache_folder(), place / "runs")
+        kept = jobs.Cache(
+            place / "data" if own_data else cache_folder(), place / "runs"
+        )
 
         def make(artifacts):
             with progress_bar() as progress:
@@ -112,19 +132,28 @@ def require(extra: str, *packages: str) -> None:
         S2C2AError: one is.
     """
     if missing := [package for package in packages if find_spec(package) is None]:
-        raise S2C2AError(f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"')
+        raise S2C2AError(
+            f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"'
+        )
 
 
-def body_for(robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0) -> Body:
+def body_for(
+    robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0
+) -> Body:
     """The body, and how it is made; nothing is opened yet.
 
     Raises:
-        S2C2AError: no such class, no option, or one of the simulation's for another body.
+        S2C2AError: no such class, no option, or one of the simulation's for another
+            body.
     """
     given = options_from(options)
     if Body(robot).simulated:
-        return Body(robot, (*Body.simulation(fidelity, payload=payload).options, *given))
+        return Body(
+            robot, (*Body.simulation(fidelity, payload=payload).options, *given)
+        )
     if fidelity != "fast" or payload:
-        raise S2C2AError(f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out")
+        raise S2C2AError(
+            f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out"
+        )
     robot_class(robot)  # what is not there is told before anything else
     return Body(robot, given)

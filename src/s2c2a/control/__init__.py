@@ -1,3 +1,8 @@
 """C2A: from the wanted configuration to the next action. Knows nothing of states."""
 
-from s2c2a.control.controllers import Controller, CorrectedController, InversePCC, NetworkController
+from s2c2a.control.controllers import (
+    Controller,
+    CorrectedController,
+    InversePCC,
+    NetworkController,
+)

@@ -7,7 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics import PCC, bends_from_configurations, configurations_from_bends, limit_lengths
+from s2c2a.kinematics import (
+    PCC,
+    bends_from_configurations,
+    configurations_from_bends,
+    limit_lengths,
+)
 from s2c2a.models import C2A, History
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
@@ -22,7 +27,12 @@ class Controller(eqx.Module):
         """Memory at rest."""
 
     @abstractmethod
-    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: Memory):
+    def act(
+        self,
+        wanted: Float[Array, "modules 3"],
+        sensed: Float[Array, "modules 3"],
+        memory: Memory,
+    ):
         """The action [m or N], shape (modules, cables), and the memory after it."""
 
     @abstractmethod
@@ -35,7 +45,8 @@ class InversePCC(Controller):
 
     Attributes:
         pcc: the arm's map, with nominal numbers.
-        gains: what each module's bend is multiplied by; ones for the plain map, shape (modules,).
+        gains: what each module's bend is multiplied by; ones for the plain map, shape
+            (modules,).
     """
 
     pcc: PCC
@@ -45,9 +56,16 @@ class InversePCC(Controller):
         """Nothing to remember."""
         return ()
 
-    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: Memory):
+    def act(
+        self,
+        wanted: Float[Array, "modules 3"],
+        sensed: Float[Array, "modules 3"],
+        memory: Memory,
+    ):
         """See `Controller`."""
-        return self.pcc.actions(bends_from_configurations(wanted) * self.gains[:, None]), memory
+        return self.pcc.actions(
+            bends_from_configurations(wanted) * self.gains[:, None]
+        ), memory
 
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
         """Nothing to remember."""
@@ -65,7 +83,12 @@ class NetworkController(Controller):
         sensed_before = jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1)
         return History(sensed_before, jnp.zeros((modules, ACTION_HISTORY, cables)))
 
-    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: History):
+    def act(
+        self,
+        wanted: Float[Array, "modules 3"],
+        sensed: Float[Array, "modules 3"],
+        memory: History,
+    ):
         """See `Controller`."""
         history = History(_push(memory.configurations, sensed), memory.actions)
         action = self.network(wanted, history)
@@ -74,7 +97,11 @@ class NetworkController(Controller):
 
     def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
         """The history holds what was really sent."""
-        return memory._replace(actions=memory.actions.at[:, 0].set(self.network.sum_and_range.normalised(action)))
+        return memory._replace(
+            actions=memory.actions.at[:, 0].set(
+                self.network.sum_and_range.normalised(action)
+            )
+        )
 
 
 class CorrectedMemory(NamedTuple):
@@ -109,18 +136,30 @@ class CorrectedController(Controller):
         bends = bends_from_configurations(sensed)
         return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
 
-    def act(self, wanted: Float[Array, "modules 3"], sensed: Float[Array, "modules 3"], memory: CorrectedMemory):
+    def act(
+        self,
+        wanted: Float[Array, "modules 3"],
+        sensed: Float[Array, "modules 3"],
+        memory: CorrectedMemory,
+    ):
         """See `Controller`."""
         missed = memory.wanted - bends_from_configurations(sensed)
         offset = limit_lengths(memory.offset + self.gain * missed, self.largest)
         bends = bends_from_configurations(wanted)
-        action, inner = self.inner.act(configurations_from_bends(bends + offset), sensed, memory.inner)
+        action, inner = self.inner.act(
+            configurations_from_bends(bends + offset), sensed, memory.inner
+        )
         return action, CorrectedMemory(inner, bends, offset)
 
-    def sent(self, action: Float[Array, "modules cables"], memory: CorrectedMemory) -> CorrectedMemory:
+    def sent(
+        self, action: Float[Array, "modules cables"], memory: CorrectedMemory
+    ) -> CorrectedMemory:
         """See `Controller`."""
         return memory._replace(inner=self.inner.sent(action, memory.inner))
 
 
-def _push(history: Float[Array, "modules ages features"], newest: Float[Array, "modules features"]) -> Array:
+def _push(
+    history: Float[Array, "modules ages features"],
+    newest: Float[Array, "modules features"],
+) -> Array:
     return jnp.concatenate([newest[:, None], history[:, :-1]], axis=1)

@@ -21,7 +21,9 @@ from s2c2a.robots import Robot
 from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
 from s2c2a.spaces import Actions, Reading, Stage
 
-MOST_EPISODES, MOST_SAMPLES, MOST_SEED = 100_000, 100_000, 2**63
+MOST_EPISODES = 100_000
+MOST_SAMPLES = 100_000
+MOST_SEED = 2**63
 STEP_LIMIT_DEG = 4.0  # of the arms that speeds were chosen on
 MakeRobot = Callable[[int], Robot]
 
@@ -35,8 +37,9 @@ class CollectOptions:
         episodes: number of episodes, each from rest.
         samples: control steps in an episode.
         seed: of everything random.
-        speeds: slowest and fastest approach of a bend target, as part of the full bend per step, of an arm with a step
-            limit of 4 deg; of others in proportion, for what they may do in a step they shall have tried.
+        speeds: slowest and fastest approach of a bend target, as part of the full bend
+            per step, of an arm with a step limit of 4 deg; of others in proportion, for
+            what they may do in a step they shall have tried.
     """
 
     babbling: str = "staged"
@@ -47,14 +50,22 @@ class CollectOptions:
 
     def __post_init__(self):
         if self.babbling not in BABBLING:
-            raise RecordingError(f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}")
-        if not (1 <= self.episodes <= MOST_EPISODES and 1 <= self.samples <= MOST_SAMPLES):
+            raise RecordingError(
+                f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}"
+            )
+        if not (
+            1 <= self.episodes <= MOST_EPISODES and 1 <= self.samples <= MOST_SAMPLES
+        ):
             raise RecordingError(
                 f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive, and at most "
                 f"{MOST_EPISODES} and {MOST_SAMPLES}"
             )
-        if not 0 <= self.seed <= MOST_SEED or any(count % 1 for count in (self.episodes, self.samples, self.seed)):
-            raise RecordingError(f"seed {self.seed} asked for; it must be whole, as counts are, and not negative")
+        if not 0 <= self.seed <= MOST_SEED or any(
+            count % 1 for count in (self.episodes, self.samples, self.seed)
+        ):
+            raise RecordingError(
+                f"seed {self.seed} asked for; it must be whole, as counts are, and not negative"
+            )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
                 f"speeds {self.speeds} asked for; they must rise from above 0 to at most 1 bend a step"
@@ -79,29 +90,45 @@ def collect(
     Args:
         path: the file to write.
         arm: the arm to drive.
-        make_robot: a robot for the episode of the given seed; called once an episode, in its thread.
+        make_robot: a robot for the episode of the given seed; called once an episode,
+            in its thread.
         options: how to babble.
         body: what the robot is, kept with the recording, such as "simulation fast".
         threads: episodes side by side; all cores if not stated. A real arm takes one.
-        executor: who drives the episodes, if not threads of this process; where it has others, `make_robot` has to
-            travel, as a `partial` of a class does and a lambda does not.
+        executor: who drives the episodes, if not threads of this process; where it has
+            others, `make_robot` has to travel, as a `partial` of a class does and a
+            lambda does not.
         resume: go on with a file that has fewer episodes than asked for.
         overwrite: begin anew where a file exists.
         progress: told how many episodes of how many are whole.
 
     Raises:
-        RecordingError: the file exists and neither `resume` nor `overwrite` was asked for, it was begun otherwise, or
-            it cannot be written.
+        RecordingError: the file exists and neither `resume` nor `overwrite` was asked
+            for, it was begun otherwise, or it cannot be written.
     """
     if threads is not None and threads < 1:
-        raise RecordingError(f"{threads} threads asked for; take at least one, or leave it out for all cores")
+        raise RecordingError(
+            f"{threads} threads asked for; take at least one, or leave it out for all cores"
+        )
     drive = partial(_episode, arm, make_robot, options)
     # of a real arm nothing is begun before the last episode is safe
-    workers = nullcontext(executor) if executor else Serial() if threads == 1 else Threads(threads)
-    with closing(_open_writer(Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite)) as writer:
+    workers = (
+        nullcontext(executor)
+        if executor
+        else Serial()
+        if threads == 1
+        else Threads(threads)
+    )
+    with closing(
+        _open_writer(
+            Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite
+        )
+    ) as writer:
         progress(writer.count, options.episodes)
         with workers as driving:
-            for episode in in_order(driving, drive, range(writer.count, options.episodes)):
+            for episode in in_order(
+                driving, drive, range(writer.count, options.episodes)
+            ):
                 writer.append(episode)
                 progress(writer.count, options.episodes)
     return load_recording(path)
@@ -114,14 +141,22 @@ def _as_written(options: CollectOptions) -> dict:
     return written | {"slowest": slowest, "fastest": fastest}
 
 
-def _open_writer(path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool) -> EpisodeWriter:
+def _open_writer(
+    path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool
+) -> EpisodeWriter:
     if not path.exists() or overwrite:
         return EpisodeWriter.create(path, arm, options)
     if not resume:
-        raise RecordingError(f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name")
+        raise RecordingError(
+            f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name"
+        )
     writer = EpisodeWriter(path)
     begun = writer.options
-    differing = [f"{key} {begun.get(key)!r}, now {new!r}" for key, new in options.items() if begun.get(key) != new]
+    differing = [
+        f"{key} {begun.get(key)!r}, now {new!r}"
+        for key, new in options.items()
+        if begun.get(key) != new
+    ]
     differing += ["arm"] if writer.arm != arm else []
     if differing:
         writer.close()
@@ -136,7 +171,9 @@ class Player:
     """Actions that were chosen before, one a step; it needs everything that the body says, since all is recorded."""
 
     def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
-        self.arm, self.sensors, self._actions = arm, sensors, actions
+        self.arm = arm
+        self.sensors = sensors
+        self._actions = actions
 
     def start(self, reading: Reading) -> None:
         """From the first one."""
@@ -154,18 +191,30 @@ class Player:
         return {}
 
 
-def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int) -> Episode:
+def _episode(
+    arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int
+) -> Episode:
     """Drive the arm through one episode, and back to rest.
 
     Raises:
-        RecordingError: a sensor could not be believed; the arm is at rest, and the episode is not kept.
+        RecordingError: a sensor could not be believed; the arm is at rest, and the
+            episode is not kept.
     """
     speeds = _speeds(arm, options)
     actions = episode_actions(
-        ArmGeometry.of(arm), options.babbling, number, options.episodes, options.samples, options.seed, speeds
+        ArmGeometry.of(arm),
+        options.babbling,
+        number,
+        options.episodes,
+        options.samples,
+        options.seed,
+        speeds,
     )
-    robot = make_robot(int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]))
-    limits = _limits(arm, options) if robot.own_time else None  # one of metal keeps its own, whatever babbles
+    robot = make_robot(
+        int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0])
+    )
+    # one of metal keeps its own, whatever babbles
+    limits = _limits(arm, options) if robot.own_time else None
     with Loop(robot, Player(arm, _needed(robot), actions), limits=limits) as loop:
         steps = []
         for _ in actions:
@@ -175,8 +224,11 @@ def _episode(arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, numbe
                     f"episode {number + 1}, step {len(steps)}: {loop.fault}; mend that, then go on (--resume)"
                 )
         whole = episode_of(steps, arm)
-    timeless = {name: values for name, values in whole.columns.items() if name != "tick_time"}
-    return replace(whole, columns=timeless)  # a recording is the same to the last byte, wherever it is made
+    timeless = {
+        name: values for name, values in whole.columns.items() if name != "tick_time"
+    }
+    # a recording is the same to the last byte, wherever it is made
+    return replace(whole, columns=timeless)
 
 
 def _needed(robot: Robot) -> tuple[str, ...]:
@@ -186,7 +238,10 @@ def _needed(robot: Robot) -> tuple[str, ...]:
 
 def _speeds(arm: ArmSpec, options: CollectOptions) -> tuple[float, float]:
     """For an arm that may go so far in a step."""
-    slowest, fastest = (min(speed * arm.step_limit_deg / STEP_LIMIT_DEG, 1.0) for speed in options.speeds)
+    slowest, fastest = (
+        min(speed * arm.step_limit_deg / STEP_LIMIT_DEG, 1.0)
+        for speed in options.speeds
+    )
     return slowest, fastest
 
 

@@ -52,7 +52,11 @@ class Recording:
     @property
     def sensors(self) -> list[str]:
         """Names of those that every episode has."""
-        return [name for name in self.episodes[0].sensors if all(name in one.sensors for one in self.episodes)]
+        return [
+            name
+            for name in self.episodes[0].sensors
+            if all(name in one.sensors for one in self.episodes)
+        ]
 
     def sensor(self, name: str) -> np.ndarray:
         """What a sensor said, shape (episodes, samples, ...).
@@ -83,7 +87,8 @@ def load_recording(path: str | os.PathLike) -> Recording:
     """Read the whole episodes of a recording.
 
     Raises:
-        RecordingError: no such file, without one whole episode, or with numbers that no arm can have said.
+        RecordingError: no such file, without one whole episode, or with numbers that no
+            arm can have said.
         DamagedRecordingError: not a file of episodes, cut off, or damaged.
     """
     episodes, options = load_episodes(Path(path))
@@ -91,5 +96,7 @@ def load_recording(path: str | os.PathLike) -> Recording:
         for name in ("actions", *(SENSOR + sensor for sensor in episode.sensors)):
             largest = np.nanmax(np.abs(episode[name].astype(float)), initial=0.0)
             if not largest < LARGEST:
-                raise RecordingError(f"{path}: '{name}' holds {largest:.3g}, which no arm says; measure it anew")
+                raise RecordingError(
+                    f"{path}: '{name}' holds {largest:.3g}, which no arm says; measure it anew"
+                )
     return Recording(episodes[0].arm, options, tuple(episodes))

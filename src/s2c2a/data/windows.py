@@ -45,8 +45,8 @@ Stretch = tuple[int, slice]
 def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
     """Training, validation and test stretches of episodes of so many samples: which episode, and which samples.
 
-    Long episodes are cut, very long ones piece by piece; shorter ones, as logs with gaps have them, are of one part as
-    a whole.
+    Long episodes are cut, very long ones piece by piece; shorter ones, as logs with
+    gaps have them, are of one part as a whole.
 
     Raises:
         RecordingError: a part would stay empty.
@@ -58,9 +58,15 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
             parts[WHOLE[short % len(WHOLE)]].append((episode, slice(0, samples)))
             short += 1
             continue
-        for begin, end in pairwise(np.linspace(0, samples, 1 + max(1, round(samples / PIECE))).astype(int)):
-            edges = begin + np.rint(np.cumsum([0.0, *SHARES]) * (end - begin)).astype(int)
-            for part, (start, stop) in zip(parts, pairwise(edges.tolist()), strict=True):
+        for begin, end in pairwise(
+            np.linspace(0, samples, 1 + max(1, round(samples / PIECE))).astype(int)
+        ):
+            edges = begin + np.rint(np.cumsum([0.0, *SHARES]) * (end - begin)).astype(
+                int
+            )
+            for part, (start, stop) in zip(
+                parts, pairwise(edges.tolist()), strict=True
+            ):
                 part.append((episode, slice(start, stop)))
     if not all(parts):
         raise RecordingError(
@@ -80,7 +86,8 @@ def forward_samples(
     Args:
         configurations: as they were sensed.
         states: true ones; NaN where they are not known.
-        lengths: samples of each episode, where they differ; what is behind them counts nothing.
+        lengths: samples of each episode, where they differ; what is behind them counts
+            nothing.
     """
     known = np.isfinite(states).any(axis=(2, 3))
     known &= np.arange(known.shape[1]) < np.asarray(_all(states, lengths))[:, None]
@@ -88,7 +95,9 @@ def forward_samples(
 
     def samples(part: list[Stretch]) -> Samples:
         inputs, targets = (
-            np.concatenate([values[episode, rows[episode][place]] for episode, place in part]).astype(np.float32)
+            np.concatenate(
+                [values[episode, rows[episode][place]] for episode, place in part]
+            ).astype(np.float32)
             for values in (configurations, states)
         )
         return Samples({"configurations": inputs}, targets)
@@ -108,14 +117,17 @@ def controller_samples(
 ) -> Split:
     """Samples for C2A (Chen et al. 2025, eq. (8)): C_{t+1}; C_t to C_{t-3}; A_{t-1} to A_{t-5} in, A_t out.
 
-    No window crosses the border of an episode or a stretch. Before an episode the arm was at rest: its first
-    configuration and the neutral action stand in, as they do when a controller starts.
+    No window crosses the border of an episode or a stretch. Before an episode the arm
+    was at rest: its first configuration and the neutral action stand in, as they do
+    when a controller starts.
     """
     ages = range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1)
     return Split(
         *(
             _windows("configurations", part, *ages, axis=-2)
-            for part in _from_rest(configurations, actions, neutral, _all(actions, lengths))
+            for part in _from_rest(
+                configurations, actions, neutral, _all(actions, lengths)
+            )
         )
     )
 
@@ -127,7 +139,8 @@ def lstm_samples(
 ) -> Split:
     """Samples for the LSTM (Chen et al. 2025, sec. IV-A2): p_{t+1}; p_{t-4} to p_t; A_{t-5} to A_{t-1} in, A_t out.
 
-    Its sequence is time, so histories have the oldest moment first. Borders and starts as in `controller_samples`.
+    Its sequence is time, so histories have the oldest moment first. Borders and starts
+    as in `controller_samples`.
 
     Args:
         positions: of the tip [m], base frame.
@@ -146,7 +159,8 @@ def _from_rest(
     rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
 
     def part(episode: int, stretch: slice) -> tuple[np.ndarray, np.ndarray]:
-        felt, sent = sensed[episode, stretch], actions[episode, stretch]
+        felt = sensed[episode, stretch]
+        sent = actions[episode, stretch]
         if stretch.start:
             return felt, sent
         still = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
@@ -156,16 +170,32 @@ def _from_rest(
 
 
 def _windows(
-    name: str, parts: list[tuple[np.ndarray, np.ndarray]], sensed_ages: range, action_ages: range, axis: int
+    name: str,
+    parts: list[tuple[np.ndarray, np.ndarray]],
+    sensed_ages: range,
+    action_ages: range,
+    axis: int,
 ) -> Samples:
     """All windows with a whole history behind them and one sensed moment after them; ages [steps] get an axis."""
     rows = [_windows_of(name, *part, sensed_ages, action_ages, axis) for part in parts]
     keys = rows[0].inputs
-    inputs = {key: np.concatenate([row.inputs[key] for row in rows]).astype(np.float32) for key in keys}
-    return Samples(inputs, np.concatenate([row.targets for row in rows]).astype(np.float32))
+    inputs = {
+        key: np.concatenate([row.inputs[key] for row in rows]).astype(np.float32)
+        for key in keys
+    }
+    return Samples(
+        inputs, np.concatenate([row.targets for row in rows]).astype(np.float32)
+    )
 
 
-def _windows_of(name: str, sensed: np.ndarray, actions: np.ndarray, sensed_ages, action_ages, axis: int) -> Samples:
+def _windows_of(
+    name: str,
+    sensed: np.ndarray,
+    actions: np.ndarray,
+    sensed_ages,
+    action_ages,
+    axis: int,
+) -> Samples:
     """Those of one stretch."""
     steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
     inputs = {

@@ -1,12 +1,14 @@
 """Files as rows of checked blocks: safe to open, whoever made them.
 
-A block is the word `S2C2A` and a line feed, the length of its content (8 bytes, little-endian), a digest of the length
-(8 bytes), the content, a digest of both (16 bytes). Digests are BLAKE2b with the digest of the block before as key: a
-block that was moved, doubled or taken out is as wrong as one that was changed. Nobody looks inside a block before its
-digest is right, and sizes are capped before anything is read.
+A block is the word `S2C2A` and a line feed, the length of its content (8 bytes,
+little-endian), a digest of the length (8 bytes), the content, a digest of both (16
+bytes). Digests are BLAKE2b with the digest of the block before as key: a block that was
+moved, doubled or taken out is as wrong as one that was changed. Nobody looks inside a
+block before its digest is right, and sizes are capped before anything is read.
 
-Blocks are only ever added at the end, so a process that is killed leaves whole ones and at most a part of the last.
-Since a length has a digest of its own, such a part cannot be mistaken for a block whose length is damaged.
+Blocks are only ever added at the end, so a process that is killed leaves whole ones and
+at most a part of the last. Since a length has a digest of its own, such a part cannot
+be mistaken for a block whose length is damaged.
 """
 
 import errno
@@ -19,9 +21,14 @@ from typing import Any, BinaryIO
 from s2c2a.errors import DamagedRecordingError, RecordingError
 
 WORD = b"S2C2A\n"
-LENGTH, CHECK, DIGEST = 8, 8, 16  # bytes
+# bytes
+LENGTH = 8
+CHECK = 8
+DIGEST = 16
 START = len(WORD) + LENGTH + CHECK
-MOST_BYTES, MOST_BLOCK, MOST_HEAD = 500_000_000, 150_000_000, 1_000_000
+MOST_BYTES = 500_000_000
+MOST_BLOCK = 150_000_000
+MOST_HEAD = 1_000_000
 
 
 def write_block(file: Any, content: bytes, before: bytes) -> bytes:
@@ -30,8 +37,14 @@ def write_block(file: Any, content: bytes, before: bytes) -> bytes:
     Raises:
         OSError: it, or the file, becomes larger than may be read again.
     """
-    if len(content) > MOST_BLOCK or file.tell() + START + len(content) + DIGEST > MOST_BYTES:
-        raise OSError(errno.EFBIG, f"at most {MOST_BLOCK} bytes an episode and {MOST_BYTES} a file; take several files")
+    if (
+        len(content) > MOST_BLOCK
+        or file.tell() + START + len(content) + DIGEST > MOST_BYTES
+    ):
+        raise OSError(
+            errno.EFBIG,
+            f"at most {MOST_BLOCK} bytes an episode and {MOST_BYTES} a file; take several files",
+        )
     length = len(content).to_bytes(LENGTH, "little")
     digest = _digest(DIGEST, before, length, content)
     left = memoryview(WORD + length + _digest(CHECK, before, length) + content + digest)
@@ -40,24 +53,29 @@ def write_block(file: Any, content: bytes, before: bytes) -> bytes:
     return digest
 
 
-def read_blocks(file: BinaryIO, path: str | os.PathLike, unsound_end: bool = False) -> Iterator[tuple[bytes, bytes]]:
+def read_blocks(
+    file: BinaryIO, path: str | os.PathLike, unsound_end: bool = False
+) -> Iterator[tuple[bytes, bytes]]:
     """Contents of all blocks and their digests, each once it is right; a part of one at the end is passed over.
 
     Args:
         file: at its beginning.
         path: for errors.
-        unsound_end: whether the last one's digest may be wrong, as when power fails; it is passed over.
+        unsound_end: whether the last one's digest may be wrong, as when power fails; it
+            is passed over.
 
     Raises:
         DamagedRecordingError: a byte is not as it was written.
     """
-    size, before = os.fstat(file.fileno()).st_size, b""
+    size = os.fstat(file.fileno()).st_size
+    before = b""
     while (begin := file.tell()) < size:
         start = file.read(START)
         length = start[len(WORD) : len(WORD) + LENGTH]
         count = int.from_bytes(length, "little")
         if not start.startswith(WORD[: len(start)]) or (
-            len(start) == START and start != WORD + length + _digest(CHECK, before, length)
+            len(start) == START
+            and start != WORD + length + _digest(CHECK, before, length)
         ):
             raise damaged(path, "its blocks do not follow each other")
         if len(start) < START or count > size - file.tell() - DIGEST:
@@ -75,7 +93,9 @@ def read_blocks(file: BinaryIO, path: str | os.PathLike, unsound_end: bool = Fal
         yield content, before
 
 
-def opened_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) -> Any:
+def opened_blocks(
+    path: str | os.PathLike, mode: str = "rb", buffering: int = -1
+) -> Any:
     """A file of blocks, at its beginning.
 
     Raises:
@@ -83,12 +103,17 @@ def opened_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1
         DamagedRecordingError: too large, or no file of blocks.
     """
     if not Path(path).is_file():
-        raise RecordingError(f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`")
+        raise RecordingError(
+            f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`"
+        )
     try:
-        file = open(path, mode, buffering)  # noqa: SIM115 (whoever asked closes it)
-        begin, size = file.read(8), os.fstat(file.fileno()).st_size
+        file = open(path, mode, buffering)
+        begin = file.read(8)
+        size = os.fstat(file.fileno()).st_size
     except OSError as error:
-        raise RecordingError(f"{path} cannot be opened: {error}; check its permissions") from error
+        raise RecordingError(
+            f"{path} cannot be opened: {error}; check its permissions"
+        ) from error
     if begin.startswith(WORD) and size <= MOST_BYTES:
         file.seek(0)
         return file
@@ -98,7 +123,9 @@ def opened_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1
             f"{path} was written by version 0.1; collect it again with `s2c2a collect`, the numbers are the same"
         )
     if size > MOST_BYTES:
-        raise DamagedRecordingError(f"{path} has {size} bytes; files of episodes have at most {MOST_BYTES}")
+        raise DamagedRecordingError(
+            f"{path} has {size} bytes; files of episodes have at most {MOST_BYTES}"
+        )
     raise DamagedRecordingError(
         f"{path} is no file of episodes, or its beginning is damaged; collect, run or import it anew"
     )
@@ -111,18 +138,22 @@ def lock(file: BinaryIO, path: str | os.PathLike) -> None:
         RecordingError: there is one.
     """
     try:
-        import fcntl  # noqa: PLC0415 (not on every system)
+        import fcntl
     except ImportError:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        raise RecordingError(f"{path} is in use by another process; wait for it, or take another name") from error
+        raise RecordingError(
+            f"{path} is in use by another process; wait for it, or take another name"
+        ) from error
 
 
 def damaged(path: str | os.PathLike, why: str) -> DamagedRecordingError:
     """The error that says so."""
-    return DamagedRecordingError(f"{path} is damaged, or no file of episodes: {why}; collect, run or import it anew")
+    return DamagedRecordingError(
+        f"{path} is damaged, or no file of episodes: {why}; collect, run or import it anew"
+    )
 
 
 def _digest(size: int, before: bytes, *parts: bytes) -> bytes:

@@ -19,7 +19,8 @@ MOST_COLUMNS = 256
 class Episode:
     """What an arm did; a row a control step, each with the reading before the step's action.
 
-    What was not measured, asked or planned has no column. These columns mean the same in every episode:
+    What was not measured, asked or planned has no column. These columns mean the same
+    in every episode:
 
     | column                            | what                                           | shape after the steps |
     | --------------------------------- | ---------------------------------------------- | --------------------- |
@@ -44,11 +45,13 @@ class Episode:
     Attributes:
         arm: that it was.
         columns: name -> numbers, all with as many steps.
-        options: how it came about: task, strategy, seed, body, versions, ...; what JSON knows.
+        options: how it came about: task, strategy, seed, body, versions, ...; what JSON
+            knows.
 
     Raises:
-        RecordingError: columns of different lengths, no `time` or `actions`, times that do not rise, numbers that are
-            not finite where they must be, or shapes that do not fit the arm.
+        RecordingError: columns of different lengths, no `time` or `actions`, times that
+            do not rise, numbers that are not finite where they must be, or shapes that
+            do not fit the arm.
     """
 
     arm: ArmSpec
@@ -60,9 +63,16 @@ class Episode:
         columns = {name: _frozen(name, values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", columns)
         if missing := {"time", "actions"} - set(columns):
-            raise RecordingError(f"an episode needs {' and '.join(sorted(missing))}; it has {', '.join(columns)}")
-        if len(columns) > MOST_COLUMNS or len({values.shape[:1] for values in columns.values()}) > 1:
-            raise RecordingError(f"an episode's columns must have as many steps each, at most {MOST_COLUMNS} of them")
+            raise RecordingError(
+                f"an episode needs {' and '.join(sorted(missing))}; it has {', '.join(columns)}"
+            )
+        if (
+            len(columns) > MOST_COLUMNS
+            or len({values.shape[:1] for values in columns.values()}) > 1
+        ):
+            raise RecordingError(
+                f"an episode's columns must have as many steps each, at most {MOST_COLUMNS} of them"
+            )
         for name, shape in _known_shapes(self.arm, columns).items():
             if name in columns and columns[name].shape[1:] != shape:
                 raise RecordingError(
@@ -70,7 +80,9 @@ class Episode:
                 )
         for name in ("time", "actions"):
             if not np.isfinite(columns[name]).all():
-                raise RecordingError(f"column '{name}' holds numbers that are not finite")
+                raise RecordingError(
+                    f"column '{name}' holds numbers that are not finite"
+                )
         if (np.diff(columns["time"]) <= 0).any():
             raise RecordingError("the times of an episode must rise from step to step")
 
@@ -85,7 +97,9 @@ class Episode:
             RecordingError: there is none of that name.
         """
         if name not in self.columns:
-            raise RecordingError(f"this episode has no '{name}'; it has {', '.join(self.columns)}")
+            raise RecordingError(
+                f"this episode has no '{name}'; it has {', '.join(self.columns)}"
+            )
         return self.columns[name]
 
     def get(self, name: str) -> np.ndarray | None:
@@ -103,23 +117,35 @@ class Episode:
     @property
     def sensors(self) -> list[str]:
         """Names of the sensors, sorted."""
-        return sorted(name.removeprefix(SENSOR) for name in self.columns if name.startswith(SENSOR))
+        return sorted(
+            name.removeprefix(SENSOR)
+            for name in self.columns
+            if name.startswith(SENSOR)
+        )
 
     @property
     def running(self) -> np.ndarray:
         """Numbers of the steps in which the arm was driven, or held in between; all where no stage is known."""
         stage = self.get("stage")
-        return np.arange(len(self)) if stage is None else np.flatnonzero(np.isin(stage, (Stage.RUN, Stage.HOLD)))
+        return (
+            np.arange(len(self))
+            if stage is None
+            else np.flatnonzero(np.isin(stage, (Stage.RUN, Stage.HOLD)))
+        )
 
     def after(self, name: str) -> np.ndarray:
         """What a sensor said after each action of the run: what a goal is compared with.
 
         Raises:
-            RecordingError: it said nothing, or the last action of the run has no reading after it.
+            RecordingError: it said nothing, or the last action of the run has no
+                reading after it.
         """
-        values, steps = self.sensor(name), self.running + 1
+        values = self.sensor(name)
+        steps = self.running + 1
         if len(steps) and steps[-1] >= len(values):
-            raise RecordingError("nothing was read after the last action of this episode; record one step more")
+            raise RecordingError(
+                "nothing was read after the last action of this episode; record one step more"
+            )
         return values[steps]
 
     def ran(self, name: str) -> np.ndarray:
@@ -143,15 +169,33 @@ def stacked(episodes: Iterable[Episode], name: str) -> np.ndarray:
     """
     values = [episode[name] for episode in episodes]
     if len({one.shape[1:] for one in values}) != 1:
-        raise RecordingError(f"'{name}' has shapes {sorted({one.shape for one in values})} in these episodes, not one")
+        raise RecordingError(
+            f"'{name}' has shapes {sorted({one.shape for one in values})} in these episodes, not one"
+        )
     longest = max(map(len, values))
-    return np.stack([np.concatenate([one, np.repeat(one[-1:], longest - len(one), axis=0)]) for one in values])
+    return np.stack(
+        [
+            np.concatenate([one, np.repeat(one[-1:], longest - len(one), axis=0)])
+            for one in values
+        ]
+    )
 
 
-def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:
-    modules, cables = arm.module_count, (arm.module_count, arm.cable_count)
-    states, vectors = (modules, 6), (modules, 3)
-    known = {"time": (), "actions": cables, "stage": (), "tick_time": (), "expected": states, "sensed": vectors}
+def _known_shapes(
+    arm: ArmSpec, columns: Mapping[str, np.ndarray]
+) -> dict[str, tuple[int, ...]]:
+    modules = arm.module_count
+    cables = (arm.module_count, arm.cable_count)
+    states = (modules, 6)
+    vectors = (modules, 3)
+    known = {
+        "time": (),
+        "actions": cables,
+        "stage": (),
+        "tick_time": (),
+        "expected": states,
+        "sensed": vectors,
+    }
     known |= {
         "deviation": (modules,),
         "doubt": (),
@@ -163,8 +207,13 @@ def _known_shapes(arm: ArmSpec, columns: Mapping[str, np.ndarray]) -> dict[str, 
     }
     known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
     if "obstacles" in columns:
-        known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)  # as many as there are
-    return known | {SENSOR + "cables": cables, SENSOR + "states": states, SENSOR + "configurations": vectors}
+        # as many as there are
+        known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)
+    return known | {
+        SENSOR + "cables": cables,
+        SENSOR + "states": states,
+        SENSOR + "configurations": vectors,
+    }
 
 
 def _frozen(name: str, values) -> np.ndarray:
@@ -173,7 +222,9 @@ def _frozen(name: str, values) -> np.ndarray:
     except ValueError:  # rows of different lengths
         array = np.array(values, dtype=object)
     if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8 or array.ndim < 1:
-        raise RecordingError(f"column '{name}' holds {array.dtype} of shape {array.shape}, not numbers for every step")
+        raise RecordingError(
+            f"column '{name}' holds {array.dtype} of shape {array.shape}, not numbers for every step"
+        )
     view = array.view()
     view.setflags(write=False)
     return view

@@ -1,7 +1,13 @@
 """What is known of an arm while it works: how it swings, what hangs at it, and where it is, from all that it senses."""
 
 from s2c2a.estimation.gains import Gains, gains_of
-from s2c2a.estimation.learned import PREFIX, LearnedNumbers, LearnedSense, learned_senses, untrained_senses
+from s2c2a.estimation.learned import (
+    PREFIX,
+    LearnedNumbers,
+    LearnedSense,
+    learned_senses,
+    untrained_senses,
+)
 from s2c2a.estimation.learning import Heard, learn_numbers
 from s2c2a.estimation.listening import Listener
 from s2c2a.estimation.margins import Margins, margins_of, with_margins

@@ -12,17 +12,20 @@ class Belief(NamedTuple):
     """What is believed of an arm.
 
     Attributes:
-        mean: load [kg], leans [rad], bends [rad], their rates [rad/s], zeros of sensors [theirs]; shape (1 + 3 n +
-            zeros,) with n = 2 modules.
+        mean: load [kg], leans [rad], bends [rad], their rates [rad/s], zeros of sensors
+            [theirs]; shape (1 + 3 n + zeros,) with n = 2 modules.
         covariance: of it.
-        calming: bends asked for beside the plan, against the swing [rad], shape (modules, 2).
+        calming: bends asked for beside the plan, against the swing [rad], shape
+            (modules, 2).
         rests: at which the plan would rest, of the last step [rad], shape (modules, 2).
-        before: bends of the last steps [rad] (`senses.Shape`), the newest first, shape (steps, modules, 2).
-        states_before: there, of the same steps, shape (steps, modules, 6).
-        found_before: what was known of bends at rest beside what encoders tell, of the same steps [rad], shape
+        before: bends of the last steps [rad] (`senses.Shape`), the newest first, shape
             (steps, modules, 2).
+        states_before: there, of the same steps, shape (steps, modules, 6).
+        found_before: what was known of bends at rest beside what encoders tell, of the
+            same steps [rad], shape (steps, modules, 2).
         lagging: what each sense keeps in mind of where the arm was (`Sense.lagging`).
-        strange: how strange each sense was of late, in standard deviations, shape (senses,).
+        strange: how strange each sense was of late, in standard deviations, shape
+            (senses,).
         left_out: seconds for which each is left out from now on, shape (senses,).
     """
 

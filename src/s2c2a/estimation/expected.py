@@ -17,7 +17,9 @@ from s2c2a.kinematics.chain import states_from_bends
 Felt = Float[np.ndarray, "steps modules 2"]
 
 
-def expected_tilts(arm: ArmSpec, swing: Swing, rests: Felt) -> Float[np.ndarray, "steps 2"]:
+def expected_tilts(
+    arm: ArmSpec, swing: Swing, rests: Felt
+) -> Float[np.ndarray, "steps 2"]:
     """Tilts of the tip towards x and y [rad] of an arm that swings about where it would rest.
 
     Args:
@@ -28,7 +30,9 @@ def expected_tilts(arm: ArmSpec, swing: Swing, rests: Felt) -> Float[np.ndarray,
     swinging = motion(Body.of(arm), swing, 0.0, arm.control_period)
     bends = followed(swinging, rests.reshape(1, len(rests), -1))[0].reshape(rests.shape)
     lengths = jnp.asarray([module.length for module in arm.modules], jnp.float32)
-    return tilts(np.asarray(states_from_bends(jnp.asarray(bends, jnp.float32), lengths), float))
+    return tilts(
+        np.asarray(states_from_bends(jnp.asarray(bends, jnp.float32), lengths), float)
+    )
 
 
 def rests_by_description(arm: ArmSpec, swing: Swing, felt: Felt) -> Felt:
@@ -41,19 +45,25 @@ def rests_by_description(arm: ArmSpec, swing: Swing, felt: Felt) -> Felt:
     """
     body = Body.of(arm)
     swinging: Motion = motion(body, swing, 0.0, arm.control_period)
-    elastic = np.repeat([module.bending_stiffness / module.length for module in arm.modules], 2)
+    elastic = np.repeat(
+        [module.bending_stiffness / module.length for module in arm.modules], 2
+    )
     pulls = elastic if arm.actuation == "tension" else body.springs - elastic
     asked = float(swing.stiffness) * pulls * felt.reshape(len(felt), -1)
     return np.linalg.solve(swinging.springs, asked.T).T.reshape(felt.shape)
 
 
-def rests_by_model(model: ForwardModel, sensed: Float[np.ndarray, "steps modules 3"]) -> Felt:
+def rests_by_model(
+    model: ForwardModel, sensed: Float[np.ndarray, "steps modules 3"]
+) -> Felt:
     """Bends at which a forward model says that the arm would rest, for configurations that were sensed in turn."""
     return np.asarray(_rests(model, jnp.asarray(sensed, jnp.float32)), float)
 
 
 @eqx.filter_jit
-def _rests(model: ForwardModel, sensed: Float[Array, "steps modules 3"]) -> Float[Array, "steps modules 2"]:
+def _rests(
+    model: ForwardModel, sensed: Float[Array, "steps modules 3"]
+) -> Float[Array, "steps modules 2"]:
     def step(memory: Any, now: Array) -> tuple[Any, Array]:
         memory = model.observe(now, memory)
         return memory, bends_from_states(model.predict(now, memory))

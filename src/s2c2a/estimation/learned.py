@@ -1,6 +1,7 @@
 """Sensors whose numbers nobody can say beforehand: what they have to do with bends is learned from a recording.
 
-Flex sensors, each of which errs in its own way, and whatever else a body has (`[[senses.raw]]` in the arm file).
+Flex sensors, each of which errs in its own way, and whatever else a body has
+(`[[senses.raw]]` in the arm file).
 """
 
 from collections.abc import Mapping
@@ -18,10 +19,13 @@ from s2c2a.training.fit import Fixed
 
 PREFIX = "senses."
 """Of what is learned of a sensor, among a strategy's networks."""
-HIDDEN, DEPTH = 24, 2
-DOUBT, UNSTEADY = 6.0, 12.0
-"""What spreads and wanderings are multiplied by: what is left of a recording is no white noise but comes and goes with
-how the arm moves, and would be believed as leans (docs/senses.md)."""
+HIDDEN = 24
+DEPTH = 2
+DOUBT = 6.0
+UNSTEADY = 12.0
+"""What spreads and wanderings are multiplied by: what is left of a recording is no
+white noise but comes and goes with how the arm moves, and would be believed as leans
+(docs/senses.md)."""
 
 
 class Errors(Fixed):
@@ -31,7 +35,8 @@ class Errors(Fixed):
         spread: standard deviation of what comes and goes, shape (numbers,).
         first: standard deviation of zeros when the arm is opened, shape (numbers,).
         wander: standard deviation of their change in a second, shape (numbers,).
-        play: by how much they stay behind, either way, whenever bends turn back, shape (numbers,).
+        play: by how much they stay behind, either way, whenever bends turn back, shape
+            (numbers,).
     """
 
     spread: Float[Array, " numbers"]
@@ -54,9 +59,13 @@ class LearnedNumbers(eqx.Module):
     errors: Errors
 
     @classmethod
-    def untrained(cls, arm: ArmSpec, numbers: int, key: PRNGKeyArray) -> "LearnedNumbers":
+    def untrained(
+        cls, arm: ArmSpec, numbers: int, key: PRNGKeyArray
+    ) -> "LearnedNumbers":
         """Before anything is learned."""
-        network = eqx.nn.MLP(2 * arm.module_count, numbers, HIDDEN, DEPTH, jax.nn.tanh, key=key)
+        network = eqx.nn.MLP(
+            2 * arm.module_count, numbers, HIDDEN, DEPTH, jax.nn.tanh, key=key
+        )
         return cls(network, Scaling.identity(numbers), Errors(*[jnp.ones(numbers)] * 4))
 
     def __call__(self, bends: Float[Array, " bends"]) -> Float[Array, " numbers"]:
@@ -67,7 +76,8 @@ class LearnedNumbers(eqx.Module):
 class LearnedSense(Sense):
     """A sensor of a body's own, or of a kind that has to be learned.
 
-    It says at once how the arm bends, as well as it was learned; its zero is found while it works.
+    It says at once how the arm bends, as well as it was learned; its zero is found
+    while it works.
 
     Attributes:
         name: in readings.
@@ -92,8 +102,16 @@ class LearnedSense(Sense):
         """See `Sense`; slopes are those while it follows."""
         expected, slopes = with_slopes(self.numbers, shape.bends)
         errors = self.numbers.errors
-        lagging = jnp.clip(shape.lagging, expected - errors.play, expected + errors.play)
-        return Off(said[self.name].reshape(-1) - lagging, slopes, DOUBT * errors.spread, np.inf, lagging)
+        lagging = jnp.clip(
+            shape.lagging, expected - errors.play, expected + errors.play
+        )
+        return Off(
+            said[self.name].reshape(-1) - lagging,
+            slopes,
+            DOUBT * errors.spread,
+            np.inf,
+            lagging,
+        )
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -104,11 +122,14 @@ def untrained_senses(arm: ArmSpec, key: PRNGKeyArray) -> dict[str, LearnedNumber
     """Those of an arm before anything is learned, by `PREFIX` and name."""
     shapes = arm.senses.learned_shapes(arm.module_count)
     return {
-        f"{PREFIX}{name}": LearnedNumbers.untrained(arm, int(np.prod(shape)), key) for name, shape in shapes.items()
+        f"{PREFIX}{name}": LearnedNumbers.untrained(arm, int(np.prod(shape)), key)
+        for name, shape in shapes.items()
     }
 
 
-def learned_senses(arm: ArmSpec, networks: Mapping[str, eqx.Module]) -> tuple[LearnedSense, ...]:
+def learned_senses(
+    arm: ArmSpec, networks: Mapping[str, eqx.Module]
+) -> tuple[LearnedSense, ...]:
     """Sensors that an arm lists, and of which its networks have learned; others say nothing to them.
 
     Args:
@@ -116,9 +137,12 @@ def learned_senses(arm: ArmSpec, networks: Mapping[str, eqx.Module]) -> tuple[Le
         networks: of a strategy, by name.
     """
     shapes = arm.senses.learned_shapes(arm.module_count)
-    found = ((name, shape, networks.get(f"{PREFIX}{name}")) for name, shape in shapes.items())
+    found = (
+        (name, shape, networks.get(f"{PREFIX}{name}")) for name, shape in shapes.items()
+    )
     return tuple(
         LearnedSense(name, shape, numbers)
         for name, shape, numbers in found
-        if isinstance(numbers, LearnedNumbers) and len(numbers.errors.spread) == np.prod(shape)
+        if isinstance(numbers, LearnedNumbers)
+        and len(numbers.errors.spread) == np.prod(shape)
     )

@@ -15,12 +15,26 @@ from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import Batch, FitOptions, Progress, fit, quiet
 from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error
 
-FIT = FitOptions(learning_rate=3e-3, batch_size=64, most_epochs=40, patience=40, epochs_per_call=10, decay=True)
-STRETCH, HELD_OUT = 50, 5  # samples in a row; every fifth such stretch is held out
-PLAYS = np.array([0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1])  # of the same
-LAGS = 5.0, 25.0  # s; in which what comes and goes has gone, and in which zeros are seen to wander
+FIT = FitOptions(
+    learning_rate=3e-3,
+    batch_size=64,
+    most_epochs=40,
+    patience=40,
+    epochs_per_call=10,
+    decay=True,
+)
+# samples in a row; every fifth such stretch is held out
+STRETCH = 50
+HELD_OUT = 5
+# of the same
+PLAYS = np.array([0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1])
+# s; in which what comes and goes has gone, and in which zeros are seen to wander
+LAGS = 5.0, 25.0
 UNHEARD = 1e9  # a spread with which nothing is believed
-LEAST_SPREAD, LEAST_ZERO, LEAST_WANDER = 0.005, 0.05, 3e-3  # of what a sensor's numbers range over, either way
+# of what a sensor's numbers range over, either way
+LEAST_SPREAD = 0.005
+LEAST_ZERO = 0.05
+LEAST_WANDER = 3e-3
 
 
 class Heard(NamedTuple):
@@ -28,7 +42,8 @@ class Heard(NamedTuple):
 
     Attributes:
         bends: true ones [rad], shape (samples, n) with n = 2 modules.
-        numbers: in the sensor's units, shape (samples, numbers); NaN where it said nothing.
+        numbers: in the sensor's units, shape (samples, numbers); NaN where it said
+            nothing.
         episode: of each sample, shape (samples,).
         moment: in its episode [samples], shape (samples,).
     """
@@ -39,19 +54,30 @@ class Heard(NamedTuple):
     moment: np.ndarray
 
     @classmethod
-    def of(cls, bends: np.ndarray, said: np.ndarray, lengths: tuple[int, ...] | None = None) -> "Heard":
+    def of(
+        cls, bends: np.ndarray, said: np.ndarray, lengths: tuple[int, ...] | None = None
+    ) -> "Heard":
         """From whole episodes, shapes (episodes, samples, ...); what is not known counts nothing."""
         episodes, samples = bends.shape[:2]
         episode, moment = (part.reshape(-1) for part in np.indices((episodes, samples)))
-        flat, numbers = (part.reshape(episodes * samples, -1).astype(np.float32) for part in (bends, said))
+        flat, numbers = (
+            part.reshape(episodes * samples, -1).astype(np.float32)
+            for part in (bends, said)
+        )
         within = moment < np.asarray(lengths or [samples] * episodes)[episode]
-        known = within & np.isfinite(flat).all(axis=-1) & np.isfinite(numbers).any(axis=-1)
+        known = (
+            within & np.isfinite(flat).all(axis=-1) & np.isfinite(numbers).any(axis=-1)
+        )
         return cls(flat[known], numbers[known], episode[known], moment[known])
 
     def batch(self, scaling: Scaling, chosen: np.ndarray) -> Batch:
         """Some of them, numbers in units."""
         units = scaling.forward(jnp.asarray(self.numbers[chosen]))
-        return {"bends": jnp.asarray(self.bends[chosen]), "episode": jnp.asarray(self.episode[chosen]), "units": units}
+        return {
+            "bends": jnp.asarray(self.bends[chosen]),
+            "episode": jnp.asarray(self.episode[chosen]),
+            "units": units,
+        }
 
 
 class Zeroed(eqx.Module):
@@ -62,10 +88,15 @@ class Zeroed(eqx.Module):
 
     def units(self, batch: Batch) -> Float[Array, "samples numbers"]:
         """What is said, in units."""
-        return jax.vmap(self.numbers.network)(batch["bends"]) + self.zeros[batch["episode"]]
+        return (
+            jax.vmap(self.numbers.network)(batch["bends"])
+            + self.zeros[batch["episode"]]
+        )
 
 
-def learn_numbers(arm: ArmSpec, heard: Heard, key: PRNGKeyArray, progress: Progress = quiet) -> Trained[LearnedNumbers]:
+def learn_numbers(
+    arm: ArmSpec, heard: Heard, key: PRNGKeyArray, progress: Progress = quiet
+) -> Trained[LearnedNumbers]:
     """Learn what a sensor says of bends, and how far it is off that.
 
     Args:
@@ -79,16 +110,26 @@ def learn_numbers(arm: ArmSpec, heard: Heard, key: PRNGKeyArray, progress: Progr
     """
     held_out = heard.moment // STRETCH % HELD_OUT == HELD_OUT - 1
     if not (held_out.any() and (~held_out).sum() >= FIT.batch_size):
-        raise TrainingError(f"a sensor said {len(heard.moment)} things in all, too few to learn from; collect more")
+        raise TrainingError(
+            f"a sensor said {len(heard.moment)} things in all, too few to learn from; collect more"
+        )
     network_key, fit_key = jax.random.split(key)
     numbers = LearnedNumbers.untrained(arm, heard.numbers.shape[-1], network_key)
     usual = np.nan_to_num(_mean(heard.numbers))
     scaling = Scaling.of(np.where(np.isfinite(heard.numbers), heard.numbers, usual))
-    begun = Zeroed(numbers, jnp.zeros((int(heard.episode.max()) + 1, heard.numbers.shape[-1])))
+    begun = Zeroed(
+        numbers, jnp.zeros((int(heard.episode.max()) + 1, heard.numbers.shape[-1]))
+    )
     parts = heard.batch(scaling, ~held_out), heard.batch(scaling, held_out)
     fitted = fit(begun, _loss, *parts, FIT, fit_key, progress)
-    learned, said = _with_errors(eqx.tree_at(lambda one: one.scaling, fitted.network.numbers, scaling), heard, arm)
-    percent = percent_error(said[held_out], heard.numbers[held_out], full_ranges(heard.numbers))
+    learned, said = _with_errors(
+        eqx.tree_at(lambda one: one.scaling, fitted.network.numbers, scaling),
+        heard,
+        arm,
+    )
+    percent = percent_error(
+        said[held_out], heard.numbers[held_out], full_ranges(heard.numbers)
+    )
     return Trained(learned, fitted.curve, percent)
 
 
@@ -99,7 +140,9 @@ def _loss(model: Zeroed, batch: Batch, key: PRNGKeyArray | None) -> Array:
     return jnp.mean(known_error(model.units(batch), batch["units"]) ** 2)
 
 
-def _with_errors(learned: LearnedNumbers, heard: Heard, arm: ArmSpec) -> tuple[LearnedNumbers, np.ndarray]:
+def _with_errors(
+    learned: LearnedNumbers, heard: Heard, arm: ArmSpec
+) -> tuple[LearnedNumbers, np.ndarray]:
     """With what is left of a recording beside it, and all that was said as it is understood."""
     half = np.asarray(learned.scaling.half_range)
     followed = np.asarray(_said(learned, jnp.asarray(heard.bends)))
@@ -108,29 +151,48 @@ def _with_errors(learned: LearnedNumbers, heard: Heard, arm: ArmSpec) -> tuple[L
     zeros = _means(heard, heard.numbers - lagging)
     understood = lagging + zeros[heard.episode]
     usual = np.nan_to_num(_mean(zeros))
-    errors = errors_of(heard, heard.numbers - understood, zeros - usual, play, half, arm.control_period)
-    scaling = Scaling(learned.scaling.centre + jnp.asarray(usual, jnp.float32), learned.scaling.half_range)
+    errors = errors_of(
+        heard, heard.numbers - understood, zeros - usual, play, half, arm.control_period
+    )
+    scaling = Scaling(
+        learned.scaling.centre + jnp.asarray(usual, jnp.float32),
+        learned.scaling.half_range,
+    )
     return LearnedNumbers(learned.network, scaling, errors), understood
 
 
-def played(heard: Heard, followed: np.ndarray, widths: np.ndarray) -> Float[np.ndarray, "samples numbers"]:
+def played(
+    heard: Heard, followed: np.ndarray, widths: np.ndarray
+) -> Float[np.ndarray, "samples numbers"]:
     """What follows with play of such half-widths, shape (numbers,); episodes begin where it stands amid of it."""
     lagging = followed.copy()
     goes_on = np.append(False, heard.episode[1:] == heard.episode[:-1])
     for now in np.flatnonzero(goes_on):
-        lagging[now] = np.clip(lagging[now - 1], followed[now] - widths, followed[now] + widths)
+        lagging[now] = np.clip(
+            lagging[now - 1], followed[now] - widths, followed[now] + widths
+        )
     return lagging
 
 
-def fitted_play(heard: Heard, followed: np.ndarray, half: np.ndarray) -> Float[np.ndarray, " numbers"]:
+def fitted_play(
+    heard: Heard, followed: np.ndarray, half: np.ndarray
+) -> Float[np.ndarray, " numbers"]:
     """Half-widths that leave least of what a sensor said, of each number."""
     tried = np.outer(PLAYS, half)
-    left = [_spread(heard, heard.numbers - played(heard, followed, widths)) for widths in tried]
+    left = [
+        _spread(heard, heard.numbers - played(heard, followed, widths))
+        for widths in tried
+    ]
     return tried[np.argmin(left, axis=0), np.arange(len(half))]
 
 
 def errors_of(
-    heard: Heard, left: np.ndarray, zeros: np.ndarray, play: np.ndarray, half: np.ndarray, period: float
+    heard: Heard,
+    left: np.ndarray,
+    zeros: np.ndarray,
+    play: np.ndarray,
+    half: np.ndarray,
+    period: float,
 ) -> Errors:
     """What comes and goes, and what stays and wanders, of what is left beside what is learned.
 
@@ -154,13 +216,16 @@ def errors_of(
 
 def _varies(numbers: np.ndarray) -> np.ndarray:
     """Which numbers told something: that were said, and not always the same."""
-    low, high = np.where(np.isfinite(numbers), numbers, np.inf), np.where(np.isfinite(numbers), numbers, -np.inf)
+    low = np.where(np.isfinite(numbers), numbers, np.inf)
+    high = np.where(np.isfinite(numbers), numbers, -np.inf)
     return high.max(axis=0) > low.min(axis=0)
 
 
 def _changed(heard: Heard, left: np.ndarray, lag: int) -> Float[np.ndarray, " numbers"]:
     """Mean square of the change after so many samples; NaN where no episode is as long."""
-    together = (heard.episode[lag:] == heard.episode[:-lag]) & (heard.moment[lag:] - heard.moment[:-lag] == lag)
+    together = (heard.episode[lag:] == heard.episode[:-lag]) & (
+        heard.moment[lag:] - heard.moment[:-lag] == lag
+    )
     return _mean((left[lag:] - left[:-lag])[together] ** 2)
 
 
@@ -171,10 +236,17 @@ def _spread(heard: Heard, left: np.ndarray) -> Float[np.ndarray, " numbers"]:
 
 def _means(heard: Heard, left: np.ndarray) -> Float[np.ndarray, "episodes numbers"]:
     """Of every episode; NaN where nothing was said."""
-    return np.stack([_mean(left[heard.episode == one]) for one in range(int(heard.episode.max()) + 1)])
+    return np.stack(
+        [
+            _mean(left[heard.episode == one])
+            for one in range(int(heard.episode.max()) + 1)
+        ]
+    )
 
 
 def _mean(values: np.ndarray) -> Float[np.ndarray, " numbers"]:
     """Over samples that are known; NaN where none is."""
     known = np.isfinite(values)
-    return np.where(known, values, 0.0).sum(axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+    return np.where(known, values, 0.0).sum(axis=0) / np.where(
+        known.any(axis=0), known.sum(axis=0), np.nan
+    )

@@ -11,8 +11,12 @@ from s2c2a.estimation.senses import Sense
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import Reading
 
-MOST_FORCE, MOST_RATE = 500.0, 100.0  # m/s2 and rad/s; beyond any such sensor
-SMOOTHED, SETTLED = 1.0, 4.0  # s; over which forces tell which way is down, and what that needs at the start
+# m/s2 and rad/s; beyond any such sensor
+MOST_FORCE = 500.0
+MOST_RATE = 100.0
+# s; over which forces tell which way is down, and what that needs at the start
+SMOOTHED = 1.0
+SETTLED = 4.0
 
 
 class Listener:
@@ -20,7 +24,9 @@ class Listener:
 
     def __init__(self, arm: ArmSpec, senses: tuple[Sense, ...]):
         """For senses of an arm."""
-        self._silent = {name: value for sense in senses for name, value in sense.silent().items()}
+        self._silent = {
+            name: value for sense in senses for name, value in sense.silent().items()
+        }
         self._inertial = Inclinometer(arm) if "inclinations" in self._silent else None
         self.begin()
 
@@ -32,7 +38,10 @@ class Listener:
 
     def heard(self, reading: Reading) -> dict[str, np.ndarray]:
         """What is said, in single precision, by name."""
-        return {name: self._of(name, silent, reading) for name, silent in self._silent.items()}
+        return {
+            name: self._of(name, silent, reading)
+            for name, silent in self._silent.items()
+        }
 
     def _of(self, name: str, silent: np.ndarray, reading: Reading) -> np.ndarray:
         found = numbers(self._said(name, reading), silent.shape)
@@ -41,8 +50,10 @@ class Listener:
         with np.errstate(over="ignore"):  # too large a number is none
             found = found.astype(np.float32)
         bits = found.tobytes()
-        said_before, self._bits[name] = bits == self._bits.get(name), bits
-        return silent if said_before and found.ndim else found  # one number, such as an age, may well be the same
+        said_before = bits == self._bits.get(name)
+        self._bits[name] = bits
+        # one number, such as an age, may well be the same
+        return silent if said_before and found.ndim else found
 
     def _said(self, name: str, reading: Reading) -> Any:
         if name == "inclinations" and self._inertial is not None:
@@ -60,7 +71,8 @@ def numbers(values: Any, shape: tuple[int | None, ...]) -> np.ndarray | None:
     except (TypeError, ValueError):
         return None
     fits = found.ndim == len(shape) and all(
-        have == want if want is not None else have for have, want in zip(found.shape, shape, strict=True)
+        have == want if want is not None else have
+        for have, want in zip(found.shape, shape, strict=True)
     )
     return found if fits else None
 
@@ -68,7 +80,8 @@ def numbers(values: Any, shape: tuple[int | None, ...]) -> np.ndarray | None:
 class Inclinometer:
     """Which way is down in the frames of inertial sensors: what they accelerate by, smoothed along how they turn.
 
-    The filter is VQF (Laidig and Seel 2023, Information Fusion 91), which also finds the zeros of the turn rates.
+    The filter is VQF (Laidig and Seel 2023, Information Fusion 91), which also finds
+    the zeros of the turn rates.
     """
 
     def __init__(self, arm: ArmSpec):
@@ -78,13 +91,14 @@ class Inclinometer:
             S2C2AError: the filter is not installed.
         """
         try:
-            from vqf import VQF  # noqa: PLC0415 (an extra)
+            from vqf import VQF
         except ImportError as error:
             raise S2C2AError(
                 "inertial sensors need the package vqf; install it with `pip install 's2c2a[senses]'`, or leave "
                 "[senses.imu] out of the arm file"
             ) from error
-        self._new, self._arm = VQF, arm
+        self._new = VQF
+        self._arm = arm
         self.begin()
 
     def begin(self) -> None:
@@ -96,19 +110,31 @@ class Inclinometer:
     def told(self, reading: Reading) -> Float[np.ndarray, "modules 3"] | None:
         """Unit vectors that point down, each in its sensor's frame; None where nothing is said."""
         shape = None, self._arm.module_count, 3
-        forces, turns = (numbers(reading.get(name), shape) for name in ("accelerations", "turn_rates"))
+        forces, turns = (
+            numbers(reading.get(name), shape)
+            for name in ("accelerations", "turn_rates")
+        )
         if forces is None or turns is None or forces.shape != turns.shape:
             return None
-        if not ((np.abs(forces) < MOST_FORCE).all() and (np.abs(turns) < MOST_RATE).all()):
+        if not (
+            (np.abs(forces) < MOST_FORCE).all() and (np.abs(turns) < MOST_RATE).all()
+        ):
             return None  # the filter would never forget it
         if (bits := forces.tobytes()) == self._last:  # said before: nothing new
             return self._told
         self._last = bits
         if not self._filters:
             period = self._arm.control_period / len(forces)
-            self._filters = [self._new(period, tauAcc=SMOOTHED) for _ in range(forces.shape[1])]
+            self._filters = [
+                self._new(period, tauAcc=SMOOTHED) for _ in range(forces.shape[1])
+            ]
             self._settle(forces)
-        self._told = np.stack([_down(one, forces[:, k], turns[:, k]) for k, one in enumerate(self._filters)])
+        self._told = np.stack(
+            [
+                _down(one, forces[:, k], turns[:, k])
+                for k, one in enumerate(self._filters)
+            ]
+        )
         return self._told
 
     def _settle(self, forces: np.ndarray) -> None:
@@ -122,4 +148,6 @@ class Inclinometer:
 def _down(one: Any, forces: np.ndarray, turns: np.ndarray) -> Float[np.ndarray, "3"]:
     one.updateBatch(np.ascontiguousarray(turns), np.ascontiguousarray(forces))
     w, x, y, z = one.getQuat6D()
-    return -np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    return -np.array(
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    )

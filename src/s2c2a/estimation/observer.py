@@ -1,11 +1,14 @@
 """What is known of an arm while it works: a Kalman filter over what no sensor says, and over how the arm swings.
 
-Its state is a load at the tip, leans of the modules (bends beside those that are expected: offsets of homing, drift,
-a softened cable, a push), bends and their rates, and zeros of sensors. The forward model says where the arm would rest,
-the swing how it gets there, senses what of it is seen; encoders alone see nothing of it. What a forward model is told
-of loads and leans (`Unknowns`) lets planner and feasibility count on them.
+Its state is a load at the tip, leans of the modules (bends beside those that are
+expected: offsets of homing, drift, a softened cable, a push), bends and their rates,
+and zeros of sensors. The forward model says where the arm would rest, the swing how it
+gets there, senses what of it is seen; encoders alone see nothing of it. What a forward
+model is told of loads and leans (`Unknowns`) lets planner and feasibility count on
+them.
 
-A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv 2002.01407).
+A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv
+2002.01407).
 """
 
 from typing import Any
@@ -22,15 +25,26 @@ from s2c2a.estimation.gains import Gains
 from s2c2a.estimation.senses import Off, Said, Sense, Shape, Zeros
 from s2c2a.kinematics import ForwardModel, bends_from_states, limit_lengths
 
-FIRST_LOAD, FIRST_LEAN = 0.4, 0.02  # before anything is sensed: of the arm's mass, and [rad]
+# before anything is sensed: of the arm's mass, and [rad]
+FIRST_LOAD = 0.4
+FIRST_LEAN = 0.02
 FORGET = 5.0  # s; a lean that nothing shows any more is forgotten
-LOAD_RATE, LEAN_RATE = 0.07, 0.03  # what they may change by in a second: of the arm's mass, and [rad]
-LOADED_RATE = 0.06  # rad; a lean of an arm that carries as much as it weighs, beside that
-BEND_NOISE, TURN_NOISE = 0.04, 1.0  # of the swing, in a second [rad, rad/s]
-MOST_LOAD, MOST_LEAN = 3.0, 0.4  # of the arm's mass, and [rad]
+# what they may change by in a second: of the arm's mass, and [rad]
+LOAD_RATE = 0.07
+LEAN_RATE = 0.03
+# rad; a lean of an arm that carries as much as it weighs, beside that
+LOADED_RATE = 0.06
+# of the swing, in a second [rad, rad/s]
+BEND_NOISE = 0.04
+TURN_NOISE = 1.0
+# of the arm's mass, and [rad]
+MOST_LOAD = 3.0
+MOST_LEAN = 0.4
 MOST_CALMING = 0.2  # rad; asked for beside the plan
 ABSURD = 1e6  # in any unit
-STRANGE, LEFT_OUT_FOR = 6.0, 0.5  # standard deviations; and s
+# standard deviations; and s
+STRANGE = 6.0
+LEFT_OUT_FOR = 0.5
 SETTLING = 0.3  # s; over which strangeness is told
 
 
@@ -43,7 +57,8 @@ class Observer(eqx.Module):
         mass: of the arm [kg].
         period: of the control steps [s].
         estimates: whether load and leans are estimated, or stay as they are told.
-        yields: to what leans on it: no more than this force at the tip is made up for [N].
+        yields: to what leans on it: no more than this force at the tip is made up for
+            [N].
     """
 
     gains: Gains
@@ -55,7 +70,12 @@ class Observer(eqx.Module):
 
     @classmethod
     def of(
-        cls, arm: ArmSpec, gains: Gains, senses: tuple[Sense, ...], estimates: bool = True, yields: float = np.inf
+        cls,
+        arm: ArmSpec,
+        gains: Gains,
+        senses: tuple[Sense, ...],
+        estimates: bool = True,
+        yields: float = np.inf,
     ) -> "Observer":
         """Of an arm."""
         mass = sum(module.mass for module in arm.modules)
@@ -74,9 +94,13 @@ class Observer(eqx.Module):
     @property
     def history(self) -> int:
         """How many steps are remembered, for what is told late."""
-        return 3 + int(max((sense.latest for sense in self.senses), default=0.0) / self.period)
+        return 3 + int(
+            max((sense.latest for sense in self.senses), default=0.0) / self.period
+        )
 
-    def start(self, states: Float[Array, "modules 6"], load: Float[Array, ""]) -> Belief:
+    def start(
+        self, states: Float[Array, "modules 6"], load: Float[Array, ""]
+    ) -> Belief:
         """Of an arm at rest.
 
         Args:
@@ -84,16 +108,32 @@ class Observer(eqx.Module):
             load: at its tip, as far as it is told [kg].
         """
         rests = bends_from_states(states)
-        bends, none, zeros = rests.size, jnp.zeros_like(rests), self._zeros().first
-        mean = jnp.concatenate([load[None], jnp.zeros(bends), rests.reshape(-1), jnp.zeros(bends + len(zeros))])
-        slow = float(self.estimates) * np.array([FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends])
+        bends = rests.size
+        none = jnp.zeros_like(rests)
+        zeros = self._zeros().first
+        mean = jnp.concatenate(
+            [
+                load[None],
+                jnp.zeros(bends),
+                rests.reshape(-1),
+                jnp.zeros(bends + len(zeros)),
+            ]
+        )
+        slow = float(self.estimates) * np.array(
+            [FIRST_LOAD * self.mass, *[FIRST_LEAN] * bends]
+        )
         spread = jnp.array([*slow, *[BEND_NOISE] * bends, *[TURN_NOISE] * bends])
         covariance = jnp.diag(jnp.concatenate([spread, zeros]) ** 2)
-        before, there = (jnp.broadcast_to(part, (self.history, *part.shape)) for part in (rests, states))
+        before, there = (
+            jnp.broadcast_to(part, (self.history, *part.shape))
+            for part in (rests, states)
+        )
         quiet = jnp.zeros(len(self.senses))
         found = jnp.zeros((self.history, *rests.shape))
         lagging = tuple(sense.lagging(rests) for sense in self.senses)
-        return Belief(mean, covariance, none, rests, before, there, found, lagging, quiet, quiet)
+        return Belief(
+            mean, covariance, none, rests, before, there, found, lagging, quiet, quiet
+        )
 
     def update(
         self,
@@ -119,18 +159,28 @@ class Observer(eqx.Module):
         belief = self._moved(belief, rests, slopes)
         by_load = slopes[:, 0]
         belief = belief._replace(
-            before=_pushed(belief.before, self._where(belief) if self.calming else rests),
+            before=_pushed(
+                belief.before, self._where(belief) if self.calming else rests
+            ),
             states_before=_pushed(belief.states_before, expected),
             found_before=_pushed(belief.found_before, self._found(belief, by_load)),
         )
         for number, sense in enumerate(self.senses):
             since = self._found(belief, by_load) - belief.found_before
             past = belief.before, belief.states_before, since
-            shape = Shape(self._where(belief), belief.unknowns.leans, tensions, *past, belief.lagging[number])
+            shape = Shape(
+                self._where(belief),
+                belief.unknowns.leans,
+                tensions,
+                *past,
+                belief.lagging[number],
+            )
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
         memory = model.corrected(belief.unknowns, memory)
-        return self._calmed(belief, bends_from_states(model.predict(planned, memory))), memory
+        return self._calmed(
+            belief, bends_from_states(model.predict(planned, memory))
+        ), memory
 
     def _rest(self, belief: Belief, model: ForwardModel, memory: Any, sensed: Array):
         """Where the arm would rest, and how its bends there change with load and leans."""
@@ -140,33 +190,50 @@ class Observer(eqx.Module):
             states = model.predict(sensed, known)
             return bends_from_states(states), (states, model.tensions(sensed, known))
 
-        rests, by_load, (states, tensions) = jax.jvp(rest, (belief.mean[0],), (jnp.ones(()),), has_aux=True)
+        rests, by_load, (states, tensions) = jax.jvp(
+            rest, (belief.mean[0],), (jnp.ones(()),), has_aux=True
+        )
         slopes = jnp.concatenate([by_load.reshape(-1, 1), jnp.eye(rests.size)], axis=1)
         return states, tensions, (rests, slopes)
 
-    def _moved(self, belief: Belief, rests: Float[Array, "modules 2"], slopes: Array) -> Belief:
+    def _moved(
+        self, belief: Belief, rests: Float[Array, "modules 2"], slopes: Array
+    ) -> Belief:
         """One control step of the swing, as it is expected."""
-        slow, fast = 1 + rests.size, 1 + 3 * rests.size
+        slow = 1 + rests.size
+        fast = 1 + 3 * rests.size
         steps, inputs, _, _ = self.gains.at(belief.mean[0])
         motion = steps @ belief.mean[slow:fast] + inputs @ rests.reshape(-1)
         kept = jnp.ones(slow).at[1:].set(self.kept)
         change = jnp.eye(len(belief.mean)).at[:slow, :slow].set(jnp.diag(kept))
-        change = change.at[slow:fast, :slow].set(inputs @ slopes * kept).at[slow:fast, slow:fast].set(steps)
+        change = (
+            change.at[slow:fast, :slow]
+            .set(inputs @ slopes * kept)
+            .at[slow:fast, slow:fast]
+            .set(steps)
+        )
         noise = self.noise(rests.size, belief.mean[0])
         covariance = change @ belief.covariance @ change.T + jnp.diag(noise)
         mean = jnp.concatenate([kept * belief.mean[:slow], motion, belief.mean[fast:]])
         return belief._replace(mean=mean, covariance=covariance)
 
-    def noise(self, bends: int, load: Float[Array, ""] | float) -> Float[Array, " states"]:
+    def noise(
+        self, bends: int, load: Float[Array, ""] | float
+    ) -> Float[Array, " states"]:
         """What a control step adds to the variance of all that is believed; models err more under loads."""
         lean = LEAN_RATE + LOADED_RATE * load / self.mass
-        slow = float(self.estimates) * jnp.stack([jnp.asarray(LOAD_RATE * self.mass), *[lean] * bends])
+        slow = float(self.estimates) * jnp.stack(
+            [jnp.asarray(LOAD_RATE * self.mass), *[lean] * bends]
+        )
         swing = jnp.repeat(jnp.array([BEND_NOISE, TURN_NOISE]), bends)
         return jnp.concatenate([slow, swing, self._zeros().wander]) ** 2 * self.period
 
     def zeros_of(self, number: int, bends: int) -> slice:
         """Where those of a sense stand in the state."""
-        begin, *counts = 1 + 3 * bends, *(len(sense.zeros.first) for sense in self.senses)
+        begin, *counts = (
+            1 + 3 * bends,
+            *(len(sense.zeros.first) for sense in self.senses),
+        )
         begin += sum(counts[:number])
         return slice(begin, begin + counts[number])
 
@@ -182,21 +249,33 @@ class Observer(eqx.Module):
         """What is known of bends at rest beside what encoders tell."""
         return belief.unknowns.leans + (belief.mean[0] * by_load).reshape(-1, 2)
 
-    def _told(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> Belief:
+    def _told(
+        self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array
+    ) -> Belief:
         """After what one sense says; one that is too strange, or says nothing, is left out."""
         numbers, slopes, heard = self._against(belief, number, sense, off, by_load)
-        hung = jnp.where(heard, off.slopes @ by_load, 0.0)  # what a kilogram more would look like
-        spread = slopes @ belief.covariance @ slopes.T + jnp.diag((self.gains.at(belief.mean[0])[3] * off.spread) ** 2)
+        # what a kilogram more would look like
+        hung = jnp.where(heard, off.slopes @ by_load, 0.0)
+        spread = slopes @ belief.covariance @ slopes.T + jnp.diag(
+            (self.gains.at(belief.mean[0])[3] * off.spread) ** 2
+        )
         change, unless = self._unless_hung(belief, numbers, spread, hung)
         surprise, less = (_surprise(one, spread, heard) for one in (numbers, unless))
         strange = self._strange(belief, number, jnp.minimum(surprise, less), heard)
-        wrong = (jnp.maximum(strange, jnp.minimum(surprise, less)) > STRANGE) | (jnp.abs(unless).max() > off.most)
-        left_out = jnp.where(wrong, LEFT_OUT_FOR, jnp.maximum(belief.left_out[number] - self.period, 0.0))
+        wrong = (jnp.maximum(strange, jnp.minimum(surprise, less)) > STRANGE) | (
+            jnp.abs(unless).max() > off.most
+        )
+        left_out = jnp.where(
+            wrong, LEFT_OUT_FOR, jnp.maximum(belief.left_out[number] - self.period, 0.0)
+        )
         believed = left_out <= 0.0
-        doubt = jnp.where((surprise > STRANGE) & believed, change, 0.0) ** 2  # the load may be another one now
+        # the load may be another one now
+        doubt = jnp.where((surprise > STRANGE) & believed, change, 0.0) ** 2
         covariance = belief.covariance.at[0, 0].add(doubt)
         spread = spread + doubt * jnp.outer(slopes[:, 0], slopes[:, 0])
-        mean, covariance = _corrected(belief.mean, covariance, jnp.where(believed, slopes, 0.0), spread, numbers)
+        mean, covariance = _corrected(
+            belief.mean, covariance, jnp.where(believed, slopes, 0.0), spread, numbers
+        )
         return belief._replace(
             mean=mean,
             covariance=covariance,
@@ -204,37 +283,64 @@ class Observer(eqx.Module):
             left_out=belief.left_out.at[number].set(left_out),
         )
 
-    def _against(self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array) -> tuple[Array, ...]:
+    def _against(
+        self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array
+    ) -> tuple[Array, ...]:
         """What is heard against what is believed, its slopes by all that is believed, and which of it is heard."""
-        bends, heard = belief.calming.size, jnp.abs(off.numbers) < ABSURD  # NaN is not
-        at = 1 if sense.slow else 1 + bends  # what is told late tells of leans, not of the swing
-        slopes = jnp.zeros((len(off.numbers), len(belief.mean))).at[:, at : at + bends].set(off.slopes)
+        # NaN is not
+        bends = belief.calming.size
+        heard = jnp.abs(off.numbers) < ABSURD
+        # what is told late tells of leans, not of the swing
+        at = 1 if sense.slow else 1 + bends
+        slopes = (
+            jnp.zeros((len(off.numbers), len(belief.mean)))
+            .at[:, at : at + bends]
+            .set(off.slopes)
+        )
         numbers = off.numbers
         if sense.slow:
             slopes = slopes.at[:, 0].set(off.slopes @ by_load)
         zeros = self.zeros_of(number, bends)
         if zeros.start < zeros.stop:
-            slopes, numbers = slopes.at[:, zeros].set(jnp.eye(len(numbers))), numbers - belief.mean[zeros]
-        return jnp.where(heard, numbers, 0.0), jnp.where(heard[:, None], slopes, 0.0), heard
+            slopes = slopes.at[:, zeros].set(jnp.eye(len(numbers)))
+            numbers = numbers - belief.mean[zeros]
+        return (
+            jnp.where(heard, numbers, 0.0),
+            jnp.where(heard[:, None], slopes, 0.0),
+            heard,
+        )
 
-    def _unless_hung(self, belief: Belief, numbers: Array, spread: Array, hung: Array) -> tuple[Array, Array]:
+    def _unless_hung(
+        self, belief: Belief, numbers: Array, spread: Array, hung: Array
+    ) -> tuple[Array, Array]:
         """A load that may have been hung on or taken off [kg], and what it would leave unexplained."""
         weighed = jnp.linalg.solve(spread, hung)
-        change = float(self.estimates) * (weighed @ numbers) / (weighed @ hung + 1.0 / self.mass**2)
-        change = jnp.clip(change, -belief.mean[0], MOST_LOAD * self.mass - belief.mean[0])
+        change = (
+            float(self.estimates)
+            * (weighed @ numbers)
+            / (weighed @ hung + 1.0 / self.mass**2)
+        )
+        change = jnp.clip(
+            change, -belief.mean[0], MOST_LOAD * self.mass - belief.mean[0]
+        )
         return change, numbers - hung * change
 
-    def _strange(self, belief: Belief, number: int, surprise: Array, heard: Array) -> Float[Array, ""]:
+    def _strange(
+        self, belief: Belief, number: int, surprise: Array, heard: Array
+    ) -> Float[Array, ""]:
         """How strange a sense is of late."""
         share = jnp.where(heard.any(), jnp.minimum(self.period / SETTLING, 1.0), 0.0)
         return belief.strange[number] + share * (surprise - belief.strange[number])
 
     def _within(self, belief: Belief) -> Belief:
         """Loads are none or more, and leans no more than can be."""
-        bends, mean = belief.calming.size, belief.mean
+        bends = belief.calming.size
+        mean = belief.mean
         load = jnp.clip(mean[0], 0.0, MOST_LOAD * self.mass)
         leans = limit_lengths(mean[1 : 1 + bends].reshape(-1, 2), MOST_LEAN).reshape(-1)
-        leans = leans * jnp.minimum(1.0, self.yields / jnp.maximum(self.push(leans), 1e-9))
+        leans = leans * jnp.minimum(
+            1.0, self.yields / jnp.maximum(self.push(leans), 1e-9)
+        )
         mean = jnp.concatenate([load[None], leans, mean[1 + bends :]])
         return belief._replace(mean=mean)
 
@@ -248,13 +354,19 @@ class Observer(eqx.Module):
             return belief._replace(rests=aimed)
         bends = aimed.size
         rates = (aimed - belief.rests).reshape(-1) / self.period
-        off = belief.mean[1 + bends : 1 + 3 * bends] - jnp.concatenate([aimed.reshape(-1), rates])
+        off = belief.mean[1 + bends : 1 + 3 * bends] - jnp.concatenate(
+            [aimed.reshape(-1), rates]
+        )
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
         return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
 
 
 def _corrected(
-    mean: Float[Array, " n"], covariance: Float[Array, "n n"], slopes: Array, spread: Array, numbers: Array
+    mean: Float[Array, " n"],
+    covariance: Float[Array, "n n"],
+    slopes: Array,
+    spread: Array,
+    numbers: Array,
 ) -> tuple[Array, Array]:
     """Kalman's step."""
     gain = jnp.linalg.solve(spread, slopes @ covariance).T
@@ -262,7 +374,9 @@ def _corrected(
     return mean + gain @ numbers, (covariance + covariance.T) / 2.0
 
 
-def _surprise(numbers: Float[Array, " n"], spread: Float[Array, "n n"], heard: Array) -> Float[Array, ""]:
+def _surprise(
+    numbers: Float[Array, " n"], spread: Float[Array, "n n"], heard: Array
+) -> Float[Array, ""]:
     """In standard deviations; what is absurd is forgotten as soon as the rest."""
     squared = jnp.sum(numbers**2 / jnp.diag(spread)) / jnp.maximum(heard.sum(), 1)
     return jnp.minimum(jnp.sqrt(squared), 2.0 * STRANGE)

@@ -11,17 +11,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import bends_from_configurations, bends_from_states, configurations_from_bends
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    bends_from_states,
+    configurations_from_bends,
+)
 from s2c2a.kinematics.chain import rotations_to, states_from_bends
 
 SEEN_SPREAD = 0.003  # rad; of bends that something sees
 LEVEL_SPREAD = 0.02  # rad; of what inertial sensors on a moving arm call down
-LEVEL_ZERO, LEVEL_WANDER = 0.01, 1e-4  # rad, and in a second; of accelerometers as they are sold
+# rad, and in a second; of accelerometers as they are sold
+LEVEL_ZERO = 0.01
+LEVEL_WANDER = 1e-4
 FEW_PICTURES = 5.0  # a second
 END_SPREAD = 0.05  # m; of ends that are seen late: slow, lest it follows the swing
 LEAST_TENSION = 0.05  # N
-USUAL_BEND = 0.1  # rad; as if models were off by so much: friction hides most of what tensions tell
-MOST_TURN, MOST_WAY = 0.14, 0.5  # rad, and of the arm's length
+# rad; as if models were off by so much: friction hides most of what tensions tell
+USUAL_BEND = 0.1
+# rad, and of the arm's length
+MOST_TURN = 0.14
+MOST_WAY = 0.5
 LATEST = 0.7  # s; what is older is not heard
 NOTHING = np.zeros(0, np.float32)
 Said = Mapping[str, Array]
@@ -32,13 +41,17 @@ class Shape(NamedTuple):
 
     Attributes:
         bends: of its modules [rad], shape (modules, 2).
-        leans: of that, what nothing but leans is the reason of [rad], shape (modules, 2).
-        tensions: of its cables at rest without leans [N], shape (modules, cables); NaN where the model does not know.
-        before: bends of the last steps, the newest first, as believed if something sees the swing, else at rest, shape
-            (steps, modules, 2).
+        leans: of that, what nothing but leans is the reason of [rad], shape (modules,
+            2).
+        tensions: of its cables at rest without leans [N], shape (modules, cables); NaN
+            where the model does not know.
+        before: bends of the last steps, the newest first, as believed if something sees
+            the swing, else at rest, shape (steps, modules, 2).
         states_before: states there, of the same steps, shape (steps, modules, 6).
-        since: what bends at rest were found to differ by since then [rad], shape (steps, modules, 2).
-        lagging: what the sense that looks lags by, as it said in the last step (`Sense.lagging`).
+        since: what bends at rest were found to differ by since then [rad], shape
+            (steps, modules, 2).
+        lagging: what the sense that looks lags by, as it said in the last step
+            (`Sense.lagging`).
     """
 
     bends: Float[Array, "modules 2"]
@@ -54,10 +67,12 @@ class Off(NamedTuple):
     """What a sensor says, against what was expected.
 
     Attributes:
-        numbers: what was said less what was expected, shape (numbers,); not finite where nothing was said.
+        numbers: what was said less what was expected, shape (numbers,); not finite
+            where nothing was said.
         slopes: of what is expected by bends, shape (numbers, n) with n = 2 modules.
         spread: standard deviation of what is left, shape (numbers,).
-        most: that can be true from one control step to the next; what is further off is a fault.
+        most: that can be true from one control step to the next; what is further off is
+            a fault.
         lagging: what it lags by from now on (`Sense.lagging`).
     """
 
@@ -72,7 +87,8 @@ class Zeros(NamedTuple):
     """By how much a sensor's numbers are off whatever the arm does: nobody knows, and it wanders.
 
     Attributes:
-        first: standard deviation when the arm is opened, shape (numbers,); no numbers, and it has none.
+        first: standard deviation when the arm is opened, shape (numbers,); no numbers,
+            and it has none.
         wander: standard deviation of the change in a second, shape (numbers,).
     """
 
@@ -90,7 +106,8 @@ class Sense(eqx.Module):
 
     Attributes:
         name: the word for it.
-        slow: whether it is held against where the arm would rest, and tells nothing of the swing.
+        slow: whether it is held against where the arm would rest, and tells nothing of
+            the swing.
         latest: how late it may tell [s].
     """
 
@@ -129,8 +146,15 @@ class SeenBends(Sense):
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
-        numbers = (bends_from_configurations(said["configurations"]) - shape.bends).reshape(-1)
-        return Off(numbers, jnp.eye(len(numbers)), jnp.full(len(numbers), SEEN_SPREAD), MOST_TURN)
+        numbers = (
+            bends_from_configurations(said["configurations"]) - shape.bends
+        ).reshape(-1)
+        return Off(
+            numbers,
+            jnp.eye(len(numbers)),
+            jnp.full(len(numbers), SEEN_SPREAD),
+            MOST_TURN,
+        )
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -152,7 +176,10 @@ class Inclinations(Sense):
     @property
     def zeros(self) -> Zeros:
         """See `Sense`."""
-        return Zeros(jnp.full(3 * self.modules, LEVEL_ZERO), jnp.full(3 * self.modules, LEVEL_WANDER))
+        return Zeros(
+            jnp.full(3 * self.modules, LEVEL_ZERO),
+            jnp.full(3 * self.modules, LEVEL_WANDER),
+        )
 
     def off(self, said: Said, shape: Shape) -> Off:
         """See `Sense`."""
@@ -165,8 +192,10 @@ class Inclinations(Sense):
         return {"inclinations": np.full((self.modules, 3), np.nan, np.float32)}
 
     def _expected(self, bends: Float[Array, " bends"]) -> Float[Array, " numbers"]:
-        down, felt = self.down, []
-        for turn in rotations_to(configurations_from_bends(bends.reshape(-1, 2))):  # an arm has few modules
+        down = self.down
+        felt = []
+        # an arm has few modules
+        for turn in rotations_to(configurations_from_bends(bends.reshape(-1, 2))):
             down = turn.T @ down
             felt.append(down)
         return jnp.concatenate(felt)
@@ -175,11 +204,13 @@ class Inclinations(Sense):
 class Tensions(Sense):
     """Tensions of the cables, as the motors' currents tell them.
 
-    A taut cable tells by how much it is longer than its motor gave it, and so how its module bends, whatever bends it.
-    Models know that no better than they know bends, and friction on its way hides the swing.
+    A taut cable tells by how much it is longer than its motor gave it, and so how its
+    module bends, whatever bends it. Models know that no better than they know bends,
+    and friction on its way hides the swing.
 
     Attributes:
-        stiffness: by how much tensions rise with stretch over the cable radius [N/rad], shape (modules, 1).
+        stiffness: by how much tensions rise with stretch over the cable radius [N/rad],
+            shape (modules, 1).
         matrices: B, shape (modules, cables, 2).
         noise: of what currents tell [N].
     """
@@ -197,9 +228,18 @@ class Tensions(Sense):
         expected = jnp.maximum(shape.tensions + more, 0.0)
         taut = (said["tensions"] > 2.0 * self.noise) | (expected > 0.0)
         each = self.stiffness[..., None] * self.matrices * taut[..., None]
-        slopes = jnp.einsum("mnk,ml->mnlk", each, jnp.eye(modules)).reshape(expected.size, -1)
-        spread = jnp.broadcast_to(jnp.hypot(self.noise, self.stiffness * USUAL_BEND), expected.shape)
-        return Off((said["tensions"] - expected).reshape(-1), slopes, spread.reshape(-1), np.inf)
+        slopes = jnp.einsum("mnk,ml->mnlk", each, jnp.eye(modules)).reshape(
+            expected.size, -1
+        )
+        spread = jnp.broadcast_to(
+            jnp.hypot(self.noise, self.stiffness * USUAL_BEND), expected.shape
+        )
+        return Off(
+            (said["tensions"] - expected).reshape(-1),
+            slopes,
+            spread.reshape(-1),
+            np.inf,
+        )
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -215,7 +255,8 @@ class SeenEnds(Sense):
         lengths: of the modules [m].
         period: of the control steps [s].
         delay: where a reading does not say how old a picture is [s].
-        spread: of ends [m]; more where many are seen often, which tell no more of what is slow.
+        spread: of ends [m]; more where many are seen often, which tell no more of what
+            is slow.
     """
 
     lengths: Float[Array, " modules"]
@@ -236,13 +277,27 @@ class SeenEnds(Sense):
         age = jnp.nan_to_num(said["seen_age"], nan=self.delay)
         place = jnp.clip(age / self.period, 0.0, len(shape.before) - 1.001)
         first = jnp.floor(place).astype(int)
-        share, past = place - first, (shape.before, shape.states_before, shape.since)
-        bends, states, since = ((1.0 - share) * part[first] + share * part[first + 1] for part in past)
+        share = place - first
+        past = (shape.before, shape.states_before, shape.since)
+        bends, states, since = (
+            (1.0 - share) * part[first] + share * part[first + 1] for part in past
+        )
         expected, slopes = with_slopes(self._ends, bends + since)
-        beside = states[:, :3].reshape(-1) - self._ends(bends_from_states(states).reshape(-1))  # what arcs do not have
-        known = (age >= 0.0) & (age <= self.latest + 1.01 * self.period)  # it is read up to a step later
-        numbers = jnp.where(known, said["seen"].reshape(-1) - expected - beside, jnp.nan)
-        return Off(numbers, slopes, jnp.full(expected.shape, self.spread), MOST_WAY * jnp.sum(self.lengths))
+        # what arcs do not have
+        beside = states[:, :3].reshape(-1) - self._ends(
+            bends_from_states(states).reshape(-1)
+        )
+        # it is read up to a step later
+        known = (age >= 0.0) & (age <= self.latest + 1.01 * self.period)
+        numbers = jnp.where(
+            known, said["seen"].reshape(-1) - expected - beside, jnp.nan
+        )
+        return Off(
+            numbers,
+            slopes,
+            jnp.full(expected.shape, self.spread),
+            MOST_WAY * jnp.sum(self.lengths),
+        )
 
     def silent(self) -> dict[str, np.ndarray]:
         """See `Sense`."""
@@ -255,31 +310,51 @@ class SeenEnds(Sense):
         return states_from_bends(bends.reshape(-1, 2), self.lengths)[:, :3].reshape(-1)
 
 
-def senses_of(arm: ArmSpec, stiffnesses: Float[np.ndarray, " modules"] | None) -> tuple[Sense, ...]:
+def senses_of(
+    arm: ArmSpec, stiffnesses: Float[np.ndarray, " modules"] | None
+) -> tuple[Sense, ...]:
     """All that an arm says of itself beside its encoders, by its description.
 
     Args:
         arm: the arm.
-        stiffnesses: by how much tensions rise with the stretch of a cable [N/rad], where a model knows.
+        stiffnesses: by how much tensions rise with the stretch of a cable [N/rad],
+            where a model knows.
     """
-    geometry, modules = ArmGeometry.of(arm), arm.module_count
+    geometry = ArmGeometry.of(arm)
+    modules = arm.module_count
     found: list[Sense] = []
     if arm.sensing == "true" or arm.senses.bends:
         found.append(SeenBends(modules))
     if arm.senses.imu is not None and any(arm.gravity_direction):
-        found.append(Inclinations(jnp.asarray(arm.gravity_direction, jnp.float32), modules))
+        found.append(
+            Inclinations(jnp.asarray(arm.gravity_direction, jnp.float32), modules)
+        )
     if arm.motor.current_noise is not None and stiffnesses is not None:
         noise = max(arm.motor.current_noise, LEAST_TENSION) + arm.motor.current_friction
-        each, matrices = (jnp.asarray(part, jnp.float32) for part in (stiffnesses, geometry.cable_matrices))
+        each, matrices = (
+            jnp.asarray(part, jnp.float32)
+            for part in (stiffnesses, geometry.cable_matrices)
+        )
         found.append(Tensions(each[:, None], matrices, noise))
     if (camera := arm.senses.camera) is not None:
-        told = max(1.0, camera.rate / FEW_PICTURES) * (arm.module_count if camera.sees == "ends" else 1)
+        told = max(1.0, camera.rate / FEW_PICTURES) * (
+            arm.module_count if camera.sees == "ends" else 1
+        )
         spread = END_SPREAD * told**0.5
-        found.append(SeenEnds(jnp.asarray(geometry.lengths, jnp.float32), arm.control_period, camera.delay, spread))
+        found.append(
+            SeenEnds(
+                jnp.asarray(geometry.lengths, jnp.float32),
+                arm.control_period,
+                camera.delay,
+                spread,
+            )
+        )
     return tuple(found)
 
 
-def with_slopes(expected: Callable[[Array], Array], bends: Float[Array, "modules 2"]) -> tuple[Array, Array]:
+def with_slopes(
+    expected: Callable[[Array], Array], bends: Float[Array, "modules 2"]
+) -> tuple[Array, Array]:
     """What is expected, shape (numbers,), and its slopes by bends, shape (numbers, n) with n = 2 modules."""
     flat = bends.reshape(-1)
     return expected(flat), jax.jacfwd(expected)(flat)

@@ -16,13 +16,20 @@ from s2c2a.runtime import Ask, Loop, Step
 from s2c2a.runtime.limits import TURN
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
-FROM, TO = 0.2, 2.5  # of the expected frequency
+# of the expected frequency
+FROM = 0.2
+TO = 2.5
 FASTEST = 0.4  # of the control rate: below half of it
-SHARE, MOST_TILT = 0.1, 0.35  # of bend limits, and rad in all
+# of bend limits, and rad in all
+SHARE = 0.1
+MOST_TILT = 0.35
 OF_LIMITS = 0.7  # of those of rate and acceleration
-WAVES, REST = 30.0, 6.0  # periods of the expected mode: of a chirp, and of what is waited after it
+# periods of the expected mode: of a chirp, and of what is waited after it
+WAVES = 30.0
+REST = 6.0
 FADE = 0.03  # of a chirp, at either end
-SIGHT = "states", "configurations", "turn_rates"  # what shows how a tip swings, best first
+# what shows how a tip swings, best first
+SIGHT = "states", "configurations", "turn_rates"
 LACKING = (
     "nothing that this body says shows how it swings: it says {}. The response could be measured with inertial "
     "sensors (`accelerations`, `turn_rates`), or with something that sees how the arm bends (`states`, "
@@ -34,9 +41,12 @@ class Shaken(NamedTuple):
     """What came of it, chirp by chirp, at every control step.
 
     Attributes:
-        asked: bends that were asked for [rad], shape (2, steps, modules, 2): PCC of what was really sent.
-        felt: bends by PCC of what the motors' encoders said [rad], the same shape; asked ones where they say nothing.
-        seen: tilts of the tip towards x and y [rad], shape (2, steps, 2); NaN where nothing was seen.
+        asked: bends that were asked for [rad], shape (2, steps, modules, 2): PCC of
+            what was really sent.
+        felt: bends by PCC of what the motors' encoders said [rad], the same shape;
+            asked ones where they say nothing.
+        seen: tilts of the tip towards x and y [rad], shape (2, steps, 2); NaN where
+            nothing was seen.
         sight: name of the sensor that saw it.
     """
 
@@ -47,26 +57,39 @@ class Shaken(NamedTuple):
 
     def tilts(self, towards: int) -> tuple[np.ndarray, np.ndarray]:
         """Asked and seen towards x (0) or y (1), of its own chirp [rad]."""
-        return self.asked[towards, ..., towards].sum(axis=-1), self.seen[towards, :, towards]
+        return self.asked[towards, ..., towards].sum(axis=-1), self.seen[
+            towards, :, towards
+        ]
 
 
 def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
     """Bends [rad]: a wave from well below a frequency [Hz] to above it, as far as control steps show, then none.
 
-    Small, no faster and no sharper than the arm may, and slower where that would be too little.
+    Small, no faster and no sharper than the arm may, and slower where that would be too
+    little.
     """
-    period, step = arm.control_period, np.deg2rad(arm.step_limit_deg)
+    period = arm.control_period
+    step = np.deg2rad(arm.step_limit_deg)
     turn = np.deg2rad(arm.acceleration_limit_deg or TURN * arm.step_limit_deg)
     high = min(TO * frequency, FASTEST / period)
     low = min(FROM * frequency, high / 4.0)
-    shares = np.linspace(0.0, 1.0, max(round(WAVES / frequency / period), round(WAVES / 3.0 / low / period)))
-    angles = 2.0 * np.pi * low * (high / low) ** shares * period  # of the wave in a step
+    shares = np.linspace(
+        0.0,
+        1.0,
+        max(round(WAVES / frequency / period), round(WAVES / 3.0 / low / period)),
+    )
+    # of the wave in a step
+    angles = 2.0 * np.pi * low * (high / low) ** shares * period
     sizes = SHARE * ArmGeometry.of(arm).bend_limits
     sizes *= min(1.0, MOST_TILT / sizes.sum())
     allowed = OF_LIMITS * np.minimum(step / angles, turn / angles**2)
     fade = np.minimum(1.0, np.minimum(shares, 1.0 - shares) / FADE)
-    waves = (fade * np.sin(np.cumsum(angles)))[:, None] * np.minimum(sizes, allowed[:, None])
-    return np.concatenate([waves, np.zeros((round(REST / frequency / period), arm.module_count))])
+    waves = (fade * np.sin(np.cumsum(angles)))[:, None] * np.minimum(
+        sizes, allowed[:, None]
+    )
+    return np.concatenate(
+        [waves, np.zeros((round(REST / frequency / period), arm.module_count))]
+    )
 
 
 def sight_of(robot: Robot) -> str:
@@ -81,7 +104,11 @@ def sight_of(robot: Robot) -> str:
     raise S2C2AError(LACKING.format(", ".join(robot.sensors) or "nothing"))
 
 
-def shaken(robot: Robot, frequency: float, progress: Callable[[int, int], None] = lambda done, total: None) -> Shaken:
+def shaken(
+    robot: Robot,
+    frequency: float,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Shaken:
     """Shake a body within its limits, and lead it to rest; on every way out, too.
 
     Args:
@@ -90,48 +117,74 @@ def shaken(robot: Robot, frequency: float, progress: Callable[[int, int], None] 
         progress: told how many control steps of how many are done.
 
     Raises:
-        S2C2AError: nothing shows how it swings, or a reading could not be believed; the arm is at rest.
+        S2C2AError: nothing shows how it swings, or a reading could not be believed; the
+            arm is at rest.
     """
-    arm, sight = robot.arm, sight_of(robot)
-    waves, pcc = chirp(arm, frequency), PCC.of(arm)
+    arm = robot.arm
+    sight = sight_of(robot)
+    waves = chirp(arm, frequency)
+    pcc = PCC.of(arm)
     bends = np.zeros((2, *waves.shape, 2))
     bends[0, ..., 0] = bends[1, ..., 1] = waves
-    actions = np.asarray(pcc.actions(jnp.asarray(bends.reshape(-1, arm.module_count, 2), jnp.float32)), np.float64)
+    actions = np.asarray(
+        pcc.actions(jnp.asarray(bends.reshape(-1, arm.module_count, 2), jnp.float32)),
+        np.float64,
+    )
     needed = (sight,) if robot.sensors[sight].always else ()
     with Loop(robot, Player(arm, needed, actions)) as loop:
         steps: list[Step] = []
         for number in range(len(actions)):
             steps.append(loop.tick(Ask()))
             if steps[-1].stage is not Stage.RUN:
-                raise S2C2AError(f"the arm was held {steps[-1].moment - steps[0].moment:.1f} s on: {loop.fault}")
+                raise S2C2AError(
+                    f"the arm was held {steps[-1].moment - steps[0].moment:.1f} s on: {loop.fault}"
+                )
             progress(number + 1, len(actions))
     halves = steps[: len(waves)], steps[len(waves) :]
     parts = zip(*(_chirp_of(half, arm, pcc, sight) for half in halves), strict=True)
-    asked, felt, seen = (np.stack([part[: len(waves)] for part in chirps]) for chirps in parts)  # late steps add some
+    # late steps add some
+    asked, felt, seen = (
+        np.stack([part[: len(waves)] for part in chirps]) for chirps in parts
+    )
     return Shaken(asked, felt, seen, sight)
 
 
-def _chirp_of(steps: list[Step], arm: ArmSpec, pcc: PCC, sight: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _chirp_of(
+    steps: list[Step], arm: ArmSpec, pcc: PCC, sight: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Asked and felt bends and seen tilts, at every control step: where one was left out, nothing was seen."""
     moments = np.array([step.moment for step in steps])
-    places = np.maximum.accumulate(np.round((moments - moments[0]) / arm.control_period).astype(int))
+    places = np.maximum.accumulate(
+        np.round((moments - moments[0]) / arm.control_period).astype(int)
+    )
     sent = np.array([step.action for step in steps])
     said = [step.reading.get("cables") for step in steps]
-    cables = [action if one is None else one for action, one in zip(np.roll(sent, 1, axis=0), said, strict=True)]
-    asked, felt = (np.asarray(pcc.bends(np.asarray(part, np.float32)), float) for part in (sent, cables))
+    cables = [
+        action if one is None else one
+        for action, one in zip(np.roll(sent, 1, axis=0), said, strict=True)
+    ]
+    asked, felt = (
+        np.asarray(pcc.bends(np.asarray(part, np.float32)), float)
+        for part in (sent, cables)
+    )
     held = np.searchsorted(places, np.arange(places[-1] + 1), side="right") - 1
     seen = np.full((len(held), 2), np.nan)
     seen[places] = tilts_of([step.reading for step in steps], arm, sight)
     return asked[held], felt[held], seen
 
 
-def tilts_of(readings: list[Reading], arm: ArmSpec, sight: str) -> Float[np.ndarray, "readings 2"]:
+def tilts_of(
+    readings: list[Reading], arm: ArmSpec, sight: str
+) -> Float[np.ndarray, "readings 2"]:
     """Tilts of the tip towards x and y [rad], base frame; NaN where nothing is said."""
     if sight == "turn_rates":
         return _turned(readings)
     size = 6 if sight == "states" else 3
     none = np.full((arm.module_count, size), np.nan)
-    said = np.array([none if (one := reading.get(sight)) is None else one for reading in readings], float)
+    said = np.array(
+        [none if (one := reading.get(sight)) is None else one for reading in readings],
+        float,
+    )
     return tilts(said if sight == "states" else _states(said, arm))
 
 
@@ -143,18 +196,27 @@ def tilts(states: States) -> Float[np.ndarray, "*batch 2"]:
 
 
 def _states(configurations: np.ndarray, arm: ArmSpec) -> States:
-    numbers = (jnp.asarray(part, jnp.float32) for part in (configurations, ArmGeometry.of(arm).lengths))
+    numbers = (
+        jnp.asarray(part, jnp.float32)
+        for part in (configurations, ArmGeometry.of(arm).lengths)
+    )
     return np.asarray(states_from_configurations(*numbers), np.float64)
 
 
 def _turned(readings: list[Reading]) -> Float[np.ndarray, "readings 2"]:
     """By how much an inertial sensor at the tip has turned; its zero makes that drift, which a fit takes off.
 
-    An arm that tilts towards x turns about y, and one that tilts towards y the other way about x.
+    An arm that tilts towards x turns about y, and one that tilts towards y the other
+    way about x.
     """
     said = [reading.get("turn_rates") for reading in readings]
-    rates = np.array([[np.nan] * 3 if one is None else np.mean(one[:, -1], axis=0) for one in said])
+    rates = np.array(
+        [[np.nan] * 3 if one is None else np.mean(one[:, -1], axis=0) for one in said]
+    )
     times = np.array([reading.time for reading in readings])
     lost = ~np.isfinite(rates).all(axis=-1)
-    ways = np.nan_to_num(rates[:, [1, 0]] * [1.0, -1.0]) * np.diff(times, prepend=times[0])[:, None]
+    ways = (
+        np.nan_to_num(rates[:, [1, 0]] * [1.0, -1.0])
+        * np.diff(times, prepend=times[0])[:, None]
+    )
     return np.where(lost[:, None], np.nan, np.cumsum(ways, axis=0))

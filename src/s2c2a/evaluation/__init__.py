@@ -1,6 +1,14 @@
 """Letting strategies work on tasks, and scoring them."""
 
 from s2c2a.evaluation.belief import belief_said, said_of_belief
-from s2c2a.evaluation.metrics import METRICS, Scored, angles_deg, check_scores, position_errors, score_run, tilts_deg
+from s2c2a.evaluation.metrics import (
+    METRICS,
+    Scored,
+    angles_deg,
+    check_scores,
+    position_errors,
+    score_run,
+    tilts_deg,
+)
 from s2c2a.evaluation.report import Row, said_of_plans
 from s2c2a.evaluation.rollout import rollout

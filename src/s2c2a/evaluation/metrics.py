@@ -18,7 +18,8 @@ from s2c2a.tasks import Score, Task
 LAST_STEPS = 10
 REACHED = {"paper": 5.0}
 REACHED_OTHERWISE = 3.0
-"""The mean of the last ten steps counts as reached below this [cm]; the paper's recipe is allowed more."""
+"""The mean of the last ten steps counts as reached below this [cm]; the paper's recipe
+is allowed more."""
 FAR = 0.08  # m beyond its threshold an obstacle is far
 RECOVERED = 3.0  # cm
 
@@ -30,7 +31,9 @@ Of = Callable[[Episode, Task, Score], PerStep]
 
 def position_errors(states: States, wanted: Wanted, module: int = -1) -> PerStep:
     """`position` [cm]: distance of a module's end to its target; NaN where there is none."""
-    return 100.0 * np.linalg.norm(states[:, module, POSITION] - wanted[:, module], axis=-1)
+    return 100.0 * np.linalg.norm(
+        states[:, module, POSITION] - wanted[:, module], axis=-1
+    )
 
 
 def tilts_deg(axes: Float[np.ndarray, "steps 3"]) -> PerStep:
@@ -45,7 +48,8 @@ def tilt_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep
 
 def azimuth_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
     """`azimuth` [deg]: error of the end axis' direction in the x-y plane; the paper's 'orientation error (x)'."""
-    true, asked = states[:, module, AXIS], wanted[:, module]
+    true = states[:, module, AXIS]
+    asked = wanted[:, module]
     turned = np.arctan2(true[:, 1], true[:, 0]) - np.arctan2(asked[:, 1], asked[:, 0])
     return np.abs(np.rad2deg((turned + np.pi) % (2 * np.pi) - np.pi))
 
@@ -55,7 +59,9 @@ def orientation_errors_deg(states: States, wanted: Wanted, module: int = -1) -> 
     return angles_deg(states[:, module, AXIS], wanted[:, module])
 
 
-def angles_deg(first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"]) -> np.ndarray:
+def angles_deg(
+    first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"]
+) -> np.ndarray:
     """Angle between vectors, such as configurations, of any length [deg]."""
     cosine = np.sum(first * second, axis=-1)
     sine = np.linalg.norm(np.cross(first, second), axis=-1)
@@ -63,26 +69,37 @@ def angles_deg(first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "
 
 
 def clearances(
-    points: Float[np.ndarray, "steps *points 3"], obstacles: Float[np.ndarray, "steps obstacles 4"]
+    points: Float[np.ndarray, "steps *points 3"],
+    obstacles: Float[np.ndarray, "steps obstacles 4"],
 ) -> PerStep:
     """`clearance` [cm]: smallest distance of any point of a step to an obstacle's centre, less its threshold r.
 
     Args:
         points: where the arm was in each step [m].
-        obstacles: centres and thresholds [m]; one whose threshold is zero is not there, and none leave infinite room.
+        obstacles: centres and thresholds [m]; one whose threshold is zero is not there,
+            and none leave infinite room.
     """
     flat = points.reshape(len(points), -1, 1, 3)
-    centres, thresholds = obstacles[:, None, :, :3], obstacles[:, None, :, 3]
-    distances = np.where(thresholds > 0, np.linalg.norm(flat - centres, axis=-1) - thresholds, np.inf)
+    centres = obstacles[:, None, :, :3]
+    thresholds = obstacles[:, None, :, 3]
+    distances = np.where(
+        thresholds > 0, np.linalg.norm(flat - centres, axis=-1) - thresholds, np.inf
+    )
     return 100.0 * distances.min(axis=(1, 2), initial=np.inf)
 
 
 def step_lengths(tips: Float[np.ndarray, "steps 3"]) -> PerStep:
     """Way of the tip [cm] in every control step but the first, which counts zero."""
-    return 100.0 * np.concatenate([[0.0], np.linalg.norm(np.diff(tips, axis=0), axis=-1)])
+    return 100.0 * np.concatenate(
+        [[0.0], np.linalg.norm(np.diff(tips, axis=0), axis=-1)]
+    )
 
 
-def stray(tips: Float[np.ndarray, "steps 3"], obstacles: Float[np.ndarray, "steps obstacles 4"], far: float) -> PerStep:
+def stray(
+    tips: Float[np.ndarray, "steps 3"],
+    obstacles: Float[np.ndarray, "steps obstacles 4"],
+    far: float,
+) -> PerStep:
     """`stillness` [cm]: how far the tip is from where it was when every obstacle last came to be far; NaN while near.
 
     Args:
@@ -91,12 +108,16 @@ def stray(tips: Float[np.ndarray, "steps 3"], obstacles: Float[np.ndarray, "step
         far: how much more than its threshold an obstacle is away when it is far [m].
     """
     away = clearances(tips[:, None], obstacles) > 100.0 * far
-    begins = np.where(away & ~np.concatenate([[False], away[:-1]]), np.arange(len(tips)), 0)
+    begins = np.where(
+        away & ~np.concatenate([[False], away[:-1]]), np.arange(len(tips)), 0
+    )
     since = np.maximum.accumulate(begins)
     return np.where(away, 100.0 * np.linalg.norm(tips - tips[since], axis=-1), np.nan)
 
 
-def recovery_time(errors: PerStep, inside: Bool[np.ndarray, " steps"], near: float, period: float) -> float:
+def recovery_time(
+    errors: PerStep, inside: Bool[np.ndarray, " steps"], near: float, period: float
+) -> float:
     """`recovery` [s]: time from the target's last re-entry until the error stays below `near` [cm] to the end.
 
     NaN where the target never left, infinite where the error does not stay below.
@@ -122,7 +143,8 @@ class Metric:
 
     Attributes:
         unit: of its values.
-        of: (episode, task, score) -> a value for every control step after its action, NaN where none counts.
+        of: (episode, task, score) -> a value for every control step after its action,
+            NaN where none counts.
         summed_up: values of the steps that count -> one number for the run.
         rises: whether more is better.
     """
@@ -142,7 +164,8 @@ class Scored:
         unit: of the values.
         values: one for every control step, NaN where none counts.
         value: the run's number.
-        averaged: whether it is the mean of the values, so that their spread has a meaning.
+        averaged: whether it is the mean of the values, so that their spread has a
+            meaning.
     """
 
     score: Score
@@ -158,16 +181,22 @@ def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
     Args:
         episode: what happened.
         task: what was asked.
-        recipe: its name; the protocol lets the paper's recipe end further from a target and still count as there.
+        recipe: its name; the protocol lets the paper's recipe end further from a target
+            and still count as there.
 
     Raises:
-        S2C2AError: the episode holds no true states, or is not of as many steps as the task.
+        S2C2AError: the episode holds no true states, or is not of as many steps as the
+            task.
     """
     if "states" not in episode.sensors:
-        raise S2C2AError("this episode holds no true states; a run needs them to be scored")
+        raise S2C2AError(
+            "this episode holds no true states; a run needs them to be scored"
+        )
     steps = len(episode.after("states"))
     if steps != len(task.goals):
-        raise S2C2AError(f"this episode has {steps} steps, and '{task.name}' has {len(task.goals)}")
+        raise S2C2AError(
+            f"this episode has {steps} steps, and '{task.name}' has {len(task.goals)}"
+        )
     return [_scored(episode, task, score, recipe) for score in task.scores]
 
 
@@ -179,11 +208,17 @@ def check_scores(task: Task, arm: ArmSpec) -> None:
     """
     for score in task.scores:
         if score.metric not in METRICS:
-            raise TargetError(f"'{task.name}' has the score '{score.metric}'; take one of {', '.join(METRICS)}")
+            raise TargetError(
+                f"'{task.name}' has the score '{score.metric}'; take one of {', '.join(METRICS)}"
+            )
         if not -arm.module_count <= score.module < arm.module_count:
-            raise TargetError(f"'{task.name}' scores module {score.module}; '{arm.name}' has {arm.module_count}")
+            raise TargetError(
+                f"'{task.name}' scores module {score.module}; '{arm.name}' has {arm.module_count}"
+            )
         if score.steps is not None and np.shape(score.steps) != (len(task.goals),):
-            raise TargetError(f"'{task.name}' counts {np.shape(score.steps)} steps, and has {len(task.goals)}")
+            raise TargetError(
+                f"'{task.name}' counts {np.shape(score.steps)} steps, and has {len(task.goals)}"
+            )
 
 
 def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
@@ -198,7 +233,9 @@ def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
 
 
 def _of_states(function, wanted: str) -> Of:
-    return lambda episode, task, score: function(episode.after("states"), getattr(task, wanted)(), score.module)
+    return lambda episode, task, score: function(
+        episode.after("states"), getattr(task, wanted)(), score.module
+    )
 
 
 def _clearance(points: Callable[[Episode], np.ndarray]) -> Of:
@@ -212,7 +249,11 @@ def _tips(episode: Episode) -> Float[np.ndarray, "steps 3"]:
 def _lines(episode: Episode) -> Float[np.ndarray, "steps moments points 3"]:
     """The true centre line between control steps too, the tip last; else the modules' ends, as one moment [m]."""
     watched = "centre_line" in episode.sensors
-    return episode.after("centre_line") if watched else episode.after("states")[:, None, :, POSITION]
+    return (
+        episode.after("centre_line")
+        if watched
+        else episode.after("states")[:, None, :, POSITION]
+    )
 
 
 def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
@@ -246,10 +287,19 @@ METRICS = {
     "orientation": Metric("deg", _of_states(orientation_errors_deg, "wanted_axes")),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean, rises=True),
-    "clearance": Metric("cm", _clearance(lambda episode: _lines(episode)[:, :, -1]), np.nanmin, rises=True),
-    "clearance at steps": Metric("cm", _clearance(lambda episode: _tips(episode)[:, None]), np.nanmin, rises=True),
+    "clearance": Metric(
+        "cm",
+        _clearance(lambda episode: _lines(episode)[:, :, -1]),
+        np.nanmin,
+        rises=True,
+    ),
+    "clearance at steps": Metric(
+        "cm", _clearance(lambda episode: _tips(episode)[:, None]), np.nanmin, rises=True
+    ),
     "clearance of the arm": Metric("cm", _clearance(_lines), np.nanmin, rises=True),
-    "path length": Metric("cm", lambda episode, *_: step_lengths(_tips(episode)), np.sum),
+    "path length": Metric(
+        "cm", lambda episode, *_: step_lengths(_tips(episode)), np.sum
+    ),
     "stillness": Metric("cm", _stillness, np.nanmax),
     "recovery": Metric("s", _recovery, lambda values: values[-1]),
 }

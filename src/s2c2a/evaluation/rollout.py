@@ -28,8 +28,8 @@ def rollout(
         clock: the wall's for a body that shares its time, else as fast as the body can.
 
     Raises:
-        S2C2AError: a sensor could not be believed for so long that the arm was led to rest; or the body, the strategy
-            or the goals failed.
+        S2C2AError: a sensor could not be believed for so long that the arm was led to
+            rest; or the body, the strategy or the goals failed.
     """
     with Loop(robot, strategy, clock) as loop:
         steps: list[Step] = []
@@ -39,7 +39,15 @@ def rollout(
                 steps.append(loop.tick(Ask(goal)))
             if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
                 steps += loop.to_rest()
-                raise S2C2AError(f"step {number} of '{task.name}': {steps[-1].fault}; the arm was led to rest")
+                raise S2C2AError(
+                    f"step {number} of '{task.name}': {steps[-1].fault}; the arm was led to rest"
+                )
             progress(number, len(task.goals))
         steps += loop.to_rest()
-        return episode_of(steps, robot.arm, strategy=strategy.name, task=task.name, late_steps=loop.late_steps)
+        return episode_of(
+            steps,
+            robot.arm,
+            strategy=strategy.name,
+            task=task.name,
+            late_steps=loop.late_steps,
+        )

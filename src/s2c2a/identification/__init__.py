@@ -1,7 +1,22 @@
 """The simulated arm fitted to a recording: a twin of the arm that was recorded."""
 
 from s2c2a.identification.fitting import Belief, Fit, identify
-from s2c2a.identification.numbers import GROUPS, USUAL, Unknown, arm_at, stated_for, unknowns_of
+from s2c2a.identification.numbers import (
+    GROUPS,
+    USUAL,
+    Unknown,
+    arm_at,
+    stated_for,
+    unknowns_of,
+)
 from s2c2a.identification.problem import FitOptions, Problem, held_out, options_for
 from s2c2a.identification.replay import Replay, replayed, thinned
-from s2c2a.identification.report import Found, TipErrors, errors_of, fitted_toml, found_numbers, tip_errors, untold
+from s2c2a.identification.report import (
+    Found,
+    TipErrors,
+    errors_of,
+    fitted_toml,
+    found_numbers,
+    tip_errors,
+    untold,
+)

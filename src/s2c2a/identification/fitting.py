@@ -1,10 +1,12 @@
 """Least squares for the numbers of an arm file, beside what the file says of them.
 
-With residuals r of the replayed arm, their variance v, and coordinates u of the numbers (one a spread away from the
-file, `numbers.Unknown`), the fit is least |r(u)|^2 / v + |u|^2: the likeliest arm, by the file and what was recorded. v
-comes from what a first fit leaves; rows that follow each other and err alike count as fewer, since a twin errs by what
-it does not model, and a thousand such rows say little more than one. What the recording says of u is J^T J / v:
-eigenvalues below one belong to combinations that it says less of than the file did.
+With residuals r of the replayed arm, their variance v, and coordinates u of the numbers
+(one a spread away from the file, `numbers.Unknown`), the fit is least |r(u)|^2 / v +
+|u|^2: the likeliest arm, by the file and what was recorded. v comes from what a first
+fit leaves; rows that follow each other and err alike count as fewer, since a twin errs
+by what it does not model, and a thousand such rows say little more than one. What the
+recording says of u is J^T J / v: eigenvalues below one belong to combinations that it
+says less of than the file did.
 """
 
 from collections.abc import Sequence
@@ -47,7 +49,8 @@ class Belief:
     Attributes:
         names: of the coordinates.
         deviations: standard deviation of each coordinate, in spreads.
-        information: eigenvalues of what the recording says, least first; below one: less than the file.
+        information: eigenvalues of what the recording says, least first; below one:
+            less than the file.
         combinations: their directions, one a row.
     """
 
@@ -65,7 +68,8 @@ class Fit:
         problem: that was solved.
         coordinates: of numbers, and of the frame where that was fitted.
         belief: how sure they are.
-        finished: whether it came to an end by itself, not by the limit of rounds or an interrupt.
+        finished: whether it came to an end by itself, not by the limit of rounds or an
+            interrupt.
     """
 
     problem: Problem
@@ -76,7 +80,11 @@ class Fit:
     @property
     def arm(self) -> ArmSpec:
         """The fitted arm."""
-        return arm_at(self.problem.arm, self.problem.unknowns, self.coordinates[: len(self.problem.unknowns)])
+        return arm_at(
+            self.problem.arm,
+            self.problem.unknowns,
+            self.coordinates[: len(self.problem.unknowns)],
+        )
 
     def predicted(self, episodes: Sequence[Episode]) -> list[States]:
         """What the fitted arm does in these episodes, in the recording's frame."""
@@ -115,53 +123,86 @@ class _Search:
     """The way to the least sum of squares: where it is, with slopes there, and the variance that residuals have."""
 
     def __init__(self, problem: Problem, executor: Executor, progress: Progress):
-        self._problem, self._executor, self._progress = problem, executor, progress
-        self._round, self._there, self._variance = 0, _start(problem), 1.0
+        self._problem = problem
+        self._executor = executor
+        self._progress = progress
+        self._round = 0
+        self._there = _start(problem)
+        self._variance = 1.0
         self._slopes = np.zeros((1, len(problem.names)))
 
     def done(self) -> Fit:
         """Go there twice, the second time with the variance that the first has left; an interrupt ends it early."""
-        rounds, finished = self._problem.options.rounds, False
+        rounds = self._problem.options.rounds
+        finished = False
         try:
             for share in (rounds - rounds // 2, rounds // 2):
                 finished = self._gone(share) if share else finished
-                self._variance = variance_of(self._problem, residuals(self._problem, self._there))
+                self._variance = variance_of(
+                    self._problem, residuals(self._problem, self._there)
+                )
         except KeyboardInterrupt:
             if not self._round:
                 raise
             finished = False
         self._progress("fitting", rounds, rounds)
-        return Fit(self._problem, self._there, belief(self._problem, self._slopes, self._variance), finished)
+        return Fit(
+            self._problem,
+            self._there,
+            belief(self._problem, self._slopes, self._variance),
+            finished,
+        )
 
     def _gone(self, rounds: int) -> bool:
         """So many rounds at most; whether it came to an end before."""
         limits = limits_of(self._problem)
         found = least_squares(
-            self._left, self._there, self._slopes_at, limits, ftol=ENOUGH, xtol=ENOUGH, max_nfev=rounds + 1
+            self._left,
+            self._there,
+            self._slopes_at,
+            limits,
+            ftol=ENOUGH,
+            xtol=ENOUGH,
+            max_nfev=rounds + 1,
         )
         self._there = found.x
         return bool(found.status > 0)
 
     def _left(self, coordinates: np.ndarray) -> np.ndarray:
-        return np.concatenate([residuals(self._problem, coordinates) / np.sqrt(self._variance), coordinates])
+        return np.concatenate(
+            [
+                residuals(self._problem, coordinates) / np.sqrt(self._variance),
+                coordinates,
+            ]
+        )
 
     def _slopes_at(self, coordinates: np.ndarray) -> np.ndarray:
         """Asked for where the sum fell."""
-        self._progress("fitting", min(self._round, self._problem.options.rounds - 1), self._problem.options.rounds)
+        self._progress(
+            "fitting",
+            min(self._round, self._problem.options.rounds - 1),
+            self._problem.options.rounds,
+        )
         self._slopes = jacobian(self._problem, coordinates, self._executor)
-        self._round, self._there = self._round + 1, coordinates.copy()
-        return np.vstack([self._slopes / np.sqrt(self._variance), np.eye(len(coordinates))])
+        self._round = self._round + 1
+        self._there = coordinates.copy()
+        return np.vstack(
+            [self._slopes / np.sqrt(self._variance), np.eye(len(coordinates))]
+        )
 
 
 def _start(problem: Problem) -> np.ndarray:
     """What the file says, and the frame that suits it: the arm may have been fitted before."""
-    count, size = len(problem.unknowns), len(problem.names)
+    count = len(problem.unknowns)
+    size = len(problem.names)
     states = simulated(problem, np.zeros(count)) if problem.options.frame else None
     if states is None:
         return np.zeros(size)
 
     def left(frame):
-        return np.append(compared(problem, np.append(np.zeros(count), frame), states), frame)
+        return np.append(
+            compared(problem, np.append(np.zeros(count), frame), states), frame
+        )
 
     return np.append(np.zeros(count), least_squares(left, np.zeros(size - count)).x)
 
@@ -170,19 +211,27 @@ def jacobian(
     problem: Problem, coordinates: Float[np.ndarray, " coordinates"], executor: Executor
 ) -> Float[np.ndarray, "seen coordinates"]:
     """Slopes of the residuals by finite differences, away from the nearest limit."""
-    count, high = len(problem.unknowns), limits_of(problem)[1]
+    count = len(problem.unknowns)
+    high = limits_of(problem)[1]
     steps = np.where(coordinates + STEP > high, -STEP, STEP)
     moved = coordinates + np.diag(steps)  # a row a coordinate
     states = list(
-        in_order(executor, partial(simulated, problem), [row[:count] for row in [coordinates, *moved[:count]]])
+        in_order(
+            executor,
+            partial(simulated, problem),
+            [row[:count] for row in [coordinates, *moved[:count]]],
+        )
     )
     here = compared(problem, coordinates, states[0])
-    there = states[1:] + [states[0]] * (len(coordinates) - count)  # a frame needs no arm
+    # a frame needs no arm
+    there = states[1:] + [states[0]] * (len(coordinates) - count)
     ends = [compared(problem, row, one) for row, one in zip(moved, there, strict=True)]
     return ((np.array(ends) - here) / steps[:, None]).T
 
 
-def belief(problem: Problem, slopes: Float[np.ndarray, "seen coordinates"], variance: float) -> Belief:
+def belief(
+    problem: Problem, slopes: Float[np.ndarray, "seen coordinates"], variance: float
+) -> Belief:
     """How sure the coordinates are, from slopes and the variance of residuals."""
     information = slopes.T @ slopes / variance
     values, directions = np.linalg.eigh(information)
@@ -195,5 +244,16 @@ def variance_of(problem: Problem, left: Float[np.ndarray, " seen"]) -> float:
     table = np.full(np.shape(np.concatenate(problem.seen)), np.nan)
     table[np.isfinite(np.concatenate(problem.seen))] = left
     rows = table.reshape(len(table), -1)
-    alike = np.clip(np.nansum(rows[1:] * rows[:-1]) / max(np.nansum(rows**2), 1e-30), 0.0, 0.99)
-    return max(float(left @ left / max(len(left) - len(problem.names), 1) * (1 + alike) / (1 - alike)), LEAST_VARIANCE)
+    alike = np.clip(
+        np.nansum(rows[1:] * rows[:-1]) / max(np.nansum(rows**2), 1e-30), 0.0, 0.99
+    )
+    return max(
+        float(
+            left
+            @ left
+            / max(len(left) - len(problem.names), 1)
+            * (1 + alike)
+            / (1 - alike)
+        ),
+        LEAST_VARIANCE,
+    )

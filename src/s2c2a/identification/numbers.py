@@ -14,7 +14,8 @@ from s2c2a.errors import S2C2AError
 
 Path = tuple[str | int, ...]
 EACH = "*"
-HARDLY_SHORTER = 20.0  # EA over EI / radius^2; a solid rod as thick as its cables are apart has 4
+# EA over EI / radius^2; a solid rod as thick as its cables are apart has 4
+HARDLY_SHORTER = 20.0
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,10 @@ class Kind:
 
     Attributes:
         group: the word by which a user asks for them.
-        key: where they stand in an arm file, dotted; `*` for every module, cable or component.
-        spread: how far one may be from what the file says, as a standard deviation, in its unit; of its logarithm if
-            `ratio`.
+        key: where they stand in an arm file, dotted; `*` for every module, cable or
+            component.
+        spread: how far one may be from what the file says, as a standard deviation, in
+            its unit; of its logarithm if `ratio`.
         low: least value.
         high: largest value.
         ratio: whether it is fitted as a ratio to what the file says.
@@ -43,7 +45,8 @@ class Kind:
 
 KINDS = (
     Kind("stiffness", "modules.*.bending_stiffness", 0.7, 0.0005, 50, ratio=True),
-    Kind("axes", "modules.*.flaws.stiffness_ratio.*", 0.2, -2.3, 2.3),  # of its logarithm
+    # of its logarithm
+    Kind("axes", "modules.*.flaws.stiffness_ratio.*", 0.2, -2.3, 2.3),
     Kind("hardening", "modules.*.flaws.hardening", 0.3, 0, 5),
     Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
     Kind("cables", "modules.*.pretension", 20.0, 0, 500),
@@ -58,12 +61,15 @@ KINDS = (
     Kind("mass", "modules.*.mass", 0.5, 0.0005, 10, ratio=True),
     Kind("rest", "modules.*.flaws.rest_bend_deg.*", 5.0, -90, 90),
     Kind("shortening", "modules.*.flaws.axial_stiffness", 1.5, 10, 1e7, ratio=True),
-    Kind("damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True),
+    Kind(
+        "damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True
+    ),
     Kind("motor", "motor.time_constant", 0.05, 0, 1, only_moving=True),
 )
 GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS))
 USUAL = tuple(group for group in GROUPS if group not in ("axes", "hardening", "radii"))
-"""Fitted where nothing else is asked for: without numbers that few recordings tell from the others."""
+"""Fitted where nothing else is asked for: without numbers that few recordings tell from
+the others."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,8 @@ class Turned:
     Attributes:
         size: key of the size, whose place the components take.
         direction: key of the direction [deg].
-        times: turns of the vector in one of the direction: two where opposite directions are the same.
+        times: turns of the vector in one of the direction: two where opposite
+            directions are the same.
         of_logarithm: whether the vector is as long as the size's logarithm.
     """
 
@@ -91,7 +98,8 @@ class Turned:
     def size_and_direction(self, vector: Sequence[float]) -> tuple[float, float]:
         """The other way."""
         x, y = vector
-        long, angle = math.hypot(x, y), math.degrees(math.atan2(y, x)) / self.times
+        long = math.hypot(x, y)
+        angle = math.degrees(math.atan2(y, x)) / self.times
         return math.exp(long) if self.of_logarithm else long, angle
 
 
@@ -105,7 +113,8 @@ TURNED = (
 class Unknown:
     """One number of one arm.
 
-    Its coordinate u is zero at what the file says, one a spread away: `start + spread u`, or `start exp(spread u)`.
+    Its coordinate u is zero at what the file says, one a spread away: `start + spread
+    u`, or `start exp(spread u)`.
 
     Attributes:
         path: where it stands in the arm file.
@@ -151,11 +160,15 @@ def stated_for(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
     for module, written in zip(arm.modules, table["modules"], strict=True):
         if module.flaws.axial_stiffness is None:
             stiff = HARDLY_SHORTER * module.bending_stiffness / module.cable_radius**2
-            written["flaws"] = written.get("flaws", {}) | {"axial_stiffness": float(np.clip(stiff, 10, 1e7))}
+            written["flaws"] = written.get("flaws", {}) | {
+                "axial_stiffness": float(np.clip(stiff, 10, 1e7))
+            }
     return ArmSpec.model_validate(table)
 
 
-def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True) -> tuple[Unknown, ...]:
+def unknowns_of(
+    arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True
+) -> tuple[Unknown, ...]:
     """The numbers of an arm file that are fitted: those of some groups that it states or has a default for.
 
     Args:
@@ -168,19 +181,35 @@ def unknowns_of(arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True
     """
     asked = tuple(groups)
     if wrong := sorted(set(asked) - set(GROUPS)):
-        raise S2C2AError(f"nothing to fit is called {', '.join(wrong)}; choose from {', '.join(GROUPS)}")
+        raise S2C2AError(
+            f"nothing to fit is called {', '.join(wrong)}; choose from {', '.join(GROUPS)}"
+        )
     table = _table_of(arm)
-    kinds = [kind for kind in KINDS if kind.group in asked and (moving or not kind.only_moving)]
-    every = (Unknown(path, kind, value) for kind in kinds for path, value in _matching(table, kind.key.split("."), ()))
+    kinds = [
+        kind
+        for kind in KINDS
+        if kind.group in asked and (moving or not kind.only_moving)
+    ]
+    every = (
+        Unknown(path, kind, value)
+        for kind in kinds
+        for path, value in _matching(table, kind.key.split("."), ())
+    )
     found = tuple(one for one in every if _shows(arm, one))
     if not found:
-        raise S2C2AError(f"{arm.name} has no number of {', '.join(asked) or 'no group'} that this recording can show")
+        raise S2C2AError(
+            f"{arm.name} has no number of {', '.join(asked) or 'no group'} that this recording can show"
+        )
     return found
 
 
 def _shows(arm: ArmSpec, unknown: Unknown) -> bool:
     """A ratio needs a start that is not zero, weight needs gravity, and tensions know no displacement."""
-    if arm.actuation == "tension" and unknown.path[-2:-1] == ("cable",) and unknown.path[-1] != "friction":
+    if (
+        arm.actuation == "tension"
+        and unknown.path[-2:-1] == ("cable",)
+        and unknown.path[-1] != "friction"
+    ):
         return False
     if unknown.kind.group == "play" and arm.actuation == "tension":
         return False
@@ -189,7 +218,11 @@ def _shows(arm: ArmSpec, unknown: Unknown) -> bool:
     return not unknown.kind.ratio or unknown.start > 0
 
 
-def arm_at(arm: ArmSpec, unknowns: Sequence[Unknown], coordinates: Float[np.ndarray, " unknowns"]) -> ArmSpec:
+def arm_at(
+    arm: ArmSpec,
+    unknowns: Sequence[Unknown],
+    coordinates: Float[np.ndarray, " unknowns"],
+) -> ArmSpec:
     """The arm with its unknown numbers at these coordinates.
 
     Raises:
@@ -209,10 +242,15 @@ def _table_of(arm: ArmSpec) -> dict[str, Any]:
     table = _plain(arm)
     for module in table["modules"]:
         cables = len(module["cable_angles_deg"])
-        for part, key in ((module["cable"], "play"), (module["flaws"], "radius_errors")):
+        for part, key in (
+            (module["cable"], "play"),
+            (module["flaws"], "radius_errors"),
+        ):
             part[key] = list(np.broadcast_to(part[key], cables).astype(float))
         for one in TURNED:
-            module["flaws"][one.size] = one.vector(module["flaws"][one.size], module["flaws"][one.direction])
+            module["flaws"][one.size] = one.vector(
+                module["flaws"][one.size], module["flaws"][one.direction]
+            )
     return table
 
 
@@ -221,7 +259,9 @@ def _as_written(table: dict[str, Any]) -> dict[str, Any]:
     for module in table["modules"]:
         flaws = module["flaws"]
         for one in TURNED:
-            flaws[one.size], flaws[one.direction] = one.size_and_direction(flaws[one.size])
+            flaws[one.size], flaws[one.direction] = one.size_and_direction(
+                flaws[one.size]
+            )
         for part, key in ((module["cable"], "play"), (flaws, "radius_errors")):
             part[key] = part[key] if len(set(part[key])) > 1 else part[key][0]
     return table
@@ -234,7 +274,9 @@ def _plain(value: Any) -> Any:
     return [_plain(one) for one in value] if isinstance(value, tuple) else value
 
 
-def _matching(value: Any, rest: Sequence[str], path: Path) -> Iterator[tuple[Path, float]]:
+def _matching(
+    value: Any, rest: Sequence[str], path: Path
+) -> Iterator[tuple[Path, float]]:
     """Numbers under a key with stars."""
     if not rest:
         if isinstance(value, int | float) and not isinstance(value, bool):

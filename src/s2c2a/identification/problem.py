@@ -19,10 +19,15 @@ from s2c2a.spaces import AXIS, POSITION, States
 
 EXPECTED = 0.01  # of the arm's length: residual of a twin that is worth its name
 FAILED = 100.0  # residual of an arm that cannot be or blows up, in what is expected
-FRAME_SPREAD = np.array([0.1] * 3 + [0.05] * 3)  # rad, and parts of the length: how far off the recording's frame is
-FRAME_NAMES = tuple(f"frame.{what}_{axis}" for what in ("turn", "shift") for axis in "xyz")
+# rad, and parts of the length: how far off the recording's frame is
+FRAME_SPREAD = np.array([0.1] * 3 + [0.05] * 3)
+FRAME_NAMES = tuple(
+    f"frame.{what}_{axis}" for what in ("turn", "shift") for axis in "xyz"
+)
 LONGEST_SETTLING = 60.0  # s
-HELD_OUT, STRETCH = 5, 25  # every fifth stretch of 25 rows is kept from the fit
+# every fifth stretch of 25 rows is kept from the fit
+HELD_OUT = 5
+STRETCH = 25
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,9 @@ class FitOptions:
     rounds: int = 12
 
 
-def options_for(recording: Recording, settling: float | None, rounds: int, fidelity: str) -> FitOptions:
+def options_for(
+    recording: Recording, settling: float | None, rounds: int, fidelity: str
+) -> FitOptions:
     """What suits a recording: an imported one may be registered wrongly, and its episodes follow each other.
 
     Args:
@@ -69,7 +76,8 @@ class Problem:
         arm: the start.
         unknowns: its numbers that are fitted.
         episodes: what was recorded.
-        seen: states that the fit shall explain; NaN where nothing was seen or rows are kept from it.
+        seen: states that the fit shall explain; NaN where nothing was seen or rows are
+            kept from it.
         options: how.
     """
 
@@ -82,10 +90,17 @@ class Problem:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the coordinates."""
-        return tuple(one.name for one in self.unknowns) + (FRAME_NAMES if self.options.frame else ())
+        return tuple(one.name for one in self.unknowns) + (
+            FRAME_NAMES if self.options.frame else ()
+        )
 
 
-def problem_of(arm: ArmSpec, unknowns: Sequence[Unknown], episodes: Sequence[Episode], options: FitOptions) -> Problem:
+def problem_of(
+    arm: ArmSpec,
+    unknowns: Sequence[Unknown],
+    episodes: Sequence[Episode],
+    options: FitOptions,
+) -> Problem:
     """What is to be explained, without what `held_out` keeps.
 
     Raises:
@@ -93,26 +108,40 @@ def problem_of(arm: ArmSpec, unknowns: Sequence[Unknown], episodes: Sequence[Epi
     """
     kept = held_out(episodes, options.replay.one_session)
     seen = tuple(
-        np.where(rows[:, None, None], np.nan, one.sensor("states")) for rows, one in zip(kept, episodes, strict=True)
+        np.where(rows[:, None, None], np.nan, one.sensor("states"))
+        for rows, one in zip(kept, episodes, strict=True)
     )
     if not any(np.isfinite(one).any() for one in seen):
-        raise RecordingError("nothing was seen of this arm's ends, so nothing can be fitted; record `states` too")
+        raise RecordingError(
+            "nothing was seen of this arm's ends, so nothing can be fitted; record `states` too"
+        )
     return Problem(arm, tuple(unknowns), tuple(episodes), seen, options)
 
 
-def held_out(episodes: Sequence[Episode], one_session: bool = False) -> list[np.ndarray]:
+def held_out(
+    episodes: Sequence[Episode], one_session: bool = False
+) -> list[np.ndarray]:
     """Which rows are kept from the fit: every fifth stretch of 25, counted through all episodes; shapes (rows,).
 
-    Beside them the first row of every episode, since what came before it is not known; in one session of the first.
+    Beside them the first row of every episode, since what came before it is not known;
+    in one session of the first.
     """
     ends = np.cumsum([len(one) for one in episodes])
-    kept = np.split(np.arange(ends[-1]) // STRETCH % HELD_OUT == HELD_OUT - 1, ends[:-1])
-    return [rows | unknown for rows, unknown in zip(kept, begun(episodes, one_session), strict=True)]
+    kept = np.split(
+        np.arange(ends[-1]) // STRETCH % HELD_OUT == HELD_OUT - 1, ends[:-1]
+    )
+    return [
+        rows | unknown
+        for rows, unknown in zip(kept, begun(episodes, one_session), strict=True)
+    ]
 
 
 def begun(episodes: Sequence[Episode], one_session: bool = False) -> list[np.ndarray]:
     """Rows that count for nothing, since what came before them is not known; shapes (rows,)."""
-    return [(np.arange(len(one)) == 0) & (number == 0 or not one_session) for number, one in enumerate(episodes)]
+    return [
+        (np.arange(len(one)) == 0) & (number == 0 or not one_session)
+        for number, one in enumerate(episodes)
+    ]
 
 
 def limits_of(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -123,12 +152,18 @@ def limits_of(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return np.minimum(low, -1e-9), np.maximum(high, 1e-9)
 
 
-def residuals(problem: Problem, coordinates: Float[np.ndarray, " coordinates"]) -> Float[np.ndarray, " seen"]:
+def residuals(
+    problem: Problem, coordinates: Float[np.ndarray, " coordinates"]
+) -> Float[np.ndarray, " seen"]:
     """Differences of states, in parts of what is expected; a large one each where the arm cannot be."""
-    return compared(problem, coordinates, simulated(problem, coordinates[: len(problem.unknowns)]))
+    return compared(
+        problem, coordinates, simulated(problem, coordinates[: len(problem.unknowns)])
+    )
 
 
-def simulated(problem: Problem, coordinates: Float[np.ndarray, " unknowns"]) -> list[States] | None:
+def simulated(
+    problem: Problem, coordinates: Float[np.ndarray, " unknowns"]
+) -> list[States] | None:
     """What the arm at these coordinates does, none where it cannot be or blows up."""
     try:
         arm = arm_at(problem.arm, problem.unknowns, coordinates)
@@ -138,7 +173,9 @@ def simulated(problem: Problem, coordinates: Float[np.ndarray, " unknowns"]) -> 
 
 
 def compared(
-    problem: Problem, coordinates: Float[np.ndarray, " coordinates"], states: list[States] | None
+    problem: Problem,
+    coordinates: Float[np.ndarray, " coordinates"],
+    states: list[States] | None,
 ) -> Float[np.ndarray, " seen"]:
     """The same for states that were worked out before; what arms do does not depend on the frame."""
     seen = np.concatenate(problem.seen)
@@ -156,5 +193,8 @@ def framed(problem: Problem, coordinates: np.ndarray, states: States) -> States:
     if not problem.options.frame:
         return states
     moved = FRAME_SPREAD * coordinates[len(problem.unknowns) :]
-    turn, shift = Rotation.from_rotvec(moved[:3]).as_matrix(), moved[3:] * problem.arm.length
-    return np.concatenate([states[..., POSITION] @ turn.T + shift, states[..., AXIS] @ turn.T], axis=-1)
+    turn = Rotation.from_rotvec(moved[:3]).as_matrix()
+    shift = moved[3:] * problem.arm.length
+    return np.concatenate(
+        [states[..., POSITION] @ turn.T + shift, states[..., AXIS] @ turn.T], axis=-1
+    )

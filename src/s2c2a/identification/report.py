@@ -47,31 +47,48 @@ def tip_errors(
         rows: which of each episode count, true or false.
     """
     pairs = zip(predicted, episodes, rows, strict=True)
-    apart = np.concatenate([(one - episode.sensor("states"))[kept][..., POSITION] for one, episode, kept in pairs])
+    apart = np.concatenate(
+        [
+            (one - episode.sensor("states"))[kept][..., POSITION]
+            for one, episode, kept in pairs
+        ]
+    )
     seen = np.flatnonzero(np.isfinite(apart).all(axis=-1).any(axis=0))
     if not len(seen):
         return None
     tip = apart[:, seen[-1]]
     tip = tip[np.isfinite(tip).all(axis=-1)]
-    far, centred = (np.linalg.norm(one, axis=-1) for one in (tip, tip - tip.mean(axis=0)))
+    far, centred = (
+        np.linalg.norm(one, axis=-1) for one in (tip, tip - tip.mean(axis=0))
+    )
     rms, rms_centred = (float(np.sqrt(np.mean(one**2))) for one in (far, centred))
-    return TipErrors(len(tip), float(far.mean()), rms, rms_centred, float(np.percentile(far, 95)))
+    return TipErrors(
+        len(tip), float(far.mean()), rms, rms_centred, float(np.percentile(far, 95))
+    )
 
 
-def errors_of(fit: Fit, others: Mapping[str, Sequence[Episode]]) -> dict[str, TipErrors]:
+def errors_of(
+    fit: Fit, others: Mapping[str, Sequence[Episode]]
+) -> dict[str, TipErrors]:
     """Errors in rows that were fitted, in those that were kept from it, and in other recordings.
 
     First rows do not count where what came before them is not known.
     """
-    episodes, one_session = fit.problem.episodes, fit.problem.options.replay.one_session
-    predicted, kept = fit.predicted(episodes), held_out(episodes, one_session)
+    episodes = fit.problem.episodes
+    one_session = fit.problem.options.replay.one_session
+    predicted = fit.predicted(episodes)
+    kept = held_out(episodes, one_session)
     unknown = begun(episodes, one_session)
     counted = {
         "fitted rows": tip_errors(predicted, episodes, [~rows for rows in kept]),
-        "held-out rows": tip_errors(predicted, episodes, [a & ~b for a, b in zip(kept, unknown, strict=True)]),
+        "held-out rows": tip_errors(
+            predicted, episodes, [a & ~b for a, b in zip(kept, unknown, strict=True)]
+        ),
     }
     for name, other in others.items():
-        counted[name] = tip_errors(fit.predicted(other), other, [~rows for rows in begun(other, one_session)])
+        counted[name] = tip_errors(
+            fit.predicted(other), other, [~rows for rows in begun(other, one_session)]
+        )
     return {name: errors for name, errors in counted.items() if errors}
 
 
@@ -88,29 +105,56 @@ class Found:
 
 def found_numbers(fit: Fit) -> list[Found]:
     """Every number that was fitted, those of the frame last [rad, m]."""
-    unknowns, belief = fit.problem.unknowns, fit.belief
+    unknowns = fit.problem.unknowns
+    belief = fit.belief
     numbers = [
-        Found(one.name, one.start, one.value(place), one.slope(place) * deviation, bool(deviation < UNSEEN))
-        for one, place, deviation in zip(unknowns, fit.coordinates, belief.deviations, strict=False)
+        Found(
+            one.name,
+            one.start,
+            one.value(place),
+            one.slope(place) * deviation,
+            bool(deviation < UNSEEN),
+        )
+        for one, place, deviation in zip(
+            unknowns, fit.coordinates, belief.deviations, strict=False
+        )
     ]
     units = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
     rest = slice(len(unknowns), None)
-    frame = zip(belief.names[rest], units, fit.coordinates[rest], belief.deviations[rest], strict=False)
-    return numbers + [Found(name, 0.0, unit * at, unit * off, bool(off < UNSEEN)) for name, unit, at, off in frame]
+    frame = zip(
+        belief.names[rest],
+        units,
+        fit.coordinates[rest],
+        belief.deviations[rest],
+        strict=False,
+    )
+    return numbers + [
+        Found(name, 0.0, unit * at, unit * off, bool(off < UNSEEN))
+        for name, unit, at, off in frame
+    ]
 
 
 def untold(belief: Belief) -> list[str]:
     """Combinations that the recording says less of than the file did, the least known first; alone or together."""
-    least = [row for row, known in zip(belief.combinations, belief.information, strict=True) if known < 1.0]
+    least = [
+        row
+        for row, known in zip(belief.combinations, belief.information, strict=True)
+        if known < 1.0
+    ]
     return list(dict.fromkeys(_in_words(row, belief.names) for row in least))
 
 
-def _in_words(direction: Float[np.ndarray, " coordinates"], names: Sequence[str]) -> str:
+def _in_words(
+    direction: Float[np.ndarray, " coordinates"], names: Sequence[str]
+) -> str:
     """Such as `0.8 modules.0.mass - 0.6 modules.1.mass`, the largest part positive."""
     order = np.argsort(-np.abs(direction))
     named = [place for place in order if abs(direction[place]) > NAMED] or order[:3]
     parts = direction * np.sign(direction[order[0]])
-    text = " ".join(f"{'-' if parts[place] < 0 else '+'} {abs(parts[place]):.1f} {names[place]}" for place in named)
+    text = " ".join(
+        f"{'-' if parts[place] < 0 else '+'} {abs(parts[place]):.1f} {names[place]}"
+        for place in named
+    )
     return text.removeprefix("+ ")
 
 
@@ -118,18 +162,29 @@ def fitted_toml(fit: Fit, remark: str = "") -> str:
     """The fitted arm as an arm file, each number with its standard deviation beside it."""
     numbers = zip(fit.problem.unknowns, found_numbers(fit), strict=False)
     remarks = {one.path: _remark(found) for one, found in numbers}
-    lines = [_with_remark(line, path, remarks) for path, line in _lines_with_paths(arm_to_toml(fit.arm))]
+    lines = [
+        _with_remark(line, path, remarks)
+        for path, line in _lines_with_paths(arm_to_toml(fit.arm))
+    ]
     said = "".join(f"# {line}\n" for line in remark.splitlines())
-    return f"{said}# Behind +- stands one standard deviation.\n" + "\n".join(lines) + "\n"
+    return (
+        f"{said}# Behind +- stands one standard deviation.\n" + "\n".join(lines) + "\n"
+    )
 
 
 def _remark(found: Found) -> str:
-    return f"+- {found.deviation:.2g}, was {found.start:.5g}" + ("" if found.seen else "; hardly seen")
+    return f"+- {found.deviation:.2g}, was {found.start:.5g}" + (
+        "" if found.seen else "; hardly seen"
+    )
 
 
 def _with_remark(line: str, path: Path, remarks: Mapping[Path, str]) -> str:
     """What is said of a number, or of the components that it is the size of, or of every cable."""
-    said = [remarks[path]] if path in remarks else [text for place, text in remarks.items() if place[:-1] == path]
+    said = (
+        [remarks[path]]
+        if path in remarks
+        else [text for place, text in remarks.items() if place[:-1] == path]
+    )
     if not said or line.endswith("["):
         return line
     return f"{line}  # {said[0] if len(said) == 1 else 'each: ' + ' | '.join(said)}"
@@ -138,7 +193,9 @@ def _with_remark(line: str, path: Path, remarks: Mapping[Path, str]) -> str:
 def _lines_with_paths(text: str) -> Iterator[tuple[Path, str]]:
     """Lines of an arm file, each with the place of the number that stands in it."""
     table: Path = ()
-    module, place, key = -1, 0, ""
+    module = -1
+    place = 0
+    key = ""
     for line in text.splitlines():
         if line.startswith("[["):
             module += 1
@@ -150,5 +207,6 @@ def _lines_with_paths(text: str) -> Iterator[tuple[Path, str]]:
             yield (*table, key, place), line
             place += 1
             continue
-        key, place = line.split(" = ")[0], 0
+        key = line.split(" = ")[0]
+        place = 0
         yield (*table, key), line

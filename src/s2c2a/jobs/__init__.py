@@ -1,19 +1,42 @@
 """Jobs: a strategy on a task with a seed; what they need is made once and kept, whoever does the work.
 
-    cache = Cache()
-    jobs = jobs_for(["circle", "tilt-50"], load_arm("twin_arm"), ["s2c2a", "pcc"], range(3), recipe_named("best"))
-    runs = run_all(jobs, cache)                      # here, one after the other
-    with Processes() as executor:
-        runs = run_all(jobs, cache, executor)        # on every core, with the same scores
+    cache = Cache() jobs = jobs_for(["circle", "tilt-50"], load_arm("twin_arm"),
+    ["s2c2a", "pcc"], range(3), recipe_named("best")) runs = run_all(jobs, cache)
+    # here, one after the other with Processes() as executor:
+        runs = run_all(jobs, cache, executor)        # on every core, with the same
+        scores
     rows = score_rows("mine", runs)
 
-Any executor of the standard kind will do, dask's `client.get_executor()` too; `s2c2a.jobs.cluster.Cluster` adds a check
-of versions to it.
+Any executor of the standard kind will do, dask's `client.get_executor()` too;
+`s2c2a.jobs.cluster.Cluster` adds a check of versions to it.
 """
 
 from s2c2a.executors import Processes, Serial, Threads
-from s2c2a.jobs.artifacts import Artifact, Cache, GivenNetworks, LSTMArtifact, NetworksArtifact, RecordingArtifact
+from s2c2a.jobs.artifacts import (
+    Artifact,
+    Cache,
+    GivenNetworks,
+    LSTMArtifact,
+    NetworksArtifact,
+    RecordingArtifact,
+)
 from s2c2a.jobs.begun import BegunNetworks
-from s2c2a.jobs.job import SIMULATED_FAST, STRATEGIES, Conditions, Job, Run, checked_seeds, jobs_for
-from s2c2a.jobs.making import Make, check_robots, in_groups, made, make_all, run_all, try_all
+from s2c2a.jobs.job import (
+    SIMULATED_FAST,
+    STRATEGIES,
+    Conditions,
+    Job,
+    Run,
+    checked_seeds,
+    jobs_for,
+)
+from s2c2a.jobs.making import (
+    Make,
+    check_robots,
+    in_groups,
+    made,
+    make_all,
+    run_all,
+    try_all,
+)
 from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows

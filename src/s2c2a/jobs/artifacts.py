@@ -1,6 +1,7 @@
 """Artifacts: what is made once, kept in a folder, and found again by all that it depends on.
 
-Recordings of the simulated arm, networks that are trained on them, and those of a file of the user's.
+Recordings of the simulated arm, networks that are trained on them, and those of a file
+of the user's.
 """
 
 import hashlib
@@ -24,7 +25,8 @@ from s2c2a.robots import Body
 from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
 
 REVISION = 5
-"""Raise it whenever simulation, babbling, training or file layout change what is kept, so that nothing old is used."""
+"""Raise it whenever simulation, babbling, training or file layout change what is kept,
+so that nothing old is used."""
 
 DATA = Body.simulation()
 """Data always come from the simulation `fast`."""
@@ -106,7 +108,9 @@ class Artifact(ABC, Generic[Made]):
 
 def digest_of(*parts: object) -> str:
     """Letters that differ where a part differs, or the version of the code that makes such things."""
-    return hashlib.sha256(repr((parts, s2c2a.__version__, REVISION)).encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        repr((parts, s2c2a.__version__, REVISION)).encode()
+    ).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,16 @@ class RecordingArtifact(Artifact[Recording]):
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
         told = partial(progress, f"collecting a {self}")
-        collecting = partial(collect, self.path(cache), self.arm, partial(DATA.seeded, self.arm), self.options)
-        collecting = partial(collecting, body=str(DATA), threads=cache.threads, progress=told)
+        collecting = partial(
+            collect,
+            self.path(cache),
+            self.arm,
+            partial(DATA.seeded, self.arm),
+            self.options,
+        )
+        collecting = partial(
+            collecting, body=str(DATA), threads=cache.threads, progress=told
+        )
         try:
             collecting(resume=True)
         except DamagedRecordingError:  # ours to replace
@@ -171,11 +183,16 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
             progress(f"training {network} of {self}", epoch, most)
 
         recording = self.needs[0].load(cache)
-        strategies.save_strategy(strategies.train_s2c2a(recording, self.recipe, self.seed, told), self.path(cache))
+        strategies.save_strategy(
+            strategies.train_s2c2a(recording, self.recipe, self.seed, told),
+            self.path(cache),
+        )
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return replace(strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe)
+        return replace(
+            strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe
+        )
 
     def __str__(self) -> str:
         return f"{self.recipe.name} networks of {self.arm.name}, seed {self.seed}"
@@ -185,7 +202,8 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
 class LSTMArtifact(Artifact[TrainedLSTM]):
     """The trained LSTM of an arm.
 
-    On data as fast as the paper recipe's, whatever the recipe: it follows better with them than with slower ones.
+    On data as fast as the paper recipe's, whatever the recipe: it follows better with
+    them than with slower ones.
     """
 
     kind = "networks"
@@ -209,7 +227,9 @@ class LSTMArtifact(Artifact[TrainedLSTM]):
         def told(epoch: int, most: int, loss: float) -> None:
             progress(f"training the {self}", epoch, most)
 
-        trained = strategies.train_lstm_strategy(self.needs[0].load(cache), LSTMOptions(), self.seed, told)
+        trained = strategies.train_lstm_strategy(
+            self.needs[0].load(cache), LSTMOptions(), self.seed, told
+        )
         strategies.save_lstm(trained, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedLSTM:
@@ -224,20 +244,28 @@ class LSTMArtifact(Artifact[TrainedLSTM]):
 class GivenNetworks(Artifact[TrainedNetworks]):
     """Networks of a file of the user's, kept with the runs that are made with them; read one with `read`."""
 
-    kind, beside_runs = "networks", True
+    kind = "networks"
+    beside_runs = True
     arm: ArmSpec
     recipe: Recipe
     content: bytes = field(repr=False)
 
     @classmethod
-    def read(cls, path: Path, arm: ArmSpec, recipe: Recipe | None = None) -> "GivenNetworks":
+    def read(
+        cls, path: Path, arm: ArmSpec, recipe: Recipe | None = None
+    ) -> "GivenNetworks":
         """Those of a strategy file, to plan as a recipe says, or as the file's own.
 
         Raises:
-            StrategyError: no such file, damaged, for another arm, or the recipe trains otherwise.
+            StrategyError: no such file, damaged, for another arm, or the recipe trains
+                otherwise.
         """
         networks = strategies.load_strategy(path, arm)
-        return cls(arm, strategies.planning_as(networks, recipe or networks.recipe).recipe, path.read_bytes())
+        return cls(
+            arm,
+            strategies.planning_as(networks, recipe or networks.recipe).recipe,
+            path.read_bytes(),
+        )
 
     @property
     def file(self) -> str:
@@ -250,7 +278,9 @@ class GivenNetworks(Artifact[TrainedNetworks]):
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return strategies.planning_as(strategies.load_strategy(self.path(cache), self.arm), self.recipe)
+        return strategies.planning_as(
+            strategies.load_strategy(self.path(cache), self.arm), self.recipe
+        )
 
     def __str__(self) -> str:
         return f"given networks of {self.arm.name}"

@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 from s2c2a import strategies
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
-from s2c2a.jobs.artifacts import Artifact, Cache, NetworksArtifact, RecordingArtifact, digest_of
+from s2c2a.jobs.artifacts import (
+    Artifact,
+    Cache,
+    NetworksArtifact,
+    RecordingArtifact,
+    digest_of,
+)
 from s2c2a.progress import Progress
 from s2c2a.strategies import Recipe, TrainedNetworks
 
@@ -32,13 +38,21 @@ class BegunNetworks(Artifact[TrainedNetworks]):
     @property
     def needs(self) -> tuple[Artifact, ...]:
         """See `Artifact`."""
-        recording = None if self.options is None else RecordingArtifact(self.arm, self.options)
+        recording = (
+            None if self.options is None else RecordingArtifact(self.arm, self.options)
+        )
         return tuple(one for one in (self.start, recording) if one)
 
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        digest = digest_of("begun", *(one.file for one in self.needs), self.recipe.training, self.arm.name, self.seed)
+        digest = digest_of(
+            "begun",
+            *(one.file for one in self.needs),
+            self.recipe.training,
+            self.arm.name,
+            self.seed,
+        )
         return f"{self.arm.name}-{self.recipe.name}-begun-seed{self.seed}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
@@ -57,8 +71,12 @@ class BegunNetworks(Artifact[TrainedNetworks]):
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return replace(strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe)
+        return replace(
+            strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe
+        )
 
     def __str__(self) -> str:
         start = f"from {self.start.arm.name}" if self.start else "from nothing"
-        return f"{self.recipe.name} networks of {self.arm.name}, {start}, seed {self.seed}"
+        return (
+            f"{self.recipe.name} networks of {self.arm.name}, {start}, seed {self.seed}"
+        )

@@ -25,21 +25,27 @@ PATIENCE = 15  # s for a scheduler to answer
 class Cluster(ClientExecutor):
     """The workers of a scheduler; those that join later help, what those that are lost had begun is done again.
 
-    It is dask's own executor, which heeds versions and says in words what went wrong; leave it, and its client goes.
+    It is dask's own executor, which heeds versions and says in words what went wrong;
+    leave it, and its client goes.
 
     Args:
-        address: of the scheduler, such as tcp://host:8786; the file in which it wrote it (.json); or "local", for a
-            scheduler and workers on this machine.
+        address: of the scheduler, such as tcp://host:8786; the file in which it wrote
+            it (.json); or "local", for a scheduler and workers on this machine.
         count: workers of "local"; one for every core if None.
 
     Raises:
-        ClusterError: no such address, nobody answers there, or workers have other versions than this process.
+        ClusterError: no such address, nobody answers there, or workers have other
+            versions than this process.
     """
 
     def __init__(self, address: str, count: int | None = None):
-        self._address, self._versions = address, _own_versions()
+        self._address = address
+        self._versions = _own_versions()
         with ExitStack() as held:
-            client = _client(address, held.enter_context(_local_cluster(count)) if address == LOCAL else None)
+            client = _client(
+                address,
+                held.enter_context(_local_cluster(count)) if address == LOCAL else None,
+            )
             held.callback(client.close)
             _check_versions(client, address)
             self._held = held.pop_all()
@@ -72,7 +78,8 @@ class Cluster(ClientExecutor):
         """Let go of what is not done, and of workers of our own.
 
         Raises:
-            ClusterError: the scheduler is gone, or what was to be done kills whoever takes it.
+            ClusterError: the scheduler is gone, or what was to be done kills whoever
+                takes it.
         """
         self._held.close()
         if isinstance(error, CancelledError):
@@ -84,13 +91,19 @@ class Cluster(ClientExecutor):
             ) from error
 
     def _gone(self) -> ClusterError:
-        return ClusterError(f"the scheduler at {self._address} is gone; what was whole is kept: say the same again")
+        return ClusterError(
+            f"the scheduler at {self._address} is gone; what was whole is kept: say the same again"
+        )
 
 
-def _done_there(expected: dict[str, str | None], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
+def _done_there(
+    expected: dict[str, str | None], work: Callable[..., Any], *given: Any, **named: Any
+) -> Any:
     """On a worker: on one that came after the door was closed, too, versions must be ours."""
     if wrong := _differences(_own_versions(), expected):
-        raise ClusterError(f"a worker joined that has {wrong}; install the same on all machines")
+        raise ClusterError(
+            f"a worker joined that has {wrong}; install the same on all machines"
+        )
     compute_on_one_thread()
     return work(*given, **named)
 
@@ -107,7 +120,8 @@ def _local_cluster(count: int | None) -> LocalCluster:
         threads_per_worker=1,
         processes=True,
         dashboard_address="127.0.0.1:0",  # else it would listen to everybody
-        silence_logs=logging.CRITICAL,  # on closing, workers complain of a scheduler that is gone
+        # on closing, workers complain of a scheduler that is gone
+        silence_logs=logging.CRITICAL,
     )
 
 
@@ -150,4 +164,6 @@ def _that_count(found: dict) -> dict[str, str | None]:
 def _differences(theirs: dict, ours: dict) -> str:
     """What differs, in words; nothing if all is the same."""
     wrong = [name for name, version in ours.items() if theirs.get(name) != version]
-    return ", ".join(f"{name} {theirs.get(name) or 'missing'} (here {ours[name]})" for name in wrong)
+    return ", ".join(
+        f"{name} {theirs.get(name) or 'missing'} (here {ours[name]})" for name in wrong
+    )

@@ -14,7 +14,13 @@ from s2c2a import episodes, evaluation, strategies, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs.artifacts import Artifact, Cache, LSTMArtifact, NetworksArtifact, digest_of
+from s2c2a.jobs.artifacts import (
+    Artifact,
+    Cache,
+    LSTMArtifact,
+    NetworksArtifact,
+    digest_of,
+)
 from s2c2a.planning import Guard
 from s2c2a.progress import Progress
 from s2c2a.robots import Body, Robot
@@ -22,7 +28,8 @@ from s2c2a.strategies import AnyStrategy, Recipe
 from s2c2a.tasks import Task, task_named
 
 START_JITTER = 0.05
-"""Part of the full bend that every module is moved by before a run settles at rest: the start's own seed."""
+"""Part of the full bend that every module is moved by before a run settles at rest: the
+start's own seed."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +42,9 @@ class Conditions:
         watched: what strategies that observe know of the arm.
     """
 
-    body: Body = Body.simulation()  # noqa: RUF009 (it is frozen)
+    body: Body = Body.simulation()
     guard: Guard = "tip"
-    watched: strategies.Watched = strategies.Watched()  # noqa: RUF009 (it is frozen)
+    watched: strategies.Watched = strategies.Watched()
 
     @property
     def fidelity(self) -> str:
@@ -84,7 +91,8 @@ class Job(Artifact[Run]):
         S2C2AError: no such strategy.
     """
 
-    kind, beside_runs = "runs", True
+    kind = "runs"
+    beside_runs = True
     task: Task
     arm: ArmSpec
     strategy: str
@@ -96,7 +104,9 @@ class Job(Artifact[Run]):
     def __post_init__(self):
         """Refuse a strategy that nobody knows."""
         if self.strategy not in STRATEGIES:
-            raise S2C2AError(f"no strategy '{self.strategy}'; choose one of {', '.join(STRATEGIES)}")
+            raise S2C2AError(
+                f"no strategy '{self.strategy}'; choose one of {', '.join(STRATEGIES)}"
+            )
 
     @cached_property
     def asked(self) -> Task:
@@ -116,18 +126,43 @@ class Job(Artifact[Run]):
     @cached_property
     def file(self) -> str:
         """See `Artifact`; waypoints, too, can change under one name."""
-        parts = (np.ascontiguousarray(part).tobytes() for goal in self.asked.goals for part in goal)
-        asked = (self.task.name, hashlib.sha256(b"".join(parts)).hexdigest(), arm_to_toml(self.arm))
-        rest = (self.strategy, self.recipe, self.seed, self.conditions, self.weights and self.weights.file)
+        parts = (
+            np.ascontiguousarray(part).tobytes()
+            for goal in self.asked.goals
+            for part in goal
+        )
+        asked = (
+            self.task.name,
+            hashlib.sha256(b"".join(parts)).hexdigest(),
+            arm_to_toml(self.arm),
+        )
+        rest = (
+            self.strategy,
+            self.recipe,
+            self.seed,
+            self.conditions,
+            self.weights and self.weights.file,
+        )
         return f"{digest_of(*asked, *rest)}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        strategy = STRATEGIES[self.strategy][1](self, *(need.load(cache) for need in self.needs))
-        done = evaluation.rollout(self.robot(), strategy, self.asked, partial(progress, str(self)))
+        strategy = STRATEGIES[self.strategy][1](
+            self, *(need.load(cache) for need in self.needs)
+        )
+        done = evaluation.rollout(
+            self.robot(), strategy, self.asked, partial(progress, str(self))
+        )
         body = str(self.conditions.body)
-        made = {"strategy": self.strategy, "seed": self.seed, "recipe": self.recipe.name, "body": body}
-        episodes.save_episodes([done.with_options(**made, versions=versions.versions())], self.path(cache))
+        made = {
+            "strategy": self.strategy,
+            "seed": self.seed,
+            "recipe": self.recipe.name,
+            "body": body,
+        }
+        episodes.save_episodes(
+            [done.with_options(**made, versions=versions.versions())], self.path(cache)
+        )
 
     def robot(self) -> Robot:
         """The body, not open yet.
@@ -136,44 +171,73 @@ class Job(Artifact[Run]):
             S2C2AError: it cannot be.
         """
         watched = self.task.obstacles().size > 0
-        return self.conditions.body.make(self.arm, seed=self.seed, jitter=START_JITTER, watched=watched)
+        return self.conditions.body.make(
+            self.arm, seed=self.seed, jitter=START_JITTER, watched=watched
+        )
 
     def load(self, cache: Cache) -> Run:
         """See `Artifact`; what nobody watched has no scores."""
         episode = episodes.load_episodes(self.path(cache))[0][0]
         watched = "states" in episode.sensors
-        return Run(self, episode, evaluation.score_run(episode, self.asked, self.recipe.name) if watched else [])
+        return Run(
+            self,
+            episode,
+            evaluation.score_run(episode, self.asked, self.recipe.name)
+            if watched
+            else [],
+        )
 
     def __str__(self) -> str:
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
 
 
 def _networks(job: Job) -> tuple[Artifact, ...]:
-    return (job.weights or NetworksArtifact(job.recipe.learned_on(job.arm), job.recipe, job.seed),)
+    return (
+        job.weights
+        or NetworksArtifact(job.recipe.learned_on(job.arm), job.recipe, job.seed),
+    )
 
 
 def _motor_networks(job: Job) -> tuple[Artifact, ...]:
-    return (NetworksArtifact(job.recipe.learned_on(job.arm), replace(job.recipe, babbling="motor"), job.seed),)
+    return (
+        NetworksArtifact(
+            job.recipe.learned_on(job.arm),
+            replace(job.recipe, babbling="motor"),
+            job.seed,
+        ),
+    )
 
 
 def _with_networks(job: Job, networks: Any) -> AnyStrategy:
     under = job.conditions
-    return strategies.s2c2a_strategy(replace(networks, arm=job.arm), under.guard, under.watched)
+    return strategies.s2c2a_strategy(
+        replace(networks, arm=job.arm), under.guard, under.watched
+    )
 
 
 def _recording(job: Job) -> tuple[Artifact, ...]:
     return NetworksArtifact(job.arm, job.recipe, job.seed).needs
 
 
-# The paper's, its comparisons, and the one trained on motor babbling (Chen et al. 2025, sec. IV).
-STRATEGIES: dict[str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[..., AnyStrategy]]] = {
+# The paper's, its comparisons, and the one trained on motor babbling (Chen et al. 2025,
+# sec. IV).
+STRATEGIES: dict[
+    str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[..., AnyStrategy]]
+] = {
     "s2c2a": (_networks, _with_networks),
     "pcc": (lambda job: (), lambda job: strategies.pcc_strategy(job.arm, job.planner)),
-    "pcc-fitted": (_recording, lambda job, data: strategies.pcc_fitted_strategy(data, job.planner)),
-    "lstm": (lambda job: (LSTMArtifact(job.arm, job.seed),), lambda job, trained: strategies.LSTMStrategy(trained)),
+    "pcc-fitted": (
+        _recording,
+        lambda job, data: strategies.pcc_fitted_strategy(data, job.planner),
+    ),
+    "lstm": (
+        lambda job: (LSTMArtifact(job.arm, job.seed),),
+        lambda job, trained: strategies.LSTMStrategy(trained),
+    ),
     "s2c2a-motor": (_motor_networks, _with_networks),
 }
-"""Name -> what a job's is made from, and how: job -> artifacts; job and what these hold -> strategy."""
+"""Name -> what a job's is made from, and how: job -> artifacts; job and what these hold
+-> strategy."""
 
 
 def checked_seeds(first: int, count: int) -> range:
@@ -183,7 +247,9 @@ def checked_seeds(first: int, count: int) -> range:
         S2C2AError: none, or a negative one.
     """
     if count < 1 or first < 0:
-        raise S2C2AError(f"{count} seeds from {first} asked for; take at least one, from zero or above")
+        raise S2C2AError(
+            f"{count} seeds from {first} asked for; take at least one, from zero or above"
+        )
     return range(first, first + count)
 
 
@@ -201,8 +267,14 @@ def jobs_for(
     Raises:
         S2C2AError: no such task or strategy, or a task whose scores cannot be.
     """
-    asked = [task if isinstance(task, Task) else task_named(task, arm) for task in dict.fromkeys(tasks)]
+    asked = [
+        task if isinstance(task, Task) else task_named(task, arm)
+        for task in dict.fromkeys(tasks)
+    ]
     for task in asked:
         evaluation.check_scores(task, arm)
     every = product(seeds, dict.fromkeys(strategies), asked)
-    return [Job(task, arm, strategy, recipe, seed, conditions, weights) for seed, strategy, task in every]
+    return [
+        Job(task, arm, strategy, recipe, seed, conditions, weights)
+        for seed, strategy, task in every
+    ]

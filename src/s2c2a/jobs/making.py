@@ -1,8 +1,8 @@
 """Making what is missing: recordings once, then networks, then runs, over any executor of the standard kind.
 
-An executor other than `Serial` needs no common disk: an artifact is made in an empty folder with copies of what it
-needs, comes back as bytes, and is kept here. What is kept on one machine is what travels, so there is no second path
-that could differ.
+An executor other than `Serial` needs no common disk: an artifact is made in an empty
+folder with copies of what it needs, comes back as bytes, and is kept here. What is kept
+on one machine is what travels, so there is no second path that could differ.
 """
 
 from collections import Counter, deque
@@ -15,7 +15,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from s2c2a.errors import ClusterError, S2C2AError
-from s2c2a.executors import Given, Result, Serial, cancel, compute_on_one_thread, most_begun
+from s2c2a.executors import (
+    Given,
+    Result,
+    Serial,
+    cancel,
+    compute_on_one_thread,
+    most_begun,
+)
 from s2c2a.files import save_whole
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
 from s2c2a.jobs.job import Job
@@ -23,7 +30,10 @@ from s2c2a.progress import Progress, quiet
 
 
 def make_all(
-    artifacts: Sequence[Artifact[Made]], cache: Cache, executor: Executor | None = None, progress: Progress = quiet
+    artifacts: Sequence[Artifact[Made]],
+    cache: Cache,
+    executor: Executor | None = None,
+    progress: Progress = quiet,
 ) -> list[Made]:
     """What artifacts hold, found or made: runs of jobs, networks, recordings.
 
@@ -32,21 +42,30 @@ def make_all(
     Args:
         artifacts: what is asked for.
         cache: where recordings, networks and runs are kept.
-        executor: who works; this process if None, one thing after the other, told in detail.
+        executor: who works; this process if None, one thing after the other, told in
+            detail.
         progress: told of it.
 
     Returns:
         What they hold, in their order.
 
     Raises:
-        S2C2AError: an impossible robot, before anything is trained; or something failed, after all else was finished.
+        S2C2AError: an impossible robot, before anything is trained; or something
+            failed, after all else was finished.
     """
     check_robots([one for one in artifacts if isinstance(one, Job)])
     made = try_all(artifacts, cache, executor, progress)
-    failed = [(one, error) for one, error in zip(artifacts, made, strict=True) if isinstance(error, S2C2AError)]
+    failed = [
+        (one, error)
+        for one, error in zip(artifacts, made, strict=True)
+        if isinstance(error, S2C2AError)
+    ]
     if failed:
-        (one, error), count = failed[0], f"{len(failed)} of {len(made)}"
-        raise S2C2AError(f"{count} {one.kind} failed, such as {one}: {error}; what was whole is kept") from error
+        (one, error) = failed[0]
+        count = f"{len(failed)} of {len(made)}"
+        raise S2C2AError(
+            f"{count} {one.kind} failed, such as {one}: {error}; what was whole is kept"
+        ) from error
     return [one for one in made if not isinstance(one, S2C2AError)]
 
 
@@ -64,7 +83,9 @@ Make = Callable[[Sequence[Artifact[Any]]], list[Any]]
 """`make_all`, with cache, executor and progress settled."""
 
 
-def in_groups(make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequence[Given]]) -> list[list[Result]]:
+def in_groups(
+    make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequence[Given]]
+) -> list[list[Result]]:
     """What the artifacts of several lists hold, made all together, a list for each."""
     every = iter(make([one for group in groups for one in group]))
     return [list(islice(every, len(group))) for group in groups]
@@ -76,10 +97,15 @@ def made(artifact: Artifact[Made], cache: Cache, progress: Progress = quiet) -> 
 
 
 def try_all(
-    artifacts: Sequence[Artifact[Made]], cache: Cache, executor: Executor | None = None, progress: Progress = quiet
+    artifacts: Sequence[Artifact[Made]],
+    cache: Cache,
+    executor: Executor | None = None,
+    progress: Progress = quiet,
 ) -> list[Made | S2C2AError]:
     """The same, with the error in the place of what failed."""
-    failed = _Making(_missing(artifacts, cache), cache, executor or Serial(), progress).finish()
+    failed = _Making(
+        _missing(artifacts, cache), cache, executor or Serial(), progress
+    ).finish()
     return [failed.get(one.path(cache)) or one.load(cache) for one in artifacts]
 
 
@@ -97,8 +123,17 @@ def _missing(artifacts: Sequence[Artifact], cache: Cache) -> dict[Path, Artifact
 class _Making:
     """Artifacts on their way, each begun when what it needs is there."""
 
-    def __init__(self, missing: dict[Path, Artifact], cache: Cache, executor: Executor, progress: Progress):
-        self._missing, self._cache, self._executor, self._progress = missing, cache, executor, progress
+    def __init__(
+        self,
+        missing: dict[Path, Artifact],
+        cache: Cache,
+        executor: Executor,
+        progress: Progress,
+    ):
+        self._missing = missing
+        self._cache = cache
+        self._executor = executor
+        self._progress = progress
         self._failed: dict[Path, S2C2AError] = {}
         self._totals = Counter(one.kind for one in missing.values())
         self._done: Counter[str] = Counter()
@@ -107,9 +142,15 @@ class _Making:
         """Make all; returns why those failed that did."""
         for kind, total in reversed(self._totals.items()):
             self._progress(f"making {kind}", 0, total)
-        needs = {path: {need.path(self._cache) for need in one.needs} for path, one in self._missing.items()}
-        order = TopologicalSorter({path: every & self._missing.keys() for path, every in needs.items()})
-        ready, begun = deque[Path](), dict[Future[bytes | None], Path]()
+        needs = {
+            path: {need.path(self._cache) for need in one.needs}
+            for path, one in self._missing.items()
+        }
+        order = TopologicalSorter(
+            {path: every & self._missing.keys() for path, every in needs.items()}
+        )
+        ready = deque[Path]()
+        begun = dict[Future[bytes | None], Path]()
         order.prepare()
         try:
             while order.is_active():
@@ -129,9 +170,12 @@ class _Making:
         needed = [need.path(self._cache) for need in one.needs]
         if lost := [self._failed[path] for path in needed if path in self._failed]:
             return Serial().submit(_failed, lost[0])
-        if isinstance(self._executor, Serial):  # it has this disk, and can tell in detail
+        # it has this disk, and can tell in detail
+        if isinstance(self._executor, Serial):
             return self._executor.submit(one.make, self._cache, self._progress)
-        return self._executor.submit(_made_elsewhere, one, [path.read_bytes() for path in needed])
+        return self._executor.submit(
+            _made_elsewhere, one, [path.read_bytes() for path in needed]
+        )
 
     def _end(self, future: Future[bytes | None], path: Path) -> None:
         try:

@@ -1,7 +1,11 @@
 """Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
 
 from s2c2a.arm.geometry import centre_line
-from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, limit_lengths
+from s2c2a.kinematics.bends import (
+    bends_from_configurations,
+    configurations_from_bends,
+    limit_lengths,
+)
 from s2c2a.kinematics.chain import (
     bends_from_states,
     configurations_from_states,

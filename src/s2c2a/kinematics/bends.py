@@ -1,7 +1,8 @@
 """Bend vectors and configurations: two coordinates of the same module shape.
 
-A bend b is the bending angle times its direction [rad], in the module's frame; a configuration o is the module's end
-axis there. Both maps are exact at zero bend and have exact gradients there.
+A bend b is the bending angle times its direction [rad], in the module's frame; a
+configuration o is the module's end axis there. Both maps are exact at zero bend and
+have exact gradients there.
 """
 
 import jax.numpy as jnp
@@ -9,7 +10,9 @@ from jaxtyping import Array, Float
 
 Limits = Float[Array, "*batch"] | float
 
-_SMALL = 1e-6  # squared angle below which series replace quotients; the next term is below float32's resolution
+# squared angle below which series replace quotients; the next term is below float32's
+# resolution
+_SMALL = 1e-6
 
 
 def sinc(squared: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
@@ -24,7 +27,9 @@ def squared_norm(vectors: Float[Array, "*batch axis"]) -> Float[Array, "*batch"]
     return jnp.sum(vectors**2, axis=-1)
 
 
-def configurations_from_bends(bends: Float[Array, "*batch 2"]) -> Float[Array, "*batch 3"]:
+def configurations_from_bends(
+    bends: Float[Array, "*batch 2"],
+) -> Float[Array, "*batch 3"]:
     """O = (b sin f / f, cos f) with f = |b| (Chen et al. 2025, eq. (3), for any direction).
 
     Args:
@@ -40,10 +45,13 @@ def configurations_from_bends(bends: Float[Array, "*batch 2"]) -> Float[Array, "
     return jnp.concatenate([across, along[..., None]], axis=-1)
 
 
-def bends_from_configurations(configurations: Float[Array, "*batch 3"]) -> Float[Array, "*batch 2"]:
+def bends_from_configurations(
+    configurations: Float[Array, "*batch 3"],
+) -> Float[Array, "*batch 2"]:
     """B = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z): the inverse of `configurations_from_bends`.
 
-    The length of the axis does not matter. Straight back (f = pi) has no direction and is not in the domain.
+    The length of the axis does not matter. Straight back (f = pi) has no direction and
+    is not in the domain.
 
     Args:
         configurations: end axes of any non-zero length, module frame.
@@ -52,7 +60,8 @@ def bends_from_configurations(configurations: Float[Array, "*batch 3"]) -> Float
         Bend vectors [rad], module frame.
     """
     unit = configurations / jnp.sqrt(squared_norm(configurations))[..., None]
-    across, along = unit[..., :2], unit[..., 2]
+    across = unit[..., :2]
+    along = unit[..., 2]
     squared = squared_norm(across)
     small = (squared < _SMALL) & (along > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, squared))
@@ -60,8 +69,15 @@ def bends_from_configurations(configurations: Float[Array, "*batch 3"]) -> Float
     return across * ratio[..., None]
 
 
-def limit_lengths(vectors: Float[Array, "*batch axis"], limits: Limits) -> Float[Array, "*batch axis"]:
+def limit_lengths(
+    vectors: Float[Array, "*batch axis"], limits: Limits
+) -> Float[Array, "*batch axis"]:
     """Shorten every vector that is longer than its limit; directions stay."""
     squared = squared_norm(vectors)
     inside = squared <= limits**2
-    return vectors * jnp.where(inside, 1.0, limits / jnp.sqrt(jnp.where(inside, 1.0, squared)))[..., None]
+    return (
+        vectors
+        * jnp.where(inside, 1.0, limits / jnp.sqrt(jnp.where(inside, 1.0, squared)))[
+            ..., None
+        ]
+    )

@@ -5,7 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends, sinc, squared_norm
+from s2c2a.kinematics.bends import (
+    bends_from_configurations,
+    configurations_from_bends,
+    sinc,
+    squared_norm,
+)
 
 UNROLLED = 8  # modules: a loop of its own only for longer arms
 Bends = Float[Array, "*batch modules 2"]
@@ -39,19 +44,27 @@ def states_from_arcs(
         bends: bend vectors [rad], module frames.
         lengths: arc lengths [m].
         off: of end points [m], module frames.
-        force: at the tip [N], base frame; across an arc it bends the near half more than the far one.
+        force: at the tip [N], base frame; across an arc it bends the near half more
+            than the far one.
         gives: how far that moves ends for a force of one [m/N].
     """
-    ends, axes = arc_ends(bends, lengths), configurations_from_bends(bends)
+    ends = arc_ends(bends, lengths)
+    axes = configurations_from_bends(bends)
     chords = ends / jnp.linalg.norm(ends, axis=-1, keepdims=True)
     rotations = rotations_to(axes)
-    start = jnp.zeros((*bends.shape[:-2], 3)), jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3))
+    start = (
+        jnp.zeros((*bends.shape[:-2], 3)),
+        jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3)),
+    )
 
     def on(base, arc):
-        (position, rotation), (end, chord, give, axis, turn) = base, arc
+        (position, rotation) = base
+        (end, chord, give, axis, turn) = arc
         if force is not None:
             felt = jnp.einsum("...ji,j->...i", rotation, force)
-            end = end + give * (felt - chord * jnp.sum(felt * chord, axis=-1, keepdims=True))
+            end = end + give * (
+                felt - chord * jnp.sum(felt * chord, axis=-1, keepdims=True)
+            )
         position = position + _rotate(rotation, end)
         state = jnp.concatenate([position, _rotate(rotation, axis)], axis=-1)
         return (position, rotation @ turn), state
@@ -62,7 +75,9 @@ def states_from_arcs(
     return jnp.moveaxis(jax.lax.scan(on, start, arcs, unroll=UNROLLED)[1], 0, -2)
 
 
-def states_from_configurations(configurations: Float[Array, "*batch modules 3"], lengths: Lengths) -> States:
+def states_from_configurations(
+    configurations: Float[Array, "*batch modules 3"], lengths: Lengths
+) -> States:
     """`states_from_bends` for end axes of any non-zero length."""
     return states_from_bends(bends_from_configurations(configurations), lengths)
 
@@ -71,7 +86,8 @@ def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules
     """What the modules' configurations must be for given states of an arm without torsion.
 
     Args:
-        states: only the end axes count; base frame. In NumPy or JAX, as the result then is.
+        states: only the end axes count; base frame. In NumPy or JAX, as the result then
+            is.
 
     Returns:
         Unit end axes, module frames, shape (*batch, modules, 3).
@@ -92,20 +108,40 @@ def bends_from_states(states: Float[Array, "*batch modules 6"]) -> Bends:
     return bends_from_configurations(configurations_from_states(states))
 
 
-def arc_ends(bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
+def arc_ends(
+    bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]
+) -> Float[Array, "*batch 3"]:
     """End of an arc in its own frame: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)
     across = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
-    return lengths[..., None] * jnp.concatenate([across, sinc(squared)[..., None]], axis=-1)
+    return lengths[..., None] * jnp.concatenate(
+        [across, sinc(squared)[..., None]], axis=-1
+    )
 
 
 def rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
     """The rotation without torsion that turns z into each axis."""
-    x, y, z = axes[..., 0], axes[..., 1], axes[..., 2]
+    x = axes[..., 0]
+    y = axes[..., 1]
+    z = axes[..., 2]
     share = 1.0 / (1.0 + z)
-    rows = [1.0 - x * x * share, -x * y * share, x, -x * y * share, 1.0 - y * y * share, y, -x, -y, z]
-    return axes.__array_namespace__().stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
+    rows = [
+        1.0 - x * x * share,
+        -x * y * share,
+        x,
+        -x * y * share,
+        1.0 - y * y * share,
+        y,
+        -x,
+        -y,
+        z,
+    ]
+    return (
+        axes.__array_namespace__().stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
+    )
 
 
-def _rotate(rotation: Float[Array, "*batch 3 3"], vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+def _rotate(
+    rotation: Float[Array, "*batch 3 3"], vector: Float[Array, "*batch 3"]
+) -> Float[Array, "*batch 3"]:
     return jnp.einsum("...ij,...j->...i", rotation, vector)

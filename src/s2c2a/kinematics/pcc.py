@@ -15,15 +15,18 @@ from s2c2a.kinematics.chain import states_from_configurations
 class PCC(eqx.Module):
     r"""The PCC map between actions and bends of one arm.
 
-    $$ a = r B b, \qquad b = \frac{1}{r} B^+ a, \qquad B_i = -(\cos\beta_i, \sin\beta_i) $$
+    $$ a = r B b, \qquad b = \frac{1}{r} B^+ a, \qquad B_i = -(\cos\beta_i, \sin\beta_i)
+    $$
 
-    For three cables at 120 deg this is eqs. (1) and (2) of Chen et al. 2025. On a tension arm the moment that holds the
-    bend against the module's stiffness takes the place of the displacement:
-    $T = T_0 - B (B^T B)^{-1} \frac{EI}{r L} b$.
+    For three cables at 120 deg this is eqs. (1) and (2) of Chen et al. 2025. On a
+    tension arm the moment that holds the bend against the module's stiffness takes the
+    place of the displacement: $T = T_0 - B (B^T B)^{-1} \frac{EI}{r L} b$.
 
     Attributes:
-        to_bends: per module, bends from an action less its neutral, shape (modules, 2, cables).
-        to_actions: per module, the inverse on the cables' plane, shape (modules, cables, 2).
+        to_bends: per module, bends from an action less its neutral, shape (modules, 2,
+            cables).
+        to_actions: per module, the inverse on the cables' plane, shape (modules,
+            cables, 2).
         neutral: action at rest, shape (modules, cables).
         low: least action, shape (modules, cables).
         high: largest action, shape (modules, cables).
@@ -39,21 +42,35 @@ class PCC(eqx.Module):
     def of(cls, arm: ArmSpec) -> "PCC":
         """The map with the arm's nominal numbers."""
         geometry = ArmGeometry.of(arm)
-        matrices, radii = geometry.cable_matrices, geometry.cable_radii[:, None, None]
+        matrices = geometry.cable_matrices
+        radii = geometry.cable_radii[:, None, None]
         if arm.actuation == "displacement":
-            to_bends, to_actions = geometry.bend_matrices / radii, matrices * radii
+            to_bends = geometry.bend_matrices / radii
+            to_actions = matrices * radii
         else:
-            stiffness = jnp.array([module.bending_stiffness / module.length for module in arm.modules])[:, None, None]
+            stiffness = jnp.array(
+                [module.bending_stiffness / module.length for module in arm.modules]
+            )[:, None, None]
             to_bends = -matrices.swapaxes(-1, -2) * radii / stiffness
             to_actions = -geometry.bend_matrices.swapaxes(-1, -2) * stiffness / radii
-        arrays = to_bends, to_actions, geometry.action_neutral, geometry.action_low, geometry.action_high
+        arrays = (
+            to_bends,
+            to_actions,
+            geometry.action_neutral,
+            geometry.action_low,
+            geometry.action_high,
+        )
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
-    def bends(self, actions: Float[Array | np.ndarray, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
+    def bends(
+        self, actions: Float[Array | np.ndarray, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules 2"]:
         """Bends [rad] that actions [m or N] hold; common motion of evenly spread cables drops out."""
         return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
 
-    def actions(self, bends: Float[Array, "*batch modules 2"]) -> Float[Array, "*batch modules cables"]:
+    def actions(
+        self, bends: Float[Array, "*batch modules 2"]
+    ) -> Float[Array, "*batch modules cables"]:
         """Actions [m or N] that hold bends [rad], within the arm's limits."""
         wanted = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
         return jnp.clip(wanted, self.low, self.high)
@@ -73,7 +90,9 @@ class ForwardModel(eqx.Module):
     def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
         """Memory after one more sensed configuration."""
 
-    def given(self, unknowns: Any, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+    def given(
+        self, unknowns: Any, sensed: Float[Array, "modules 3"], memory: Memory
+    ) -> Memory:
         """Memory of a model that is told, in every step, what came about since its recording; most take no notice.
 
         Args:
@@ -88,10 +107,14 @@ class ForwardModel(eqx.Module):
         return memory
 
     @abstractmethod
-    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+    def predict(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
 
-    def tensions(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+    def tensions(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Array:
         """Tensions of the cables there [N], shape (*batch, modules, cables); NaN of models that do not know."""
         return jnp.full((*configurations.shape[:-1], 1), jnp.nan)
 
@@ -103,14 +126,19 @@ class ForwardModel(eqx.Module):
     def for_planning(self) -> "ForwardModel":
         """The same predictions, with slopes that lead a planner where the true ones are zero or jump."""
 
-    def near(self, configurations: Float[Array, "modules 3"], memory: Memory) -> "ForwardModel":
+    def near(
+        self, configurations: Float[Array, "modules 3"], memory: Memory
+    ) -> "ForwardModel":
         """What plans within a step of these configurations are judged by; of most models, the model itself.
 
-        It may be cheaper, and where a step is short it leaves out delays: it says where the arm arrives.
+        It may be cheaper, and where a step is short it leaves out delays: it says where
+        the arm arrives.
         """
         return self
 
-    def deviation(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+    def deviation(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Array:
         """Distance of ends from where they are said to be that must be expected [m], shape (*batch, modules).
 
         Zero of models that do not know.
@@ -152,6 +180,8 @@ class PCCForwardModel(MemorylessModel):
         """The model with the arm's nominal lengths."""
         return cls(jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32))
 
-    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+    def predict(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
         return states_from_configurations(configurations, self.lengths)

@@ -15,7 +15,10 @@ from s2c2a.sensing import PAPER_COUPLING
 from s2c2a.spaces import Reading
 from s2c2a.viz.mesh import unit
 
-POSITION, AXIS, OBSTACLE, CHANGE = 1.0, 2.0, 1.0, 0.5
+POSITION = 1.0
+AXIS = 2.0
+OBSTACLE = 1.0
+CHANGE = 0.5
 """The protocol's weights mu_p, mu_o, mu_ob and mu_d of a dragged target."""
 
 
@@ -34,13 +37,17 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     )
     added = [(*one.centre, one.threshold) for one in request.obstacles]
     spheres = np.reshape([*goal.obstacles_in_use(), *added], (-1, 4))
-    return goal.with_obstacles(spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight))
+    return goal.with_obstacles(
+        spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight)
+    )
 
 
 def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
     """How far the tip is from where the goal wants it, and least from a threshold [m]; NaN and infinite without."""
     error = float(np.linalg.norm(tip - goal.wanted_positions()[-1]))
-    return error, float(clearances(tip[None, None], goal.obstacles_in_use()[None])[0]) / 100.0
+    return error, float(
+        clearances(tip[None, None], goal.obstacles_in_use()[None])[0]
+    ) / 100.0
 
 
 @runtime_checkable
@@ -60,9 +67,12 @@ class Disturbances:
     def __init__(self, robot: Robot, seed: int = 0):
         """Nothing yet; a body that cannot be pushed is left alone. The sensors' noise starts from a seed."""
         self._body = robot if isinstance(robot, Disturbable) else None
-        self._geometry, self._random = ArmGeometry.of(robot.arm), np.random.default_rng(seed)
+        self._geometry = ArmGeometry.of(robot.arm)
+        self._random = np.random.default_rng(seed)
         count = robot.arm.module_count
-        self._leak = np.array(PAPER_COUPLING) if count == len(PAPER_COUPLING) else np.eye(count)
+        self._leak = (
+            np.array(PAPER_COUPLING) if count == len(PAPER_COUPLING) else np.eye(count)
+        )
         self._request = Request()
 
     def begin(self) -> None:
@@ -80,19 +90,26 @@ class Disturbances:
     def spoilt(self, reading: Reading) -> Reading:
         """A reading as the latest request wants it; the truth beside it as it was.
 
-        Its modules' bends are mixed, by a part of the paper's leak (eq. (11)) where that fits the arm, then shaken.
+        Its modules' bends are mixed, by a part of the paper's leak (eq. (11)) where
+        that fits the arm, then shaken.
         """
-        coupling, noise = self._request.coupling, self._request.noise
+        coupling = self._request.coupling
+        noise = self._request.noise
         if not coupling and not noise:
             return reading
-        said, geometry = dict(reading.sensors), self._geometry
+        said = dict(reading.sensors)
+        geometry = self._geometry
         mixed = (1 - coupling) * np.eye(len(self._leak)) + coupling * self._leak
         if "cables" in said:
             scale = noise * np.abs(geometry.action_scale)[:, None]
             shaken = scale * self._random.normal(size=said["cables"].shape)
             said["cables"] = self._mixed_cables(said["cables"], mixed) + shaken
         if "configurations" in said:
-            tilt = noise * geometry.bend_limits[:, None] * self._random.normal(size=said["configurations"].shape)
+            tilt = (
+                noise
+                * geometry.bend_limits[:, None]
+                * self._random.normal(size=said["configurations"].shape)
+            )
             said["configurations"] = unit(mixed @ said["configurations"] + tilt)
         return Reading(reading.time, said)
 
@@ -101,5 +118,7 @@ class Disturbances:
         geometry = self._geometry
         away = (cables - geometry.action_neutral) / geometry.action_scale[:, None]
         shares = np.einsum("mkc,mc->mk", geometry.bend_matrices, away)
-        change = np.einsum("mck,mk->mc", geometry.cable_matrices, mixed @ shares - shares)
+        change = np.einsum(
+            "mck,mk->mc", geometry.cable_matrices, mixed @ shares - shares
+        )
         return cables + geometry.action_scale[:, None] * change

@@ -1,6 +1,7 @@
 """What a browser may say: three kinds of messages, of known form, with finite numbers. Everything else is refused.
 
-viser itself would also take files, open a tunnel to the world when asked to, and set any attribute of a panel's parts.
+viser itself would also take files, open a tunnel to the world when asked to, and set
+any attribute of a panel's parts.
 """
 
 from contextlib import suppress
@@ -10,13 +11,16 @@ import msgspec
 from msgspec.msgpack import Decoder
 
 MOST_BYTES = 16_384
-Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]  # neither infinite nor NaN
+# neither infinite nor NaN
+Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 Pair: TypeAlias = tuple[Number, Number]
 Three: TypeAlias = tuple[Number, Number, Number]
 Value: TypeAlias = bool | int | Number | str | list[Number]
 
 
-class _Said(msgspec.Struct, tag_field="type", tag=True, forbid_unknown_fields=True, frozen=True):
+class _Said(
+    msgspec.Struct, tag_field="type", tag=True, forbid_unknown_fields=True, frozen=True
+):
     """A message; its class's name is its type."""
 
 
@@ -56,7 +60,9 @@ class SceneNodeDragMessage(_Said, frozen=True):
     owner: str = ""
 
 
-_DECODER: Decoder = Decoder(ViewerCameraMessage | GuiUpdateMessage | SceneNodeDragMessage)
+_DECODER: Decoder = Decoder(
+    ViewerCameraMessage | GuiUpdateMessage | SceneNodeDragMessage
+)
 
 
 def is_sound(message: str | bytes) -> TypeGuard[bytes]:

@@ -29,7 +29,8 @@ PREPARING = "preparing the arm: the first start on a machine compiles, which tak
 
 
 Survey = tuple[Float[np.ndarray, "modules points 3"], Callable[[Point], float]]
-"""Where an arm can be: ends of its modules [m], and how far out of the tip's reach a point is [m]."""
+"""Where an arm can be: ends of its modules [m], and how far out of the tip's reach a
+point is [m]."""
 
 
 class LivePage(Window):
@@ -40,30 +41,45 @@ class LivePage(Window):
         frames: drawn so far.
     """
 
-    def __init__(self, control: Control, port: int, runs: Path, survey: Callable[[], Survey] | None = None):
+    def __init__(
+        self,
+        control: Control,
+        port: int,
+        runs: Path,
+        survey: Callable[[], Survey] | None = None,
+    ):
         """Open the page of an arm that moves, or will soon: until its first snapshot the page says that it prepares.
 
         Args:
             control: moves the arm.
             port: where the page shall be; the next free one if it is taken.
             runs: where recordings go.
-            survey: finds out where the arm can be; called once the arm is there, in a thread of its own.
+            survey: finds out where the arm can be; called once the arm is there, in a
+                thread of its own.
 
         Raises:
             S2C2AError: no port is free.
         """
         super().__init__(control.arm)
-        self._control, self._survey, gui = control, survey, self.server.gui
-        self.session, self._panels = Session(self._session_changed), dict[int, Panel]()
+        self._control = control
+        self._survey = survey
+        gui = self.server.gui
+        self.session = Session(self._session_changed)
+        self._panels = dict[int, Panel]()
         self._recorder = Recorder(control, runs)
         self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)
         self.scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
         with gui.add_folder("Plots", order=20, expand_by_default=False):
             self._plots = Plots(gui, self.arm)
-        self._trail: deque[np.ndarray] = deque(maxlen=round(TRAIL * self.arm.control_rate))
+        self._trail: deque[np.ndarray] = deque(
+            maxlen=round(TRAIL * self.arm.control_rate)
+        )
         self._steps: deque[Snapshot] = deque(maxlen=2)
-        self._gap, self._gap_at = 0.0, lambda where: 0.0  # while nobody knows
-        self.frames, self._changing = 0, threading.Lock()
+        # while nobody knows
+        self._gap = 0.0
+        self._gap_at = lambda where: 0.0
+        self.frames = 0
+        self._changing = threading.Lock()
         self.server.on_client_connect(self._joined)
         self.server.on_client_disconnect(self._left)
         self.every(self._draw)
@@ -77,7 +93,9 @@ class LivePage(Window):
             super().close()
 
     async def _joined(self, client: viser.ClientHandle) -> None:
-        self._panels[client.client_id] = Panel(client, self._control, self.session, self._recorder, self._tell)
+        self._panels[client.client_id] = Panel(
+            client, self._control, self.session, self._recorder, self._tell
+        )
         self.session.join(client.client_id)
 
     async def _left(self, client: viser.ClientHandle) -> None:
@@ -90,9 +108,14 @@ class LivePage(Window):
         if latest is None:
             return  # `_draw` calls this again when there is something to drive
         with self._changing:  # from viser's thread, and once from the one that draws
-            driven, request = self.session.driver is not None, self._control.request
+            driven = self.session.driver is not None
+            request = self._control.request
             if driven and not request.driven:
-                start = {} if request.task else {"target": tuple(latest.states[-1, POSITION])}
+                start = (
+                    {}
+                    if request.task
+                    else {"target": tuple(latest.states[-1, POSITION])}
+                )
                 self._control.ask(driven=True, **start)
             elif not driven:
                 self._control.ask(driven=False)
@@ -109,13 +132,23 @@ class LivePage(Window):
 
     def _drag_pointer(self, who: int, where: Point) -> None:
         request = self._control.request
-        if self.session.drives(who) and request.task is None and request.target is not None:
+        if (
+            self.session.drives(who)
+            and request.task is None
+            and request.target is not None
+        ):
             self._control.ask(axis=point(np.subtract(where, request.target)))
 
     def _drag_obstacle(self, number: int, who: int, where: Point) -> None:
         own = self._control.request.obstacles
         if self.session.drives(who) and number < len(own):
-            self._control.ask(obstacles=(*own[:number], replace(own[number], centre=where), *own[number + 1 :]))
+            self._control.ask(
+                obstacles=(
+                    *own[:number],
+                    replace(own[number], centre=where),
+                    *own[number + 1 :],
+                )
+            )
 
     def _look_round(self) -> None:
         if self._survey is not None:
@@ -137,7 +170,9 @@ class LivePage(Window):
             self._steps.append(latest)
             self._plots.add(latest)
             self._draw_trails(latest)
-            self.scene.draw_load(latest.states[-1, POSITION], self._control.request, self._control.limits)
+            self.scene.draw_load(
+                latest.states[-1, POSITION], self._control.request, self._control.limits
+            )
         self._draw_arm(latest)
         self._draw_asked(latest)
         if self.frames % PLOT_EVERY == 0:
@@ -146,30 +181,45 @@ class LivePage(Window):
 
     def _draw_trails(self, latest: Snapshot) -> None:
         self._trail.append(np.array([latest.states[-1, POSITION], _wanted(latest)[0]]))
-        points = np.array(self._trail) if self.session.view[TRAILS] else np.zeros((0, 2, 3))
+        points = (
+            np.array(self._trail) if self.session.view[TRAILS] else np.zeros((0, 2, 3))
+        )
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("wanted", points[:, 1])
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Between the last two states, as far as time has come; it stands where nothing comes any more."""
-        share, before = (time.perf_counter() - latest.step.moment) / self.arm.control_period, self._steps[0]
+        share = (time.perf_counter() - latest.step.moment) / self.arm.control_period
+        before = self._steps[0]
         if share > 1.5:
             return
         share = min(max(share, 0.0), 1.0)
         self.scene.draw_arm((1 - share) * before.states + share * latest.states)
         expected = (1 - share) * before.expected + share * latest.expected
-        self.scene.draw_ghost(expected if self.session.view[GHOST] else None, latest.states)
+        self.scene.draw_ghost(
+            expected if self.session.view[GHOST] else None, latest.states
+        )
 
     def _draw_asked(self, latest: Snapshot) -> None:
-        request, goal = self._control.request, latest.step.goal
-        position, axis, spheres = request.target, request.axis, np.zeros((0, 4))
+        request = self._control.request
+        goal = latest.step.goal
+        position = request.target
+        axis = request.axis
+        spheres = np.zeros((0, 4))
         if request.task is not None and goal is not None:
             position, axis = _wanted(latest)
             spheres = goal.obstacles_in_use()
-            spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]  # the driver's come after the task's
-        self._gap = self._gap_at(point(position)) if position is not None and np.isfinite(position).all() else 0.0
+            # the driver's come after the task's
+            spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]
+        self._gap = (
+            self._gap_at(point(position))
+            if position is not None and np.isfinite(position).all()
+            else 0.0
+        )
         self.scene.draw_target(position, axis, self._gap)
-        self.scene.draw_obstacles(request.obstacles, spheres, latest.states[-1, POSITION])
+        self.scene.draw_obstacles(
+            request.obstacles, spheres, latest.states[-1, POSITION]
+        )
 
     def _say(self, latest: Snapshot) -> None:
         """What is shown now and then only: plots, words, buttons."""
@@ -180,26 +230,39 @@ class LivePage(Window):
             panel.follow()
 
     def _status_of(self, latest: Snapshot) -> str:
-        driver, others = self.session.driver, len(self.session.present) - (self.session.driver is not None)
+        driver = self.session.driver
+        others = len(self.session.present) - (self.session.driver is not None)
         who = "nobody drives" if driver is None else "one drives"
-        head = f"**{self.arm.name}** · {latest.strategy} · {who}" + (f", {others} watch" if others else "")
+        head = f"**{self.arm.name}** · {latest.strategy} · {who}" + (
+            f", {others} watch" if others else ""
+        )
         if latest.stage is Stage.FAULT:
             return f"{head}\n\n**stopped:** {latest.fault}"
-        stopped = f"**stopped:** {self._control.halted_by}" if self._control.request.stopped else ""
+        stopped = (
+            f"**stopped:** {self._control.halted_by}"
+            if self._control.request.stopped
+            else ""
+        )
         said = {
             stopped or str(latest.stage): True,
             f"error {100 * latest.error:.1f} cm": np.isfinite(latest.error),
             f"clearance {100 * latest.clearance:.1f} cm": np.isfinite(latest.clearance),
-            f"step {latest.task_step + 1} of {latest.task_steps}": latest.task_steps and not latest.finished,
+            f"step {latest.task_step + 1} of {latest.task_steps}": latest.task_steps
+            and not latest.finished,
             "task finished": latest.finished,
             "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > LEAST_GAP,
-            "nothing watches this arm: drawn as its model expects it": "states" not in latest.step.reading.sensors,
+            "nothing watches this arm: drawn as its model expects it": "states"
+            not in latest.step.reading.sensors,
             f"**{latest.fault}**": latest.fault,
         }
         believed = belief_said(latest.step.told)
         return "\n\n".join(
-            [head, " · ".join(text for text, shown in said.items() if shown), *[believed] * bool(believed)]
+            [
+                head,
+                " · ".join(text for text, shown in said.items() if shown),
+                *[believed] * bool(believed),
+            ]
         )
 
 

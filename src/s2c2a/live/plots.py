@@ -21,13 +21,28 @@ class Plots:
 
     def __init__(self, gui: GuiApi, arm: ArmSpec):
         """Empty charts."""
-        self._rows: deque[list[np.ndarray]] = deque(maxlen=round(SHOWN * arm.control_rate))
-        modules = {f"module {k + 1}": colour for k, colour in enumerate(module_colours(arm.module_count))}
-        cables = {f"{name}, {k + 1}": colour for name, colour in modules.items() for k in range(arm.cable_count)}
+        self._rows: deque[list[np.ndarray]] = deque(
+            maxlen=round(SHOWN * arm.control_rate)
+        )
+        modules = {
+            f"module {k + 1}": colour
+            for k, colour in enumerate(module_colours(arm.module_count))
+        }
+        cables = {
+            f"{name}, {k + 1}": colour
+            for name, colour in modules.items()
+            for k in range(arm.cable_count)
+        }
         unit, self._scale = unit_of_cables(arm)
         across = uplot.Scale(time=False, range=(-SHOWN, 0.0))
         self._charts = [
-            add_chart(gui, title, lines, legend=lines is modules and len(modules) <= MOST_NAMED, across=across)
+            add_chart(
+                gui,
+                title,
+                lines,
+                legend=lines is modules and len(modules) <= MOST_NAMED,
+                across=across,
+            )
             for title, lines in (
                 ("tip from its target [cm]", {"error": TARGET}),
                 ("the model may be off by [cm]", {"deviation": MUTED}),
@@ -41,17 +56,31 @@ class Plots:
     def add(self, snapshot: Snapshot) -> None:
         """One more control step."""
         axes = np.concatenate([[[0.0, 0.0, 1.0]], snapshot.states[:, AXIS]])
-        bends = np.rad2deg(np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0)))
-        self._charts[1].visible = bool(snapshot.deviation > 0.0)  # not every model knows
+        bends = np.rad2deg(
+            np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0))
+        )
+        # not every model knows
+        self._charts[1].visible = bool(snapshot.deviation > 0.0)
         self._charts[2].visible = bool(np.isfinite(snapshot.clearance))
-        lengths = [100 * one for one in (snapshot.error, snapshot.deviation, snapshot.clearance)]
-        values = [snapshot.step.moment, *lengths, bends, self._scale * snapshot.step.action]
+        lengths = [
+            100 * one
+            for one in (snapshot.error, snapshot.deviation, snapshot.clearance)
+        ]
+        values = [
+            snapshot.step.moment,
+            *lengths,
+            bends,
+            self._scale * snapshot.step.action,
+        ]
         values += [1e3 * snapshot.step.tick_time]
-        self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])  # with NaN a chart stays empty
+        # with NaN a chart stays empty
+        self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])
 
     def draw(self) -> None:
         """Send the charts what is new, after the first `add`."""
-        (seconds,), *parts = (np.transpose(part) for part in zip(*self._rows, strict=True))
+        (seconds,), *parts = (
+            np.transpose(part) for part in zip(*self._rows, strict=True)
+        )
         for chart, part in zip(self._charts, parts, strict=True):
             chart.data = (seconds - seconds[-1], *part)
 
@@ -62,7 +91,13 @@ def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
 
 
 def add_chart(
-    gui: GuiApi, title: str, lines: Mapping[str, str], values: tuple = (), label="s", legend=True, across=None
+    gui: GuiApi,
+    title: str,
+    lines: Mapping[str, str],
+    values: tuple = (),
+    label="s",
+    legend=True,
+    across=None,
 ) -> GuiUplotHandle:
     """A chart in a panel.
 
@@ -77,7 +112,13 @@ def add_chart(
     """
     return gui.add_uplot(
         values or tuple(np.zeros(2) for _ in range(len(lines) + 1)),
-        (uplot.Series(label=label), *(uplot.Series(label=name, stroke=lines[name], width=1.6) for name in lines)),
+        (
+            uplot.Series(label=label),
+            *(
+                uplot.Series(label=name, stroke=lines[name], width=1.6)
+                for name in lines
+            ),
+        ),
         title=title,
         scales={"x": across or uplot.Scale(time=False)},
         legend=uplot.Legend(show=legend, live=False),

@@ -1,13 +1,15 @@
 """What moves the arm, in a process of its own: neither drawing nor browsers take its turn.
 
-Two threads of one Python process wait for each other; two processes do not. Requests and orders go there through a
-pipe, snapshots come back.
+Two threads of one Python process wait for each other; two processes do not. Requests
+and orders go there through a pipe, snapshots come back.
 
-Both sides say that they live: that one by its snapshots, this one by its request, again and again. When that stays
-away, as when the page's process hangs, nobody can press Stop any more: the arm is stopped, and goes on only when
-somebody says so who knows of that: what was asked before counts as stopped.
+Both sides say that they live: that one by its snapshots, this one by its request, again
+and again. When that stays away, as when the page's process hangs, nobody can press Stop
+any more: the arm is stopped, and goes on only when somebody says so who knows of that:
+what was asked before counts as stopped.
 
-Nothing heavy is imported here, so that the process can begin before whoever starts it has imported its own part.
+Nothing heavy is imported here, so that the process can begin before whoever starts it
+has imported its own part.
 """
 
 import multiprocessing
@@ -37,9 +39,12 @@ if TYPE_CHECKING:
 ENDED = "the control process has ended; start again"
 MISSED = "the control process does not answer"
 MOST_MISSED = 1.5  # s, and two control periods, without a snapshot
-TURN = 0.0005  # s after which Python lets another thread go on: the control thread gets its turn soon
+# s after which Python lets another thread go on: the control thread gets its turn soon
+TURN = 0.0005
 MOST_WAITING = 1000  # snapshots that nobody has fetched yet
-HEARTBEAT, SILENCE = 0.25, 1.5  # s between the page's signs of life, and without any until the arm is stopped
+# s between the page's signs of life, and without any until the arm is stopped
+HEARTBEAT = 0.25
+SILENCE = 1.5
 OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
 SILENT = "the page was silent"
 """What is told when the arm was stopped for that; the page says that it is `known`."""
@@ -60,24 +65,33 @@ class ControlProcess(Control):
             build: makes the control over there, and can be pickled.
         """
         super().__init__()
-        self.arm, self.limits = arm, RequestLimits.of(arm, ())
-        self._fault, self._heard = "", time.perf_counter()
-        self._ready, self._stopping = threading.Event(), threading.Event()
-        self._using, self._used = threading.Lock(), queue.SimpleQueue[str]()
+        self.arm = arm
+        self.limits = RequestLimits.of(arm, ())
+        self._fault = ""
+        self._heard = time.perf_counter()
+        self._ready = threading.Event()
+        self._stopping = threading.Event()
+        self._using = threading.Lock()
+        self._used = queue.SimpleQueue[str]()
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_control, args=(build, theirs), name="control", daemon=True)
+        self._process = context.Process(
+            target=_control, args=(build, theirs), name="control", daemon=True
+        )
         self._process.start()
         self.process = self._process.pid
         theirs.close()
-        self._listener = threading.Thread(target=self._listen, name="snapshots", daemon=True)
+        self._listener = threading.Thread(
+            target=self._listen, name="snapshots", daemon=True
+        )
         self._listener.start()
         threading.Thread(target=self._live, name="heartbeat", daemon=True).start()
 
     @property
     def latest(self) -> Snapshot | None:
         """The latest snapshot, None before the first; it says so where none has come for too long."""
-        latest, missing = self._latest, self._missing()
+        latest = self._latest
+        missing = self._missing()
         if latest is None or not missing or self._stopping.is_set():
             return latest
         return replace(latest, stage=Stage.FAULT, fault=missing)
@@ -132,7 +146,8 @@ class ControlProcess(Control):
         self.order("stop")
         if self._latest is not None:  # else it may still be compiling
             self.wait_for_rest(self._process)
-        for end in (self._process.terminate, self._process.kill):  # nothing happens to one that has ended
+        # nothing happens to one that has ended
+        for end in (self._process.terminate, self._process.kill):
             end()
             self._process.join(PATIENCE)
         self._listener.join(PATIENCE)
@@ -143,7 +158,12 @@ class ControlProcess(Control):
         quiet = time.perf_counter() - self._heard
         if not self._process.is_alive():
             return ENDED
-        return MISSED if self._latest is not None and quiet > MOST_MISSED + 2 * self.arm.control_period else ""
+        return (
+            MISSED
+            if self._latest is not None
+            and quiet > MOST_MISSED + 2 * self.arm.control_period
+            else ""
+        )
 
     def _check_alive(self) -> None:
         if missing := self._missing():
@@ -168,7 +188,8 @@ class ControlProcess(Control):
 
     def _fetched(self) -> Any:
         """What comes next; None when nothing will."""
-        with suppress(EOFError, OSError, TypeError):  # the last where the pipe is closed meanwhile
+        # the last where the pipe is closed meanwhile
+        with suppress(EOFError, OSError, TypeError):
             return self._pipe.recv()
         return None
 
@@ -183,7 +204,8 @@ class ControlProcess(Control):
                 self._fault = str(said)  # and the end comes at once
             case tuple():
                 self.limits, self.strategies = said
-            case _ if said == SILENT:  # it was stopped over there: here, too, until somebody says go on
+            # it was stopped over there: here, too, until somebody says go on
+            case _ if said == SILENT:
                 with self._lock:
                     self.halt(SILENT)
                     self.order("known")
@@ -198,13 +220,16 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
     sys.setswitchinterval(TURN)
     compute_on_one_thread()
     said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
-    passing = threading.Thread(target=_pass_on, args=(said, pipe), name="snapshots", daemon=True)
+    passing = threading.Thread(
+        target=_pass_on, args=(said, pipe), name="snapshots", daemon=True
+    )
     passing.start()
     try:
         control = build()
         said.put((control.limits, control.strategies))
         control.watch(partial(_leave, said))
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # before there is nothing to lead to rest
+        # before there is nothing to lead to rest
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit())
         try:
             control.start()
             _go_first()
@@ -221,11 +246,13 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
 def _go_first() -> None:
     """Let the threads that are there now run before all others, where the system lets anybody (Linux: root, mostly).
 
-    Python threads that are started later, to build a strategy, get no more than their share.
+    Python threads that are started later, to build a strategy, get no more than their
+    share.
     """
     if not hasattr(os, "SCHED_RESET_ON_FORK"):
         return
-    policy, least = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    least = os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
     for thread in os.listdir("/proc/self/task"):
         with suppress(OSError):  # not allowed, or just ended
             os.sched_setscheduler(int(thread), policy, least)
@@ -247,8 +274,11 @@ def _obey(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
                     control.ask(**asked | ({"stopped": True} if silent else {}))
                 case "known", ():
                     silent = False
-                case "use", (name,):  # building a strategy takes long, so that goes beside the rest
-                    threading.Thread(target=_use, args=(control, name, said), daemon=True).start()
+                # building a strategy takes long, so that goes beside the rest
+                case "use", (name,):
+                    threading.Thread(
+                        target=_use, args=(control, name, said), daemon=True
+                    ).start()
                 case "begin" | "move_on" as name, arguments:
                     control.order(name, *arguments)
                 case _:

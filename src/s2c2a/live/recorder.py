@@ -23,7 +23,8 @@ class Recorder:
 
     def __init__(self, control: Control, folder: Path):
         """A recorder that writes new folders into one folder."""
-        self._control, self._folder = control, folder
+        self._control = control
+        self._folder = folder
         self._kept: list[Snapshot] = []
         self._end: Callable[[], None] | None = None
         self._lock = threading.Lock()
@@ -50,21 +51,39 @@ class Recorder:
             if self._end is None:
                 return None
             self._end()
-            self._end, kept = None, self._kept
+            self._end = None
+            kept = self._kept
         if len(kept) < 2:
             return None
-        arm, made_with = self._control.arm, versions()
+        arm = self._control.arm
+        made_with = versions()
         folder = self._folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
-        options = {"options": {"verb": "live", "arm": arm.model_dump(mode="json")}, "versions": made_with}
-        save_whole(json.dumps(options, indent=1, default=str) + "\n", folder / "options.json")
+        options = {
+            "options": {"verb": "live", "arm": arm.model_dump(mode="json")},
+            "versions": made_with,
+        }
+        save_whole(
+            json.dumps(options, indent=1, default=str) + "\n", folder / "options.json"
+        )
         save_arm(arm, folder / "arm.toml", overwrite=True)
-        steps, strategy = [one.step for one in kept], kept[-1].strategy
-        episode = episode_of(steps, arm, verb="live", strategy=strategy, versions=made_with)
+        steps = [one.step for one in kept]
+        strategy = kept[-1].strategy
+        episode = episode_of(
+            steps, arm, verb="live", strategy=strategy, versions=made_with
+        )
         save_episodes([episode], folder / f"{arm.name}{ENDING}")
-        if "states" in episode.sensors and len(episode.running):  # else there is nothing to draw
-            replay_page([Trace(episode, strategy)], arm, f"live with {arm.name}", folder / f"{arm.name}.html")
+        # else there is nothing to draw
+        if "states" in episode.sensors and len(episode.running):
+            replay_page(
+                [Trace(episode, strategy)],
+                arm,
+                f"live with {arm.name}",
+                folder / f"{arm.name}.html",
+            )
         return folder
 
     def _keep(self, snapshot: Snapshot) -> None:
-        if len(self._kept) < MOST_STEPS and (not self._kept or snapshot.step.number > self._kept[-1].step.number):
+        if len(self._kept) < MOST_STEPS and (
+            not self._kept or snapshot.step.number > self._kept[-1].step.number
+        ):
             self._kept.append(snapshot)

@@ -52,7 +52,8 @@ class Request:
         weights: factors of the terms.
         payload: at the tip [kg].
         push: force at the tip [N], base frame.
-        coupling: part of the paper's leak between the modules' sensors (eq. (11)), 0 to 1.
+        coupling: part of the paper's leak between the modules' sensors (eq. (11)), 0 to
+            1.
         noise: of the sensors, standard deviation in parts of the full range.
     """
 
@@ -90,14 +91,23 @@ class RequestLimits:
     tasks: tuple[str, ...]
 
     @classmethod
-    def of(cls, arm: ArmSpec, tasks: tuple[str, ...], disturbed: bool = True) -> "RequestLimits":
+    def of(
+        cls, arm: ArmSpec, tasks: tuple[str, ...], disturbed: bool = True
+    ) -> "RequestLimits":
         """Twice the arm's length around it; where it can be pushed and loaded, its own weight, to each side as well."""
         mass = sum(module.mass for module in arm.modules) if disturbed else 0.0
-        return cls(reach=2.0 * arm.length, payload=round(mass, 3), push=round(9.81 * mass, 2), noise=0.1, tasks=tasks)
+        return cls(
+            reach=2.0 * arm.length,
+            payload=round(mass, 3),
+            push=round(9.81 * mass, 2),
+            noise=0.1,
+            tasks=tasks,
+        )
 
     def changed(self, request: Request, **changes: Any) -> Request:
         """The request with changes brought within the limits; a change that makes no sense is passed over."""
-        rules, sound = self._rules(), {}
+        rules = self._rules()
+        sound = {}
         for name in rules.keys() & changes.keys():
             try:
                 sound[name] = rules[name](changes[name])
@@ -106,25 +116,40 @@ class RequestLimits:
         return replace(request, **sound)
 
     def _rules(self) -> dict[str, Callable[[Any], Any]]:
-        numbers = {"speed": SPEEDS, "payload": (0.0, self.payload), "coupling": (0.0, 1.0), "noise": (0.0, self.noise)}
+        numbers = {
+            "speed": SPEEDS,
+            "payload": (0.0, self.payload),
+            "coupling": (0.0, 1.0),
+            "noise": (0.0, self.noise),
+        }
         return {
-            **{name: partial(_sound, low=low, high=high) for name, (low, high) in numbers.items()},
+            **{
+                name: partial(_sound, low=low, high=high)
+                for name, (low, high) in numbers.items()
+            },
             **dict.fromkeys(("driven", "stopped", "playing"), bool),
             "target": lambda value: None if value is None else self._inside(value),
             "axis": lambda value: None if value is None else _unit(value),
-            "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],  # where there is one
-            "obstacles": lambda value: tuple(self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]),
+            # where there is one
+            "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],
+            "obstacles": lambda value: tuple(
+                self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]
+            ),
             "weights": lambda value: Weights(*_sound(value, *FACTORS, shape=(4,))),
             "push": lambda value: point(_sound(value, -self.push, self.push, (3,))),
         }
 
     def _obstacle(self, value: Any) -> Obstacle:
-        return Obstacle(self._inside(value.centre), _sound(value.threshold, 0.01, self.reach / 4))
+        return Obstacle(
+            self._inside(value.centre), _sound(value.threshold, 0.01, self.reach / 4)
+        )
 
     def _inside(self, value: Any) -> Point:
         """The point, drawn to the sphere around the base if it is outside of it."""
         vector = np.array(_sound(value, shape=(3,)))
-        return point(vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9)))
+        return point(
+            vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9))
+        )
 
 
 @dataclass(frozen=True)
@@ -157,13 +182,21 @@ class Knob:
 
     def change(self, request: Request, shown: float) -> dict[str, Any]:
         """What to ask for when the slider shows a number."""
-        whole, number, place = getattr(request, self.name), shown / self.scale, self.place
-        return {self.name: number if place is None else (*whole[:place], number, *whole[place + 1 :])}
+        whole = getattr(request, self.name)
+        number = shown / self.scale
+        place = self.place
+        return {
+            self.name: number
+            if place is None
+            else (*whole[:place], number, *whole[place + 1 :])
+        }
 
 
 SPEED = Knob("Speed", 0.25, 3.0, 0.25, "speed")
 FACTORED = ("target μp", "direction μo", "obstacles μob", "change μd")
-WEIGHTS = tuple(Knob(label, 0.0, 4.0, 0.1, "weights", place) for place, label in enumerate(FACTORED))
+WEIGHTS = tuple(
+    Knob(label, 0.0, 4.0, 0.1, "weights", place) for place, label in enumerate(FACTORED)
+)
 
 
 def faults(limits: RequestLimits, couples: bool) -> tuple[Knob, ...]:
@@ -171,7 +204,10 @@ def faults(limits: RequestLimits, couples: bool) -> tuple[Knob, ...]:
     push = limits.push
     return (
         Knob("Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000),
-        *(Knob(f"Push {name} [N]", -push, push, push / 20, "push", place) for place, name in enumerate("xyz")),
+        *(
+            Knob(f"Push {name} [N]", -push, push, push / 20, "push", place)
+            for place, name in enumerate("xyz")
+        ),
         Knob("Sensor noise [%]", 0.0, 100 * limits.noise, 0.1, "noise", scale=100),
         Knob("Sensor coupling [%]", 0.0, 100.0 * couples, 5.0, "coupling", scale=100),
     )
@@ -183,7 +219,9 @@ def point(values: Iterable[Any]) -> Point:
     return x, y, z
 
 
-def _sound(value: Any, low: float = -1e6, high: float = 1e6, shape: tuple[int, ...] = ()) -> Any:
+def _sound(
+    value: Any, low: float = -1e6, high: float = 1e6, shape: tuple[int, ...] = ()
+) -> Any:
     """Finite numbers of this shape, brought within their limits, as Python's own."""
     if isinstance(value, str | bytes | bool):
         raise TypeError("numbers are needed")

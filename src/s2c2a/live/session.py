@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 
-GHOST, TRAILS, CLOUD = "Planned arm", "Trails", "Workspace"  # what can be shown beside the arm
+# what can be shown beside the arm
+GHOST = "Planned arm"
+TRAILS = "Trails"
+CLOUD = "Workspace"
 
 
 class Session:
@@ -16,7 +19,8 @@ class Session:
 
     def __init__(self, on_change: Callable[[], None] = lambda: None):
         """Nobody is there yet; `on_change` is told when somebody takes or leaves the handle."""
-        self._on_change, self.view = on_change, dict.fromkeys((GHOST, TRAILS, CLOUD), True)
+        self._on_change = on_change
+        self.view = dict.fromkeys((GHOST, TRAILS, CLOUD), True)
         self.present: tuple[int, ...] = ()
         self.driver: int | None = None
 

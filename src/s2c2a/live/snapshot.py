@@ -29,11 +29,14 @@ class Snapshot:
     Attributes:
         step: of the control loop.
         stage: what the arm does.
-        states: of the arm, shape (modules, 6), base frame; what its model expects where nothing watches it.
+        states: of the arm, shape (modules, 6), base frame; what its model expects where
+            nothing watches it.
         expected: states that the plan leads to, the same shape.
         deviation: how far off the tip must be expected to be there [m].
-        error: distance of the tip from where it should be by now [m]; NaN where nothing is asked of it.
-        clearance: least distance of the tip from a threshold [m]; infinite without obstacles.
+        error: distance of the tip from where it should be by now [m]; NaN where nothing
+            is asked of it.
+        clearance: least distance of the tip from a threshold [m]; infinite without
+            obstacles.
         task_step: step of the task that is played.
         task_steps: how many steps it has; zero without a task.
         strategy: name of what drives the arm.
@@ -163,5 +166,6 @@ class Control(ABC):
 def straight(arm: ArmSpec) -> States:
     """States of the straight arm [m], base frame, shape (modules, 6)."""
     states = np.zeros((arm.module_count, 6))
-    states[:, 2], states[:, 5] = np.cumsum([module.length for module in arm.modules]), 1.0
+    states[:, 2] = np.cumsum([module.length for module in arm.modules])
+    states[:, 5] = 1.0
     return states

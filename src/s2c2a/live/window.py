@@ -22,10 +22,15 @@ from s2c2a.viz.mounting import Mounting
 
 FRAME = 1 / 30  # s between frames
 BRAND = (31, 95, 196)
-CAMERA, LOOK_AT = (1.75, -1.85, 1.2), (0.12, 0.1, 0.55)  # in parts of the arm's length
-UPRIGHT_CAMERA, UPRIGHT_LOOK_AT = (2.7, -2.9, 1.5), (0.0, 0.0, 0.1)  # of a telephone, its lower half under the panel
+# in parts of the arm's length
+CAMERA = (1.75, -1.85, 1.2)
+LOOK_AT = (0.12, 0.1, 0.55)
+# of a telephone, its lower half under the panel
+UPRIGHT_CAMERA = (2.7, -2.9, 1.5)
+UPRIGHT_LOOK_AT = (0.0, 0.0, 0.1)
 
-warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # of browsers that have just gone
+# of browsers that have just gone
+warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
 
 
 class Window:
@@ -44,14 +49,23 @@ class Window:
 
     def __init__(self, arm: ArmSpec):
         """A viser server on 127.0.0.1 that takes websockets from its gate alone, and the arm straight."""
-        self.arm, self._secret = arm, f"gate://{secrets.token_hex(16)}"  # an origin that no page can have
+        # an origin that no page can have
+        self.arm = arm
+        self._secret = f"gate://{secrets.token_hex(16)}"
         with only_with(self._secret), redirect_stdout(io.StringIO()):
-            self.server = viser.ViserServer(host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False)
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
-        self.server.initial_camera.position, self.server.initial_camera.look_at = camera_of(arm)
+            self.server = viser.ViserServer(
+                host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False
+            )
+        self.server.gui.configure_theme(
+            show_logo=False, show_share_button=False, brand_color=BRAND
+        )
+        self.server.initial_camera.position, self.server.initial_camera.look_at = (
+            camera_of(arm)
+        )
         self.server.initial_camera.fov = np.deg2rad(40)
         self.server.on_client_connect(self._look_upright)
-        self.scene, self.closing = ArmScene(self.server.scene, arm), threading.Event()
+        self.scene = ArmScene(self.server.scene, arm)
+        self.closing = threading.Event()
 
     def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> Self:
         """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it. Returns itself.
@@ -69,8 +83,11 @@ class Window:
             for passed in frames(FRAME, self.closing):
                 try:
                     act(passed)
-                except Exception as error:  # the next frame may be drawn again; it is told once
-                    warnings.warn(f"a frame could not be drawn: {error!r}", stacklevel=1)
+                # the next frame may be drawn again; it is told once
+                except Exception as error:
+                    warnings.warn(
+                        f"a frame could not be drawn: {error!r}", stacklevel=1
+                    )
 
         self._drawing = threading.Thread(target=again, name="scene", daemon=True)
         self._drawing.start()
@@ -91,7 +108,9 @@ class Window:
             client.camera.position, client.camera.look_at = upright
 
 
-def camera_of(arm: ArmSpec, place: Point = CAMERA, aim: Point = LOOK_AT) -> Float[np.ndarray, "2 3"]:
+def camera_of(
+    arm: ArmSpec, place: Point = CAMERA, aim: Point = LOOK_AT
+) -> Float[np.ndarray, "2 3"]:
     """Where the camera is first, and where it looks to, for this arm's mounting; base frame [m]."""
     mounting = Mounting.of(arm)
     return arm.length * np.array([mounting.placed(place), mounting.placed(aim)])
@@ -119,9 +138,12 @@ def sound_value(part: Any) -> Any:
 def frames(period: float, over: threading.Event) -> Iterator[float]:
     """Moments a period apart until it is over, and how long the one before was ago [s].
 
-    Moments that pass while something is drawn are left out: others get their turn before the next one.
+    Moments that pass while something is drawn are left out: others get their turn
+    before the next one.
     """
-    begun, number, before = time.perf_counter(), 0, 0.0
+    begun = time.perf_counter()
+    number = 0
+    before = 0.0
     while not over.wait(max(0.0, begun + number * period - time.perf_counter())):
         now = time.perf_counter() - begun
         yield now - before

@@ -12,7 +12,9 @@ from s2c2a.planning import reach_gaps
 from s2c2a.spaces import POSITION, Bends, States
 
 
-def workspace(arm: ArmSpec, points: int = 400, seed: int = 0) -> Float[np.ndarray, "modules points 3"]:
+def workspace(
+    arm: ArmSpec, points: int = 400, seed: int = 0
+) -> Float[np.ndarray, "modules points 3"]:
     """Ends of the modules [m], base frame, all modules' bends even in their discs; shape (modules, points, 3)."""
     random = np.random.default_rng(seed)
     turns = random.uniform(0, 2 * np.pi, (points, arm.module_count))
@@ -34,7 +36,9 @@ def arcs(arm: ArmSpec, bends: Bends) -> States:
 def survey(arm: ArmSpec) -> Survey:
     """Cloud and gaps; what tells gaps is compiled here."""
     reach_gaps(arm, np.array([(0.0, 0.0, arm.length)]))
-    return workspace(arm), lambda position: float(reach_gaps(arm, np.array([position]))[0])
+    return workspace(arm), lambda position: float(
+        reach_gaps(arm, np.array([position]))[0]
+    )
 
 
 _states = jax.jit(states_from_bends)

@@ -25,13 +25,17 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as file:
             sizes = [entry.file_size for entry in file.infolist()]
             if sum(sizes) > MOST_BYTES or len(sizes) > MOST_COLUMNS:
-                raise LogError(f"{path} unpacks to {sum(sizes)} bytes; at most {MOST_BYTES} are read")
+                raise LogError(
+                    f"{path} unpacks to {sum(sizes)} bytes; at most {MOST_BYTES} are read"
+                )
         with np.load(path, allow_pickle=False) as arrays:
             return _columns({name: arrays[name] for name in arrays.files})
     except LogError:
         raise
     except Exception as error:  # whatever a stranger's file provokes
-        raise LogError(f"{path}: cannot be read as NPZ: {error}; save plain arrays of numbers") from error
+        raise LogError(
+            f"{path}: cannot be read as NPZ: {error}; save plain arrays of numbers"
+        ) from error
 
 
 def read_mat(path: str | os.PathLike) -> dict[str, np.ndarray]:
@@ -40,38 +44,54 @@ def read_mat(path: str | os.PathLike) -> dict[str, np.ndarray]:
     Raises:
         LogError: no such file, of version 7.3 (HDF5), or too large.
     """
-    from scipy.io import loadmat  # noqa: PLC0415 (heavy)
+    from scipy.io import loadmat
 
     try:
         with open(path, "rb") as file:
             _check_mat(file, path)
-        return _columns({name: array for name, array in loadmat(path).items() if not name.startswith("__")})
+        return _columns(
+            {
+                name: array
+                for name, array in loadmat(path).items()
+                if not name.startswith("__")
+            }
+        )
     except LogError:
         raise
     except Exception as error:
-        raise LogError(f"{path}: cannot be read as MAT: {error}; save plain arrays of numbers with -v7") from error
+        raise LogError(
+            f"{path}: cannot be read as MAT: {error}; save plain arrays of numbers with -v7"
+        ) from error
 
 
 def _check_mat(file: BinaryIO, path: str | os.PathLike) -> None:
     """Refuse HDF5, and packed elements that swell: they are unpacked once without being kept."""
     head = file.read(128)
     if head.startswith(HDF5) or b"MATLAB 7.3" in head:
-        raise LogError(f"{path} is of version 7.3 (HDF5), which is not read; save it with -v7 in MATLAB")
+        raise LogError(
+            f"{path} is of version 7.3 (HDF5), which is not read; save it with -v7 in MATLAB"
+        )
     if len(head) < 128 or head[126:128] not in (b"IM", b"MI"):
-        raise LogError(f"{path} is no MAT file of version 5; save it with -v7 in MATLAB")
-    order, left = "little" if head[126:128] == b"IM" else "big", MOST_BYTES
+        raise LogError(
+            f"{path} is no MAT file of version 5; save it with -v7 in MATLAB"
+        )
+    order = "little" if head[126:128] == b"IM" else "big"
+    left = MOST_BYTES
     while len(tag := file.read(8)) == 8:
         kind, size = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))  # type: ignore[arg-type]
         left -= _unpacked_size(file, size, left) if kind == COMPRESSED else size
         if left < 0:
-            raise LogError(f"{path} unpacks to more than {MOST_BYTES} bytes; take a part of it")
+            raise LogError(
+                f"{path} unpacks to more than {MOST_BYTES} bytes; take a part of it"
+            )
         if kind != COMPRESSED:
             file.seek(size, os.SEEK_CUR)
 
 
 def _unpacked_size(file: BinaryIO, size: int, most: int) -> int:
     """Bytes of a packed element, not counted beyond `most`."""
-    unpacker, total = zlib.decompressobj(), 0
+    unpacker = zlib.decompressobj()
+    total = 0
     for piece in _pieces(file, size):
         while piece and total <= most:
             total += len(unpacker.decompress(piece, PIECE))
@@ -89,7 +109,8 @@ def _columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     for name, array in arrays.items():
         array = np.asarray(array)
-        if array.dtype.kind not in "fiubU":  # structures, cells and objects are passed over; naming one says so
+        # structures, cells and objects are passed over; naming one says so
+        if array.dtype.kind not in "fiubU":
             continue
         if array.ndim == 2 and 1 in array.shape:
             array = array.reshape(-1)
@@ -98,6 +119,10 @@ def _columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
             continue
         flat = array.reshape(len(array), -1) if array.ndim else array.reshape(1, 1)
         if len(columns) + flat.shape[1] > MOST_COLUMNS:
-            raise LogError(f"'{name}' has {flat.shape[1]} columns, at most {MOST_COLUMNS} are read; rows are moments")
-        columns |= {f"{name}.{number}": flat[:, number] for number in range(flat.shape[1])}
+            raise LogError(
+                f"'{name}' has {flat.shape[1]} columns, at most {MOST_COLUMNS} are read; rows are moments"
+            )
+        columns |= {
+            f"{name}.{number}": flat[:, number] for number in range(flat.shape[1])
+        }
     return columns

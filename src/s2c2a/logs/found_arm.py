@@ -18,7 +18,8 @@ from s2c2a.logs.tendons import Guess
 MARGIN_DEG = 5.0
 LEAST_STEP = 1e-3  # rad; less is no step
 STEPS_DEG = (0.1, 20.0)
-"""Step limits that a log can ask for: poses that were gone to at random are no reason to go there in one step."""
+"""Step limits that a log can ask for: poses that were gone to at random are no reason
+to go there in one step."""
 MOST_OFF_DEG = 60.0
 
 
@@ -27,12 +28,15 @@ class Layout:
     """Where each drive's column goes in the arm's cables.
 
     Attributes:
-        drive: number of the drive on each cable, shape (modules, cables); by angle within a module.
-        factor: displacement [m], positive where the cable gets longer, or tension [N], for a unit of the column.
+        drive: number of the drive on each cable, shape (modules, cables); by angle
+            within a module.
+        factor: displacement [m], positive where the cable gets longer, or tension [N],
+            for a unit of the column.
         angles_deg: where the cables are, the same shape.
         radii: of the cables [m], shape (modules,).
         gains: of each cable over the mean of its module, shape (modules, cables).
-        turn: by which the base frame of the arm is turned about z against the one that was found [rad].
+        turn: by which the base frame of the arm is turned about z against the one that
+            was found [rad].
     """
 
     drive: np.ndarray
@@ -54,7 +58,9 @@ def layout_of(fit: Fit, motors: Motors, told: LogMap) -> Layout:
     owners = motors.modules[wiring.drive]
     counts = np.bincount(owners, minlength=told.arm.modules)
     if len(set(counts)) > 1 or counts[0] < 3:
-        raise LogError(f"the modules would have {counts.tolist()} cables; each needs as many, and three at least")
+        raise LogError(
+            f"the modules would have {counts.tolist()} cables; each needs as many, and three at least"
+        )
     order = np.array(
         [
             sorted(np.flatnonzero(owners == module), key=lambda cable: angles[cable])
@@ -65,10 +71,16 @@ def layout_of(fit: Fit, motors: Motors, told: LogMap) -> Layout:
     mean = np.exp(np.log(gains).mean(axis=1))
     tension, free = (told.drives[0].unit == unit for unit in ("N", "free"))
     stated = told.arm.cable_radius
-    radii = np.full(told.arm.modules, stated or 0.01) if stated or tension else np.clip(1 / mean, 0.0015, 0.3)
+    radii = (
+        np.full(told.arm.modules, stated or 0.01)
+        if stated or tension
+        else np.clip(1 / mean, 0.0015, 0.3)
+    )
     size = gains * radii[:, None] if free else np.ones_like(gains)
     way = (1.0 if tension else -1.0) * wiring.sign[order]
-    return Layout(wiring.drive[order], way * size, angles[order], radii, gains / mean[:, None])
+    return Layout(
+        wiring.drive[order], way * size, angles[order], radii, gains / mean[:, None]
+    )
 
 
 def matched(layout: Layout, arm: ArmSpec, turned: bool) -> Layout:
@@ -77,41 +89,61 @@ def matched(layout: Layout, arm: ArmSpec, turned: bool) -> Layout:
     Args:
         layout: as it was found.
         arm: that was stated.
-        turned: whether x may be turned so that angles fit best; not where the map says where x is.
+        turned: whether x may be turned so that angles fit best; not where the map says
+            where x is.
 
     Raises:
         LogError: the arm has other modules or cables, or its cables stand elsewhere.
     """
     angles = per_module(arm, "cable_angles_deg")
     if angles.shape != layout.angles_deg.shape:
-        raise LogError(f"'{arm.name}' has (modules, cables) {angles.shape}, the map tells of {layout.angles_deg.shape}")
+        raise LogError(
+            f"'{arm.name}' has (modules, cables) {angles.shape}, the map tells of {layout.angles_deg.shape}"
+        )
     turns = (angles[0, 0] - layout.angles_deg[0]) % 360.0 if turned else np.zeros(1)
     orders = [_order(layout.angles_deg + turn, angles) for turn in turns]
-    apart = [_apart(layout, turn, order, angles) for turn, order in zip(turns, orders, strict=True)]
+    apart = [
+        _apart(layout, turn, order, angles)
+        for turn, order in zip(turns, orders, strict=True)
+    ]
     best = int(np.argmin([one.var() for one in apart]))
     more = apart[best].mean() if turned else 0.0
     if (worst := float(np.abs(apart[best] - more).max())) > MOST_OFF_DEG:
-        raise LogError(f"cables of '{arm.name}' stand up to {worst:.0f} deg from those found; check its angles")
+        raise LogError(
+            f"cables of '{arm.name}' stand up to {worst:.0f} deg from those found; check its angles"
+        )
     names = ("drive", "factor", "gains", "angles_deg")
-    kept = {name: np.take_along_axis(getattr(layout, name), orders[best], 1) for name in names}
+    kept = {
+        name: np.take_along_axis(getattr(layout, name), orders[best], 1)
+        for name in names
+    }
     return replace(layout, **kept, turn=float(np.deg2rad(turns[best] - more)))
 
 
-def _apart(layout: Layout, turn: float, order: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def _apart(
+    layout: Layout, turn: float, order: np.ndarray, angles: np.ndarray
+) -> np.ndarray:
     """How far cables are from where they shall be [deg]."""
-    return (np.take_along_axis(layout.angles_deg + turn, order, 1) - angles + 180.0) % 360.0 - 180.0
+    return (
+        np.take_along_axis(layout.angles_deg + turn, order, 1) - angles + 180.0
+    ) % 360.0 - 180.0
 
 
 def _order(found: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Which of the cables found is nearest to each of the arm's, module by module."""
-    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 (heavy)
+    from scipy.optimize import linear_sum_assignment
 
     apart = 1 - np.cos(np.deg2rad(angles[:, :, None] - found[:, None, :]))
     return np.array([linear_sum_assignment(one)[1] for one in apart])
 
 
 def arm_text(
-    fit: Fit, motors: Motors, layout: Layout, told: LogMap, bends: Sequence[np.ndarray], residual: float
+    fit: Fit,
+    motors: Motors,
+    layout: Layout,
+    told: LogMap,
+    bends: Sequence[np.ndarray],
+    residual: float,
 ) -> str:
     """The arm file: TOML, loadable, with standard deviations as remarks.
 
@@ -120,10 +152,12 @@ def arm_text(
         motors: what that assumes.
         layout: where each drive went.
         told: the map.
-        bends: of that model in each stretch of the log [rad], each of shape (rows, modules, 2).
+        bends: of that model in each stretch of the log [rad], each of shape (rows,
+            modules, 2).
         residual: rms distance of the model's ends from those seen [m].
     """
-    arm, source = told.arm, f" ({told.source.name})" if told.source.name else ""
+    arm = told.arm
+    source = f" ({told.source.name})" if told.source.name else ""
     limits = _most_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
     steps = np.concatenate([np.diff(part, axis=0) for part in bends])
     moved = np.linalg.norm(steps, axis=-1).max(axis=-1) > LEAST_STEP
@@ -140,11 +174,16 @@ def arm_text(
         f"control_rate = {float(arm.control_rate)}",
         f"step_limit_deg = {np.clip(step, *STEPS_DEG):.1f}  # 99 of 100 steps of the log were no longer",
     ]
-    modules = [_module_lines(module, fit, layout, told, float(limits[module])) for module in range(arm.modules)]
+    modules = [
+        _module_lines(module, fit, layout, told, float(limits[module]))
+        for module in range(arm.modules)
+    ]
     return "\n".join([*lines, *(line for module in modules for line in module)]) + "\n"
 
 
-def _most_deg(bends: Float[np.ndarray, "rows modules 2"], share: float) -> Float[np.ndarray, " modules"]:
+def _most_deg(
+    bends: Float[np.ndarray, "rows modules 2"], share: float
+) -> Float[np.ndarray, " modules"]:
     """This share of them are smaller [deg]; the rest are outliers."""
     return np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), share, axis=0))
 
@@ -154,11 +193,17 @@ def quoted(text: str) -> str:
     return tomli_w.dumps({"text": text}).removeprefix("text = ").strip()
 
 
-def _module_lines(module: int, fit: Fit, layout: Layout, told: LogMap, limit: float) -> list[str]:
-    arm, length, drives = told.arm, float(np.exp(fit.guess.lengths[module])), layout.drive[module]
+def _module_lines(
+    module: int, fit: Fit, layout: Layout, told: LogMap, limit: float
+) -> list[str]:
+    arm = told.arm
+    length = float(np.exp(fit.guess.lengths[module]))
+    drives = layout.drive[module]
     off = fit.errors or Guess(*(np.full_like(part, np.nan) for part in fit.guess))
     names = [told.drives[drive].name for drive in drives]
-    spread = layout.radii[module] * np.sqrt(off.gain**2 + np.mean(off.gains[drives] ** 2) / len(drives))
+    spread = layout.radii[module] * np.sqrt(
+        off.gain**2 + np.mean(off.gains[drives] ** 2) / len(drives)
+    )
     gains = zip(layout.gains[module], off.gains[drives], strict=True)
     return [
         "",
@@ -175,12 +220,20 @@ def _module_lines(module: int, fit: Fit, layout: Layout, told: LogMap, limit: fl
 
 def _plain_lines(arm: KnownArm, limit: float) -> list[str]:
     """What a log does not tell."""
-    known = {key: "stated" if key in arm.model_fields_set else "a guess" for key in ("mass", "bending_stiffness")}
-    lines = [f"{key} = {float(getattr(arm, key))}  # {how}" for key, how in known.items()]
+    known = {
+        key: "stated" if key in arm.model_fields_set else "a guess"
+        for key in ("mass", "bending_stiffness")
+    }
+    lines = [
+        f"{key} = {float(getattr(arm, key))}  # {how}" for key, how in known.items()
+    ]
     if arm.bend_limit_deg is not None:
         return [*lines, f"bend_limit_deg = {float(arm.bend_limit_deg)}  # stated"]
     seen = float(np.clip(limit, 1.0, 150.0))
-    return [*lines, f"bend_limit_deg = {seen:.1f}  # {MARGIN_DEG:.0f} more than was seen"]
+    return [
+        *lines,
+        f"bend_limit_deg = {seen:.1f}  # {MARGIN_DEG:.0f} more than was seen",
+    ]
 
 
 def _or_stated(spread: float, stated: object) -> str:

@@ -11,7 +11,9 @@ from s2c2a.logs.map import LogMap
 
 MOST_GROUPINGS = 20_000
 OPEN = 179.0  # deg between neighbouring cables: such a module cannot bend every way
-UNEVEN = 5.0  # what a gap of a whole turn more than even weighs, against a factor e in how far motors go
+# what a gap of a whole turn more than even weighs, against a factor e in how far motors
+# go
+UNEVEN = 5.0
 DEPENDENT = 1e-3  # least eigenvalue of correlations
 FAR = 0.25  # a motor that is further off than this has not moved enough to be told
 
@@ -19,36 +21,53 @@ Grouping = tuple[tuple[int, ...], ...]
 
 
 def likely_groups(
-    effects: Float[np.ndarray, "drives ends 2"], columns: Float[np.ndarray, "rows drives"], told: LogMap, most: int
+    effects: Float[np.ndarray, "drives ends 2"],
+    columns: Float[np.ndarray, "rows drives"],
+    told: LogMap,
+    most: int,
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The likeliest modules and signs of all motors, best first.
 
     Args:
-        effects: how far ends go across the arm for a unit of each column, innermost end first.
+        effects: how far ends go across the arm for a unit of each column, innermost end
+            first.
         columns: what they did.
         told: the map; what it states holds.
         most: how many.
     """
-    reach, alike = _reaches(effects), np.nan_to_num(np.corrcoef(columns.T)).reshape(len(told.drives), -1)
-    scored: list[tuple[float, int, tuple[Grouping, list[int], list[Sequence[int]]]]] = []
+    reach = _reaches(effects)
+    alike = np.nan_to_num(np.corrcoef(columns.T)).reshape(len(told.drives), -1)
+    scored: list[
+        tuple[float, int, tuple[Grouping, list[int], list[Sequence[int]]]]
+    ] = []
     for grouping in islice(_groupings(told), MOST_GROUPINGS):
         ways = [_best_way(group, effects[:, -1], reach, told) for group in grouping]
         if all(way is not None for way in ways):
-            cost = sum(way[0] for way in ways if way) + sum(not _dependent(alike, group) for group in grouping)
+            cost = sum(way[0] for way in ways if way) + sum(
+                not _dependent(alike, group) for group in grouping
+            )
             signs = [way[1] for way in ways if way]
-            scored.append((cost, len(scored), (grouping, _outwards(grouping, reach, told), signs)))
+            scored.append(
+                (cost, len(scored), (grouping, _outwards(grouping, reach, told), signs))
+            )
     return [_as_arrays(*found, len(told.drives)) for *_, found in sorted(scored)[:most]]
 
 
 def _dependent(alike: np.ndarray, group: Sequence[int]) -> bool:
     """Whether a column follows from the others: what a controller does to the three cables of a bend in a plane."""
-    return len(group) > 2 and bool(np.linalg.eigvalsh(alike[np.ix_(group, group)])[0] < DEPENDENT)
+    return len(group) > 2 and bool(
+        np.linalg.eigvalsh(alike[np.ix_(group, group)])[0] < DEPENDENT
+    )
 
 
 def _reaches(effects: np.ndarray) -> np.ndarray:
     """How far out a motor's module is likely to be, as a logarithm: the smaller, the nearer to the base."""
     sizes = np.linalg.norm(effects, axis=-1) + 1e-12
-    return -np.log(sizes[:, -1]) if sizes.shape[1] == 1 else -(sizes[:, :-1] / sizes[:, -1:]).sum(axis=1)
+    return (
+        -np.log(sizes[:, -1])
+        if sizes.shape[1] == 1
+        else -(sizes[:, :-1] / sizes[:, -1:]).sum(axis=1)
+    )
 
 
 def _groupings(told: LogMap) -> Iterator[Grouping]:
@@ -60,12 +79,20 @@ def _groupings(told: LogMap) -> Iterator[Grouping]:
         if not left:
             yield ()
             return
-        first, others = left[0], left[1:]
+        first = left[0]
+        others = left[1:]
         for count in range(len(others) + 1):
             for rest in combinations(others, count):
                 group = (first, *rest)
-                if sum(cables[drive] for drive in group) == each and _agree(group, told):
-                    yield from ((group, *more) for more in parted(tuple(one for one in others if one not in rest)))
+                if sum(cables[drive] for drive in group) == each and _agree(
+                    group, told
+                ):
+                    yield from (
+                        (group, *more)
+                        for more in parted(
+                            tuple(one for one in others if one not in rest)
+                        )
+                    )
 
     return parted(tuple(range(len(cables))))
 
@@ -92,9 +119,14 @@ def _best_way(
     return float(apart.mean() + UNEVEN * ((gap - even) / 360.0) ** 2), signs
 
 
-def _angles(group: Sequence[int], signs: Sequence[int], tip: np.ndarray, told: LogMap) -> list[float]:
+def _angles(
+    group: Sequence[int], signs: Sequence[int], tip: np.ndarray, told: LogMap
+) -> list[float]:
     return [
-        float(np.rad2deg(np.arctan2(sign * tip[drive, 1], sign * tip[drive, 0])) + cable.turn_deg)
+        float(
+            np.rad2deg(np.arctan2(sign * tip[drive, 1], sign * tip[drive, 0]))
+            + cable.turn_deg
+        )
         for drive, sign in zip(group, signs, strict=True)
         for cable in told.drives[drive].cables
     ]
@@ -102,17 +134,31 @@ def _angles(group: Sequence[int], signs: Sequence[int], tip: np.ndarray, told: L
 
 def _outwards(grouping: Grouping, reach: np.ndarray, told: LogMap) -> list[int]:
     """The module of each group: as stated, the others from the base outwards."""
-    stated = [next((m for drive in group if (m := told.drives[drive].module) is not None), None) for group in grouping]
+    stated = [
+        next(
+            (m for drive in group if (m := told.drives[drive].module) is not None), None
+        )
+        for group in grouping
+    ]
     free = iter([module for module in range(told.arm.modules) if module not in stated])
     found = dict.fromkeys(range(len(grouping)), 0)
-    for number in sorted(found, key=lambda number: reach[list(grouping[number])].mean()):
+    for number in sorted(
+        found, key=lambda number: reach[list(grouping[number])].mean()
+    ):
         said = stated[number]
         found[number] = next(free) if said is None else said
     return list(found.values())
 
 
-def _as_arrays(grouping: Grouping, ordered: Sequence[int], signs: Sequence[Sequence[int]], count: int):
-    modules, ways = np.zeros(count, int), np.ones(count)
+def _as_arrays(
+    grouping: Grouping,
+    ordered: Sequence[int],
+    signs: Sequence[Sequence[int]],
+    count: int,
+):
+    modules = np.zeros(count, int)
+    ways = np.ones(count)
     for group, module, sign in zip(grouping, ordered, signs, strict=True):
-        modules[list(group)], ways[list(group)] = module, sign
+        modules[list(group)] = module
+        ways[list(group)] = sign
     return modules, ways

@@ -29,7 +29,8 @@ from s2c2a.spaces import POSITION
 
 MOST_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
-FURTHEST = 10.0  # times the arm's length from its base: not even where a camera was moved
+# times the arm's length from its base: not even where a camera was moved
+FURTHEST = 10.0
 
 
 @dataclass(frozen=True)
@@ -65,36 +66,55 @@ class Imported:
     rows: int
 
 
-def import_logs(paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec | None = None) -> Imported:
+def import_logs(
+    paths: Sequence[str | os.PathLike], told: LogMap, arm: ArmSpec | None = None
+) -> Imported:
     """Read logs and find frame and cables.
 
     Args:
         paths: files; each is a session, or as many as the map joins are.
         told: the map.
-        arm: take this one in place of the one that is found; its cables are matched with those found.
+        arm: take this one in place of the one that is found; its cables are matched
+            with those found.
 
     Raises:
-        LogError: a file cannot be used, or says too little, or the map does not tell of the arm.
+        LogError: a file cannot be used, or says too little, or the map does not tell of
+            the arm.
     """
     if arm is not None:
         check_arm(arm, told)
     parts, rows, broken = _parts(paths, told)
     seen, frame = _seen(parts, told)
-    fit, motors, doubts = found_cables(seen, thinned(seen, MOST_FITTED), _start(frame, told), told)
+    fit, motors, doubts = found_cables(
+        seen, thinned(seen, MOST_FITTED), _start(frame, told), told
+    )
     layout = layout_of(fit, motors, told)
     bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)
-    base, axes = np.asarray(fit.guess.base), (seen.frame @ np.asarray(turned(fit.guess.tilt))).T
+    base = np.asarray(fit.guess.base)
+    axes = (seen.frame @ np.asarray(turned(fit.guess.tilt))).T
     apart = (states - in_frame(seen.states, base, axes))[..., POSITION]
     residual = float(np.sqrt(np.nanmean(np.sum(apart**2, axis=-1))))
     text = arm_text(fit, motors, layout, told, _by_part(bends, parts), residual)
     if arm is None:
         arm = arm_from_toml(text, "the arm that was found")
     else:
-        text, layout = arm_to_toml(arm), matched(layout, arm, turned=told.frame.x is None)
+        text = arm_to_toml(arm)
+        layout = matched(layout, arm, turned=told.frame.x is None)
     rig = Rig.found(told, layout.drive, layout.factor, base, _turn(layout.turn) @ axes)
     episodes = _episodes(parts, seen.states, arm, rig, told)
     return Imported(
-        arm, text, episodes, rig, layout, fit, motors, residual, _at_rest(told), tuple(doubts), broken, rows
+        arm,
+        text,
+        episodes,
+        rig,
+        layout,
+        fit,
+        motors,
+        residual,
+        _at_rest(told),
+        tuple(doubts),
+        broken,
+        rows,
     )
 
 
@@ -119,7 +139,9 @@ class Again:
     rows: int
 
 
-def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Recording) -> Again:
+def import_again(
+    paths: Sequence[str | os.PathLike], told: LogMap, first: Recording
+) -> Again:
     """Read logs of another session: cameras and motors stand as an earlier import found them.
 
     Args:
@@ -128,14 +150,18 @@ def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Record
         first: the recording that the earlier import made.
 
     Raises:
-        LogError: a file cannot be used, the recording was made of no log, or the map tells of another arm.
+        LogError: a file cannot be used, the recording was made of no log, or the map
+            tells of another arm.
     """
     rig = Rig.of(first, told)
     parts, rows, broken = _parts(paths, told)
     episodes = _episodes(parts, _measured(parts, told), first.arm, rig, told)
     _check_reach(episodes, first.arm)
     now, then = (
-        [np.concatenate([one.sensor(name) for one in some]) for name in ("cables", "states")]
+        [
+            np.concatenate([one.sensor(name) for one in some])
+            for name in ("cables", "states")
+        ]
         for some in (episodes, first.episodes)
     )
     near = nearby(now[0], now[1][:, -1, POSITION], then[0], then[1][:, -1, POSITION])
@@ -143,7 +169,10 @@ def import_again(paths: Sequence[str | os.PathLike], told: LogMap, first: Record
 
 
 def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
-    far = max(float(np.nanmax(np.abs(one.sensor("states")[..., POSITION]), initial=0.0)) for one in episodes)
+    far = max(
+        float(np.nanmax(np.abs(one.sensor("states")[..., POSITION]), initial=0.0))
+        for one in episodes
+    )
     if far > FURTHEST * arm.length:
         raise LogError(
             f"ends are up to {far:.3g} m from the base of an arm of {arm.length:.3g} m, in the frame of the first "
@@ -151,10 +180,16 @@ def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
         )
 
 
-def _parts(paths: Sequence[str | os.PathLike], told: LogMap) -> tuple[list[Session], int, int]:
+def _parts(
+    paths: Sequence[str | os.PathLike], told: LogMap
+) -> tuple[list[Session], int, int]:
     """Stretches without a gap; rows that were read; and those of them that could not be."""
     sessions = _sessions(paths, told)
-    parts = [part for session in sessions for part in stretches(session, told.rows, 1 / told.arm.control_rate)]
+    parts = [
+        part
+        for session in sessions
+        for part in stretches(session, told.rows, 1 / told.arm.control_rate)
+    ]
     if not parts:
         raise LogError(
             f"nothing is left: no {told.rows.shortest} steps follow each other; see rows.longest_gap and rows.label"
@@ -167,22 +202,33 @@ def _at_rest(told: LogMap) -> bool:
 
 
 def _turn(angle: float) -> np.ndarray:
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos = np.cos(angle)
+    sin = np.sin(angle)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def save_imported(imported: Imported | Again, path: str | os.PathLike, options: dict[str, Any]) -> Path | None:
+def save_imported(
+    imported: Imported | Again, path: str | os.PathLike, options: dict[str, Any]
+) -> Path | None:
     """Write the recording, and an arm that was found beside it; says where that is.
 
     Raises:
         S2C2AError: one of them cannot be written.
     """
-    said = {"babbling": "imported log", "body": "a log", "episodes": len(imported.episodes)}
+    said = {
+        "babbling": "imported log",
+        "body": "a log",
+        "episodes": len(imported.episodes),
+    }
     said |= {"at_rest": imported.at_rest, KEY: imported.rig.model_dump()}
     if isinstance(imported, Again):
         save_episodes(imported.episodes, path, options | said)
         return None
-    save_episodes(imported.episodes, path, options | said | {"residual_mm": round(1e3 * imported.residual, 2)})
+    save_episodes(
+        imported.episodes,
+        path,
+        options | said | {"residual_mm": round(1e3 * imported.residual, 2)},
+    )
     return save_whole(imported.text, arm_file_of(path), LogError)
 
 
@@ -194,21 +240,32 @@ def arm_file_of(path: str | os.PathLike) -> Path:
 def _sessions(paths: Sequence[str | os.PathLike], told: LogMap) -> list[Session]:
     each = told.join.files if told.join else 1
     if not paths or len(paths) % each:
-        raise LogError(f"{len(paths)} files; the map joins {each} to a session, so give a multiple of that")
-    asked = Asked(told.numbers, told.words, told.rows.skip_lines, told.rows.broken_rows == "gap")
+        raise LogError(
+            f"{len(paths)} files; the map joins {each} to a session, so give a multiple of that"
+        )
+    asked = Asked(
+        told.numbers, told.words, told.rows.skip_lines, told.rows.broken_rows == "gap"
+    )
     tables = [read_table(path, asked) for path in paths]
-    return [session_of(tables[begin : begin + each], told) for begin in range(0, len(tables), each)]
+    return [
+        session_of(tables[begin : begin + each], told)
+        for begin in range(0, len(tables), each)
+    ]
 
 
 def _measured(parts: Sequence[Session], told: LogMap) -> np.ndarray:
     """States in the log's frame, NaN where nothing was seen, shape (rows, modules, 6)."""
-    ends = np.concatenate([np.concatenate([part.positions, part.axes], axis=-1) for part in parts])
+    ends = np.concatenate(
+        [np.concatenate([part.positions, part.axes], axis=-1) for part in parts]
+    )
     states = np.full((len(ends), told.arm.modules, 6), np.nan)
     states[:, told.end_modules] = ends
     return states
 
 
-def _check_drives(columns: Float[np.ndarray, "rows drives"], length: float, told: LogMap) -> None:
+def _check_drives(
+    columns: Float[np.ndarray, "rows drives"], length: float, told: LogMap
+) -> None:
     """Refuse a drive that winds more cable than the arm is long: its unit is another."""
     moved = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
     for drive, way in zip(told.drives, moved, strict=True):
@@ -220,11 +277,14 @@ def _check_drives(columns: Float[np.ndarray, "rows drives"], length: float, told
 
 def _seen(parts: Sequence[Session], told: LogMap) -> tuple[Seen, Registration]:
     columns = np.concatenate([_in_effect(part, told) for part in parts])
-    states, positions = _measured(parts, told), np.concatenate([part.positions for part in parts])
+    states = _measured(parts, told)
+    positions = np.concatenate([part.positions for part in parts])
     frame = first_registration(positions, told)
     length = float(frame.lengths.sum())
     _check_drives(columns, length, told)
-    return Seen(columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), length), frame
+    return Seen(
+        columns, states, frame.axes, told.drives[0].unit == "N", _spread(told), length
+    ), frame
 
 
 def _in_effect(part: Session, told: LogMap) -> np.ndarray:
@@ -237,12 +297,15 @@ def _in_effect(part: Session, told: LogMap) -> np.ndarray:
 
 def settled(told: LogMap) -> bool:
     """Whether a row was measured after its command."""
-    return (told.rows.commands or ("settled" if told.rows.kind == "steps" else "sent")) == "settled"
+    return (
+        told.rows.commands or ("settled" if told.rows.kind == "steps" else "sent")
+    ) == "settled"
 
 
 def _spread(told: LogMap) -> dict[str, float]:
     """How far numbers may be from what is known of them."""
-    each, total = told.arm.lengths is not None, told.arm.length is not None
+    each = told.arm.lengths is not None
+    total = told.arm.length is not None
     return {
         "angles": 2.0,
         "gain": 3.0,
@@ -276,14 +339,19 @@ def _episodes(
     parts: Sequence[Session], states: np.ndarray, arm: ArmSpec, rig: Rig, told: LogMap
 ) -> tuple[Episode, ...]:
     own = _by_part(rig.in_base(states), parts)
-    return tuple(_episode(part, each, arm, rig, told) for part, each in zip(parts, own, strict=True))
+    return tuple(
+        _episode(part, each, arm, rig, told)
+        for part, each in zip(parts, own, strict=True)
+    )
 
 
 def _by_part(rows: np.ndarray, parts: Sequence[Session]) -> list[np.ndarray]:
     return np.split(rows, np.cumsum([len(part) for part in parts])[:-1])
 
 
-def _episode(part: Session, states: np.ndarray, arm: ArmSpec, rig: Rig, told: LogMap) -> Episode:
+def _episode(
+    part: Session, states: np.ndarray, arm: ArmSpec, rig: Rig, told: LogMap
+) -> Episode:
     """What was sent at a step is what is in effect at the next one where rows were measured after their command."""
     commands = commands_of(part)
     sent = np.concatenate([commands[1:], commands[-1:]]) if settled(told) else commands

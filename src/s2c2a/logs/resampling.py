@@ -10,7 +10,9 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.map import Rows
 from s2c2a.logs.session import Session
 
-USUAL_GAPS = 4.0  # usual intervals, or control periods, beyond which nothing is interpolated if nothing is stated
+# usual intervals, or control periods, beyond which nothing is interpolated if nothing
+# is stated
+USUAL_GAPS = 4.0
 
 
 def longest_gap(session: Session, rows: Rows, period: float) -> float:
@@ -20,7 +22,9 @@ def longest_gap(session: Session, rows: Rows, period: float) -> float:
     if rows.kind == "steps":
         return np.inf
     intervals = np.diff(session.time[np.isfinite(session.time)])
-    usual = float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else period
+    usual = (
+        float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else period
+    )
     return USUAL_GAPS * max(usual, period)
 
 
@@ -39,9 +43,15 @@ def stretches(session: Session, rows: Rows, period: float) -> list[Session]:
     sound = np.isfinite(session.time) & np.isfinite(told(session)).all(axis=1)
     kept = np.flatnonzero(sound)
     _check_rising(session.time[kept])
-    kept = kept[np.diff(session.time[kept], prepend=-np.inf) > 0]  # the first of rows of one moment
-    known, lost = chosen(session, kept), np.cumsum(~sound)[kept]
-    borders = (np.diff(known.time) > limit) | (known.labels[1:] != known.labels[:-1]) | (np.diff(lost) > 0)
+    # the first of rows of one moment
+    kept = kept[np.diff(session.time[kept], prepend=-np.inf) > 0]
+    known = chosen(session, kept)
+    lost = np.cumsum(~sound)[kept]
+    borders = (
+        (np.diff(known.time) > limit)
+        | (known.labels[1:] != known.labels[:-1])
+        | (np.diff(lost) > 0)
+    )
     edges = [0, *(np.flatnonzero(borders) + 1), len(known)]
     parts = [chosen(known, slice(*ends)) for ends in pairwise(edges)]
     if rows.kind == "timed":
@@ -57,7 +67,9 @@ def chosen(session: Session, rows: np.ndarray | slice) -> Session:
 
 def told(session: Session) -> np.ndarray:
     """What drives were told, else what they did: an episode needs all of it."""
-    return np.where(np.isfinite(session.commanded).any(axis=0), session.commanded, session.measured)
+    return np.where(
+        np.isfinite(session.commanded).any(axis=0), session.commanded, session.measured
+    )
 
 
 def _check_rising(times: np.ndarray) -> None:
@@ -71,8 +83,11 @@ def _check_rising(times: np.ndarray) -> None:
 
 
 def _resampled(part: Session, period: float, limit: float) -> Session:
-    moments = part.time[0] + period * np.arange(int((part.time[-1] - part.time[0]) / period + 1e-6) + 1)
-    moments = np.minimum(moments, part.time[-1])  # rounded up, the last one would lie behind the end
+    moments = part.time[0] + period * np.arange(
+        int((part.time[-1] - part.time[0]) / period + 1e-6) + 1
+    )
+    # rounded up, the last one would lie behind the end
+    moments = np.minimum(moments, part.time[-1])
     after = np.searchsorted(part.time, moments, side="right").clip(1, len(part) - 1)
     columns: dict[str, Any] = {
         name: interpolated(part.time, getattr(part, name), moments, limit)
@@ -83,17 +98,24 @@ def _resampled(part: Session, period: float, limit: float) -> Session:
     return replace(part, time=moments, labels=part.labels[after - 1], **columns)
 
 
-def interpolated(time: np.ndarray, values: np.ndarray, moments: np.ndarray, limit: float) -> np.ndarray:
+def interpolated(
+    time: np.ndarray, values: np.ndarray, moments: np.ndarray, limit: float
+) -> np.ndarray:
     """Values at other moments, on straight lines between neighbours; NaN where those are further apart than a limit.
 
-    Each channel has its own neighbours: one that was not seen for a moment does not hide the others.
+    Each channel has its own neighbours: one that was not seen for a moment does not
+    hide the others.
     """
     flat = values.reshape(len(values), -1)
-    found = np.stack([_line(time, channel, moments, limit) for channel in flat.T], axis=1)
+    found = np.stack(
+        [_line(time, channel, moments, limit) for channel in flat.T], axis=1
+    )
     return found.reshape(len(moments), *values.shape[1:])
 
 
-def _line(time: np.ndarray, channel: np.ndarray, moments: np.ndarray, limit: float) -> np.ndarray:
+def _line(
+    time: np.ndarray, channel: np.ndarray, moments: np.ndarray, limit: float
+) -> np.ndarray:
     seen = np.isfinite(channel)
     if not seen.any():
         return np.full(len(moments), np.nan)

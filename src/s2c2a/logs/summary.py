@@ -9,11 +9,14 @@ from s2c2a.logs.importing import Again, Imported
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
     """A row for every cable: column, module, angle, what larger numbers do, radius if all the gain were in it."""
-    layout, errors = imported.layout, imported.fit.errors
+    layout = imported.layout
+    errors = imported.fit.errors
     for module, drives in enumerate(layout.drive):
         for cable, drive in enumerate(drives):
             off = np.rad2deg(errors.angles[drive]) if errors else np.nan
-            pulls = layout.factor[module, cable] < 0 or imported.arm.actuation == "tension"
+            pulls = (
+                layout.factor[module, cable] < 0 or imported.arm.actuation == "tension"
+            )
             yield (
                 imported.rig.names[drive],
                 str(module),
@@ -40,7 +43,10 @@ def summary_again(again: Again) -> list[str]:
     said = [*_read(again), "frame and cables: as in the first recording"]
     moved, cables = again.nearby
     if not len(moved):
-        return [*said, "the tip was not seen in both sessions, so whether a camera or a motor moved cannot be told"]
+        return [
+            *said,
+            "the tip was not seen in both sessions, so whether a camera or a motor moved cannot be told",
+        ]
     unit = "N" if again.episodes[0].arm.actuation == "tension" else "mm"
     size = 1e3 if unit == "mm" else 1.0
     return [
@@ -54,7 +60,9 @@ def summary_again(again: Again) -> list[str]:
 
 def _read(imported: Imported | Again) -> list[str]:
     steps = sum(map(len, imported.episodes))
-    broken = f"; {imported.broken} rows were broken and are gaps" if imported.broken else ""
+    broken = (
+        f"; {imported.broken} rows were broken and are gaps" if imported.broken else ""
+    )
     return [
         f"{len(imported.episodes)} episodes of {_range(map(len, imported.episodes))} steps, {steps} in all, of "
         f"{imported.rows} rows{broken}",
@@ -76,7 +84,10 @@ def _known(imported: Imported | Again) -> str:
     known = np.isfinite(states)
     parts = []
     for module in range(states.shape[1]):
-        position, axis = known[:, module, :3].all(axis=-1).mean(), known[:, module, 3:].all(axis=-1).mean()
+        position = known[:, module, :3].all(axis=-1).mean()
+        axis = known[:, module, 3:].all(axis=-1).mean()
         if position:
-            parts.append(f"end of module {module} in {100 * position:.1f} % of steps, its axis in {100 * axis:.1f} %")
+            parts.append(
+                f"end of module {module} in {100 * position:.1f} % of steps, its axis in {100 * axis:.1f} %"
+            )
     return "; ".join(parts)

@@ -16,7 +16,9 @@ from s2c2a.logs.arrays import read_mat, read_npz
 from s2c2a.logs.errors import MOST_BYTES, MOST_COLUMNS, MOST_ROWS, LogError
 
 BLANK = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}
-CHUNK, LONGEST_CELL, MOST_SHOWN = 5000, 400, 12
+CHUNK = 5000
+LONGEST_CELL = 400
+MOST_SHOWN = 12
 
 
 @dataclass(frozen=True)
@@ -67,11 +69,13 @@ def read_table(path: str | os.PathLike, asked: Asked) -> Table:
     """The columns of a file that are asked for, as far as it has them.
 
     Args:
-        path: ending in .npz or .mat, else text with a separator; any of the last may be compressed (.gz).
+        path: ending in .npz or .mat, else text with a separator; any of the last may be
+            compressed (.gz).
         asked: which columns.
 
     Raises:
-        LogError: it cannot be read, is too large, or a row is cut off or holds text where a number is needed.
+        LogError: it cannot be read, is too large, or a row is cut off or holds text
+            where a number is needed.
     """
     if Path(path).suffix.lower() in (".npz", ".mat"):
         return _of_arrays(path, asked)
@@ -79,7 +83,14 @@ def read_table(path: str | os.PathLike, asked: Asked) -> Table:
         raise LogError(f"no log at {path}")
     try:
         return _of_text(path, asked)
-    except (OSError, EOFError, UnicodeError, zlib.error, csv.Error, ValueError) as error:
+    except (
+        OSError,
+        EOFError,
+        UnicodeError,
+        zlib.error,
+        csv.Error,
+        ValueError,
+    ) as error:
         raise LogError(
             f"{path}: cannot be read as text with a separator: {error}; is it cut off, or no CSV?"
         ) from error
@@ -87,20 +98,36 @@ def read_table(path: str | os.PathLike, asked: Asked) -> Table:
 
 def _of_arrays(path: str | os.PathLike, asked: Asked) -> Table:
     arrays = (read_npz if Path(path).suffix.lower() == ".npz" else read_mat)(path)
-    there = {name: column for name, column in arrays.items() if name in {*asked.numbers, *asked.words}}
+    there = {
+        name: column
+        for name, column in arrays.items()
+        if name in {*asked.numbers, *asked.words}
+    }
     if len({len(column) for column in there.values()}) > 1:
         raise LogError(
             f"{path}: columns of different lengths: { {name: len(column) for name, column in there.items()} }"
         )
-    words = {name: column.astype(str) for name, column in there.items() if name in asked.words}
-    numbers = {name: column.astype(float) for name, column in there.items() if name in asked.numbers}
+    words = {
+        name: column.astype(str)
+        for name, column in there.items()
+        if name in asked.words
+    }
+    numbers = {
+        name: column.astype(float)
+        for name, column in there.items()
+        if name in asked.numbers
+    }
     _check_found(path, {*numbers, *words}, arrays)
     return Table(str(path), numbers, words)
 
 
-def _check_found(path: str | os.PathLike, found: Collection[str], there: Collection[str]) -> None:
+def _check_found(
+    path: str | os.PathLike, found: Collection[str], there: Collection[str]
+) -> None:
     if not found:
-        raise LogError(f"{path} has none of the columns that the map names; it has {listed(there)}")
+        raise LogError(
+            f"{path} has none of the columns that the map names; it has {listed(there)}"
+        )
 
 
 def listed(names: Collection[str]) -> str:
@@ -115,7 +142,10 @@ def _of_text(path: str | os.PathLike, asked: Asked) -> Table:
         lines.readline()
     separator = _separator(lines)
     rows = _Rows(
-        path, csv.reader(_without_remarks(lines), delimiter=separator, skipinitialspace=True), separator, asked
+        path,
+        csv.reader(_without_remarks(lines), delimiter=separator, skipinitialspace=True),
+        separator,
+        asked,
     )
     names, first = rows.header()
     return rows.read(names, first)
@@ -128,7 +158,9 @@ def _text(path: str | os.PathLike) -> str:
     with gzip.open(path, "rb") if packed else open(path, "rb") as file:
         content = file.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
-        raise LogError(f"{path} has more than {MOST_BYTES} bytes of text; take a part of it, or fewer columns")
+        raise LogError(
+            f"{path} has more than {MOST_BYTES} bytes of text; take a part of it, or fewer columns"
+        )
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16")
     return content.decode("utf-8-sig")
@@ -137,7 +169,9 @@ def _text(path: str | os.PathLike) -> str:
 def _separator(lines: io.StringIO) -> str:
     """The likeliest one in the first line that says something."""
     begin = lines.tell()
-    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    first = next(
+        (line for line in lines if line.strip() and not line.startswith("#")), ""
+    )
     lines.seek(begin)
     return next((sign for sign in ";\t" if sign in first), ",")
 
@@ -152,53 +186,111 @@ class _Rows:
     """Rows of text on their way to columns."""
 
     def __init__(self, path: str | os.PathLike, reader, separator: str, asked: Asked):
-        self._path, self._reader, self._asked, self._broken = path, reader, asked, 0
-        self._comma = separator != ","  # where commas do not part cells, they are decimal commas
+        self._path = path
+        self._reader = reader
+        self._asked = asked
+        self._broken = 0
+        # where commas do not part cells, they are decimal commas
+        self._comma = separator != ","
 
     def header(self) -> tuple[list[str], list[list[str]]]:
         """Names of columns; a file of bare numbers has `1`, `2`, ..., and its first row is one."""
-        first = next((row for row in self._reader if any(cell.strip() for cell in row)), None)
+        first = next(
+            (row for row in self._reader if any(cell.strip() for cell in row)), None
+        )
         if first is None:
             raise LogError(f"{self._path} holds nothing")
         if len(first) > MOST_COLUMNS:
-            raise LogError(f"{self._path} has {len(first)} columns, at most {MOST_COLUMNS} are read")
+            raise LogError(
+                f"{self._path} has {len(first)} columns, at most {MOST_COLUMNS} are read"
+            )
         names = [cell.strip() for cell in first]
         if all(self._number(name) is not None for name in names):
             return [str(number + 1) for number in range(len(names))], [first]
-        twice = {name for name in names if name and names.count(name) > 1} & {*self._asked.numbers, *self._asked.words}
+        twice = {name for name in names if name and names.count(name) > 1} & {
+            *self._asked.numbers,
+            *self._asked.words,
+        }
         if twice:
-            raise LogError(f"{self._path}: several columns are called {listed(sorted(twice))}; give each its own name")
+            raise LogError(
+                f"{self._path}: several columns are called {listed(sorted(twice))}; give each its own name"
+            )
         return names, []
 
     def read(self, names: list[str], first: list[list[str]]) -> Table:
         """All rows."""
-        numbers = {name: place for place, name in enumerate(names) if name in self._asked.numbers}
-        words = {name: place for place, name in enumerate(names) if name in self._asked.words}
+        numbers = {
+            name: place
+            for place, name in enumerate(names)
+            if name in self._asked.numbers
+        }
+        words = {
+            name: place for place, name in enumerate(names) if name in self._asked.words
+        }
         _check_found(self._path, {*numbers, *words}, names)
         wanted = {place: self._number for place in numbers.values()}
-        read = [np.array([self._row(row, names, wanted) for row in first], float).reshape(-1, len(wanted))]
-        said: list[list[str]] = [[row[place] for place in words.values()] for row in first]
-        while chunk := [(self._reader.line_num, row) for row in islice(self._reader, CHUNK)]:
-            whole = [(line, row) for line, row in chunk if row and any(map(str.strip, row))]
+        read = [
+            np.array([self._row(row, names, wanted) for row in first], float).reshape(
+                -1, len(wanted)
+            )
+        ]
+        said: list[list[str]] = [
+            [row[place] for place in words.values()] for row in first
+        ]
+        while chunk := [
+            (self._reader.line_num, row) for row in islice(self._reader, CHUNK)
+        ]:
+            whole = [
+                (line, row) for line, row in chunk if row and any(map(str.strip, row))
+            ]
             values = [self._row(row, names, wanted, line) for line, row in whole]
             read.append(np.array(values, float).reshape(-1, len(wanted)))
-            said += [[row[place].strip() if place < len(row) else "" for place in words.values()] for _, row in whole]
+            said += [
+                [
+                    row[place].strip() if place < len(row) else ""
+                    for place in words.values()
+                ]
+                for _, row in whole
+            ]
             if sum(map(len, read)) > MOST_ROWS:
-                raise LogError(f"{self._path} has more than {MOST_ROWS} rows; take a part of it")
+                raise LogError(
+                    f"{self._path} has more than {MOST_ROWS} rows; take a part of it"
+                )
         columns = np.concatenate(read).T
-        labels = {name: np.array([row[number] for row in said], object) for number, name in enumerate(words)}
-        return Table(str(self._path), dict(zip(numbers, columns, strict=True)), labels, self._broken)
+        labels = {
+            name: np.array([row[number] for row in said], object)
+            for number, name in enumerate(words)
+        }
+        return Table(
+            str(self._path),
+            dict(zip(numbers, columns, strict=True)),
+            labels,
+            self._broken,
+        )
 
-    def _row(self, row: list[str], names: list[str], wanted: Mapping[int, Callable], line: int = 1) -> list[float]:
-        values, fault = [], ""
+    def _row(
+        self,
+        row: list[str],
+        names: list[str],
+        wanted: Mapping[int, Callable],
+        line: int = 1,
+    ) -> list[float]:
+        values = []
+        fault = ""
         for place, number in wanted.items():
             value = number(row[place]) if place < len(row) else None
             if value is None:
-                got = f"'{row[place][:40]}', no number" if place < len(row) else "nothing: the row is cut off"
+                got = (
+                    f"'{row[place][:40]}', no number"
+                    if place < len(row)
+                    else "nothing: the row is cut off"
+                )
                 fault = fault or f"line {line}, column '{names[place]}': {got}"
             values.append(np.nan if value is None else value)
         if len(row) < len(names) and not fault:
-            fault = f"line {line}, column '{names[len(row)]}': nothing: the row is cut off"
+            fault = (
+                f"line {line}, column '{names[len(row)]}': nothing: the row is cut off"
+            )
         if fault and not self._asked.gaps:
             raise LogError(
                 f'{self._path}: {fault}; mend it, or take such rows as gaps (broken_rows = "gap" in the map)'

@@ -58,12 +58,16 @@ class C2A(eqx.Module):
         """The same weights for another arm with as many cables a module; the module count may differ."""
         return replace(self, sum_and_range=SumAndRange.of(arm))
 
-    def __call__(self, wanted: Float[Array, "*batch modules 3"], history: History) -> Actions:
+    def __call__(
+        self, wanted: Float[Array, "*batch modules 3"], history: History
+    ) -> Actions:
         """Normalised actions, within the arm's limits, that shall lead to the wanted configurations in one step."""
         batch = wanted.shape[:-1]
         parts = [
             self.configuration_scaling.forward(wanted),
-            self.configuration_scaling.forward(history.configurations).reshape(*batch, -1),
+            self.configuration_scaling.forward(history.configurations).reshape(
+                *batch, -1
+            ),
             history.actions.reshape(*batch, -1),
             jnp.broadcast_to(module_labels(batch[-1])[:, None], (*batch, 1)),
         ]
@@ -82,13 +86,19 @@ class C2AOptions(Size):
         return C2A(network, Scaling.identity(3), SumAndRange.of(arm))
 
     def train(
-        self, data: TrainingData, history_noise: float, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+        self,
+        data: TrainingData,
+        history_noise: float,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
     ) -> Trained[C2A]:
         """Train on what led from one sensed configuration to the next.
 
         Args:
             data: to learn from.
-            history_noise: standard deviation of the noise on past actions in training, normalised.
+            history_noise: standard deviation of the noise on past actions in training,
+                normalised.
             fit: how to train.
             key: for weights, order and noise.
             progress: told epoch, most epochs, validation loss.
@@ -97,10 +107,19 @@ class C2AOptions(Size):
             TrainingError: too few samples, or the loss is not finite.
         """
         network_key, fit_key = jax.random.split(key)
-        split = controller_samples(data.sensed, data.actions, ArmGeometry.of(data.arm).action_neutral, data.lengths)
+        split = controller_samples(
+            data.sensed,
+            data.actions,
+            ArmGeometry.of(data.arm).action_neutral,
+            data.lengths,
+        )
         scaling = Scaling.of(split.training.inputs["wanted"])
-        model = replace(self.untrained(data.arm, network_key), configuration_scaling=scaling)
-        return _trained(model, _configurations_in, split, -2, history_noise, fit, fit_key, progress)
+        model = replace(
+            self.untrained(data.arm, network_key), configuration_scaling=scaling
+        )
+        return _trained(
+            model, _configurations_in, split, -2, history_noise, fit, fit_key, progress
+        )
 
 
 def _configurations_in(model: C2A, batch: Batch) -> Array:
@@ -122,7 +141,8 @@ class TipHistory(NamedTuple):
 class TipLSTM(eqx.Module):
     """The LSTM of the comparison (Chen et al. 2025, sec. IV-A2), with its scaling: from tip positions to actions.
 
-    Every moment's features are the tip position then, the action taken just before, and the wanted tip position.
+    Every moment's features are the tip position then, the action taken just before, and
+    the wanted tip position.
 
     Attributes:
         network: the LSTM.
@@ -134,18 +154,30 @@ class TipLSTM(eqx.Module):
     position_scaling: Scaling
     sum_and_range: SumAndRange
 
-    def __call__(self, wanted: Float[Array, "*batch 3"], history: TipHistory) -> Actions:
+    def __call__(
+        self, wanted: Float[Array, "*batch 3"], history: TipHistory
+    ) -> Actions:
         """Normalised actions, within the arm's limits, that shall lead the tip to the wanted position in one step."""
         return self.sum_and_range.limited(self.unlimited(wanted, history))
 
-    def unlimited(self, wanted: Float[Array, "*batch 3"], history: TipHistory) -> Actions:
+    def unlimited(
+        self, wanted: Float[Array, "*batch 3"], history: TipHistory
+    ) -> Actions:
         """The same on the bend directions, before the arm's limits cut anything off."""
-        scaling, layer = self.position_scaling, self.sum_and_range
+        scaling = self.position_scaling
+        layer = self.sum_and_range
         moments = history.positions.shape[:-1]
-        target = jnp.broadcast_to(scaling.forward(wanted)[..., None, :], history.positions.shape)
-        parts = [scaling.forward(history.positions), history.actions.reshape(*moments, -1), target]
+        target = jnp.broadcast_to(
+            scaling.forward(wanted)[..., None, :], history.positions.shape
+        )
+        parts = [
+            scaling.forward(history.positions),
+            history.actions.reshape(*moments, -1),
+            target,
+        ]
         raw = self.network(jnp.concatenate(parts, axis=-1))
-        return layer(raw.reshape(*wanted.shape[:-1], *layer.neutral.shape))  # (*batch, modules, cables)
+        # (*batch, modules, cables)
+        return layer(raw.reshape(*wanted.shape[:-1], *layer.neutral.shape))
 
 
 @dataclass(frozen=True)
@@ -201,7 +233,9 @@ class LSTMOptions(Size):
         split = lstm_samples(tips, actions, ArmGeometry.of(arm).action_neutral)
         scaling = Scaling.of(split.training.inputs["wanted"])
         model = replace(self.untrained(arm, network_key), position_scaling=scaling)
-        return _trained(model, _tips_in, split, 1, self.history_noise, self.fit, fit_key, progress)
+        return _trained(
+            model, _tips_in, split, 1, self.history_noise, self.fit, fit_key, progress
+        )
 
 
 def _tips_in(model: TipLSTM, batch: Batch) -> Array:
@@ -212,13 +246,22 @@ Learner = TypeVar("Learner", C2A, TipLSTM)
 
 
 def _trained(
-    model: Learner, answer: Callable[[Learner, Batch], Array], split: Split, ages: int, noise: float, fit, key, progress
+    model: Learner,
+    answer: Callable[[Learner, Batch], Array],
+    split: Split,
+    ages: int,
+    noise: float,
+    fit,
+    key,
+    progress,
 ) -> Trained[Learner]:
     """Trained to say what was done, with noise on its past actions, which grow older along the axis `ages`."""
     scaled = model.sum_and_range.scaled(split, ages)
 
     def loss(model: Learner, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        return jnp.mean((answer(model, _with_noise(batch, noise, key)) - batch["targets"]) ** 2)
+        return jnp.mean(
+            (answer(model, _with_noise(batch, noise, key)) - batch["targets"]) ** 2
+        )
 
     return train(model, loss, answer, scaled, fit, key, progress)
 
@@ -226,8 +269,12 @@ def _trained(
 def _with_noise(batch: Batch, deviation: float, key: PRNGKeyArray | None) -> Batch:
     """The batch with noise on its past actions; without, when validating.
 
-    A network that sees its own past unspoilt learns to repeat it, and diverges in closed loop (docs/deviations.md).
+    A network that sees its own past unspoilt learns to repeat it, and diverges in
+    closed loop (docs/deviations.md).
     """
     if key is None:
         return batch
-    return batch | {"actions": batch["actions"] + deviation * jax.random.normal(key, batch["actions"].shape)}
+    return batch | {
+        "actions": batch["actions"]
+        + deviation * jax.random.normal(key, batch["actions"].shape)
+    }

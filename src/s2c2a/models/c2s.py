@@ -23,8 +23,9 @@ from s2c2a.training.trained import Trained, TrainingData, known_error, train
 class ForwardOptions(ABC):
     """The numbers of a forward model, and how a model comes of them.
 
-    A frozen dataclass below this one is all that a model of one's own needs. A recipe file names it, and gives its
-    numbers: `[c2s]`, `model = "my_model.py:MyOptions"`, and a line for each (docs/extending.md).
+    A frozen dataclass below this one is all that a model of one's own needs. A recipe
+    file names it, and gives its numbers: `[c2s]`, `model = "my_model.py:MyOptions"`,
+    and a line for each (docs/extending.md).
 
     Attributes:
         model: the name by which recipes find this class.
@@ -38,24 +39,35 @@ class ForwardOptions(ABC):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ForwardModel:
         """The model before training.
 
-        Files are read into it: options and arm alone decide how many arrays it has, and their shapes.
+        Files are read into it: options and arm alone decide how many arrays it has, and
+        their shapes.
         """
 
-    def answers(self, model: ForwardModel, data: TrainingData) -> Float[np.ndarray, "episodes samples modules 6"]:
+    def answers(
+        self, model: ForwardModel, data: TrainingData
+    ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """States that a model of these options says along whole episodes, from what was sensed [m, 1], base frame."""
 
         @eqx.filter_jit
-        def along(model: ForwardModel, sensed: Float[Array, "samples modules 3"]) -> Array:
+        def along(
+            model: ForwardModel, sensed: Float[Array, "samples modules 3"]
+        ) -> Array:
             def step(memory, now):
                 return model.observe(now, memory), model.predict(now, memory)
 
             return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
 
-        return np.stack([along(model, jnp.asarray(sensed, jnp.float32)) for sensed in data.sensed])
+        return np.stack(
+            [along(model, jnp.asarray(sensed, jnp.float32)) for sensed in data.sensed]
+        )
 
     @abstractmethod
     def train(
-        self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+        self,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
     ) -> Trained[ForwardModel]:
         """The model trained.
 
@@ -70,7 +82,12 @@ class ForwardOptions(ABC):
         """
 
     def carried(
-        self, model: ForwardModel, old: ArmSpec, new: ArmSpec, babbling: CollectOptions, key: PRNGKeyArray
+        self,
+        model: ForwardModel,
+        old: ArmSpec,
+        new: ArmSpec,
+        babbling: CollectOptions,
+        key: PRNGKeyArray,
     ) -> ForwardModel:
         """What another arm of the same make begins with.
 
@@ -84,13 +101,22 @@ class ForwardOptions(ABC):
         Raises:
             TrainingError: such models begin from nothing.
         """
-        raise TrainingError(f"forward models '{self.model}' begin from nothing; train without --from")
+        raise TrainingError(
+            f"forward models '{self.model}' begin from nothing; train without --from"
+        )
 
     def go_on(
-        self, model: ForwardModel, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet
+        self,
+        model: ForwardModel,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
     ) -> Trained[ForwardModel]:
         """A model that began elsewhere, trained; see `train`."""
-        raise TrainingError(f"forward models '{self.model}' begin from nothing; train without --from")
+        raise TrainingError(
+            f"forward models '{self.model}' begin from nothing; train without --from"
+        )
 
 
 class C2S(MemorylessModel):
@@ -106,9 +132,13 @@ class C2S(MemorylessModel):
     configuration_scaling: Scaling
     state_scaling: Scaling
 
-    def predict(self, configurations: Float[Array, "*batch modules 3"], memory: Memory) -> Array:
+    def predict(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Array:
         """States [m, 1], shape (*batch, modules, 6), base frame."""
-        return self.state_scaling.back(self.network(self.configuration_scaling.forward(configurations)))
+        return self.state_scaling.back(
+            self.network(self.configuration_scaling.forward(configurations))
+        )
 
 
 @dataclass(frozen=True)
@@ -119,9 +149,19 @@ class C2SOptions(Size, ForwardOptions):
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2S:
         """Random weights and no scaling."""
-        return C2S(BiLSTM(3, 6, self.layers, self.hidden, key), Scaling.identity(3), Scaling.identity(6))
+        return C2S(
+            BiLSTM(3, 6, self.layers, self.hidden, key),
+            Scaling.identity(3),
+            Scaling.identity(6),
+        )
 
-    def train(self, data: TrainingData, fit: FitOptions, key: PRNGKeyArray, progress: Progress = quiet) -> Trained[C2S]:
+    def train(
+        self,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Trained[C2S]:
         """See `ForwardOptions`; each sample by itself."""
         network_key, fit_key = jax.random.split(key)
         split = forward_samples(data.sensed, data.states, data.lengths)
@@ -138,7 +178,13 @@ def _answer(model: C2S, batch: Batch) -> Array:
 
 
 def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-    return jnp.mean((known_error(_answer(model, batch), batch["targets"]) / model.state_scaling.half_range) ** 2)
+    return jnp.mean(
+        (
+            known_error(_answer(model, batch), batch["targets"])
+            / model.state_scaling.half_range
+        )
+        ** 2
+    )
 
 
 def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
@@ -147,6 +193,11 @@ def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
     x, y and z have one scale [m], so that spheres stay spheres.
     """
     positions = states[..., :3].reshape(-1, 3)
-    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
-    centre, half = (low + high) / 2, [float((high - low).max() / 2)] * 3 + [1.0] * 3
-    return Scaling(jnp.array([*centre, 0.0, 0.0, 0.0], dtype=jnp.float32), jnp.array(half, dtype=jnp.float32))
+    low = np.nanmin(positions, axis=0)
+    high = np.nanmax(positions, axis=0)
+    centre = (low + high) / 2
+    half = [float((high - low).max() / 2)] * 3 + [1.0] * 3
+    return Scaling(
+        jnp.array([*centre, 0.0, 0.0, 0.0], dtype=jnp.float32),
+        jnp.array(half, dtype=jnp.float32),
+    )

@@ -17,8 +17,9 @@ MOST_UNROLLED = 8  # modules
 HEADROOM = 1.25
 """Normalised actions are in units of the full action times this.
 
-Eq. (10) reaches 0.87 of the full bend in its worst direction, and its tanh reaches one only at infinity; without room
-the network could not say some of the bends that its own data hold.
+Eq. (10) reaches 0.87 of the full bend in its worst direction, and its tanh reaches one
+only at infinity; without room the network could not say some of the bends that its own
+data hold.
 """
 
 
@@ -32,20 +33,28 @@ class Scaling(Fixed):
     def of(cls, values: Float[np.ndarray, "*batch features"]) -> "Scaling":
         """The map that just fits the values; a feature that never changes keeps its unit."""
         flat = values.reshape(-1, values.shape[-1])
-        low, high = flat.min(axis=0), flat.max(axis=0)
+        low = flat.min(axis=0)
+        high = flat.max(axis=0)
         half = np.where(high > low, (high - low) / 2, 1.0)
-        return cls(jnp.asarray((low + high) / 2, dtype=jnp.float32), jnp.asarray(half, dtype=jnp.float32))
+        return cls(
+            jnp.asarray((low + high) / 2, dtype=jnp.float32),
+            jnp.asarray(half, dtype=jnp.float32),
+        )
 
     @classmethod
     def identity(cls, features: int) -> "Scaling":
         """The map that changes nothing, to be filled from a file."""
         return cls(jnp.zeros(features), jnp.ones(features))
 
-    def forward(self, values: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
+    def forward(
+        self, values: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch features"]:
         """To [-1, 1]."""
         return (values - self.centre) / self.half_range
 
-    def back(self, values: Float[Array, "*batch features"]) -> Float[Array, "*batch features"]:
+    def back(
+        self, values: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch features"]:
         """From [-1, 1]."""
         return values * self.half_range + self.centre
 
@@ -70,12 +79,15 @@ class Direction(eqx.Module):
     bias: Float[Array, " gates"]
 
     def __init__(self, features: int, hidden: int, key: PRNGKeyArray):
-        keys, gates = jax.random.split(key, 3), 4 * hidden
+        keys = jax.random.split(key, 3)
+        gates = 4 * hidden
         self.weight_input = _drawn(keys[0], hidden, features, gates)
         self.weight_hidden = _drawn(keys[1], hidden, hidden, gates)
         self.bias = _drawn(keys[2], hidden, gates)
 
-    def __call__(self, inputs: Float[Array, "*batch modules features"], reverse: bool) -> Array:
+    def __call__(
+        self, inputs: Float[Array, "*batch modules features"], reverse: bool
+    ) -> Array:
         """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
         driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
         if inputs.shape[-2] > MOST_UNROLLED:
@@ -91,12 +103,16 @@ class Direction(eqx.Module):
             outputs[module] = hidden
         return jnp.stack([outputs[module] for module in order], axis=-2)
 
-    def _rolled(self, driven: Float[Array, "*batch modules gates"], reverse: bool) -> Array:
+    def _rolled(
+        self, driven: Float[Array, "*batch modules gates"], reverse: bool
+    ) -> Array:
         """The same for long rows: as one loop they compile, and run, far sooner than one after the other."""
         rows = jnp.moveaxis(driven, -2, 0)
         nothing = jnp.zeros((*rows.shape[1:-1], self.weight_hidden.shape[0]))
 
-        def on(carried: tuple[Array, Array], gates: Array) -> tuple[tuple[Array, Array], Array]:
+        def on(
+            carried: tuple[Array, Array], gates: Array
+        ) -> tuple[tuple[Array, Array], Array]:
             hidden, cell = _cell(gates + carried[0] @ self.weight_hidden, carried[1])
             return (hidden, cell), hidden
 
@@ -110,7 +126,9 @@ def _drawn(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
     return jax.random.uniform(key, shape, minval=-bound, maxval=bound)
 
 
-def _cell(gates: Float[Array, "*batch gates"], cell: Array | None) -> tuple[Array, Array]:
+def _cell(
+    gates: Float[Array, "*batch gates"], cell: Array | None
+) -> tuple[Array, Array]:
     take, keep, candidate, show = jnp.split(gates, 4, axis=-1)
     kept = 0.0 if cell is None else jax.nn.sigmoid(keep) * cell
     new_cell = kept + jax.nn.sigmoid(take) * jnp.tanh(candidate)
@@ -132,7 +150,9 @@ class BiLSTM(eqx.Module):
     weight_head: Float[Array, "both_hidden outputs"]
     bias_head: Float[Array, " outputs"]
 
-    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray):
+    def __init__(
+        self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray
+    ):
         """Random weights, uniform within 1 / sqrt(hidden).
 
         Args:
@@ -145,17 +165,24 @@ class BiLSTM(eqx.Module):
         head_key, *keys = jax.random.split(key, 2 * layers + 1)
         widths = [features] + [2 * hidden] * (layers - 1)
         self.layers = [
-            (Direction(width, hidden, keys[2 * layer]), Direction(width, hidden, keys[2 * layer + 1]))
+            (
+                Direction(width, hidden, keys[2 * layer]),
+                Direction(width, hidden, keys[2 * layer + 1]),
+            )
             for layer, width in enumerate(widths)
         ]
         self.weight_head = _drawn(head_key, 2 * hidden, 2 * hidden, outputs)
         self.bias_head = jnp.zeros(outputs)
 
-    def __call__(self, inputs: Float[Array, "*batch modules features"]) -> Float[Array, "*batch modules outputs"]:
+    def __call__(
+        self, inputs: Float[Array, "*batch modules features"]
+    ) -> Float[Array, "*batch modules outputs"]:
         """Outputs of every module, each with the whole row in view."""
         values = inputs
         for up, down in self.layers:
-            values = jnp.concatenate([up(values, reverse=False), down(values, reverse=True)], axis=-1)
+            values = jnp.concatenate(
+                [up(values, reverse=False), down(values, reverse=True)], axis=-1
+            )
         return values @ self.weight_head + self.bias_head
 
 
@@ -172,7 +199,9 @@ class LSTM(eqx.Module):
     weight_head: Float[Array, "hidden outputs"]
     bias_head: Float[Array, " outputs"]
 
-    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray):
+    def __init__(
+        self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray
+    ):
         """Random weights, uniform within 1 / sqrt(hidden).
 
         Args:
@@ -184,11 +213,16 @@ class LSTM(eqx.Module):
         """
         head_key, *keys = jax.random.split(key, layers + 1)
         widths = [features] + [hidden] * (layers - 1)
-        self.layers = [Direction(width, hidden, key) for width, key in zip(widths, keys, strict=True)]
+        self.layers = [
+            Direction(width, hidden, key)
+            for width, key in zip(widths, keys, strict=True)
+        ]
         self.weight_head = _drawn(head_key, hidden, hidden, outputs)
         self.bias_head = jnp.zeros(outputs)
 
-    def __call__(self, inputs: Float[Array, "*batch time features"]) -> Float[Array, "*batch outputs"]:
+    def __call__(
+        self, inputs: Float[Array, "*batch time features"]
+    ) -> Float[Array, "*batch outputs"]:
         """Outputs with the whole past in view."""
         values = inputs
         for layer in self.layers:
@@ -225,13 +259,26 @@ class SumAndRange(FromArm):
     def of(cls, arm: ArmSpec) -> "SumAndRange":
         """The layer for an arm."""
         geometry = ArmGeometry.of(arm)
-        even = arm.cable_count == 3 and bool(np.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6))
-        maps, scale = (geometry.cable_matrices, geometry.bend_matrices), HEADROOM * geometry.action_scale[:, None]
-        arrays = *maps, geometry.action_neutral, scale, geometry.action_low, geometry.action_high
-        matrices, inverses, neutral, unit, low, high = (jnp.asarray(array, dtype=jnp.float32) for array in arrays)
+        even = arm.cable_count == 3 and bool(
+            np.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6)
+        )
+        maps = (geometry.cable_matrices, geometry.bend_matrices)
+        scale = HEADROOM * geometry.action_scale[:, None]
+        arrays = (
+            *maps,
+            geometry.action_neutral,
+            scale,
+            geometry.action_low,
+            geometry.action_high,
+        )
+        matrices, inverses, neutral, unit, low, high = (
+            jnp.asarray(array, dtype=jnp.float32) for array in arrays
+        )
         return cls(matrices, inverses, neutral, unit, low, high, even)
 
-    def __call__(self, raw: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+    def __call__(
+        self, raw: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules cables"]:
         """Normalised actions."""
         if self.evenly_three:
             squashed = jnp.tanh(raw)
@@ -239,15 +286,21 @@ class SumAndRange(FromArm):
         wanted = jnp.einsum("mkc,...mc->...mk", self.pseudo_inverses, raw)
         return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(wanted))
 
-    def normalised(self, actions: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+    def normalised(
+        self, actions: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules cables"]:
         """Actions [m or N] to normalised ones."""
         return (actions - self.neutral) / self.unit
 
-    def actions(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+    def actions(
+        self, normalised: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules cables"]:
         """Normalised actions to [m or N]."""
         return self.neutral + normalised * self.unit
 
-    def limited(self, normalised: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules cables"]:
+    def limited(
+        self, normalised: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules cables"]:
         """Normalised actions within the arm's limits: what will really be sent."""
         return self.normalised(jnp.clip(self.actions(normalised), self.low, self.high))
 
@@ -255,11 +308,22 @@ class SumAndRange(FromArm):
         """Samples with all actions normalised, those taken and past ones, which grow older along the axis `ages`."""
 
         def normalised(samples: Samples) -> Samples:
-            past = self.normalised(jnp.moveaxis(jnp.asarray(samples.inputs["actions"]), ages, 0))
-            inputs = samples.inputs | {"actions": np.asarray(jnp.moveaxis(past, 0, ages))}
-            return Samples(inputs, np.asarray(self.normalised(jnp.asarray(samples.targets))))
+            past = self.normalised(
+                jnp.moveaxis(jnp.asarray(samples.inputs["actions"]), ages, 0)
+            )
+            inputs = samples.inputs | {
+                "actions": np.asarray(jnp.moveaxis(past, 0, ages))
+            }
+            return Samples(
+                inputs, np.asarray(self.normalised(jnp.asarray(samples.targets)))
+            )
 
-        return Split(*(normalised(part) for part in (split.training, split.validation, split.test)))
+        return Split(
+            *(
+                normalised(part)
+                for part in (split.training, split.validation, split.test)
+            )
+        )
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:

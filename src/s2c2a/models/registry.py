@@ -8,7 +8,11 @@ from s2c2a.errors import ForeignCodeError, StrategyError
 from s2c2a.extensions import found
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
 
-MODELS: dict[str, type[ForwardOptions]] = {"bilstm": C2SOptions, "chain": ChainOptions, "local": LocalOptions}
+MODELS: dict[str, type[ForwardOptions]] = {
+    "bilstm": C2SOptions,
+    "chain": ChainOptions,
+    "local": LocalOptions,
+}
 
 
 def model_named(name: str) -> type[ForwardOptions]:
@@ -20,7 +24,9 @@ def model_named(name: str) -> type[ForwardOptions]:
     """
     kind = found("model", name, MODELS)
     if not (isinstance(kind, type) and issubclass(kind, ForwardOptions)):
-        raise StrategyError(f"'{name}' holds no forward model's options; derive it from s2c2a.models.ForwardOptions")
+        raise StrategyError(
+            f"'{name}' holds no forward model's options; derive it from s2c2a.models.ForwardOptions"
+        )
     return kind
 
 
@@ -48,7 +54,11 @@ def name_of(kind: type[ForwardOptions]) -> str:
 def code_of(kind: type[ForwardOptions]) -> str:
     """A digest of the file in which a forward model of the user's stands; nothing for those of the package."""
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
-    return "" if kind in MODELS.values() or file is None else blake2b(Path(file).read_bytes()).hexdigest()
+    return (
+        ""
+        if kind in MODELS.values() or file is None
+        else blake2b(Path(file).read_bytes()).hexdigest()
+    )
 
 
 def _below(kind: type[ForwardOptions]) -> list[type[ForwardOptions]]:

@@ -19,11 +19,16 @@ class Trunk(FromArm):
         matrices: B, shape (modules, cables, 2).
         inverses: of B, shape (modules, 2, cables).
         radii: of the cables [m], shape (modules,).
-        compliances: nominal lengths over bending stiffnesses [rad/(N m)], shape (modules,).
-        yields: the same of modules whose cables help to hold them [rad/(N m)], shape (modules,).
-        moments: of a pull of one, over the bending stiffness [rad/N], shape (modules, 1).
-        weights: of modules, half at either end, but for what the base carries [kg], shape (modules,).
-        gives: how far ends of modules move for a force across them, while their axes stay: C L^2 / 12 [m/N].
+        compliances: nominal lengths over bending stiffnesses [rad/(N m)], shape
+            (modules,).
+        yields: the same of modules whose cables help to hold them [rad/(N m)], shape
+            (modules,).
+        moments: of a pull of one, over the bending stiffness [rad/N], shape (modules,
+            1).
+        weights: of modules, half at either end, but for what the base carries [kg],
+            shape (modules,).
+        gives: how far ends of modules move for a force across them, while their axes
+            stay: C L^2 / 12 [m/N].
         gravity: [m/s2], base frame.
     """
 
@@ -42,7 +47,9 @@ class Trunk(FromArm):
     def of(cls, arm: ArmSpec) -> "Trunk":
         """The numbers of an arm."""
         geometry = ArmGeometry.of(arm)
-        compliances = np.array([module.length / module.bending_stiffness for module in arm.modules])
+        compliances = np.array(
+            [module.length / module.bending_stiffness for module in arm.modules]
+        )
         masses = np.array([*(module.mass for module in arm.modules), 0.0])
         arrays = (
             geometry.lengths,
@@ -58,10 +65,16 @@ class Trunk(FromArm):
         )
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
-    def displacements(self, configurations: Float[Array, "*batch modules 3"]) -> Float[Array, "*batch modules cables"]:
+    def displacements(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch modules cables"]:
         """What sensed configurations say of the cables, over the cable radius [rad]."""
-        return jnp.einsum("mnk,...mk->...mn", self.matrices, bends_from_configurations(configurations))
+        return jnp.einsum(
+            "mnk,...mk->...mn", self.matrices, bends_from_configurations(configurations)
+        )
 
-    def bends(self, displacements: Float[Array, "*batch modules cables"]) -> Float[Array, "*batch modules 2"]:
+    def bends(
+        self, displacements: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules 2"]:
         """The other way."""
         return jnp.einsum("mkn,...mn->...mk", self.inverses, displacements)

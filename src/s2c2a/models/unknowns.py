@@ -14,8 +14,9 @@ class Unknowns(NamedTuple):
 
     Attributes:
         load: at the tip [kg].
-        leans: of modules, beside what they are expected to bend by [rad], shape (modules, 2): errors of
-            homing, drift, cables that became softer, and whatever else pushes.
+        leans: of modules, beside what they are expected to bend by [rad], shape
+            (modules, 2): errors of homing, drift, cables that became softer, and
+            whatever else pushes.
     """
 
     load: Float[Array, ""]

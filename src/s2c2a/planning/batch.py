@@ -1,7 +1,7 @@
 """Planning for many at once, offline: many goals, many starts, whole paths. The control step is the planner's.
 
-Work goes in chunks of one size, padded, over threads: nothing compiles anew for another number, and results do not
-depend on the number of threads.
+Work goes in chunks of one size, padded, over threads: nothing compiles anew for another
+number, and results do not depend on the number of threads.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,8 @@ class PlannedPath(NamedTuple):
 
     Attributes:
         configurations: of every step, shape (steps, modules, 3), module frames.
-        states: that the forward model predicts [m, 1], shape (steps, modules, 6), base frame.
+        states: that the forward model predicts [m, 1], shape (steps, modules, 6), base
+            frame.
     """
 
     configurations: Float[Numbers, "steps modules 3"]
@@ -57,11 +58,17 @@ class Best(NamedTuple):
 class BatchPlanner:
     """Plans for many at once; a program compiles when first needed, for any number after it.
 
-    What follows a plan is taken to be what was planned, so paths are those of an arm whose controller misses nothing.
+    What follows a plan is taken to be what was planned, so paths are those of an arm
+    whose controller misses nothing.
     """
 
     def __init__(
-        self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions, chunk: int = CHUNK, threads: int | None = None
+        self,
+        arm: ArmSpec,
+        model: ForwardModel,
+        options: PlannerOptions,
+        chunk: int = CHUNK,
+        threads: int | None = None,
     ):
         """Prepare for an arm and a forward model; nothing compiles yet.
 
@@ -76,14 +83,19 @@ class BatchPlanner:
             TargetError: a chunk or a number of threads below one.
         """
         if chunk < 1 or (threads is not None and threads < 1):
-            raise TargetError(f"chunks of {chunk} on {threads} threads asked for; both must be at least one")
-        self._chunk, self._threads = chunk, threads or all_cores()
+            raise TargetError(
+                f"chunks of {chunk} on {threads} threads asked for; both must be at least one"
+            )
+        self._chunk = chunk
+        self._threads = threads or all_cores()
         step = Step.of(arm, model, options)
         self._start = compiled(_each, Step.started, step)
         self._free = compiled(_each, Step.next_plan, step)
         self._alone = compiled(_alone, step)
         self._along = compiled(_along, step)
-        self._values = compiled(_each, _value, Step.of(arm, model, replace(PAPER, guard=options.guard)))
+        self._values = compiled(
+            _each, _value, Step.of(arm, model, replace(PAPER, guard=options.guard))
+        )
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
         """Plans of arms at rest; arrays of the plan have the batch in front.
@@ -93,10 +105,14 @@ class BatchPlanner:
         """
         configurations = np.asarray(sensed, np.float32)
         if not len(configurations) or not np.isfinite(configurations).all():
-            raise TargetError(f"configurations of shape {configurations.shape} given; give at least one, all finite")
+            raise TargetError(
+                f"configurations of shape {configurations.shape} given; give at least one, all finite"
+            )
         return self._in_chunks(self._start, self._chunk, configurations)
 
-    def plan(self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal) -> Plan:
+    def plan(
+        self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal
+    ) -> Plan:
         """The next plan of each, towards goals of their own (`Goal.stacked`).
 
         Args:
@@ -107,16 +123,26 @@ class BatchPlanner:
         Raises:
             TargetError: not as many goals as plans.
         """
-        count, arms, asked = len(plans.configurations), len(sensed), len(goals.positions)
+        count = len(plans.configurations)
+        arms = len(sensed)
+        asked = len(goals.positions)
         if not count == arms == asked:
-            raise TargetError(f"{count} plans, {arms} sensed arms and {asked} goals; give as many")
+            raise TargetError(
+                f"{count} plans, {arms} sensed arms and {asked} goals; give as many"
+            )
         inputs = plans, np.asarray(sensed, np.float32)
-        if (np.asarray(goals.thresholds) > 0).any():  # side by side, ways round would be searched for all
+        # side by side, ways round would be searched for all
+        if (np.asarray(goals.thresholds) > 0).any():
             return self._in_chunks(self._alone, 1, *inputs, goals)
-        free = goals._replace(obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0])  # no work for none
+        # no work for none
+        free = goals._replace(
+            obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0]
+        )
         return self._in_chunks(self._free, self._chunk, *inputs, free)
 
-    def best(self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50) -> Best:
+    def best(
+        self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50
+    ) -> Best:
         """From many starts towards one goal, and the best end of all: what a single start stays short of.
 
         Args:
@@ -135,7 +161,9 @@ class BatchPlanner:
             plans = self.plan(plans, plans.configurations, goals)
         values = self._in_chunks(self._values, self._chunk, plans, goals)
         first = int(np.argmin(values))
-        return Best(np.asarray(plans.configurations[first]), float(values[first]), first, values)
+        return Best(
+            np.asarray(plans.configurations[first]), float(values[first]), first, values
+        )
 
     def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> PlannedPath:
         """A whole path from an arm at rest.
@@ -150,11 +178,14 @@ class BatchPlanner:
         if not len(goals.positions):
             raise TargetError("a path of no steps asked for; give at least one goal")
         count = len(goals.positions)
-        plan, parts = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None])), []
+        plan = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None]))
+        parts = []
         for begin in range(0, count, self._chunk):
             plan, part = self._along(plan, _cut(goals, begin, self._chunk))
             parts.append(part)
-        return PlannedPath(*(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True)))
+        return PlannedPath(
+            *(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True))
+        )
 
     def _in_chunks(self, program: Callable[..., Any], size: int, *inputs: Any) -> Any:
         """A program over all chunks, on threads, its results put together again."""
@@ -182,7 +213,9 @@ def _each(work: Callable[..., Any], step: Step, *inputs: Any) -> Any:
 
 def _alone(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
     """A chunk of one, so that ways round are searched only where they are needed."""
-    plan = step.next_plan(*jax.tree.map(lambda values: values[0], (plans, sensed, goals)))
+    plan = step.next_plan(
+        *jax.tree.map(lambda values: values[0], (plans, sensed, goals))
+    )
     return jax.tree.map(lambda values: values[None], plan)
 
 
@@ -195,4 +228,6 @@ def _along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
 
 
 def _value(paper: Step, plan: Plan, goal: Goal):
-    return paper.problem(plan.configurations, plan.memory, goal).sum_of_norms(plan.configurations)
+    return paper.problem(plan.configurations, plan.memory, goal).sum_of_norms(
+        plan.configurations
+    )

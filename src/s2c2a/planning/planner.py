@@ -1,6 +1,7 @@
 """The planner: one compiled call from a goal to the next configuration, and how to plan.
 
-`PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe `best`.
+`PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe
+`best`.
 """
 
 from collections.abc import Callable
@@ -16,21 +17,36 @@ from pydantic import BeforeValidator, ConfigDict, SkipValidation
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, configurations_from_bends
+from s2c2a.kinematics import (
+    ForwardModel,
+    bends_from_configurations,
+    configurations_from_bends,
+)
 from s2c2a.kinematics.pcc import Memory
 from s2c2a.parts import Own
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
 from s2c2a.planning.rescue import NO_RESCUE, RESCUES, Rescue, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
-from s2c2a.planning.terms import TERMS, Bends, Candidate, Configurations, Guard, Numbers, Situation, Term
+from s2c2a.planning.terms import (
+    TERMS,
+    Bends,
+    Candidate,
+    Configurations,
+    Guard,
+    Numbers,
+    Situation,
+    Term,
+)
 from s2c2a.programs import compiled, where_finite
 
 AXES_WEIGHT = 0.5
-"""Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where an arm cannot have both, as one
-that is shorter than its file says, its ends stay near their places."""
+"""Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where
+an arm cannot have both, as one that is shorter than its file says, its ends stay near
+their places."""
 WORKSPACE_SHARE = 0.46 / 0.6
-"""Half the width of the paper's workspace over the length of its arm (Chen et al. 2025, sec. II-D)."""
+"""Half the width of the paper's workspace over the length of its arm (Chen et al. 2025,
+sec. II-D)."""
 
 AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
 AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
@@ -46,13 +62,14 @@ class PlannerOptions:
         solver: finds configurations.
         terms: what they are judged by.
         guides: what may change the goal before, one after the other.
-        engaged_slopes: whether slopes are those of taut cables that follow their motors (`ForwardModel.for_planning`),
-            or the true ones.
-        on_sphere: whether configurations are kept at unit length and within the bend limits. Those sensed under sensing
-            coupling are not of unit length.
+        engaged_slopes: whether slopes are those of taut cables that follow their motors
+            (`ForwardModel.for_planning`), or the true ones.
+        on_sphere: whether configurations are kept at unit length and within the bend
+            limits. Those sensed under sensing coupling are not of unit length.
         rescue: what takes over where a plan stands although its cost could fall.
         guard: what keeps out of obstacles.
-        own_code: whether parts by name may be files and modules; never in a strategy file, which may be a stranger's.
+        own_code: whether parts by name may be files and modules; never in a strategy
+            file, which may be a stranger's.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
@@ -75,7 +92,8 @@ class PlannerOptions:
         """Solver, terms, guides and rescue; those asked for by name are found.
 
         Raises:
-            S2C2AError: one is not found, may not be imported, or does not take its parameters.
+            S2C2AError: one is not found, may not be imported, or does not take its
+                parameters.
         """
         terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
         guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
@@ -84,11 +102,23 @@ class PlannerOptions:
 
 
 PAPER = PlannerOptions(
-    Adam(), (terms.Positions(WORKSPACE_SHARE), terms.Axes(), terms.Repulsion(WORKSPACE_SHARE), terms.Change())
+    Adam(),
+    (
+        terms.Positions(WORKSPACE_SHARE),
+        terms.Axes(),
+        terms.Repulsion(WORKSPACE_SHARE),
+        terms.Change(),
+    ),
 )
 _WANTED = terms.Positions(), terms.Axes(AXES_WEIGHT), terms.Shape(), terms.Evenness()
 _KEPT = terms.BendChange(), terms.Doubt(), terms.Limits(), terms.Obstacles()
-BEST = PlannerOptions(LeastSquares(), _WANTED + _KEPT, (Detour(), Pull()), engaged_slopes=True, rescue=Rescue())
+BEST = PlannerOptions(
+    LeastSquares(),
+    _WANTED + _KEPT,
+    (Detour(), Pull()),
+    engaged_slopes=True,
+    rescue=Rescue(),
+)
 
 
 class Plan(NamedTuple):
@@ -110,7 +140,8 @@ class Expectation(NamedTuple):
 
     Attributes:
         states: [m, 1], shape (modules, 6), base frame.
-        deviation: distance of ends from there that must be expected [m], shape (modules,); zero if not known.
+        deviation: distance of ends from there that must be expected [m], shape
+            (modules,); zero if not known.
         doubt: how much of it is because nothing was learned near there [m].
     """
 
@@ -155,35 +186,57 @@ class Step(NamedTuple):
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
-        return Plan(sensed, self.model.start(sensed), Search.none(bends_from_configurations(sensed)))
+        return Plan(
+            sensed,
+            self.model.start(sensed),
+            Search.none(bends_from_configurations(sensed)),
+        )
 
     def expectation(self, plan: Plan) -> Expectation:
         """What the forward model expects of a plan."""
         where = plan.configurations, plan.memory
-        return Expectation(self.model.predict(*where), self.model.deviation(*where), self.model.doubt(where[0]))
+        return Expectation(
+            self.model.predict(*where),
+            self.model.deviation(*where),
+            self.model.doubt(where[0]),
+        )
 
     def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
         """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
         memory = where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
-        following, search = problem.within_limits(self.solver.solve(problem)), plan.search
+        following = problem.within_limits(self.solver.solve(problem))
+        search = plan.search
         if self.rescue.starts:
-            true = problem._replace(look=self._look(plan.configurations, memory, engaged=False))
-            bends, search = self.rescue.over(true, goal, bends_from_configurations(following), search)
+            true = problem._replace(
+                look=self._look(plan.configurations, memory, engaged=False)
+            )
+            bends, search = self.rescue.over(
+                true, goal, bends_from_configurations(following), search
+            )
             other = problem.within_limits(configurations_from_bends(bends))
             following = jnp.where(search.notes.rescued > 0, other, following)
-        new, old = (following, search), (plan.configurations, Search.none(problem.situation.last.bends))
+        new = (following, search)
+        old = (plan.configurations, Search.none(problem.situation.last.bends))
         following, search = where_finite(new, old)
         return Plan(following, memory, search)
 
     def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
         """What the solver is given, once the guides have seen it."""
-        options, look = self.options, self._look(last, memory, self.options.engaged_slopes)
+        options = self.options
+        look = self._look(last, memory, self.options.engaged_slopes)
         now = look(last, bends_from_configurations(last))
         limits = jnp.asarray(ArmGeometry.of(self.arm).planned_bends, dtype=jnp.float32)
         step = float(np.deg2rad(self.arm.step_limit_deg))
         situation = Situation(
-            goal, now, self.arm.length, limits, step, options.on_sphere, shape=now.bends, led=jnp.zeros(())
+            goal,
+            now,
+            self.arm.length,
+            limits,
+            step,
+            options.on_sphere,
+            shape=now.bends,
+            led=jnp.zeros(()),
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.lead(situation, prepared)
@@ -192,12 +245,20 @@ class Step(NamedTuple):
     def _look(
         self, last: Configurations, memory: Memory, engaged: bool
     ) -> Callable[[Configurations, Bends], Candidate]:
-        model = (self.model.for_planning() if engaged else self.model).near(last, memory)
+        model = (self.model.for_planning() if engaged else self.model).near(
+            last, memory
+        )
         guarded = terms.guarded_points(self.arm, self.options.guard)
 
         def look(configurations: Configurations, bends: Bends) -> Candidate:
             states = model.predict(configurations, memory)
-            return Candidate(configurations, bends, states, guarded(states), model.doubt(configurations))
+            return Candidate(
+                configurations,
+                bends,
+                states,
+                guarded(states),
+                model.doubt(configurations),
+            )
 
         return look
 
@@ -205,12 +266,15 @@ class Step(NamedTuple):
 class Planner:
     """Plans the next configuration online, one control step at a time.
 
-    Compiles once, when built; targets, obstacles and weights may change with every call.
+    Compiles once, when built; targets, obstacles and weights may change with every
+    call.
     """
 
     def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
         """Compile for an arm and a forward model."""
-        self.model, self._modules, step = model, arm.module_count, Step.of(arm, model, options)
+        self.model = model
+        self._modules = arm.module_count
+        step = Step.of(arm, model, options)
         self._start = compiled(Step.started, step)
         self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
@@ -223,7 +287,9 @@ class Planner:
             TargetError: what is sensed is not finite.
         """
         if not np.isfinite(sensed).all():
-            raise TargetError("the sensed configurations are not finite, and would stay in the plan; read them again")
+            raise TargetError(
+                "the sensed configurations are not finite, and would stay in the plan; read them again"
+            )
         return self._start(_single(sensed))
 
     def plan(self, plan: Plan, sensed: Float[Numbers, "modules 3"], goal: Goal) -> Plan:
@@ -242,7 +308,9 @@ class Planner:
 
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
-        jax.block_until_ready(self.plan(self.start(straight), straight, Goal.of(self._modules)))
+        jax.block_until_ready(
+            self.plan(self.start(straight), straight, Goal.of(self._modules))
+        )
 
 
 def _single(values: Numbers) -> Numbers:

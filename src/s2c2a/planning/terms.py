@@ -1,11 +1,14 @@
 """What plans are judged by: terms, each a few lines that know neither the solver nor each other; and what they see.
 
-A term gives residuals r in groups (a module, a point and an obstacle, ...) and a weight mu of every group. What becomes
-of a group is the solver's: the paper's objective is the sum of mu |r| (Chen et al. 2025, eq. (7)), least squares take
-the sum of mu |r|^2. Targets are the same residual in both. Obstacles and changes truly differ, so each stands twice:
-the paper has 1 / d where `best` has a depth, and a change of vectors where `best` has one of bends.
+A term gives residuals r in groups (a module, a point and an obstacle, ...) and a weight
+mu of every group. What becomes of a group is the solver's: the paper's objective is the
+sum of mu |r| (Chen et al. 2025, eq. (7)), least squares take the sum of mu |r|^2.
+Targets are the same residual in both. Obstacles and changes truly differ, so each
+stands twice: the paper has 1 / d where `best` has a depth, and a change of vectors
+where `best` has one of bends.
 
-XLA takes what does not depend on the candidate out of a solver's loop, so a term may work it out where it needs it.
+XLA takes what does not depend on the candidate out of a solver's loop, so a term may
+work it out where it needs it.
 """
 
 from abc import ABC, abstractmethod
@@ -29,7 +32,8 @@ Numbers = Array | np.ndarray  # NumPy outside the planner, traced inside
 Configurations = Float[Array, "modules 3"]
 Bends = Float[Array, "modules 2"]
 Guard = Literal["tip", "arm"]
-"""What keeps out of obstacles: the tip, as in the paper, or five centre-line points of every module."""
+"""What keeps out of obstacles: the tip, as in the paper, or five centre-line points of
+every module."""
 
 
 class Candidate(NamedTuple):
@@ -57,7 +61,8 @@ class Situation(NamedTuple):
         goal: what is asked; guides may change it.
         last: the last plan, as it is predicted now.
         length: of the arm [m].
-        bend_limits: of every module as it is sensed (`ArmGeometry.planned_bends`) [rad], shape (modules,).
+        bend_limits: of every module as it is sensed (`ArmGeometry.planned_bends`)
+            [rad], shape (modules,).
         longest_step: largest change of a module's bend in a control step [rad].
         on_sphere: whether configurations are kept at unit length.
         shape: bends that a guide leads to [rad], shape (modules, 2).
@@ -74,7 +79,9 @@ class Situation(NamedTuple):
     led: Float[Array, ""]
 
 
-def guarded_points(arm: ArmSpec, guard: Guard) -> Callable[[Float[Array, "modules 6"]], Float[Array, "points 3"]]:
+def guarded_points(
+    arm: ArmSpec, guard: Guard
+) -> Callable[[Float[Array, "modules 6"]], Float[Array, "points 3"]]:
     """States -> positions [m]: the tip alone (Chen et al. 2025, eq. (5)), or the whole arm's centre line."""
     if guard == "tip":
         return lambda states: states[-1:, POSITION]
@@ -122,8 +129,11 @@ class Positions(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """In units, shape (modules, 3)."""
-        goal, unit = situation.goal, self.unit * situation.length
-        return goal.position_weights, (candidate.states[:, POSITION] - goal.positions) / unit
+        goal = situation.goal
+        unit = self.unit * situation.length
+        return goal.position_weights, (
+            candidate.states[:, POSITION] - goal.positions
+        ) / unit
 
 
 @dataclass(frozen=True)
@@ -154,10 +164,15 @@ class Repulsion(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Of every guarded point from every obstacle, shape (points, obstacles, 1)."""
-        goal, unit = situation.goal, self.unit * situation.length
+        goal = situation.goal
+        unit = self.unit * situation.length
         distances = norm((goal.obstacles - candidate.points[:, None]) / unit)
         inside = (distances <= goal.thresholds / unit) & (goal.thresholds > 0.0)
-        pushes = jnp.where(inside, 1.0 / jnp.where(inside & (distances > NEAREST), distances, NEAREST), 0.0)
+        pushes = jnp.where(
+            inside,
+            1.0 / jnp.where(inside & (distances > NEAREST), distances, NEAREST),
+            0.0,
+        )
         return goal.obstacle_weight, pushes[..., None]
 
 
@@ -165,13 +180,15 @@ class Repulsion(Term):
 class Obstacles(Term):
     """How far guarded points are within thresholds and a margin: mu_ob of the goal.
 
-    Of every point, those count that it is deepest in or nearest to: points move a few centimetres in a step, and the
-    work of a step hardly grows with the number of obstacles.
+    Of every point, those count that it is deepest in or nearest to: points move a few
+    centimetres in a step, and the work of a step hardly grows with the number of
+    obstacles.
 
     Attributes:
         weight: beside positions.
         unit: what a length of one stands for, in parts of the arm's length.
-        margin: kept around obstacles beyond their thresholds, in parts of the arm's length.
+        margin: kept around obstacles beyond their thresholds, in parts of the arm's
+            length.
     """
 
     weight: float = 20.0
@@ -180,13 +197,18 @@ class Obstacles(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """In units, shape (points, at hand, 1)."""
-        goal, length = situation.goal, situation.length
-        reaches = jnp.where(goal.thresholds > 0.0, goal.thresholds + self.margin * length, -FAR)
+        goal = situation.goal
+        length = situation.length
+        reaches = jnp.where(
+            goal.thresholds > 0.0, goal.thresholds + self.margin * length, -FAR
+        )
         depths_now = reaches - norm(situation.last.points[:, None] - goal.obstacles)
         _, near = jax.lax.top_k(depths_now, min(OBSTACLES_AT_HAND, len(reaches)))
         apart = norm(candidate.points[:, None] - jnp.asarray(goal.obstacles)[near])
         depths = jnp.maximum(reaches[near] - apart, 0.0)
-        return goal.obstacle_weight, self.weight * depths[..., None] / (self.unit * length)
+        return goal.obstacle_weight, self.weight * depths[..., None] / (
+            self.unit * length
+        )
 
 
 @dataclass(frozen=True)
@@ -217,7 +239,9 @@ class BendChange(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules, 2)."""
-        return situation.goal.change_weight, self.weight * (candidate.bends - situation.last.bends)
+        return situation.goal.change_weight, self.weight * (
+            candidate.bends - situation.last.bends
+        )
 
 
 @dataclass(frozen=True)
@@ -239,7 +263,8 @@ class Shape(Term):
 class Evenness(Term):
     """Neighbouring modules bent alike: of all shapes that serve, one that the data hold.
 
-    Modules beyond the last of which something is asked stay as they are, for what they do moves the others.
+    Modules beyond the last of which something is asked stay as they are, for what they
+    do moves the others.
 
     Attributes:
         weight: [1/rad].
@@ -250,8 +275,13 @@ class Evenness(Term):
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules - 1, 2)."""
         goal = situation.goal
-        asked = jnp.flip(jnp.cumsum(jnp.flip(goal.position_weights + goal.axis_weights))) > 0.0
-        return asked[1:].astype(jnp.float32), self.weight * (candidate.bends[1:] - candidate.bends[:-1])
+        asked = (
+            jnp.flip(jnp.cumsum(jnp.flip(goal.position_weights + goal.axis_weights)))
+            > 0.0
+        )
+        return asked[1:].astype(jnp.float32), self.weight * (
+            candidate.bends[1:] - candidate.bends[:-1]
+        )
 
 
 @dataclass(frozen=True)
@@ -268,7 +298,9 @@ class Doubt(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """In units, shape (1, 1)."""
-        return 1.0, self.weight * candidate.doubt.reshape(1, 1) / (self.unit * situation.length)
+        return 1.0, self.weight * candidate.doubt.reshape(1, 1) / (
+            self.unit * situation.length
+        )
 
 
 @dataclass(frozen=True)
@@ -284,7 +316,22 @@ class Limits(Term):
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules, 1)."""
         angles = jnp.sqrt(squared_norm(candidate.bends) + 1e-9)
-        return 1.0, self.weight * jnp.maximum(angles - situation.bend_limits, 0.0)[:, None]
+        return 1.0, self.weight * jnp.maximum(angles - situation.bend_limits, 0.0)[
+            :, None
+        ]
 
 
-TERMS = Kind.of("term", Term, Positions, Axes, Repulsion, Obstacles, Change, BendChange, Shape, Evenness, Doubt, Limits)
+TERMS = Kind.of(
+    "term",
+    Term,
+    Positions,
+    Axes,
+    Repulsion,
+    Obstacles,
+    Change,
+    BendChange,
+    Shape,
+    Evenness,
+    Doubt,
+    Limits,
+)

@@ -26,9 +26,13 @@ def robot_class(name: str) -> type[Robot]:
     """
     chosen = found("robot", KNOWN.get(name, name), KNOWN)
     if not (isinstance(chosen, type) and issubclass(chosen, Robot)):
-        raise S2C2AError(f"{name} is {chosen!r}, no robot; give a subclass of s2c2a.robots.Robot")
+        raise S2C2AError(
+            f"{name} is {chosen!r}, no robot; give a subclass of s2c2a.robots.Robot"
+        )
     if lacking := sorted(chosen.__abstractmethods__):
-        raise S2C2AError(f"{chosen.__name__} is half a robot: it lacks {', '.join(lacking)}; see s2c2a.robots.Robot")
+        raise S2C2AError(
+            f"{chosen.__name__} is half a robot: it lacks {', '.join(lacking)}; see s2c2a.robots.Robot"
+        )
     return chosen
 
 
@@ -51,7 +55,13 @@ class Body:
     @classmethod
     def simulation(cls, fidelity: str = "fast", **chosen: float | str) -> "Body":
         """The package's own simulation, such as with a payload; what is zero or nothing needs no word."""
-        return cls(SIMULATED, (("fidelity", fidelity), *((name, value) for name, value in chosen.items() if value)))
+        return cls(
+            SIMULATED,
+            (
+                ("fidelity", fidelity),
+                *((name, value) for name, value in chosen.items() if value),
+            ),
+        )
 
     @property
     def simulated(self) -> bool:
@@ -66,22 +76,29 @@ class Body:
             offered: what its class is given where it takes it, such as a seed.
 
         Raises:
-            S2C2AError: no such class, an option that it does not take, or it cannot be made.
+            S2C2AError: no such class, an option that it does not take, or it cannot be
+                made.
         """
         kind = robot_class(self.name)
         taken = _parameters(kind)
         offers = {name: value for name, value in offered.items() if name in taken}
-        chosen = {name: _converted(kind, taken, name, value) for name, value in self.options}
+        chosen = {
+            name: _converted(kind, taken, name, value) for name, value in self.options
+        }
         for name, one in taken.items():
             if one.default is one.empty and name not in offers | chosen:
-                raise S2C2AError(f"{kind.__name__} needs {name}; say --robot-option {name}=...")
+                raise S2C2AError(
+                    f"{kind.__name__} needs {name}; say --robot-option {name}=..."
+                )
         make: Callable[..., Robot] = kind
         try:
             return make(arm, **offers | chosen)
         except (S2C2AError, OSError):
             raise
         except Exception as error:  # others may have written it
-            raise S2C2AError(f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
+            raise S2C2AError(
+                f"{kind.__name__} cannot be made: {type(error).__name__}: {error}"
+            ) from error
 
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
         """The same with a seed, where its class takes one: what makes a robot for every episode."""
@@ -95,10 +112,16 @@ def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
         S2C2AError: one has no `=`, or a key stands twice.
     """
     pairs = [text.partition("=") for text in texts]
-    if wrong := [text for text, (key, equals, _) in zip(texts, pairs, strict=True) if not (key and equals)]:
+    if wrong := [
+        text
+        for text, (key, equals, _) in zip(texts, pairs, strict=True)
+        if not (key and equals)
+    ]:
         raise S2C2AError(f"'{wrong[0]}' is no option of a robot; write key=value")
     if len({key for key, _, _ in pairs}) < len(pairs):
-        raise S2C2AError(f"an option of the robot stands twice in {', '.join(texts)}; give each once")
+        raise S2C2AError(
+            f"an option of the robot stands twice in {', '.join(texts)}; give each once"
+        )
     return tuple((key, value) for key, _, value in pairs)
 
 
@@ -109,15 +132,22 @@ def _parameters(kind: type[Robot]) -> Mapping[str, inspect.Parameter]:
     return {one.name: one for one in parameters if one.kind in named}
 
 
-def _converted(kind: type[Robot], taken: Mapping[str, inspect.Parameter], name: str, value: Any) -> Any:
+def _converted(
+    kind: type[Robot], taken: Mapping[str, inspect.Parameter], name: str, value: Any
+) -> Any:
     """An option as the kind of value that its class asks for."""
     if name not in taken:
-        raise S2C2AError(f"{kind.__name__} takes no option '{name}'; it takes {', '.join(taken) or 'none'}")
+        raise S2C2AError(
+            f"{kind.__name__} takes no option '{name}'; it takes {', '.join(taken) or 'none'}"
+        )
     try:
         wanted = inspect.get_annotations(kind.__init__, eval_str=True)[name]
         return TypeAdapter(wanted).validate_python(value)
-    except (KeyError, NameError, PydanticUserError):  # no kind is stated, or none that is known here
+    # no kind is stated, or none that is known here
+    except (KeyError, NameError, PydanticUserError):
         return value
     except ValidationError as error:
         (fault, *_) = error.errors(include_url=False)
-        raise S2C2AError(f"option {name}={value} of {kind.__name__}: {said(fault)}") from error
+        raise S2C2AError(
+            f"option {name}={value} of {kind.__name__}: {said(fault)}"
+        ) from error

@@ -14,13 +14,15 @@ from s2c2a.spaces import Actions, Reading, Sensor
 class Robot(ABC):
     """An arm that can be driven: read, decide, send, again and again, paced by whoever drives it (`runtime.Loop`).
 
-    Use it as a context manager: entering opens it, leaving closes it, whatever happens between. A class of your own is
-    called with the arm and the options that a user gives (`--robot my_arm.py:MyArm --robot-option port=/dev/ttyUSB0`);
-    one whose `__init__` takes a `seed` is given one, for whatever is random in it.
+    Use it as a context manager: entering opens it, leaving closes it, whatever happens
+    between. A class of your own is called with the arm and the options that a user
+    gives (`--robot my_arm.py:MyArm --robot-option port=/dev/ttyUSB0`); one whose
+    `__init__` takes a `seed` is given one, for whatever is random in it.
 
     Attributes:
         arm: the description that the body follows.
-        own_time: whether time passes only in `advance`, as in a simulation; a real body takes the wall's.
+        own_time: whether time passes only in `advance`, as in a simulation; a real body
+            takes the wall's.
     """
 
     arm: ArmSpec
@@ -35,7 +37,8 @@ class Robot(ABC):
     def open(self) -> Reading:
         """Go to rest, settle, start the clock at zero, and say the first reading.
 
-        It may be called again to begin anew; an arm that is bent then goes to rest gently, by itself.
+        It may be called again to begin anew; an arm that is bent then goes to rest
+        gently, by itself.
         """
 
     @abstractmethod
@@ -82,12 +85,16 @@ def checked_action(action: Actions, geometry: ArmGeometry) -> Actions:
     try:
         values = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ActionError(f"an action must be an array of numbers, got {action!r}; nothing was sent") from error
+        raise ActionError(
+            f"an action must be an array of numbers, got {action!r}; nothing was sent"
+        ) from error
     if values.shape != geometry.action_neutral.shape:
         raise ActionError(
             f"an action of shape {values.shape} was sent; this arm takes (modules, cables) = "
             f"{geometry.action_neutral.shape}"
         )
     if not np.isfinite(values).all():
-        raise ActionError(f"the action holds numbers that are not finite: {values.tolist()}; nothing was sent")
+        raise ActionError(
+            f"the action holds numbers that are not finite: {values.tolist()}; nothing was sent"
+        )
     return np.clip(values, geometry.action_low, geometry.action_high)

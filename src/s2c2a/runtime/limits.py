@@ -11,7 +11,8 @@ from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
 TURN = 1.5
-"""Acceleration limit of an arm that states none, in step limits: plans of the paper's recipe turn round so fast."""
+"""Acceleration limit of an arm that states none, in step limits: plans of the paper's
+recipe turn round so fast."""
 PerModule = Float[np.ndarray, "modules 1"]
 
 
@@ -19,12 +20,14 @@ PerModule = Float[np.ndarray, "modules 1"]
 class CommandLimits:
     """Limits of value, rate and acceleration of commands, step by step.
 
-    The size of a change is that of the bend that it asks for, or of what the cables have in common, if that is more: in
-    parts of the range of a module's actions. Limits are counted in control steps, so they hold across any gap in time.
+    The size of a change is that of the bend that it asks for, or of what the cables
+    have in common, if that is more: in parts of the range of a module's actions. Limits
+    are counted in control steps, so they hold across any gap in time.
 
     Attributes:
         geometry: of the arm.
-        step: largest change of a module's command in a step, in parts of the range of its actions, shape (modules, 1).
+        step: largest change of a module's command in a step, in parts of the range of
+            its actions, shape (modules, 1).
         turn: largest change of that change from step to step, the same.
     """
 
@@ -39,36 +42,57 @@ class CommandLimits:
         return cls.with_steps(arm, step, arm.acceleration_limit_deg or TURN * step)
 
     @classmethod
-    def with_steps(cls, arm: ArmSpec, step_deg: float, turn_deg: float) -> "CommandLimits":
+    def with_steps(
+        cls, arm: ArmSpec, step_deg: float, turn_deg: float
+    ) -> "CommandLimits":
         """Others, in bends [deg]."""
         geometry = ArmGeometry.of(arm)
-        return cls(geometry, *(np.deg2rad(limit) / geometry.action_bends[:, None] for limit in (step_deg, turn_deg)))
+        return cls(
+            geometry,
+            *(
+                np.deg2rad(limit) / geometry.action_bends[:, None]
+                for limit in (step_deg, turn_deg)
+            ),
+        )
 
     @property
     def rest(self) -> Actions:
         """The command of an arm at rest."""
         return self.geometry.action_neutral
 
-    def limited(self, wanted: Actions, last: Actions, change: Actions, before: Actions) -> Actions:
+    def limited(
+        self, wanted: Actions, last: Actions, change: Actions, before: Actions
+    ) -> Actions:
         """The command nearest to what is wanted that the limits allow, and from which they can go on to be kept.
 
-        What is wanted moves, as a plan does, or stands, and is then arrived at without going beyond it.
+        What is wanted moves, as a plan does, or stands, and is then arrived at without
+        going beyond it.
 
         Args:
-            wanted: finite or not; what is not finite asks for nothing [m or N], shape (modules, cables).
+            wanted: finite or not; what is not finite asks for nothing [m or N], shape
+                (modules, cables).
             last: the last command, within its limits.
             change: that it made.
             before: what was wanted in the last step, finite or not.
         """
         within = self._in_range(np.where(np.isfinite(wanted), wanted, last))
-        way, moved = within - last, within - np.where(np.isfinite(before), before, within)
+        way = within - last
+        moved = within - np.where(np.isfinite(before), before, within)
         behind = way - moved
         size, turn, left = self.sizes(np.stack([way, way - change, behind]))
-        free = (size <= self.step) & (np.maximum(turn, left) <= self.turn) & self._stops_within(way, last)
+        free = (
+            (size <= self.step)
+            & (np.maximum(turn, left) <= self.turn)
+            & self._stops_within(way, last)
+        )
         if free.all():
             return within
         caught_up = moved + self._shortened(behind, self._stoppable(left))
-        return np.where(free, within, self._changed(self._shortened(caught_up, self.step), last, change))
+        return np.where(
+            free,
+            within,
+            self._changed(self._shortened(caught_up, self.step), last, change),
+        )
 
     def towards_rest(self, last: Actions, change: Actions) -> Actions:
         """One gentle step of every cable towards rest, all modules arriving together."""
@@ -81,7 +105,10 @@ class CommandLimits:
         """Sizes of changes, in parts of the range of actions, shape (*batch, modules, 1)."""
         parts = way * self._shares
         bends = (self.geometry.bend_matrices @ parts[..., None])[..., 0]
-        squared = np.maximum((bends**2).sum(axis=-1, keepdims=True), (parts**2).max(axis=-1, keepdims=True))
+        squared = np.maximum(
+            (bends**2).sum(axis=-1, keepdims=True),
+            (parts**2).max(axis=-1, keepdims=True),
+        )
         return np.sqrt(squared)
 
     @cached_property
@@ -93,20 +120,26 @@ class CommandLimits:
         steps = np.floor((np.sqrt(1.0 + 8.0 * distance / self.turn) - 1.0) / 2.0)
         return distance / (steps + 1.0) + 0.5 * self.turn * steps
 
-    def _stops_within(self, move: Actions, last: Actions) -> Bool[np.ndarray, "modules 1"]:
+    def _stops_within(
+        self, move: Actions, last: Actions
+    ) -> Bool[np.ndarray, "modules 1"]:
         """Whether a change leaves the room to brake before a limit of value."""
         size = np.maximum(self.sizes(move), ROUNDING)
         steps = np.floor(size / self.turn)
         stop = last + move * (steps + 1.0) * (1.0 - 0.5 * self.turn * steps / size)
         room = ROUNDING / np.abs(self._shares)
-        inside = (stop >= self.geometry.action_low - room) & (stop <= self.geometry.action_high + room)
+        inside = (stop >= self.geometry.action_low - room) & (
+            stop <= self.geometry.action_high + room
+        )
         return inside.all(axis=-1, keepdims=True)
 
     def _changed(self, move: Actions, last: Actions, change: Actions) -> Actions:
         """The command after a change as near to a wanted one as acceleration allows; else it brakes."""
         turned = change + self._shortened(move - change, self.turn)
         braked = change - self._shortened(change, self.turn)
-        return self._in_range(last + np.where(self._stops_within(turned, last), turned, braked))
+        return self._in_range(
+            last + np.where(self._stops_within(turned, last), turned, braked)
+        )
 
     def _in_range(self, command: Actions) -> Actions:
         return np.clip(command, self.geometry.action_low, self.geometry.action_high)

@@ -1,8 +1,9 @@
 """The loop between a body and what drives it: read, check, decide, limit, send; at a fixed rate, on every path to rest.
 
-`run`, `collect` and the live page drive arms through it alike. Whatever a sensor, a plan or a network says, the command
-that reaches the body is limited in value, rate and acceleration (`CommandLimits`), and an arm whose readings cannot be
-believed is held, then led to rest (`stages`).
+`run`, `collect` and the live page drive arms through it alike. Whatever a sensor, a
+plan or a network says, the command that reaches the body is limited in value, rate and
+acceleration (`CommandLimits`), and an arm whose readings cannot be believed is held,
+then led to rest (`stages`).
 """
 
 import signal
@@ -80,24 +81,37 @@ class Loop:
         Args:
             robot: the body.
             driver: what decides on actions.
-            clock: the wall's for a body that shares its time, else as fast as the body can.
+            clock: the wall's for a body that shares its time, else as fast as the body
+                can.
             limits: of commands; the arm's own if None.
             patience: with readings, and with nobody attending.
-            when_late: whether steps that were missed are left out, or made up for as fast as can be.
+            when_late: whether steps that were missed are left out, or made up for as
+                fast as can be.
             watch: told of every step; it must be quick.
             faults: what is made of readings before anybody sees them, for trying out.
 
         Raises:
-            S2C2AError: the driver is for another arm, or needs a sensor that the body has not.
+            S2C2AError: the driver is for another arm, or needs a sensor that the body
+                has not.
         """
-        self.arm, self.driver, self._robot = robot.arm, driver, robot
+        self.arm = robot.arm
+        self.driver = driver
+        self._robot = robot
         self._clock = clock or (StepClock() if robot.own_time else WallClock())
         self._limits = limits or CommandLimits.of(self.arm)
         self._patience = patience or Patience.of(self.arm.control_rate)
-        self._when_late, self._watch, self._faults = when_late, watch, faults
-        self.phase, self.fault, self.late_steps, self._number = Phase(), "", 0, 0
+        self._when_late = when_late
+        self._watch = watch
+        self._faults = faults
+        self.phase = Phase()
+        self.fault = ""
+        self.late_steps = 0
+        self._number = 0
         self._nothing = Goal.of(self.arm.module_count)
-        self._command, self._broken, self._begun, self._due = self._limits.rest, False, 0.0, 0.0
+        self._command = self._limits.rest
+        self._broken = False
+        self._begun = 0.0
+        self._due = 0.0
         self.use(driver)
 
     def use(self, driver: Driver) -> None:
@@ -116,11 +130,18 @@ class Loop:
         Raises:
             S2C2AError: as above.
         """
-        theirs, ours = ((arm.module_count, arm.cable_count) for arm in (driver.arm, self.arm))
+        theirs, ours = (
+            (arm.module_count, arm.cable_count) for arm in (driver.arm, self.arm)
+        )
         if theirs != ours:
-            raise S2C2AError(f"made for {theirs} modules and cables each, and '{self.arm.name}' has {ours}")
+            raise S2C2AError(
+                f"made for {theirs} modules and cables each, and '{self.arm.name}' has {ours}"
+            )
         sensors = self._robot.sensors
-        needed = [name if name in sensors else FOLLOWS_FROM.get(name, name) for name in driver.sensors]
+        needed = [
+            name if name in sensors else FOLLOWS_FROM.get(name, name)
+            for name in driver.sensors
+        ]
         if lacking := [name for name in needed if name not in sensors]:
             raise S2C2AError(
                 f"{', '.join(lacking)} is needed, and this body says {', '.join(sensors) or 'nothing'}; "
@@ -134,7 +155,9 @@ class Loop:
         self._check.begin()
         self._command = self._before = self._limits.rest.copy()
         self._change = np.zeros_like(self._limits.rest)
-        self.phase, self.fault, self._broken = Phase(), "", False
+        self.phase = Phase()
+        self.fault = ""
+        self._broken = False
         self._due = self._clock.now()
         self._begun = self._due - first.time
 
@@ -142,7 +165,8 @@ class Loop:
         """One control step, when it is due.
 
         Raises:
-            Exception: whatever the body or the driver raises; the arm stands still then, until it is opened again.
+            Exception: whatever the body or the driver raises; the arm stands still
+                then, until it is opened again.
         """
         if self._broken:
             raise S2C2AError(self.fault)
@@ -151,28 +175,48 @@ class Loop:
             reading = self._faults(self._robot.read())
             fault = self._fault_of(reading, moment)
             before = self.phase
-            self.phase = next_phase(before, ask, not fault, self._at_rest(), self._patience)
+            self.phase = next_phase(
+                before, ask, not fault, self._at_rest(), self._patience
+            )
             if fault or self.phase.stage is not Stage.FAULT:
                 self.fault = fault or (self.fault if self.phase.spoiled else "")
             began = time.perf_counter()
-            wanted = self._wanted(reading, ask, fault, starts=before.stage in (Stage.IDLE, Stage.START))
+            wanted = self._wanted(
+                reading, ask, fault, starts=before.stage in (Stage.IDLE, Stage.START)
+            )
             tick_time = time.perf_counter() - began
             sent = self._send(wanted)
             active = self.phase.stage in (Stage.RUN, Stage.HOLD) and not fault
-            if active and not self._limits.sizes(self._command - wanted).max() <= ALLOWED:
+            if (
+                active
+                and not self._limits.sizes(self._command - wanted).max() <= ALLOWED
+            ):
                 self.driver.sent(self._command)
             told = dict(self.driver.told()) if active else {}
         except BaseException as error:
             self.stop(error)
             raise
-        step = Step(self._number, moment, self.phase.stage, reading, ask.goal, sent, told, tick_time, late, self.fault)
+        step = Step(
+            self._number,
+            moment,
+            self.phase.stage,
+            reading,
+            ask.goal,
+            sent,
+            told,
+            tick_time,
+            late,
+            self.fault,
+        )
         self._number += 1
         self._watch(step)
         return step
 
     def stop(self, error: BaseException) -> None:
         """Stand still for a reason, until the arm is opened again."""
-        self.phase, self.fault, self._broken = failed(self.phase), str(error) or type(error).__name__, True
+        self.phase = failed(self.phase)
+        self.fault = str(error) or type(error).__name__
+        self._broken = True
 
     def release(self) -> None:
         """Lead the arm to rest, no faster than its limits; needs no reading, and takes its time."""
@@ -192,7 +236,8 @@ class Loop:
         self._due = self._clock.now()
         with _deaf_to_interrupts():
             try:
-                with suppress(Exception):  # a body that fails on the way to rest is closed all the same
+                # a body that fails on the way to rest is closed all the same
+                with suppress(Exception):
                     while not (self._robot.own_time or self._at_rest()):
                         self._wait()
                         self._send(self._next_to_rest())
@@ -213,19 +258,26 @@ class Loop:
     def _wait(self) -> tuple[float, float]:
         """Until the next step is due; when that is, and how late it has become."""
         self._clock.wait_until(self._due)
-        now, period = self._clock.now(), self.arm.control_period
+        now = self._clock.now()
+        period = self.arm.control_period
         late = max(now - self._due, 0.0)
         self.late_steps += late > LATE * period
-        self._due += period * (1 if self._when_late == "catch up" else 1 + int(late / period))
+        self._due += period * (
+            1 if self._when_late == "catch up" else 1 + int(late / period)
+        )
         return now, late
 
     def _fault_of(self, reading: Reading, moment: float) -> str:
         """What is wrong with a reading; one of a body with a time of its own cannot be late."""
         now = reading.time if self._robot.own_time else moment - self._begun
-        return self._check.fault(reading, now, float(self._limits.sizes(self._change).max()))
+        return self._check.fault(
+            reading, now, float(self._limits.sizes(self._change).max())
+        )
 
     def _at_rest(self) -> bool:
-        return bool((self._limits.sizes(self._command - self._limits.rest) < AT_REST).all())
+        return bool(
+            (self._limits.sizes(self._command - self._limits.rest) < AT_REST).all()
+        )
 
     def _wanted(self, reading: Reading, ask: Ask, fault: str, starts: bool) -> Actions:
         """The command that the stage asks for, before its limits."""
@@ -246,8 +298,12 @@ class Loop:
 
     def _send(self, wanted: Actions) -> Actions:
         """Send a command within its limits, and let the body's own time pass; what was really sent."""
-        command = self._limits.limited(wanted, self._command, self._change, self._before)
-        self._change, self._command, self._before = command - self._command, command, wanted
+        command = self._limits.limited(
+            wanted, self._command, self._change, self._before
+        )
+        self._change = command - self._command
+        self._command = command
+        self._before = wanted
         sent = np.asarray(self._robot.send(command), dtype=float)
         self._robot.advance(self.arm.control_period)
         return sent
@@ -262,4 +318,5 @@ def _deaf_to_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)  # None where it was not set from Python
+        # None where it was not set from Python
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)

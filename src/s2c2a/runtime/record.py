@@ -74,7 +74,11 @@ def episode_of(steps: Sequence[Step], arm: ArmSpec, **options: Any) -> Episode:
 
 def _goal(step: Step, arm: ArmSpec) -> Goal:
     """What the step aimed at; nothing while it was led to rest."""
-    return step.goal if step.goal is not None and step.stage in (Stage.RUN, Stage.HOLD) else Goal.of(arm.module_count)
+    return (
+        step.goal
+        if step.goal is not None and step.stage in (Stage.RUN, Stage.HOLD)
+        else Goal.of(arm.module_count)
+    )
 
 
 def _times(steps: Sequence[Step]) -> np.ndarray:
@@ -92,10 +96,21 @@ def _times(steps: Sequence[Step]) -> np.ndarray:
 def _filled(values: Sequence[np.ndarray | None]) -> np.ndarray:
     """One row a step; NaN where a step has none, or one of another shape than most."""
     arrays = [None if value is None else np.asarray(value) for value in values]
-    shapes = Counter(array.shape for array in arrays if array is not None and array.dtype.kind in "fiub")
+    shapes = Counter(
+        array.shape
+        for array in arrays
+        if array is not None and array.dtype.kind in "fiub"
+    )
     nothing = np.full(shapes.most_common(1)[0][0] if shapes else (), np.nan)
-    sound = [array is not None and array.dtype.kind in "fiub" and array.shape == nothing.shape for array in arrays]
-    return np.array([array if good else nothing for array, good in zip(arrays, sound, strict=True)])
+    sound = [
+        array is not None
+        and array.dtype.kind in "fiub"
+        and array.shape == nothing.shape
+        for array in arrays
+    ]
+    return np.array(
+        [array if good else nothing for array, good in zip(arrays, sound, strict=True)]
+    )
 
 
 def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
@@ -106,4 +121,8 @@ def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
         "wanted_axes": every.wanted_axes(),
         "obstacles": every.obstacles_in_use(),
     }
-    return {name: values for name, values in columns.items() if values.size and np.isfinite(values).any()}
+    return {
+        name: values
+        for name, values in columns.items()
+        if values.size and np.isfinite(values).any()
+    }

@@ -19,7 +19,8 @@ from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 
 MADE_GOOD = 0.5
-"""Unsound steps that a sound one makes good for: a sensor that fails every other time is not waited for without end."""
+"""Unsound steps that a sound one makes good for: a sensor that fails every other time
+is not waited for without end."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,21 @@ class Patience:
     alone: int
 
     @classmethod
-    def of(cls, control_rate: float, unsound: float = 1.0, alone: float = 10.0) -> "Patience":
+    def of(
+        cls, control_rate: float, unsound: float = 1.0, alone: float = 10.0
+    ) -> "Patience":
         """The same in seconds.
 
         Raises:
             S2C2AError: a time is not positive and finite.
         """
         if not (0 < unsound < 1e6 and 0 < alone < 1e6):
-            raise S2C2AError(f"{unsound} s and {alone} s of patience asked for; both must be positive")
-        return cls(max(1, round(unsound * control_rate)), max(1, round(alone * control_rate)))
+            raise S2C2AError(
+                f"{unsound} s and {alone} s of patience asked for; both must be positive"
+            )
+        return cls(
+            max(1, round(unsound * control_rate)), max(1, round(alone * control_rate))
+        )
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,8 @@ class Phase:
 
     Attributes:
         stage: what the arm does.
-        unsound: steps without a sound reading, of which sound ones make good for a part.
+        unsound: steps without a sound reading, of which sound ones make good for a
+            part.
         alone: steps in a row that it was held while nobody attended.
         spoiled: whether a release is for unsound readings, and ends in FAULT.
     """
@@ -78,7 +86,9 @@ class Phase:
     spoiled: bool = False
 
 
-def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Patience) -> Phase:
+def next_phase(
+    phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Patience
+) -> Phase:
     """The phase of this step.
 
     Args:
@@ -88,7 +98,11 @@ def next_phase(phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Pat
         at_rest: whether the last command was the neutral one.
         patience: before the arm is led to rest.
     """
-    unsound = max(phase.unsound - MADE_GOOD, 0.0) if sound else min(phase.unsound, patience.unsound) + 1.0
+    unsound = (
+        max(phase.unsound - MADE_GOOD, 0.0)
+        if sound
+        else min(phase.unsound, patience.unsound) + 1.0
+    )
     alone = phase.alone + 1 if phase.stage is Stage.HOLD and not ask.attended else 0
     impatient = unsound > patience.unsound
     give_up = impatient or alone > patience.alone
@@ -122,4 +136,8 @@ def failed(phase: Phase) -> Phase:
 
 def released(phase: Phase) -> Phase:
     """When somebody wants the arm led to rest; one that stands still by a fault stays so."""
-    return phase if phase.stage in (Stage.FAULT, Stage.IDLE) else replace(phase, stage=Stage.RELEASE)
+    return (
+        phase
+        if phase.stage in (Stage.FAULT, Stage.IDLE)
+        else replace(phase, stage=Stage.RELEASE)
+    )

@@ -1,8 +1,9 @@
 """The form of files of trained networks: safetensors with JSON beside the weights. Safe to open, whoever made them.
 
-Only what was learned or fitted to data is read from the arrays; what follows from the arm is built from its
-description, so a file cannot make a controller speak other cables than its arm has. A digest of the whole file tells of
-damage; sizes and numbers are limited, for a digest tells nothing of who made it.
+Only what was learned or fitted to data is read from the arrays; what follows from the
+arm is built from its description, so a file cannot make a controller speak other cables
+than its arm has. A digest of the whole file tells of damage; sizes and numbers are
+limited, for a digest tells nothing of who made it.
 """
 
 import json
@@ -27,13 +28,24 @@ from s2c2a.files import save_whole
 from s2c2a.training import FromArm
 
 SCHEMA = 2
-METADATA, DIGEST, NO_DIGEST = "s2c2a", "digest", "0" * 64
-MOST_BYTES, MOST_HEADER, MOST_ARRAYS = 200_000_000, 2_000_000, 10_000
+METADATA = "s2c2a"
+DIGEST = "digest"
+NO_DIGEST = "0" * 64
+MOST_BYTES = 200_000_000
+MOST_HEADER = 2_000_000
+MOST_ARRAYS = 10_000
 LARGEST = 1e6
 """Of any number in the arrays; trained ones are about one, scalings below a hundred."""
 
 METADATA_OF_AN_LSTM = "s2c2a-lstm"  # in version 0.1
-_FOREIGN = (SafetensorError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
+_FOREIGN = (
+    SafetensorError,
+    ValueError,
+    TypeError,
+    KeyError,
+    AttributeError,
+    RecursionError,
+)
 Arrays = Mapping[str, np.ndarray]
 
 
@@ -57,7 +69,12 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
     Raises:
         S2C2AError: the file cannot be written.
     """
-    content = _ordered(save(dict(arrays), metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST}))
+    content = _ordered(
+        save(
+            dict(arrays),
+            metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST},
+        )
+    )
     save_whole(content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path)
 
 
@@ -81,19 +98,25 @@ def read(path: str | os.PathLike, kind: str) -> tuple[Metadata, Arrays]:
     with damaged(path):
         header = json.loads(content[8 : 8 + _header_bytes(content)])
         beside = header.get("__metadata__") or {}
-        written = json.loads(beside.get(METADATA) or beside.get(METADATA_OF_AN_LSTM, "null"))
-        schema, arrays = written["schema_version"], len(header) - 1
+        written = json.loads(
+            beside.get(METADATA) or beside.get(METADATA_OF_AN_LSTM, "null")
+        )
+        schema = written["schema_version"]
+        arrays = len(header) - 1
     if schema != SCHEMA:
         raise StrategyError(
             f"{path} has schema {schema}, this version reads {SCHEMA}: another version of the package wrote it, such "
             "as 0.1; make it again with `s2c2a collect` and `s2c2a train`"
         )
     with damaged(path):
-        digest, metadata = beside[DIGEST], Metadata.model_validate(written)
+        digest = beside[DIGEST]
+        metadata = Metadata.model_validate(written)
         if digest != _digest(content.replace(digest.encode(), NO_DIGEST.encode(), 1)):
             raise StrategyError("what it holds does not fit its digest")
         if metadata.kind != kind or arrays > MOST_ARRAYS:
-            raise StrategyError(f"it holds {arrays} arrays of the kind '{metadata.kind}', not '{kind}'")
+            raise StrategyError(
+                f"it holds {arrays} arrays of the kind '{metadata.kind}', not '{kind}'"
+            )
         return metadata, load(content)
 
 
@@ -105,7 +128,9 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
     except ForeignCodeError as error:
         raise ForeignCodeError(f"{path}: {error}") from error
     except (*_FOREIGN, S2C2AError) as error:
-        raise StrategyError(f"{path} is no strategy file, or damaged: {error}; train it anew") from error
+        raise StrategyError(
+            f"{path} is no strategy file, or damaged: {error}; train it anew"
+        ) from error
 
 
 def _content(path: str | os.PathLike) -> bytes:
@@ -118,7 +143,9 @@ def _content(path: str | os.PathLike) -> bytes:
     except OSError as error:
         raise StrategyError(f"{path} cannot be read: {error}") from error
     if len(content) > MOST_BYTES:
-        raise StrategyError(f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB and no strategy file; choose another")
+        raise StrategyError(
+            f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB and no strategy file; choose another"
+        )
     return content
 
 
@@ -138,7 +165,9 @@ def learned(networks: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return {
         f"{name}{jax.tree_util.keystr(place)}": np.asarray(leaf)
         for name, network in networks.items()
-        for place, leaf in jax.tree_util.tree_leaves_with_path(network, is_leaf=_is_from_arm)
+        for place, leaf in jax.tree_util.tree_leaves_with_path(
+            network, is_leaf=_is_from_arm
+        )
         if _is_array(leaf)
     }
 
@@ -147,7 +176,8 @@ def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str,
     """Networks of these shapes with a file's numbers.
 
     Args:
-        blanks: networks of shapes alone (`eqx.filter_eval_shape`), so that none grows as large as a file says.
+        blanks: networks of shapes alone (`eqx.filter_eval_shape`), so that none grows
+            as large as a file says.
         arm: from which the rest follows.
         arrays: of the file.
 
@@ -158,20 +188,33 @@ def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str,
     def fill(name: str, place, blank):
         if _is_from_arm(blank):
             return type(blank).of(arm)
-        return _sound(arrays, f"{name}{jax.tree_util.keystr(place)}", blank) if _is_array(blank) else blank
+        return (
+            _sound(arrays, f"{name}{jax.tree_util.keystr(place)}", blank)
+            if _is_array(blank)
+            else blank
+        )
 
     full = {
-        name: jax.tree_util.tree_map_with_path(partial(fill, name), blank, is_leaf=_is_from_arm)
+        name: jax.tree_util.tree_map_with_path(
+            partial(fill, name), blank, is_leaf=_is_from_arm
+        )
         for name, blank in blanks.items()
     }
     numbers, rest = eqx.partition(full, _is_array)
-    return eqx.combine(jax.device_put(numbers), rest)  # all in one go, which is quicker than each alone
+    # all in one go, which is quicker than each alone
+    return eqx.combine(jax.device_put(numbers), rest)
 
 
 def _sound(arrays: Arrays, name: str, blank: Any) -> np.ndarray:
     found = arrays.get(name)
-    if found is None or (found.shape, found.dtype) != (blank.shape, blank.dtype) or not _in_range(found):
-        raise StrategyError(f"it holds no sound array {name} of shape {blank.shape}, all within {LARGEST:g}")
+    if (
+        found is None
+        or (found.shape, found.dtype) != (blank.shape, blank.dtype)
+        or not _in_range(found)
+    ):
+        raise StrategyError(
+            f"it holds no sound array {name} of shape {blank.shape}, all within {LARGEST:g}"
+        )
     return found
 
 

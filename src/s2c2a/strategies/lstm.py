@@ -1,6 +1,7 @@
 """The data-driven comparison of the paper: an LSTM from tip positions to actions, without a plan.
 
-It reads true states, so it works only where something outside watches the arm: simulation or motion capture.
+It reads true states, so it works only where something outside watches the arm:
+simulation or motion capture.
 """
 
 from typing import NamedTuple
@@ -39,22 +40,28 @@ def train_lstm_strategy(
         progress: told epoch, most epochs, validation loss.
 
     Raises:
-        RecordingError: episodes are missing or too short, or the recording holds no true states.
+        RecordingError: episodes are missing or too short, or the recording holds no
+            true states.
         TrainingError: too few samples, or the loss is not finite.
     """
     recording.check_complete()
     tips = recording.sensor("states")[:, :, -1, POSITION]
     if not np.isfinite(tips).all():
-        raise RecordingError("this recording lacks true states, which the LSTM reads; record with motion capture on")
-    trained = options.train(recording.arm, tips, recording.actions, jax.random.key(seed), progress)
+        raise RecordingError(
+            "this recording lacks true states, which the LSTM reads; record with motion capture on"
+        )
+    trained = options.train(
+        recording.arm, tips, recording.actions, jax.random.key(seed), progress
+    )
     return TrainedNetworks.of(recording.arm, options, seed, {"LSTM": trained})
 
 
 class LSTMStrategy:
     """A trained LSTM at work; it has the doors of `Strategy`.
 
-    It hears a goal's wanted tip position and nothing else of it. The bends that its actions stand for change by at
-    most the arm's step limit, as every plan does. Nothing compiles after it is built.
+    It hears a goal's wanted tip position and nothing else of it. The bends that its
+    actions stand for change by at most the arm's step limit, as every plan does.
+    Nothing compiles after it is built.
 
     Attributes:
         name: "lstm".
@@ -62,7 +69,8 @@ class LSTMStrategy:
         sensors: names of the sensors that it needs.
     """
 
-    name, sensors = "lstm", ("states",)
+    name = "lstm"
+    sensors = ("states",)
 
     def __init__(self, trained: TrainedLSTM):
         """Compile for the arm that the LSTM was trained for."""
@@ -92,13 +100,15 @@ class LSTMStrategy:
             goal: with the wanted tip position after the action.
 
         Raises:
-            StrategyError: it was not started, the reading holds no true states, or the goal no tip position.
+            StrategyError: it was not started, the reading holds no true states, or the
+                goal no tip position.
 
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
         last = started(self._memory, "call start(reading) with the arm at rest first")
-        states, wanted = _states(reading), _wanted_tip(goal)
+        states = _states(reading)
+        wanted = _wanted_tip(goal)
         self._sensed = self._sense(states)
         action, self._memory = self._act(states[-1, POSITION], wanted, last)
         return np.asarray(action, dtype=np.float64)
@@ -120,7 +130,9 @@ class LSTMStrategy:
         states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
         reading = Reading(0.0, {"states": states})
         self.start(reading)
-        self.step(reading, Goal.of(self.arm.module_count).with_position(states[-1, POSITION]))
+        self.step(
+            reading, Goal.of(self.arm.module_count).with_position(states[-1, POSITION])
+        )
         self._memory = None
 
 
@@ -136,7 +148,8 @@ class _Policy(eqx.Module):
 
     Attributes:
         network: the trained LSTM.
-        bend_units: bend [rad] that a normalised action of one on the bend directions stands for, shape (modules, 1).
+        bend_units: bend [rad] that a normalised action of one on the bend directions
+            stands for, shape (modules, 1).
         longest_step: largest change of a module's bend in one step [rad].
     """
 
@@ -148,26 +161,47 @@ class _Policy(eqx.Module):
     def of(cls, trained: TrainedLSTM) -> "_Policy":
         units = HEADROOM * ArmGeometry.of(trained.arm).bend_limits[:, None]
         longest_step = float(np.deg2rad(trained.arm.step_limit_deg))
-        return cls(trained.networks["LSTM"], jnp.asarray(units, dtype=jnp.float32), longest_step)
+        return cls(
+            trained.networks["LSTM"],
+            jnp.asarray(units, dtype=jnp.float32),
+            longest_step,
+        )
 
     def start(self, tip: Float[Array, "3"]) -> _Memory:
         """A history of rest, as before every episode of the training data."""
         neutral = self.network.sum_and_range.neutral
-        history = TipHistory(jnp.tile(tip, (ACTION_HISTORY, 1)), jnp.zeros((ACTION_HISTORY, *neutral.shape)))
+        history = TipHistory(
+            jnp.tile(tip, (ACTION_HISTORY, 1)),
+            jnp.zeros((ACTION_HISTORY, *neutral.shape)),
+        )
         return _Memory(history, jnp.zeros((len(neutral), 2)))
 
-    def act(self, tip: Float[Array, "3"], wanted: Float[Array, "3"], memory: _Memory) -> tuple[Array, _Memory]:
+    def act(
+        self, tip: Float[Array, "3"], wanted: Float[Array, "3"], memory: _Memory
+    ) -> tuple[Array, _Memory]:
         """The action [m or N], shape (modules, cables), and the memory after it."""
         layer = self.network.sum_and_range
-        history = TipHistory(_push(memory.history.positions, tip), memory.history.actions)
+        history = TipHistory(
+            _push(memory.history.positions, tip), memory.history.actions
+        )
         normalised = self.network.unlimited(wanted, history)
-        change = jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalised) * self.bend_units - memory.bends
+        change = (
+            jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalised)
+            * self.bend_units
+            - memory.bends
+        )
         bends = memory.bends + limit_lengths(change, self.longest_step)
-        action = layer.limited(jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units))
-        return layer.actions(action), _Memory(TipHistory(history.positions, _push(history.actions, action)), bends)
+        action = layer.limited(
+            jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units)
+        )
+        return layer.actions(action), _Memory(
+            TipHistory(history.positions, _push(history.actions, action)), bends
+        )
 
 
-def _push(history: Float[Array, "moments *features"], newest: Float[Array, "*features"]) -> Array:
+def _push(
+    history: Float[Array, "moments *features"], newest: Float[Array, "*features"]
+) -> Array:
     return jnp.concatenate([history[1:], newest[None]])
 
 
@@ -175,7 +209,9 @@ def _states(reading: Reading) -> np.ndarray:
     """True states, refused where the tip is not watched."""
     states = reading.get("states")
     if states is None or not np.isfinite(states[-1, POSITION]).all():
-        raise StrategyError("the LSTM reads true states and this reading holds none of the tip; have the arm watched")
+        raise StrategyError(
+            "the LSTM reads true states and this reading holds none of the tip; have the arm watched"
+        )
     return np.asarray(states, np.float32)
 
 
@@ -183,5 +219,7 @@ def _wanted_tip(goal: Goal) -> np.ndarray:
     """The wanted tip position [m], refused where none is asked for."""
     wanted = np.asarray(goal.positions[-1], np.float32)
     if not (goal.position_weights[-1] > 0 and np.isfinite(wanted).all()):
-        raise StrategyError("the LSTM follows tip positions and this goal holds none; add one with `with_position`")
+        raise StrategyError(
+            "the LSTM follows tip positions and this goal holds none; add one with `with_position`"
+        )
     return wanted

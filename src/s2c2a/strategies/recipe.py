@@ -42,20 +42,26 @@ class Recipe:
 
     Attributes:
         name: the word a user types.
-        c2s: the forward model: the paper's biLSTM, the chain with memory, or one of the user's own.
+        c2s: the forward model: the paper's biLSTM, the chain with memory, or one of the
+            user's own.
         c2a: the controller.
         c2s_fit: how the forward model is trained.
         c2a_fit: how the controller is trained.
         history_noise: on past actions while the controller is trained, normalised.
         planner: how to plan.
         babbling: how data explore the arm (`data.babbling.BABBLING`).
-        speeds: of their motion, as parts of the full bend per step, slowest and fastest.
+        speeds: of their motion, as parts of the full bend per step, slowest and
+            fastest.
         episodes: number of episodes of its data.
-        correction: part of the controller's lasting error that is integrated in every step; none if zero.
-        axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that begin so.
-        directions: whether sensed vectors are taken at unit length, whatever mixes them.
-        observes: whether plans are made in what motors do, and all else that is sensed says what comes of it
-            (`estimation`); else plans are made in what is sensed, as in the paper.
+        correction: part of the controller's lasting error that is integrated in every
+            step; none if zero.
+        axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that
+            begin so.
+        directions: whether sensed vectors are taken at unit length, whatever mixes
+            them.
+        observes: whether plans are made in what motors do, and all else that is sensed
+            says what comes of it (`estimation`); else plans are made in what is sensed,
+            as in the paper.
     """
 
     name: str
@@ -77,22 +83,41 @@ class Recipe:
 
     def __post_init__(self):
         """Refuse numbers that are none, or absurd; a forward model of one's own goes by the name of its class."""
-        limits = {"history_noise": (0, 1000), "speeds": (0, 10), "episodes": (1, MOST_EPISODES), "correction": (0, 10)}
+        limits = {
+            "history_noise": (0, 1000),
+            "speeds": (0, 10),
+            "episodes": (1, MOST_EPISODES),
+            "correction": (0, 10),
+        }
         check_limits(self, StrategyError, **limits)
         if self.babbling not in BABBLING:
-            raise StrategyError(f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}")
+            raise StrategyError(
+                f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}"
+            )
         if not all(0 <= weight <= 1e6 for _, weight in self.axis_weights):
-            raise StrategyError(f"axis_weights = {self.axis_weights} was asked for; take weights of 0 to 1e6")
-        if wrong := [place for place, number in _numbers("planner", asdict(self.planner)) if not math.isfinite(number)]:
-            raise StrategyError(f"recipe '{self.name}' has no finite number at {', '.join(wrong)}; write one there")
+            raise StrategyError(
+                f"axis_weights = {self.axis_weights} was asked for; take weights of 0 to 1e6"
+            )
+        if wrong := [
+            place
+            for place, number in _numbers("planner", asdict(self.planner))
+            if not math.isfinite(number)
+        ]:
+            raise StrategyError(
+                f"recipe '{self.name}' has no finite number at {', '.join(wrong)}; write one there"
+            )
         if not self.c2s.model:
-            object.__setattr__(self, "c2s", replace(self.c2s, model=name_of(type(self.c2s))))
+            object.__setattr__(
+                self, "c2s", replace(self.c2s, model=name_of(type(self.c2s)))
+            )
 
     @property
     def training(self) -> dict[str, Any]:
         """What trained networks depend on: all but how many data and how they are put to work; a user's code, too."""
         at_work = ("name", "episodes", "planner", "correction", "axis_weights")
-        here = {name: value for name, value in asdict(self).items() if name not in at_work}
+        here = {
+            name: value for name, value in asdict(self).items() if name not in at_work
+        }
         return here | {"code": code_of(type(self.c2s))}
 
     def collect_options(self, seed: int = 0) -> CollectOptions:
@@ -101,29 +126,49 @@ class Recipe:
         Raises:
             RecordingError: the recipe's speeds are none.
         """
-        return CollectOptions(self.babbling, self.episodes, seed=seed, speeds=self.speeds)
+        return CollectOptions(
+            self.babbling, self.episodes, seed=seed, speeds=self.speeds
+        )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """Both networks before training; how the arm swings, and what its sensors say, if that is asked for."""
         felt = self.felt(arm)
-        networks = {"C2S": self.c2s.untrained(felt, key), "C2A": self.c2a.untrained(felt, key)}
-        return networks | ({"swing": Swing.nominal()} | untrained_senses(arm, key) if self.observes else {})
+        networks = {
+            "C2S": self.c2s.untrained(felt, key),
+            "C2A": self.c2a.untrained(felt, key),
+        }
+        return networks | (
+            {"swing": Swing.nominal()} | untrained_senses(arm, key)
+            if self.observes
+            else {}
+        )
 
     def axis_weight(self, task: str) -> float:
         """What mu_o of a task is multiplied by."""
-        return next((weight for begin, weight in self.axis_weights if task.startswith(begin)), 1.0)
+        return next(
+            (weight for begin, weight in self.axis_weights if task.startswith(begin)),
+            1.0,
+        )
 
     def felt(self, arm: ArmSpec) -> ArmSpec:
         """The arm as plans are made for it: what watches it beside its motors has no say in them."""
         if not self.observes:
             return arm
-        motor = arm.motor.model_copy(update={"current_noise": None, "current_friction": 0.0})
+        motor = arm.motor.model_copy(
+            update={"current_noise": None, "current_friction": 0.0}
+        )
         sensing = "encoders" if arm.sensing == "true" else arm.sensing
-        return arm.model_copy(update={"sensing": sensing, "senses": Senses(), "motor": motor})
+        return arm.model_copy(
+            update={"sensing": sensing, "senses": Senses(), "motor": motor}
+        )
 
     def learned_on(self, arm: ArmSpec) -> ArmSpec:
         """The arm as networks are trained for it: as plans are made, and with sensors that have to be learned."""
-        return self.felt(arm).model_copy(update={"senses": arm.senses.learned}) if self.observes else arm
+        return (
+            self.felt(arm).model_copy(update={"senses": arm.senses.learned})
+            if self.observes
+            else arm
+        )
 
     def estimator(self, arm: ArmSpec) -> Estimator:
         """What turns the arm's readings into the configurations that this recipe works on."""
@@ -135,12 +180,20 @@ def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
     """Every number within, and where it stands."""
     if isinstance(value, float):
         yield place, value
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    inside = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list | tuple)
+        else ()
+    )
     for name, part in inside:
         yield from _numbers(f"{place}.{name}", part)
 
 
-_DECAYING = FitOptions(learning_rate=2e-3, most_epochs=60, patience=60, epochs_per_call=10, decay=True)
+_DECAYING = FitOptions(
+    learning_rate=2e-3, most_epochs=60, patience=60, epochs_per_call=10, decay=True
+)
 
 _BEST = Recipe(
     "best",
@@ -156,9 +209,15 @@ _BEST = Recipe(
     directions=True,
     observes=True,
 )
-_PAPER = Recipe("paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32))
-RECIPES = {one.name: one for one in (_BEST, replace(_BEST, name="best-long", episodes=72), _PAPER)}
-"""What each ingredient of `best` is worth, and who needs four times its data: docs/recipe.md."""
+_PAPER = Recipe(
+    "paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32)
+)
+RECIPES = {
+    one.name: one
+    for one in (_BEST, replace(_BEST, name="best-long", episodes=72), _PAPER)
+}
+"""What each ingredient of `best` is worth, and who needs four times its data:
+docs/recipe.md."""
 
 
 def recipe_named(name: str) -> Recipe:
@@ -188,20 +247,30 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
     A forward model, terms, guides and a solver that it names are imported.
 
     Raises:
-        StrategyError: no such file, not TOML, or no recipe: a key is missing, not known or of another kind.
+        StrategyError: no such file, not TOML, or no recipe: a key is missing, not known
+            or of another kind.
     """
     if not Path(path).is_file():
-        raise StrategyError(f"no recipe at {path}; take {', '.join(RECIPES)}, or a file such as `s2c2a sweep` writes")
+        raise StrategyError(
+            f"no recipe at {path}; take {', '.join(RECIPES)}, or a file such as `s2c2a sweep` writes"
+        )
     if Path(path).stem in RECIPES:
-        raise StrategyError(f"{path} would go by the name of a recipe that is another; give the file a name of its own")
+        raise StrategyError(
+            f"{path} would go by the name of a recipe that is another; give the file a name of its own"
+        )
     try:
         written = toml_in(read_text(path))
-        recipe = recipe_in(_in_full(written, Path(path).parent) | {"name": Path(path).stem}, model_named)
+        recipe = recipe_in(
+            _in_full(written, Path(path).parent) | {"name": Path(path).stem},
+            model_named,
+        )
         recipe.planner.made()  # now, not after the training
         return recipe
     except ValidationError as error:
         hint = "" if "based_on" in written else HINT
-        raise StrategyError(explained(error, f"{path}: {HEADING}{hint}", _keys())) from error
+        raise StrategyError(
+            explained(error, f"{path}: {HEADING}{hint}", _keys())
+        ) from error
     except S2C2AError as error:
         raise StrategyError(f"{path}: {error}") from error
 
@@ -212,7 +281,9 @@ def _keys() -> Iterator[str]:
         yield from (one.name for one in fields(kind))
 
 
-def recipe_in(table: dict[str, Any], model: Callable[[str], type[ForwardOptions]]) -> Recipe:
+def recipe_in(
+    table: dict[str, Any], model: Callable[[str], type[ForwardOptions]]
+) -> Recipe:
     """The recipe that a table says, whose forward model's options are found by name.
 
     Raises:
@@ -232,14 +303,20 @@ def recipe_in(table: dict[str, Any], model: Callable[[str], type[ForwardOptions]
 def _in_full(written: dict[str, Any], folder: Path) -> dict[str, Any]:
     """With all of the recipe that it is based on, and files of code beside it found from anywhere."""
     if isinstance(planner := written.get("planner"), dict):
-        parts = {key: _beside(planner[key], folder) for key in ("solver", "terms", "guides") if key in planner}
+        parts = {
+            key: _beside(planner[key], folder)
+            for key in ("solver", "terms", "guides")
+            if key in planner
+        }
         written = written | {"planner": planner | parts}
     if isinstance(c2s := written.get("c2s"), dict):
         written = written | {"c2s": _beside(c2s, folder, "model")}
     if "based_on" not in written:
         return written
     base = asdict(recipe_named(str(written["based_on"])))
-    return _merged(base, {key: value for key, value in written.items() if key != "based_on"})
+    return _merged(
+        base, {key: value for key, value in written.items() if key != "based_on"}
+    )
 
 
 def _beside(part: Any, folder: Path, key: str = "name") -> Any:
@@ -266,7 +343,9 @@ def _merged(base: Any, own: Any) -> Any:
 
 def _by_name(values: Any) -> dict[str, Any]:
     """Parts of a list by their names; nothing of what is no list of parts."""
-    parts = isinstance(values, list | tuple) and all(isinstance(one, dict) and "name" in one for one in values)
+    parts = isinstance(values, list | tuple) and all(
+        isinstance(one, dict) and "name" in one for one in values
+    )
     return {part["name"]: part for part in values} if parts else {}
 
 

@@ -1,7 +1,8 @@
 """The strategy of the paper: C2S in the planner, C2A as the controller.
 
-Trained networks come with the package for both presets, recipe `best`, seed 0; docs/live.md says how to make them. A
-file holds what was learned; how plans are made with it is the recipe's as it is today.
+Trained networks come with the package for both presets, recipe `best`, seed 0;
+docs/live.md says how to make them. A file holds what was learned; how plans are made
+with it is the recipe's as it is today.
 """
 
 from collections.abc import Callable
@@ -50,8 +51,10 @@ class Watched:
 
     Attributes:
         load: at its tip, as far as it is told [kg].
-        estimates: whether load and leans are estimated while it works, or stay as they are told.
-        yields: to what leans on it: no more than this force at the tip is made up for [N]; all of it if None.
+        estimates: whether load and leans are estimated while it works, or stay as they
+            are told.
+        yields: to what leans on it: no more than this force at the tip is made up for
+            [N]; all of it if None.
     """
 
     load: float = 0.0
@@ -61,9 +64,13 @@ class Watched:
     def __post_init__(self):
         """Refuse loads that are none."""
         if not 0.0 <= self.load < MOST_TOLD:
-            raise StrategyError(f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg")
+            raise StrategyError(
+                f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg"
+            )
         if self.yields is not None and not self.yields >= 0.0:
-            raise StrategyError(f"an arm that yields to {self.yields} N was asked for; say a force from 0, or none")
+            raise StrategyError(
+                f"an arm that yields to {self.yields} N was asked for; say a force from 0, or none"
+            )
 
 
 WATCHED = Watched()
@@ -85,25 +92,33 @@ def train_s2c2a(
         recipe: sizes and options.
         seed: of everything random.
         progress: told network, epoch, most epochs, validation loss.
-        start: networks of another arm of the same make to begin from; a short recording will do then.
+        start: networks of another arm of the same make to begin from; a short recording
+            will do then.
 
     Raises:
-        RecordingError: episodes are missing or too short, or the recording holds no true states.
+        RecordingError: episodes are missing or too short, or the recording holds no
+            true states.
         StrategyError: the networks to begin from are of another make or recipe.
         TrainingError: too few samples, or the loss is not finite.
     """
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     senses_key = jax.random.fold_in(jax.random.key(seed), SENSES)
-    senses = _senses(recording, senses_key, progress) if recipe.observes else {}  # first: they may be too few to learn
+    # first: they may be too few to learn
+    senses = _senses(recording, senses_key, progress) if recipe.observes else {}
     told = _named(progress, "C2S"), _named(progress, "C2A")
     if start is not None:
         check_same_training(start, recipe)
         begun = transferred(start, recording.arm, seed)
-        forward = recipe.c2s.go_on(begun.c2s, data, longer(recipe.c2s_fit), c2s_key, told[0])
-        return begun.with_trained({"C2S": forward, **senses}, recipe)  # motors and swing are no other ones
+        forward = recipe.c2s.go_on(
+            begun.c2s, data, longer(recipe.c2s_fit), c2s_key, told[0]
+        )
+        # motors and swing are no other ones
+        return begun.with_trained({"C2S": forward, **senses}, recipe)
     forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, told[0])
-    control = recipe.c2a.train(data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1])
+    control = recipe.c2a.train(
+        data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1]
+    )
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
         networks |= {"swing": _swing(data, recipe, forward.network), **senses}
@@ -118,17 +133,27 @@ def _swing(data: TrainingData, recipe: Recipe, model: ForwardModel) -> Trained[S
     )
     swing, (without, left) = identified_swing(data.arm, rests, bends)
     percent = 100.0 * left / without if without > 0 else 100.0
-    return Trained(swing, np.array([[0.0, without, without], [1.0, left, left]], np.float32), (percent, 0.0))
+    return Trained(
+        swing,
+        np.array([[0.0, without, without], [1.0, left, left]], np.float32),
+        (percent, 0.0),
+    )
 
 
-def _senses(recording: Recording, key: PRNGKeyArray, progress: NetworkProgress) -> dict[str, Trained]:
+def _senses(
+    recording: Recording, key: PRNGKeyArray, progress: NetworkProgress
+) -> dict[str, Trained]:
     """What sensors of its arm say of bends, by name; of those that are in the recording, and as they should be."""
-    bends = np.asarray(bends_from_states(jnp.asarray(recording.sensor("states"), jnp.float32)))
-    shapes, learned = recording.arm.senses.learned_shapes(recording.arm.module_count), {}
+    bends = np.asarray(
+        bends_from_states(jnp.asarray(recording.sensor("states"), jnp.float32))
+    )
+    shapes = recording.arm.senses.learned_shapes(recording.arm.module_count)
+    learned = {}
     for name in (one for one in shapes if one in recording.sensors):
         said = recording.sensor(name)
         if said.shape[2:] == shapes[name]:
-            heard, told = Heard.of(bends, said, recording.lengths), _named(progress, name)
+            heard = Heard.of(bends, said, recording.lengths)
+            told = _named(progress, name)
             learned[f"{PREFIX}{name}"] = learn_numbers(recording.arm, heard, key, told)
     return learned
 
@@ -137,17 +162,29 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
     """What networks of a recipe learn from.
 
     Raises:
-        RecordingError: episodes are missing, or the recording holds no true states, or not what its arm senses.
+        RecordingError: episodes are missing, or the recording holds no true states, or
+            not what its arm senses.
     """
     recording.check_complete()
     states = recording.sensor("states")
     if not np.isfinite(states).any():
-        raise RecordingError("this recording lacks true states, which C2S learns; record with motion capture on")
+        raise RecordingError(
+            "this recording lacks true states, which C2S learns; record with motion capture on"
+        )
     sensed = recipe.estimator(recording.arm).sensed(recording.readings())
     if not np.isfinite(sensed).all():
-        raise RecordingError("this recording lacks the configurations that its arm senses; was something not watched?")
+        raise RecordingError(
+            "this recording lacks the configurations that its arm senses; was something not watched?"
+        )
     together = moved_together(recording, recipe.felt(recording.arm))
-    return TrainingData(recipe.felt(recording.arm), sensed, recording.actions, states, recording.lengths, together)
+    return TrainingData(
+        recipe.felt(recording.arm),
+        sensed,
+        recording.actions,
+        states,
+        recording.lengths,
+        together,
+    )
 
 
 def moved_together(recording: Recording, arm: ArmSpec) -> np.ndarray | None:
@@ -155,14 +192,20 @@ def moved_together(recording: Recording, arm: ArmSpec) -> np.ndarray | None:
 
     None where they were driven as bends, as they are here, or were not measured.
     """
-    if arm.actuation != "displacement" or arm.sensing != "encoders" or "cables" not in recording.sensors:
+    if (
+        arm.actuation != "displacement"
+        or arm.sensing != "encoders"
+        or "cables" not in recording.sensors
+    ):
         return None
     moved = recording.sensor("cables") / ArmGeometry.of(arm).cable_radii[:, None]
     together = moved.mean(axis=-1).std()
     return moved if together > TOGETHER * moved.std() else None
 
 
-def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watched: Watched = WATCHED) -> Strategy:
+def s2c2a_strategy(
+    networks: TrainedNetworks[Recipe], guard: Guard = "tip", watched: Watched = WATCHED
+) -> Strategy:
     """Put trained networks to work, planning as their recipe says.
 
     Args:
@@ -170,29 +213,43 @@ def s2c2a_strategy(networks: TrainedNetworks[Recipe], guard: Guard = "tip", watc
         guard: what keeps out of obstacles.
         watched: what is known of the arm, and what is done with what it senses.
     """
-    arm, recipe = networks.arm, networks.recipe
+    arm = networks.arm
+    recipe = networks.recipe
     planner = Planner(recipe.felt(arm), networks.c2s, _planner_options(networks, guard))
     controller: Controller = NetworkController(networks.c2a)
     if recipe.correction:
         controller = CorrectedController(controller, recipe.correction)
     observer = observer_of(networks, watched) if recipe.observes else None
-    return Strategy("s2c2a", arm, recipe.estimator(arm), planner, controller, observer, watched.load)
+    return Strategy(
+        "s2c2a", arm, recipe.estimator(arm), planner, controller, observer, watched.load
+    )
 
 
-def observer_of(networks: TrainedNetworks[Recipe], watched: Watched = WATCHED) -> Observer:
+def observer_of(
+    networks: TrainedNetworks[Recipe], watched: Watched = WATCHED
+) -> Observer:
     """What watches an arm with trained networks at work."""
     arm = networks.arm
-    senses = *senses_of(arm, networks.c2s.cable_stiffnesses()), *learned_senses(arm, networks.networks)
+    senses = (
+        *senses_of(arm, networks.c2s.cable_stiffnesses()),
+        *learned_senses(arm, networks.networks),
+    )
     if not senses:
         return Observer.of(arm, Gains.none(), (), estimates=watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
     observer = Observer.of(
-        arm, gains, senses, estimates=watched.estimates, yields=np.inf if watched.yields is None else watched.yields
+        arm,
+        gains,
+        senses,
+        estimates=watched.estimates,
+        yields=np.inf if watched.yields is None else watched.yields,
     )
     return with_margins(arm, observer)
 
 
-def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip", **sizes: int) -> BatchPlanner:
+def s2c2a_batch_planner(
+    networks: TrainedNetworks[Recipe], guard: Guard = "tip", **sizes: int
+) -> BatchPlanner:
     """Plan for many at once with trained networks, as their recipe says.
 
     Args:
@@ -200,7 +257,12 @@ def s2c2a_batch_planner(networks: TrainedNetworks[Recipe], guard: Guard = "tip",
         guard: what keeps out of obstacles.
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
-    return BatchPlanner(networks.recipe.felt(networks.arm), networks.c2s, _planner_options(networks, guard), **sizes)
+    return BatchPlanner(
+        networks.recipe.felt(networks.arm),
+        networks.c2s,
+        _planner_options(networks, guard),
+        **sizes,
+    )
 
 
 def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
@@ -214,14 +276,18 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
             with resources.as_file(file) as path:
                 if arm_of_strategy(path).same_body(arm):
                     networks = load_strategy(path)
-                    return replace(networks, arm=arm, recipe=recipe_named(networks.recipe.name))
+                    return replace(
+                        networks, arm=arm, recipe=recipe_named(networks.recipe.name)
+                    )
     raise StrategyError(
         f"no trained networks come with the package for '{arm.name}'; collect data with `s2c2a collect`, train with "
         "`s2c2a train`, and give the file with --weights"
     )
 
 
-def planning_as(networks: TrainedNetworks[Recipe], recipe: Recipe) -> TrainedNetworks[Recipe]:
+def planning_as(
+    networks: TrainedNetworks[Recipe], recipe: Recipe
+) -> TrainedNetworks[Recipe]:
     """The same networks, put to work as another recipe says.
 
     Raises:
@@ -237,7 +303,8 @@ def planning_as(networks: TrainedNetworks[Recipe], recipe: Recipe) -> TrainedNet
 
 def _planner_options(networks: TrainedNetworks[Recipe], guard: Guard) -> PlannerOptions:
     """The recipe's; vectors that sensing coupling mixes are not of unit length unless taken so, and not kept there."""
-    options, recipe = networks.recipe.planner, networks.recipe
+    options = networks.recipe.planner
+    recipe = networks.recipe
     of_unit_length = recipe.directions or networks.arm.sensing_coupling is None
     return replace(options, guard=guard, on_sphere=options.on_sphere and of_unit_length)
 

@@ -71,18 +71,24 @@ class Strategy:
             estimator: what configurations are.
             planner: for them.
             controller: for what is planned.
-            observer: of what comes of it; nothing is known but what encoders say if None.
+            observer: of what comes of it; nothing is known but what encoders say if
+                None.
             load: at the tip, as far as it is told [kg].
         """
-        self.name, self.arm, self.sensors = name, arm, estimator.sensors
+        self.name = name
+        self.arm = arm
+        self.sensors = estimator.sensors
         self._planner = planner
-        self._inputs = estimator.inputs  # Equinox takes as long to look a method up as sensing does
+        # Equinox takes as long to look a method up as sensing does
+        self._inputs = estimator.inputs
         self._plan: Plan | None = None
         self._memory: Any = None
         self._sense = compiled(operator.call, estimator)
         self._start_control = compiled(type(controller).start, controller)
         self._act = compiled(_acted, controller)
-        self._watch = Watch(arm, planner, observer, load) if observer is not None else None
+        self._watch = (
+            Watch(arm, planner, observer, load) if observer is not None else None
+        )
         self._after = compiled(type(controller).sent, controller)
         self._warm_up()
 
@@ -90,7 +96,11 @@ class Strategy:
     def margins(self) -> Margins | None:
         """Of the loop of what it senses beside its encoders; None where there is none. Takes a moment, once."""
         observer = self._watch.observer if self._watch is not None else None
-        return margins_of(self.arm, observer) if observer is not None and observer.senses else None
+        return (
+            margins_of(self.arm, observer)
+            if observer is not None and observer.senses
+            else None
+        )
 
     def start(self, reading: Reading) -> None:
         """Begin from an arm at rest.
@@ -108,7 +118,8 @@ class Strategy:
             goal: for the state after the action.
 
         Raises:
-            StrategyError: it was not started, or the sensors gave no finite numbers; the next reading may be better.
+            StrategyError: it was not started, or the sensors gave no finite numbers;
+                the next reading may be better.
 
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
@@ -123,10 +134,12 @@ class Strategy:
     def told(self) -> dict[str, np.ndarray]:
         """What it sensed, planned and expects, by column of an episode.
 
-        The latest configurations, sensed and planned, of shape (modules, 3), module frames; the states [m, 1] that the
-        plan is expected to lead to, of shape (modules, 6), base frame, how far off ends must be expected to be [m], of
-        shape (modules,), and how much of that is because nothing was learned there; what took over where the plan
-        would have stood (`planning.rescue`), and whether it stands although its cost could fall.
+        The latest configurations, sensed and planned, of shape (modules, 3), module
+        frames; the states [m, 1] that the plan is expected to lead to, of shape
+        (modules, 6), base frame, how far off ends must be expected to be [m], of shape
+        (modules,), and how much of that is because nothing was learned there; what took
+        over where the plan would have stood (`planning.rescue`), and whether it stands
+        although its cost could fall.
 
         Raises:
             StrategyError: it was not started.
@@ -134,31 +147,49 @@ class Strategy:
         plan = started(self._plan, "it has planned nothing yet")
         found = self._planner.expectation(plan)
         expected = {"expected": np.asarray(found.states, dtype=float)}
-        expected |= {"deviation": np.asarray(found.deviation), "doubt": np.asarray(found.doubt)}
+        expected |= {
+            "deviation": np.asarray(found.deviation),
+            "doubt": np.asarray(found.doubt),
+        }
         notes = Notes(*np.asarray(plan.search.numbers))
-        search = {"rescued": np.asarray(notes.rescued), "standing": np.asarray(notes.standing)}
-        shapes = {"sensed": np.asarray(self._sensed), "planned": np.asarray(plan.configurations)}
+        search = {
+            "rescued": np.asarray(notes.rescued),
+            "standing": np.asarray(notes.standing),
+        }
+        shapes = {
+            "sensed": np.asarray(self._sensed),
+            "planned": np.asarray(plan.configurations),
+        }
         watched = self._watch.told() if self._watch is not None else {}
         return shapes | expected | search | watched
 
     def _sensed_in(self, reading: Reading):
         sensed = self._sense(self._inputs(reading))
-        if not np.isfinite(np.asarray(sensed)).all():  # it would stay in what planner and controller remember
-            raise StrategyError("the sensors gave no finite numbers; nothing was planned, and the arm was not moved")
+        # it would stay in what planner and controller remember
+        if not np.isfinite(np.asarray(sensed)).all():
+            raise StrategyError(
+                "the sensors gave no finite numbers; nothing was planned, and the arm was not moved"
+            )
         return sensed
 
     def _begin(self, sensed: Sensed, reading: Reading) -> None:
-        self._sensed, self._plan = sensed, self._planner.start(sensed)
+        self._plan = self._planner.start(sensed)
+        self._sensed = sensed
         self._memory = self._start_control(sensed)
         if self._watch is not None:
             self._plan = self._watch.begun(self._plan)
 
-    def _action(self, last: Plan, sensed: Sensed, goal: Goal, reading: Reading) -> Actions:
+    def _action(
+        self, last: Plan, sensed: Sensed, goal: Goal, reading: Reading
+    ) -> Actions:
         beside: Any = 0.0
         if self._watch is not None:
             last, beside = self._watch.seen(last, sensed, reading)
-        self._sensed, self._plan = sensed, self._planner.plan(last, sensed, goal)
-        action, self._memory = self._act(self._plan.configurations, beside, sensed, self._memory)
+        self._plan = self._planner.plan(last, sensed, goal)
+        self._sensed = sensed
+        action, self._memory = self._act(
+            self._plan.configurations, beside, sensed, self._memory
+        )
         return np.asarray(action, dtype=np.float64)
 
     def _warm_up(self) -> None:
@@ -166,9 +197,15 @@ class Strategy:
         straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (self.arm.module_count, 1))
         cables = np.zeros((self.arm.module_count, self.arm.cable_count))
         known = Reading(0.0, {"cables": cables, "configurations": np.asarray(straight)})
-        sensed = self._sensed_in(known) if set(self.sensors) <= set(known.sensors) else straight
+        sensed = (
+            self._sensed_in(known)
+            if set(self.sensors) <= set(known.sensors)
+            else straight
+        )
         self._begin(sensed, known)
-        self._action(started(self._plan, ""), sensed, Goal.of(self.arm.module_count), known)
+        self._action(
+            started(self._plan, ""), sensed, Goal.of(self.arm.module_count), known
+        )
         self.sent(cables)
         self.told()
         self._plan = None
@@ -205,20 +242,41 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     """True bend over the bend that the cables say, per module, by least squares over all samples.
 
     Raises:
-        RecordingError: episodes are missing, no true states, or a module that did not move.
+        RecordingError: episodes are missing, no true states, or a module that did not
+            move.
     """
     recording.check_complete()
-    said = np.asarray(PCC.of(recording.arm).bends(jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)))
+    said = np.asarray(
+        PCC.of(recording.arm).bends(
+            jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)
+        )
+    )
     states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
     true = np.asarray(bends_from_states(states))
     everything = (0, 1, 3)
-    together, alone = (true * said).sum(axis=everything), (said**2).sum(axis=everything)
-    if not (np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()):
-        raise RecordingError("gains cannot be fitted: the recording lacks true states, or a module stood still")
+    together = (true * said).sum(axis=everything)
+    alone = (said**2).sum(axis=everything)
+    if not (
+        np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()
+    ):
+        raise RecordingError(
+            "gains cannot be fitted: the recording lacks true states, or a module stood still"
+        )
     return together / alone
 
 
-def _pcc(name: str, arm: ArmSpec, options: PlannerOptions, gains: Float[np.ndarray, " modules"]) -> Strategy:
+def _pcc(
+    name: str,
+    arm: ArmSpec,
+    options: PlannerOptions,
+    gains: Float[np.ndarray, " modules"],
+) -> Strategy:
     pcc = PCC.of(arm)
     planner = Planner(arm, PCCForwardModel.of(arm), options)
-    return Strategy(name, arm, EncoderEstimator(pcc), planner, InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)))
+    return Strategy(
+        name,
+        arm,
+        EncoderEstimator(pcc),
+        planner,
+        InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)),
+    )

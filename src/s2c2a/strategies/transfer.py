@@ -14,15 +14,26 @@ from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import FitOptions
 
 LONGER = 2  # times as many epochs
-MAKE = ("actuation", "cable_count", "sensing", "sensing_coupling", "coupled_cables", "control_rate")
-"""What arms of one make share: what motors are told, what tells how modules bend, and how long a step is."""
+MAKE = (
+    "actuation",
+    "cable_count",
+    "sensing",
+    "sensing_coupling",
+    "coupled_cables",
+    "control_rate",
+)
+"""What arms of one make share: what motors are told, what tells how modules bend, and
+how long a step is."""
 
 
-def transferred(networks: TrainedNetworks[Recipe], arm: ArmSpec, seed: int = 0) -> TrainedNetworks[Recipe]:
+def transferred(
+    networks: TrainedNetworks[Recipe], arm: ArmSpec, seed: int = 0
+) -> TrainedNetworks[Recipe]:
     """What was learned of one arm, put to work on another, without anything recorded of that one.
 
-    With as many modules nothing changes but what the description says. With others each module begins with what was
-    learned at the same place along the arm (docs/transfer.md). Held-out errors and curves are those of the old arm.
+    With as many modules nothing changes but what the description says. With others each
+    module begins with what was learned at the same place along the arm
+    (docs/transfer.md). Held-out errors and curves are those of the old arm.
 
     Args:
         networks: trained.
@@ -34,13 +45,19 @@ def transferred(networks: TrainedNetworks[Recipe], arm: ArmSpec, seed: int = 0) 
         TrainingError: the forward model begins from nothing.
     """
     recipe = networks.recipe
-    old, new = recipe.felt(networks.arm), recipe.felt(arm)
+    old = recipe.felt(networks.arm)
+    new = recipe.felt(arm)
     check_alike(old, new)
-    babbling, key = recipe.collect_options(seed), jax.random.key(seed)
+    babbling = recipe.collect_options(seed)
+    key = jax.random.key(seed)
     forward = recipe.c2s.carried(networks.c2s, old, new, babbling, key)
     carried = {**networks.networks, "C2S": forward, "C2A": networks.c2a.for_arm(new)}
-    kept, percent, curves = (_without_senses(table) for table in (carried, networks.percent, networks.curves))
-    return replace(networks, arm=arm, seed=seed, networks=kept, percent=percent, curves=curves)
+    kept, percent, curves = (
+        _without_senses(table) for table in (carried, networks.percent, networks.curves)
+    )
+    return replace(
+        networks, arm=arm, seed=seed, networks=kept, percent=percent, curves=curves
+    )
 
 
 def _without_senses(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,13 +67,16 @@ def _without_senses(table: Mapping[str, Any]) -> dict[str, Any]:
 
 def longer(fit: FitOptions) -> FitOptions:
     """A short recording has few batches in an epoch: more of them."""
-    return replace(fit, most_epochs=LONGER * fit.most_epochs, patience=LONGER * fit.patience)
+    return replace(
+        fit, most_epochs=LONGER * fit.most_epochs, patience=LONGER * fit.patience
+    )
 
 
 def check_alike(old: ArmSpec, new: ArmSpec) -> None:
     """Raise StrategyError where what was learned of one arm says nothing of another."""
     for key in MAKE:
-        theirs, ours = getattr(old, key), getattr(new, key)
+        theirs = getattr(old, key)
+        ours = getattr(new, key)
         if theirs != ours:
             raise StrategyError(
                 f"'{new.name}' has {key} {ours!r}, '{old.name}', whose networks were given, {theirs!r}: "
@@ -66,9 +86,12 @@ def check_alike(old: ArmSpec, new: ArmSpec) -> None:
 
 def check_same_training(networks: TrainedNetworks[Recipe], recipe: Recipe) -> None:
     """Raise StrategyError where networks have other shapes, or were made for other senses, than a recipe's."""
-    theirs, ours = networks.recipe, recipe
+    theirs = networks.recipe
+    ours = recipe
     parts = ("c2s", "c2a", "directions", "observes")
-    if differing := [part for part in parts if getattr(theirs, part) != getattr(ours, part)]:
+    if differing := [
+        part for part in parts if getattr(theirs, part) != getattr(ours, part)
+    ]:
         raise StrategyError(
             f"recipe '{ours.name}' differs in {', '.join(differing)} from '{theirs.name}', by which the networks to "
             f"begin from were trained; take --recipe {theirs.name}, or one that differs elsewhere"

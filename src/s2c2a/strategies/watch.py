@@ -26,8 +26,10 @@ class Watch:
 
     def __init__(self, arm: ArmSpec, planner: Planner, observer: Observer, load: float):
         """For the plans of one planner."""
-        self.observer, self._load = observer, np.float32(load)
-        self._listener, self._forces = Listener(arm, observer.senses), np.asarray(observer.gains.forces, float)
+        self.observer = observer
+        self._load = np.float32(load)
+        self._listener = Listener(arm, observer.senses)
+        self._forces = np.asarray(observer.gains.forces, float)
         self._start = compiled(_started, planner.model, observer)
         self._update = compiled(_updated, planner.model, observer)
         self._count_on = compiled(_counting_on, planner.model)
@@ -39,10 +41,14 @@ class Watch:
         plan, self._belief = self._start(plan, self._load)
         return plan
 
-    def seen(self, plan: Plan, sensed: Float[Array, "modules 3"], reading: Reading) -> tuple[Plan, Array | np.ndarray]:
+    def seen(
+        self, plan: Plan, sensed: Float[Array, "modules 3"], reading: Reading
+    ) -> tuple[Plan, Array | np.ndarray]:
         """A plan that counts on what one more reading says, and bends to ask for beside what is planned [rad]."""
         if self.observer.senses:
-            plan, self._belief = self._update(plan, self._belief, sensed, self._listener.heard(reading))
+            plan, self._belief = self._update(
+                plan, self._belief, sensed, self._listener.heard(reading)
+            )
         elif self._load > 0.0:
             plan = self._count_on(plan, self._belief, sensed)
         return plan, self._belief.calming if self.observer.senses else NOTHING
@@ -54,26 +60,47 @@ class Watch:
         told: dict[str, Any] = {"load": load, "leans": leans}
         if self.observer.senses:
             told["push"] = np.linalg.norm(self._forces @ leans.reshape(-1))
-        left_out = {f"left_out.{sense.name}": belief.left_out[k] > 0 for k, sense in enumerate(self.observer.senses)}
-        return told | {name: np.asarray(value, float) for name, value in left_out.items()}
+        left_out = {
+            f"left_out.{sense.name}": belief.left_out[k] > 0
+            for k, sense in enumerate(self.observer.senses)
+        }
+        return told | {
+            name: np.asarray(value, float) for name, value in left_out.items()
+        }
 
 
-def _started(model: ForwardModel, observer: Observer, plan: Plan, load: Array) -> tuple[Plan, Belief]:
-    configurations, memory = plan.configurations, plan.memory
+def _started(
+    model: ForwardModel, observer: Observer, plan: Plan, load: Array
+) -> tuple[Plan, Belief]:
+    configurations = plan.configurations
+    memory = plan.memory
     unknowns = observer.start(model.predict(configurations, memory), load).unknowns
-    memory = jax.lax.fori_loop(0, FIRST, lambda _, known: model.given(unknowns, configurations, known), memory)
-    return plan._replace(memory=memory), observer.start(model.predict(configurations, memory), load)
+    memory = jax.lax.fori_loop(
+        0, FIRST, lambda _, known: model.given(unknowns, configurations, known), memory
+    )
+    return plan._replace(memory=memory), observer.start(
+        model.predict(configurations, memory), load
+    )
 
 
 def _updated(
-    model: ForwardModel, observer: Observer, plan: Plan, belief: Belief, sensed: Array, said: dict[str, Array]
+    model: ForwardModel,
+    observer: Observer,
+    plan: Plan,
+    belief: Belief,
+    sensed: Array,
+    said: dict[str, Array],
 ) -> tuple[Plan, Belief]:
     """Plan and belief after one more reading; those of before where anything is not finite, for it would stay."""
-    believed = observer.update(belief, model, plan.memory, sensed, plan.configurations, said)
+    believed = observer.update(
+        belief, model, plan.memory, sensed, plan.configurations, said
+    )
     belief, memory = where_finite(believed, (belief, plan.memory))
     return plan._replace(memory=memory), belief
 
 
-def _counting_on(model: ForwardModel, plan: Plan, belief: Belief, sensed: Array) -> Plan:
+def _counting_on(
+    model: ForwardModel, plan: Plan, belief: Belief, sensed: Array
+) -> Plan:
     """A plan that counts on what is believed, where the arm is now."""
     return plan._replace(memory=model.given(belief.unknowns, sensed, plan.memory))

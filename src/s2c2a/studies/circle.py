@@ -29,7 +29,11 @@ SPEEDS = (0.2, 1.0, 2.0)
 
 
 def circle_table(
-    folder: Path, seeds: Sequence[int], make: jobs.Make, recipe: Recipe, fidelity: str = "fast"
+    folder: Path,
+    seeds: Sequence[int],
+    make: jobs.Make,
+    recipe: Recipe,
+    fidelity: str = "fast",
 ) -> tuple[list[Row], list[Path]]:
     """Let every strategy go round on both arms, once a seed; results and pictures go to the folder.
 
@@ -43,8 +47,15 @@ def circle_table(
     Returns:
         Its rows; and the pictures, a figure and a replay page for each arm.
     """
-    arms, under = [load_arm(name) for name in ARMS], jobs.Conditions(Body.simulation(fidelity))
-    every = jobs.in_groups(make, [jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, under) for arm in arms])
+    arms = [load_arm(name) for name in ARMS]
+    under = jobs.Conditions(Body.simulation(fidelity))
+    every = jobs.in_groups(
+        make,
+        [
+            jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, under)
+            for arm in arms
+        ],
+    )
     rows: list[Row] = []
     for arm, runs in zip(arms, every, strict=True):
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
@@ -59,31 +70,54 @@ def tracking_table(
     """Let C2A follow references alone: a low held-out error proves nothing.
 
     Returns:
-        Rows of every arm and speed, of means over steps and modules and of spreads over steps [deg]; and for each the
-        mean of the last 200 steps of the worst seed [deg].
+        Rows of every arm and speed, of means over steps and modules and of spreads over
+        steps [deg]; and for each the mean of the last 200 steps of the worst seed
+        [deg].
     """
-    rows, ends = [], []
+    rows = []
+    ends = []
     for arm in arms:
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
-        heading = jobs.Heading("controller", arm, trained[0].recipe.name, tuple(one.seed for one in trained))
+        heading = jobs.Heading(
+            "controller",
+            arm,
+            trained[0].recipe.name,
+            tuple(one.seed for one in trained),
+        )
         for speed in SPEEDS:
             errors = [track_circle(networks, speed) for networks in trained]
             ends.append(max(float(one[-200:].mean()) for one in errors))
-            task, over_modules = f"circle at {speed:g} of its speed", [one.mean(axis=-1) for one in errors]
-            means, spreads = [float(one.mean()) for one in over_modules], [float(one.std()) for one in over_modules]
-            rows.append(heading.row(task, "C2A", "configuration error", "deg", means, spreads, **heading.modes))
+            task = f"circle at {speed:g} of its speed"
+            over_modules = [one.mean(axis=-1) for one in errors]
+            means = [float(one.mean()) for one in over_modules]
+            spreads = [float(one.std()) for one in over_modules]
+            rows.append(
+                heading.row(
+                    task,
+                    "C2A",
+                    "configuration error",
+                    "deg",
+                    means,
+                    spreads,
+                    **heading.modes,
+                )
+            )
     return rows, ends
 
 
-def track_circle(networks: TrainedNetworks, speed: float, steps: int = 1000) -> Float[np.ndarray, "steps modules"]:
+def track_circle(
+    networks: TrainedNetworks, speed: float, steps: int = 1000
+) -> Float[np.ndarray, "steps modules"]:
     """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
         Angles between wanted and sensed configurations [deg].
     """
-    arm, controller = networks.arm, NetworkController(networks.c2a)
+    arm = networks.arm
+    controller = NetworkController(networks.c2a)
     felt = networks.recipe.felt(arm)  # as its networks are
-    sense, act = _sense(felt), compiled(NetworkController.act, controller)
+    sense = _sense(felt)
+    act = compiled(NetworkController.act, controller)
     errors = []
     wanted = recorded_reference(felt, speed, networks.seed, steps)
     with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
@@ -97,17 +131,24 @@ def track_circle(networks: TrainedNetworks, speed: float, steps: int = 1000) -> 
     return np.array(errors)
 
 
-def recorded_reference(arm: ArmSpec, speed: float, seed: int, steps: int) -> Float[np.ndarray, "steps modules 3"]:
+def recorded_reference(
+    arm: ArmSpec, speed: float, seed: int, steps: int
+) -> Float[np.ndarray, "steps modules 3"]:
     """Sensed configurations after every step of `pcc` on the circle at a part of its speed, round after round."""
     path = circle_path(arm.length, arm.control_rate / speed)
     rounds = path[round(APPROACH_TIME * arm.control_rate / speed) :]
     path = np.concatenate([path, *[rounds] * (steps // len(rounds))])
-    strategy, sense = pcc_strategy(arm, PAPER), _sense(arm)
+    strategy = pcc_strategy(arm, PAPER)
+    sense = _sense(arm)
     sensed = []
     with SimulatedRobot(arm, seed=seed) as robot:
         strategy.start(robot.read())
         for position in path[:steps]:
-            robot.step(strategy.step(robot.read(), Goal.of(arm.module_count).with_position(position)))
+            robot.step(
+                strategy.step(
+                    robot.read(), Goal.of(arm.module_count).with_position(position)
+                )
+            )
             sensed.append(sense(robot.read()))
     return np.array(sensed)
 

@@ -1,6 +1,7 @@
 """Loads that were hung at arms of metal after their networks were trained: found in their recordings, or not.
 
-The observer is fed with what encoders say, and for the first seconds with where the tip was seen; then it goes blind.
+The observer is fed with what encoders say, and for the first seconds with where the tip
+was seen; then it goes blind.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,8 +25,11 @@ from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, TrainedNetworks, observer_of, training_data
 
 EXPERIMENT = "loads"
-NOBODY, FOUND = "nobody tells", "found"
-SPREAD = 0.02  # m; of a tip that is seen: nothing is driven by what is found, so it need not be found slowly
+NOBODY = "nobody tells"
+FOUND = "found"
+# m; of a tip that is seen: nothing is driven by what is found, so it need not be found
+# slowly
+SPREAD = 0.02
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,9 @@ class Believed:
     loads: Float[np.ndarray, " steps"]
 
 
-def load_rows(networks: TrainedNetworks[Recipe], recordings: Mapping[str, Recording], seen: float) -> Iterator[Row]:
+def load_rows(
+    networks: TrainedNetworks[Recipe], recordings: Mapping[str, Recording], seen: float
+) -> Iterator[Row]:
     """How far the tip is from where it is expected once nothing sees it any more, and the load that was found.
 
     Args:
@@ -52,23 +58,48 @@ def load_rows(networks: TrainedNetworks[Recipe], recordings: Mapping[str, Record
     Raises:
         RecordingError: a recording of another arm, or too short.
     """
-    arm, first = networks.arm, round(seen * networks.arm.control_rate)
+    arm = networks.arm
+    first = round(seen * networks.arm.control_rate)
     if seen <= 0.0 or not recordings:
-        raise RecordingError(f"{len(recordings)} recordings and {seen:g} s asked for; give one, and some seconds")
+        raise RecordingError(
+            f"{len(recordings)} recordings and {seen:g} s asked for; give one, and some seconds"
+        )
     if not networks.recipe.observes:
-        raise RecordingError(f"recipe '{networks.recipe.name}' takes no notice of loads; train with one that observes")
-    observer = observer_of(replace(networks, arm=_with_tip_seen(networks.recipe.felt(arm))))
-    eyes = (replace(sense, spread=SPREAD) for sense in observer.senses if isinstance(sense, SeenEnds))
+        raise RecordingError(
+            f"recipe '{networks.recipe.name}' takes no notice of loads; train with one that observes"
+        )
+    observer = observer_of(
+        replace(networks, arm=_with_tip_seen(networks.recipe.felt(arm)))
+    )
+    eyes = (
+        replace(sense, spread=SPREAD)
+        for sense in observer.senses
+        if isinstance(sense, SeenEnds)
+    )
     observer = replace(observer, senses=tuple(eyes))
     for name, recording in recordings.items():
-        if (recording.arm.module_count, recording.arm.cable_count) != (arm.module_count, arm.cable_count):
-            raise RecordingError(f"{name} is of {recording.arm.name}, and the networks are of {arm.name}")
+        if (recording.arm.module_count, recording.arm.cable_count) != (
+            arm.module_count,
+            arm.cable_count,
+        ):
+            raise RecordingError(
+                f"{name} is of {recording.arm.name}, and the networks are of {arm.name}"
+            )
         if min(recording.lengths) <= seen * arm.control_rate + 1:
-            raise RecordingError(f"{name} has episodes that end before the tip was seen for {seen:g} s; say less")
-        sensed, tips = training_data(recording, networks.recipe).sensed, recording.sensor("states")[:, :, -1, POSITION]
+            raise RecordingError(
+                f"{name} has episodes that end before the tip was seen for {seen:g} s; say less"
+            )
+        sensed = training_data(recording, networks.recipe).sensed
+        tips = recording.sensor("states")[:, :, -1, POSITION]
         for label, steps in ((NOBODY, 0), (FOUND, first)):
             every = [
-                believed(networks.c2s, observer, sensed[one, :length], tips[one, :length], steps)
+                believed(
+                    networks.c2s,
+                    observer,
+                    sensed[one, :length],
+                    tips[one, :length],
+                    steps,
+                )
                 for one, length in enumerate(recording.lengths)
             ]
             yield from _rows(networks, name, label, tips, every, first)
@@ -93,7 +124,8 @@ def believed(
     begin, follow = (compiled(part, model, observer) for part in (_begun, _followed))
     sensed = sensed.astype(np.float32)
     belief, memory = begin(sensed[0])
-    expected, loads = np.empty_like(tips), np.empty(len(tips))
+    expected = np.empty_like(tips)
+    loads = np.empty(len(tips))
     for step, now in enumerate(sensed):
         said = np.full((sensed.shape[1], 3), np.nan, np.float32)
         if step < seen:
@@ -109,7 +141,9 @@ def _begun(model: ForwardModel, observer: Observer, sensed: jax.Array):
     return observer.start(model.predict(sensed, memory), jnp.zeros(())), memory
 
 
-def _followed(model: ForwardModel, observer: Observer, belief, memory, sensed: jax.Array, said):
+def _followed(
+    model: ForwardModel, observer: Observer, belief, memory, sensed: jax.Array, said
+):
     memory = model.observe(sensed, memory)
     belief, memory = observer.update(belief, model, memory, sensed, sensed, said)
     return model.predict(sensed, memory)[-1, POSITION], belief, memory
@@ -121,11 +155,17 @@ def _with_tip_seen(arm: ArmSpec) -> ArmSpec:
 
 
 def _rows(
-    networks: TrainedNetworks[Recipe], name: str, label: str, tips: np.ndarray, every: list[Believed], first: int
+    networks: TrainedNetworks[Recipe],
+    name: str,
+    label: str,
+    tips: np.ndarray,
+    every: list[Believed],
+    first: int,
 ) -> Iterator[Row]:
     """Of one recording, from a step on."""
     off = [
-        np.linalg.norm(found.tips - true[: len(found.tips)], axis=-1) for found, true in zip(every, tips, strict=True)
+        np.linalg.norm(found.tips - true[: len(found.tips)], axis=-1)
+        for found, true in zip(every, tips, strict=True)
     ]
     distances = 1000 * np.concatenate([one[first:] for one in off])
     heading = EXPERIMENT, name, networks.arm.name, "real", label, networks.recipe.name

@@ -1,7 +1,8 @@
 """Forward models on recordings of arms that nobody here made, on honest splits.
 
-Rows that are held out are whole blocks, the end of a recording, or other recordings; what cables remember is carried
-along the whole of it, as it is on the arm, and the truth of those rows is never shown.
+Rows that are held out are whole blocks, the end of a recording, or other recordings;
+what cables remember is carried along the whole of it, as it is on the arm, and the
+truth of those rows is never shown.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -65,7 +66,9 @@ def blocks_of(recording: Recording, size: int) -> Held:
         mine[:length] = np.isin(numbers % 20, HELD_OUT_BLOCKS)
         before += length
     if not rows.any():
-        raise RecordingError(f"blocks of {size} rows hold nothing out of {before}; take smaller ones")
+        raise RecordingError(
+            f"blocks of {size} rows hold nothing out of {before}; take smaller ones"
+        )
     return Held(f"blocks of {size}", rows)
 
 
@@ -76,7 +79,9 @@ def last_of(recording: Recording, count: int) -> Held:
         RecordingError: it has not so many.
     """
     if not 0 < count < recording.lengths[-1]:
-        raise RecordingError(f"the last {count} rows asked for; the last episode has {recording.lengths[-1]}")
+        raise RecordingError(
+            f"the last {count} rows asked for; the last episode has {recording.lengths[-1]}"
+        )
     rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
     rows[-1, recording.lengths[-1] - count : recording.lengths[-1]] = True
     return Held(f"last {count}", rows)
@@ -88,7 +93,8 @@ class Asked(NamedTuple):
     Attributes:
         recording: to learn from.
         splits: of it.
-        unseen: other recordings of the same arm, tried as a whole, by the names of their files.
+        unseen: other recordings of the same arm, tried as a whole, by the names of
+            their files.
         models: names of `MODELS`.
     """
 
@@ -98,7 +104,14 @@ class Asked(NamedTuple):
     models: tuple[str, ...]
 
     @classmethod
-    def of(cls, recording: Path, unseen: Sequence[Path], block: int, last: int, models: Sequence[str]) -> "Asked":
+    def of(
+        cls,
+        recording: Path,
+        unseen: Sequence[Path],
+        block: int,
+        last: int,
+        models: Sequence[str],
+    ) -> "Asked":
         """From files.
 
         Args:
@@ -109,24 +122,36 @@ class Asked(NamedTuple):
             models: names of `MODELS`; all if empty.
 
         Raises:
-            RecordingError: a recording that is none, or of another arm, or too short; nothing to be tried on.
+            RecordingError: a recording that is none, or of another arm, or too short;
+                nothing to be tried on.
             StrategyError: no such model.
         """
-        names, whole = tuple(models) or tuple(MODELS), load_recording(recording)
+        names = tuple(models) or tuple(MODELS)
+        whole = load_recording(recording)
         if strange := [name for name in names if name not in MODELS]:
-            raise StrategyError(f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}")
+            raise StrategyError(
+                f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}"
+            )
         others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
         for name, other in others.items():
             if _kind(other.arm) != _kind(whole.arm):
                 said = f"{name} is of {_kind(other.arm)}, {Path(recording).stem} of {_kind(whole.arm)}"
-                raise RecordingError(f"{said}; give recordings of one arm, imported --like the first")
+                raise RecordingError(
+                    f"{said}; give recordings of one arm, imported --like the first"
+                )
         if min(block, last) < 0:
-            raise RecordingError(f"--block {block} and --last {last} asked for; say zero or more rows")
+            raise RecordingError(
+                f"--block {block} and --last {last} asked for; say zero or more rows"
+            )
         asked = ((blocks_of, block), (last_of, last))
         splits = tuple(held_out(whole, count) for held_out, count in asked if count > 0)
         if not (others or splits):
-            raise RecordingError(f"--block {block} and --last {last} hold nothing out; say some, or --unseen RECORDING")
-        nothing = Held("nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool))
+            raise RecordingError(
+                f"--block {block} and --last {last} hold nothing out; say some, or --unseen RECORDING"
+            )
+        nothing = Held(
+            "nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool)
+        )
         return cls(whole, splits or (nothing,), others, names)
 
 
@@ -134,7 +159,9 @@ def _kind(arm: ArmSpec) -> str:
     return f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, {arm.actuation})"
 
 
-def real_rows(asked: Asked, seeds: Sequence[int], progress: Callable[[str, int, int], None]) -> list[Row]:
+def real_rows(
+    asked: Asked, seeds: Sequence[int], progress: Callable[[str, int, int], None]
+) -> list[Row]:
     """Rows of every split and model.
 
     Args:
@@ -169,17 +196,27 @@ def held_rows(
     data = training_data(recording, BEST)
     states = np.array(data.states)
     states[held.rows] = np.nan
-    others = [(name, training_data(other, BEST), None) for name, other in (unseen or {}).items()]
+    others = [
+        (name, training_data(other, BEST), None)
+        for name, other in (unseen or {}).items()
+    ]
     tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
     for name in models:
         options, fit = MODELS[name]
-        trained = [options.train(replace(data, states=states), fit, jax.random.key(seed)).network for seed in seeds]
+        trained = [
+            options.train(
+                replace(data, states=states), fit, jax.random.key(seed)
+            ).network
+            for seed in seeds
+        ]
         for split, where, rows in tried:
             errors = [_errors(options, network, where, rows) for network in trained]
             yield from _as_rows(recording, split, name, errors, seeds)
 
 
-def _errors(options: ForwardOptions, network, data: TrainingData, rows: np.ndarray | None) -> np.ndarray:
+def _errors(
+    options: ForwardOptions, network, data: TrainingData, rows: np.ndarray | None
+) -> np.ndarray:
     """Distances of the tip from where it was said to be [mm]."""
     said = options.answers(network, data)
     distances = 1e3 * np.linalg.norm((said - data.states)[:, :, -1, POSITION], axis=-1)
@@ -196,7 +233,13 @@ MEASURES: dict[str, Callable[[np.ndarray], np.floating]] = {
 }
 
 
-def _as_rows(recording: Recording, split: str, name: str, errors: list[np.ndarray], seeds: Sequence[int]) -> list[Row]:
+def _as_rows(
+    recording: Recording,
+    split: str,
+    name: str,
+    errors: list[np.ndarray],
+    seeds: Sequence[int],
+) -> list[Row]:
     arm = recording.arm.name
     heading = EXPERIMENT, f"{arm}, {split}", arm, "real", name, name
     return [

@@ -64,9 +64,13 @@ class Worth:
         """Refuse what cannot be tried."""
         happenings_from(self.happens)
         if unknown := set(self.sets) - {*SETS, TOLD}:
-            raise S2C2AError(f"no set of senses '{min(unknown)}'; choose among {', '.join((*SETS, TOLD))}")
+            raise S2C2AError(
+                f"no set of senses '{min(unknown)}'; choose among {', '.join((*SETS, TOLD))}"
+            )
         if not (self.arms and self.sets and self.loads and self.tasks and self.seeds):
-            raise S2C2AError("nothing to try; name at least one arm, set, load, task and seed")
+            raise S2C2AError(
+                "nothing to try; name at least one arm, set, load, task and seed"
+            )
 
 
 def arms_of(base: ArmSpec, drawn: int, strength: float) -> tuple[ArmSpec, ...]:
@@ -76,8 +80,12 @@ def arms_of(base: ArmSpec, drawn: int, strength: float) -> tuple[ArmSpec, ...]:
 
 def sensing(arm: ArmSpec, name: str) -> ArmSpec:
     """An arm with a set of senses."""
-    motor = arm.motor.model_copy(update=CURRENT if "current" in name else {"current_noise": None})
-    return arm.model_copy(update={"senses": Senses(**SETS.get(name, {})), "motor": motor})
+    motor = arm.motor.model_copy(
+        update=CURRENT if "current" in name else {"current_noise": None}
+    )
+    return arm.model_copy(
+        update={"senses": Senses(**SETS.get(name, {})), "motor": motor}
+    )
 
 
 def senses_rows(asked: Worth, make: jobs.Make) -> list[Row]:
@@ -87,29 +95,52 @@ def senses_rows(asked: Worth, make: jobs.Make) -> list[Row]:
         asked: what is tried.
         make: finds or makes runs, networks and recordings.
     """
-    tried = [(arm, name, load) for arm in asked.arms for name in asked.sets for load in asked.loads]
+    tried = [
+        (arm, name, load)
+        for arm in asked.arms
+        for name in asked.sets
+        for load in asked.loads
+    ]
     every = jobs.in_groups(make, [_jobs(asked, *one) for one in tried])
-    found = {one: _rows(runs, _said(asked, *one[1:])) for one, runs in zip(tried, every, strict=True)}
+    found = {
+        one: _rows(runs, _said(asked, *one[1:]))
+        for one, runs in zip(tried, every, strict=True)
+    }
     rows = [row for ofone in found.values() for row in ofone]
     if len(asked.arms) == 1:
         return rows
-    by_arm = [[row for one, ofone in found.items() if one[0] is arm for row in ofone] for arm in asked.arms]
+    by_arm = [
+        [row for one, ofone in found.items() if one[0] is arm for row in ofone]
+        for arm in asked.arms
+    ]
     return over_arms(by_arm, asked.strength) + rows
 
 
 def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
     """Margins of every loop, with networks of the first seed."""
-    recipe, rows = recipe_named("best"), []
+    recipe = recipe_named("best")
+    rows = []
     for arm in asked.arms:
         for name in asked.sets:
             if name in (TOLD, "encoders"):
                 continue
             sensed = sensing(arm, name)
-            networks = make([jobs.NetworksArtifact(recipe.learned_on(sensed), recipe, asked.seeds[0])])[0]
+            networks = make(
+                [
+                    jobs.NetworksArtifact(
+                        recipe.learned_on(sensed), recipe, asked.seeds[0]
+                    )
+                ]
+            )[0]
             margins = margins_of(sensed, observer_of(replace(networks, arm=sensed)))
-            for metric, value, unit in (("gain", margins.gain, "times"), ("delay", margins.delay, "steps")):
+            for metric, value, unit in (
+                ("gain", margins.gain, "times"),
+                ("delay", margins.delay, "steps"),
+            ):
                 where = "response", "margins", arm.name, "fast", name, recipe.name
-                rows.append(Row(*where, metric, unit, float(value), seeds=asked.seeds[:1]))
+                rows.append(
+                    Row(*where, metric, unit, float(value), seeds=asked.seeds[:1])
+                )
     return rows
 
 
@@ -117,7 +148,12 @@ def errors_of(rows: Sequence[Row], arm: str, task: str) -> dict[str, dict[str, f
     """Errors of the tip [cm], by set of senses and by what hangs there and happens."""
     errors: dict[str, dict[str, float]] = {}
     for row in rows:
-        if (row.experiment, row.arm, row.task, row.metric) == (EXPERIMENT, arm, task, "position"):
+        if (row.experiment, row.arm, row.task, row.metric) == (
+            EXPERIMENT,
+            arm,
+            task,
+            "position",
+        ):
             name, under = row.strategy.split(", ", 1)
             errors.setdefault(name, {})[under] = row.mean
     return errors
@@ -125,13 +161,24 @@ def errors_of(rows: Sequence[Row], arm: str, task: str) -> dict[str, dict[str, f
 
 def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
     watched = Watched(load if name == TOLD else 0.0)
-    under = jobs.Conditions(Body.simulation(payload=load, happens=asked.happens), watched=watched)
-    return jobs.jobs_for(asked.tasks, sensing(arm, name), ["s2c2a"], asked.seeds, recipe_named("best"), under)
+    under = jobs.Conditions(
+        Body.simulation(payload=load, happens=asked.happens), watched=watched
+    )
+    return jobs.jobs_for(
+        asked.tasks,
+        sensing(arm, name),
+        ["s2c2a"],
+        asked.seeds,
+        recipe_named("best"),
+        under,
+    )
 
 
 def _said(asked: Worth, name: str, load: float) -> str:
     """In place of the strategy's name."""
-    return ", ".join([name, f"{1000 * load:g} g", *[asked.happens] * bool(asked.happens)])
+    return ", ".join(
+        [name, f"{1000 * load:g} g", *[asked.happens] * bool(asked.happens)]
+    )
 
 
 def _rows(runs: Sequence[jobs.Run], said: str) -> list[Row]:
@@ -139,15 +186,29 @@ def _rows(runs: Sequence[jobs.Run], said: str) -> list[Row]:
     rows = jobs.score_rows(EXPERIMENT, runs)
     for task in dict.fromkeys(run.task for run in runs):
         ours = [run for run in runs if run.task == task]
-        heading, late = jobs.Heading.of(EXPERIMENT, ours), [int(LATE * _steps(run)) for run in ours]
+        heading = jobs.Heading.of(EXPERIMENT, ours)
+        late = [int(LATE * _steps(run)) for run in ours]
         found = {
             ("way", "times"): [_way(run, SETTLED) for run in ours],
-            ("way, last quarter", "times"): [_way(run, first) for run, first in zip(ours, late, strict=True)],
-            ("position, last quarter", "cm"): [_off(run, first) for run, first in zip(ours, late, strict=True)],
+            ("way, last quarter", "times"): [
+                _way(run, first) for run, first in zip(ours, late, strict=True)
+            ],
+            ("position, last quarter", "cm"): [
+                _off(run, first) for run, first in zip(ours, late, strict=True)
+            ],
         }
-        told = {metric: values for metric, values in found.items() if np.isfinite(values).all()}
-        rows += [heading.row(task, "s2c2a", *metric, values, []) for metric, values in told.items()]
-    return [replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows]
+        told = {
+            metric: values
+            for metric, values in found.items()
+            if np.isfinite(values).all()
+        }
+        rows += [
+            heading.row(task, "s2c2a", *metric, values, [])
+            for metric, values in told.items()
+        ]
+    return [
+        replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows
+    ]
 
 
 def _steps(run: jobs.Run) -> int:
@@ -156,13 +217,25 @@ def _steps(run: jobs.Run) -> int:
 
 def _off(run: jobs.Run, first: int) -> float:
     """Of the tip from its target, from a step on [cm]; NaN where it has none."""
-    errors = position_errors(run.episode.after("states"), run.job.task.wanted_positions())[first:]
-    return float(errors[np.isfinite(errors)].mean()) if np.isfinite(errors).any() else np.nan
+    errors = position_errors(
+        run.episode.after("states"), run.job.task.wanted_positions()
+    )[first:]
+    return (
+        float(errors[np.isfinite(errors)].mean())
+        if np.isfinite(errors).any()
+        else np.nan
+    )
 
 
 def _way(run: jobs.Run, first: int) -> float:
     """Of the tip, over that of its target, from a step on; NaN where that stands."""
     wanted = run.job.task.wanted_positions()[:, -1]
     tip = run.episode.after("states")[: len(wanted), -1, POSITION]
-    ways = [np.linalg.norm(np.diff(path[first:], axis=0), axis=-1) for path in (tip, wanted)]
-    return float(np.nansum(ways[0]) / np.nansum(ways[1])) if np.nansum(ways[1]) > STANDS else np.nan
+    ways = [
+        np.linalg.norm(np.diff(path[first:], axis=0), axis=-1) for path in (tip, wanted)
+    ]
+    return (
+        float(np.nansum(ways[0]) / np.nansum(ways[1]))
+        if np.nansum(ways[1]) > STANDS
+        else np.nan
+    )

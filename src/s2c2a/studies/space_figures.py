@@ -17,13 +17,19 @@ from s2c2a.viz.trace import Trace, check_some, check_told_apart
 
 MOST_COLUMNS = 4
 AXES_SHOWN = 16
-AXIS_SHARE = 0.22  # length of an end axis that lies flat, as a share of the path's width
-POSES_SHOWN, POINTS_PER_MODULE = 8, 16
+# length of an end axis that lies flat, as a share of the path's width
+AXIS_SHARE = 0.22
+POSES_SHOWN = 8
+POINTS_PER_MODULE = 16
 HELD_WITHIN = 0.1  # of the arm's length; an end that should move further is not held
 
 
 def _panels_figure(
-    named: Mapping[str, Any], views: Sequence[View], height: float, draw: Callable[..., None], path: str | Path
+    named: Mapping[str, Any],
+    views: Sequence[View],
+    height: float,
+    draw: Callable[..., None],
+    path: str | Path,
 ) -> Path:
     """Draw what is named, a column each, all views below each other, each `height` inches high.
 
@@ -32,7 +38,8 @@ def _panels_figure(
     """
     check_some(named)
     bands = -(-len(named) // MOST_COLUMNS)
-    columns, rows = -(-len(named) // bands), len(views)
+    columns = -(-len(named) // bands)
+    rows = len(views)
     figure = charts.new_figure(max(3.6 * columns, 5.0), 0.5 + height * rows * bands)
     grid = figure.add_gridspec(rows * bands, columns)
     for place, (name, one) in enumerate(named.items()):
@@ -47,7 +54,8 @@ def _panels_figure(
 def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
     """Draw wanted and true paths from above, and where the end axis points (figure 10 of the paper).
 
-    A short line from the path is the end axis at that moment as seen from above: the longer, the flatter the axis lies.
+    A short line from the path is the end axis at that moment as seen from above: the
+    longer, the flatter the axis lies.
 
     Args:
         named_traces: for each task its run, base frame.
@@ -60,13 +68,26 @@ def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Pat
 
     def draw(axes: Axes, trace: Trace, view: View) -> None:
         charts.draw_wanted(axes, trace.wanted_path, view)
-        axes.plot(*seen(trace.followed_path, view), color=colours[trace.label], linewidth=1.4, label=trace.label)
+        axes.plot(
+            *seen(trace.followed_path, view),
+            color=colours[trace.label],
+            linewidth=1.4,
+            label=trace.label,
+        )
         states = trace.states[:, trace.followed_module]
         moments = _even(np.isfinite(states).all(axis=-1), AXES_SHOWN)
-        starts, directions = states[moments, :2], states[moments, AXIS][:, :2]
+        starts = states[moments, :2]
+        directions = states[moments, AXIS][:, :2]
         low, high = padded_limits(states[:, :2])
-        lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])  # (ends, moments, 2)
-        axes.plot(*np.moveaxis(lines, -1, 0), color=POINTING, linewidth=1.8, zorder=1.9, label="end axis")
+        # (ends, moments, 2)
+        lines = np.stack([starts, starts + AXIS_SHARE * (high - low) * directions])
+        axes.plot(
+            *np.moveaxis(lines, -1, 0),
+            color=POINTING,
+            linewidth=1.8,
+            zorder=1.9,
+            label="end axis",
+        )
         axes.plot(*starts.T, "o", color=POINTING, markersize=3, zorder=FRONT + 1)
 
     return _panels_figure(named_traces, (ABOVE,), 3.4, draw, path)
@@ -94,10 +115,14 @@ def poses_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
     return _panels_figure(named_traces, (SIDE, ABOVE), 3.6, draw, path)
 
 
-def _whole_in_sight(axes: Axes, points: Iterable[Float[np.ndarray, "*batch 3"]], view: View) -> None:
+def _whole_in_sight(
+    axes: Axes, points: Iterable[Float[np.ndarray, "*batch 3"]], view: View
+) -> None:
     """Show at least a box that holds these points."""
     every = np.concatenate([one.reshape(-1, 3) for one in points])
-    axes.update_datalim(np.transpose([padded_limits(every[:, coordinate]) for coordinate in view]))
+    axes.update_datalim(
+        np.transpose([padded_limits(every[:, coordinate]) for coordinate in view])
+    )
 
 
 def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
@@ -108,12 +133,23 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
         return
     arm = trace.episode.arm
     lengths = np.array([module.length for module in arm.modules])
-    lines = centre_line(trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE)
+    lines = centre_line(
+        trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE
+    )
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
         for module, colour in enumerate(module_colours(arm.module_count)):
-            part = line[module * POINTS_PER_MODULE : (module + 1) * POINTS_PER_MODULE + 1]
+            part = line[
+                module * POINTS_PER_MODULE : (module + 1) * POINTS_PER_MODULE + 1
+            ]
             axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
-            axes.plot(*seen(part[-1], view), "o", color=colour, markersize=4.5, alpha=alpha, markeredgewidth=0)
+            axes.plot(
+                *seen(part[-1], view),
+                "o",
+                color=colour,
+                markersize=4.5,
+                alpha=alpha,
+                markeredgewidth=0,
+            )
             axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
     held = _held_place(trace.wanted_positions, arm.length)
     if held is not None:
@@ -121,7 +157,9 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
 
 
-def _held_place(wanted: Float[np.ndarray, "time modules 3"], length: float) -> Float[np.ndarray, " 3"] | None:
+def _held_place(
+    wanted: Float[np.ndarray, "time modules 3"], length: float
+) -> Float[np.ndarray, " 3"] | None:
     """Last wanted place of the end that should move least, if that is little."""
     asked = [path[np.isfinite(path).all(axis=-1)] for path in np.moveaxis(wanted, 1, 0)]
     asked = [path for path in asked if len(path)]
@@ -134,36 +172,59 @@ def _held_place(wanted: Float[np.ndarray, "time modules 3"], length: float) -> F
 def _even(there: np.ndarray, count: int) -> np.ndarray:
     """At most `count` of the steps that are there, evenly spread, first and last among them."""
     steps = np.flatnonzero(there)
-    return steps[np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))] if len(steps) else steps
+    return (
+        steps[np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))]
+        if len(steps)
+        else steps
+    )
 
 
-def obstacles_figure(named_traces: Mapping[str, Trace | Sequence[Trace]], path: str | Path) -> Path:
+def obstacles_figure(
+    named_traces: Mapping[str, Trace | Sequence[Trace]], path: str | Path
+) -> Path:
     """Draw ways past obstacles to a target, from above and from the side (figures 12 and 13 of the paper).
 
-    A disc round an obstacle is its threshold at the start; all panels show the same part of space.
+    A disc round an obstacle is its threshold at the start; all panels show the same
+    part of space.
 
     Args:
-        named_traces: for each task its run, or several runs to lay over each other, base frame.
+        named_traces: for each task its run, or several runs to lay over each other,
+            base frame.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Raises:
-        S2C2AError: no trace, one label for several runs of a task, or the file cannot be written.
+        S2C2AError: no trace, one label for several runs of a task, or the file cannot
+            be written.
     """
-    tasks = {name: [runs] if isinstance(runs, Trace) else list(runs) for name, runs in named_traces.items()}
+    tasks = {
+        name: [runs] if isinstance(runs, Trace) else list(runs)
+        for name, runs in named_traces.items()
+    }
     for runs in tasks.values():
         check_told_apart(runs)
     every = [trace for runs in tasks.values() for trace in runs]
     colours = colours_by_label(trace.label for trace in every)
     spheres = [trace.spheres(0) for trace in every]
-    shown = [one[:, POSITION] + side * one[:, 3:] for one in spheres for side in (-1, 1)]
-    shown += [path for trace in every for path in (trace.followed_path, trace.wanted_path)]
+    shown = [
+        one[:, POSITION] + side * one[:, 3:] for one in spheres for side in (-1, 1)
+    ]
+    shown += [
+        path for trace in every for path in (trace.followed_path, trace.wanted_path)
+    ]
 
     def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
         charts.draw_obstacles(axes, runs[0].spheres(0), view)
         wanted = runs[0].wanted_path
         places = wanted[np.isfinite(wanted).all(axis=-1)]
         if len(places):
-            axes.plot(*seen(wanted, view), color=WANTED, lw=1.2, ls=(0, (4, 2)), alpha=0.75, label="wanted")
+            axes.plot(
+                *seen(wanted, view),
+                color=WANTED,
+                lw=1.2,
+                ls=(0, (4, 2)),
+                alpha=0.75,
+                label="wanted",
+            )
             charts.draw_ring(axes, places[-1], view, 12, "target")
         for place, trace in enumerate(runs):
             charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)

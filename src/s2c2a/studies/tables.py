@@ -1,6 +1,7 @@
 """The paper's tables and figures: which arms, tasks and strategies each is made of; and the table of ingredients.
 
-What each ingredient of the `best` recipe is worth: left out of it, or alone beside the paper's (docs/recipe.md).
+What each ingredient of the `best` recipe is worth: left out of it, or alone beside the
+paper's (docs/recipe.md).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +23,12 @@ from s2c2a.sensing import PAPER_COUPLING, estimator_for
 from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.space_figures import obstacles_figure, plan_view_figure, poses_figure
-from s2c2a.studies.time_figures import coordinates_figure, estimation_figure, interaction_figure, orientation_figure
+from s2c2a.studies.time_figures import (
+    coordinates_figure,
+    estimation_figure,
+    interaction_figure,
+    orientation_figure,
+)
 from s2c2a.tasks.paths import PATHS
 from s2c2a.tasks.registry import TILTS
 from s2c2a.viz import Trace, recording_figure
@@ -60,7 +66,8 @@ class Block:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.said}" if self.said else table
         own = jobs.score_rows(experiment, runs)
-        if "payload" in dict(self.conditions.body.options):  # the paper loads its arm with nothing
+        # the paper loads its arm with nothing
+        if "payload" in dict(self.conditions.body.options):
             own = [replace(row, paper_mean=None, paper_std=None) for row in own]
         return own + mean_rows(own) + jobs.tick_rows(experiment, runs)
 
@@ -85,17 +92,26 @@ def sensing_coupled(arm: ArmSpec) -> ArmSpec:
         ArmError: not an arm of three modules.
     """
     if arm.module_count != len(PAPER_COUPLING):
-        raise ArmError(f"the paper's sensing coupling is for three modules; '{arm.name}' has {arm.module_count}")
-    coupled = {"name": f"{arm.name}_sensing_coupled", "sensing_coupling": PAPER_COUPLING}
+        raise ArmError(
+            f"the paper's sensing coupling is for three modules; '{arm.name}' has {arm.module_count}"
+        )
+    coupled = {
+        "name": f"{arm.name}_sensing_coupled",
+        "sensing_coupling": PAPER_COUPLING,
+    }
     return ArmSpec.model_validate(arm.model_dump() | coupled)
 
 
 def actuation_coupled(arm: ArmSpec) -> ArmSpec:
     """Cables that pass through all modules below their own (Chen et al. 2025, fig. 9C).
 
-    Tensions are halved: those of all modules add up at the base, which would otherwise bend three times as far.
+    Tensions are halved: those of all modules add up at the base, which would otherwise
+    bend three times as far.
     """
-    described = arm.model_dump() | {"name": f"{arm.name}_actuation_coupled", "coupled_cables": True}
+    described = arm.model_dump() | {
+        "name": f"{arm.name}_actuation_coupled",
+        "coupled_cables": True,
+    }
     for module in described["modules"]:
         for tension in ("pretension", "tension_range"):
             if module.get(tension):
@@ -106,9 +122,14 @@ def actuation_coupled(arm: ArmSpec) -> ArmSpec:
 def _draw_simulation(drawn: Drawn, folder: Path) -> list[Path]:
     """Coordinates of every strategy, on the plain arm and on its variants."""
     every = [
-        (run, run.job.arm.name.removeprefix("simulated_arm").replace("_", " ")) for _, runs in drawn for run in runs
+        (run, run.job.arm.name.removeprefix("simulated_arm").replace("_", " "))
+        for _, runs in drawn
+        for run in runs
     ]
-    traces = [trace_of(run, f"{run.strategy},{variant}" if variant else None) for run, variant in every]
+    traces = [
+        trace_of(run, f"{run.strategy},{variant}" if variant else None)
+        for run, variant in every
+    ]
     return [coordinates_figure(traces, folder / "figure-sim2-coordinates.png")]
 
 
@@ -132,16 +153,28 @@ def _draw_constraint(drawn: Drawn, folder: Path) -> list[Path]:
 def _draw_interaction(drawn: Drawn, folder: Path) -> list[Path]:
     """An obstacle and a target that move."""
     both = _by_task(drawn[0][1])
-    return [interaction_figure(both["flee"], both["follow"], folder / "figure-14-interaction.png")]
+    return [
+        interaction_figure(
+            both["flee"], both["follow"], folder / "figure-14-interaction.png"
+        )
+    ]
 
 
 def _draw_obstacles(drawn: Drawn, folder: Path) -> list[Path]:
     """Ways past obstacles, with either guard."""
     guarded = [_by_task(runs, said or "tip guarded") for said, runs in drawn]
-    ways = {task: [traces[task] for traces in guarded if task in traces] for task in AVOIDING}
+    ways = {
+        task: [traces[task] for traces in guarded if task in traces]
+        for task in AVOIDING
+    }
     return [
-        obstacles_figure({task: ways[task] for task in AVOIDING[:3]}, folder / "figure-12-obstacles.png"),
-        obstacles_figure({task: ways[task] for task in AVOIDING[3:]}, folder / "figure-13-risk.png"),
+        obstacles_figure(
+            {task: ways[task] for task in AVOIDING[:3]},
+            folder / "figure-12-obstacles.png",
+        ),
+        obstacles_figure(
+            {task: ways[task] for task in AVOIDING[3:]}, folder / "figure-13-risk.png"
+        ),
     ]
 
 
@@ -150,35 +183,58 @@ def _by_task(runs: Sequence[jobs.Run], label: str | None = None) -> dict[str, Tr
     return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
 
 
-def _networks(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
-    every = [[jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds] for arm in (_TWIN, _SIMULATED)]
-    return [row for trained in jobs.in_groups(make, every) for row in jobs.training_rows("networks", trained)], []
+def _networks(
+    make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path
+) -> tuple[list[Row], list[Path]]:
+    every = [
+        [jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds]
+        for arm in (_TWIN, _SIMULATED)
+    ]
+    return [
+        row
+        for trained in jobs.in_groups(make, every)
+        for row in jobs.training_rows("networks", trained)
+    ], []
 
 
-def _workspace(make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path) -> tuple[list[Row], list[Path]]:
+def _workspace(
+    make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path
+) -> tuple[list[Row], list[Path]]:
     """Rows; workspace of the staged data, the middle module's bend as sensed and as it was in one episode."""
     rows, recording = sensing_rows(_TWIN(), seeds, make, recipe)
-    arm, true = recording.arm, recording.sensor("configurations")[-1]
+    arm = recording.arm
+    true = recording.sensor("configurations")[-1]
     sensed = estimator_for(arm).sensed(recording.readings())[-1]
-    bends, said = (tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed))
+    bends, said = (
+        tilts_deg(values[:, arm.module_count // 2]) for values in (true, sensed)
+    )
     states = recording.sensor("states").reshape(-1, arm.module_count, 6)
     return rows, [
         recording_figure(states, arm, folder / "figure-03-workspace.png"),
-        estimation_figure(recording.time[-1], bends, said, folder / "figure-04-estimation.png"),
+        estimation_figure(
+            recording.time[-1], bends, said, folder / "figure-04-estimation.png"
+        ),
     ]
 
 
 def _draw_paths(drawn: Drawn, folder: Path) -> list[Path]:
     """Each path from above."""
-    return [plan_view_figure(_by_task(drawn[0][1]), folder / "figure-paths-plan-view.png")]
+    return [
+        plan_view_figure(_by_task(drawn[0][1]), folder / "figure-paths-plan-view.png")
+    ]
 
 
-_TWIN, _SIMULATED = partial(load_arm, "twin_arm"), partial(load_arm, "simulated_arm")
+_TWIN = partial(load_arm, "twin_arm")
+_SIMULATED = partial(load_arm, "simulated_arm")
 
 TABLES: dict[str, Table] = {
     "simulation": Table(
         (
-            Block(_SIMULATED, ("circle",), ("s2c2a", "s2c2a-motor", "lstm", "pcc", "pcc-fitted")),
+            Block(
+                _SIMULATED,
+                ("circle",),
+                ("s2c2a", "s2c2a-motor", "lstm", "pcc", "pcc-fitted"),
+            ),
             Block(lambda: sensing_coupled(_SIMULATED()), ("circle",)),
             Block(lambda: actuation_coupled(_SIMULATED()), ("circle",)),
         ),
@@ -187,8 +243,17 @@ TABLES: dict[str, Table] = {
     "tracking": Table(
         (
             Block(_TWIN, TRACKING, COMPARED),
-            *(Block(partial(load_arm, name), TRACKING, said="other hysteresis") for name in SIBLINGS),
-            Block(_TWIN, ("circle",), COMPARED, jobs.Conditions(Body.simulation(payload=PAYLOAD)), "50 g at the tip"),
+            *(
+                Block(partial(load_arm, name), TRACKING, said="other hysteresis")
+                for name in SIBLINGS
+            ),
+            Block(
+                _TWIN,
+                ("circle",),
+                COMPARED,
+                jobs.Conditions(Body.simulation(payload=PAYLOAD)),
+                "50 g at the tip",
+            ),
         ),
         _draw_tracking,
     ),
@@ -196,7 +261,12 @@ TABLES: dict[str, Table] = {
     "obstacles": Table(
         (
             Block(_TWIN, AVOIDING),
-            Block(_TWIN, AVOIDING[1:], conditions=jobs.Conditions(guard="arm"), said="whole arm guarded"),
+            Block(
+                _TWIN,
+                AVOIDING[1:],
+                conditions=jobs.Conditions(guard="arm"),
+                said="whole arm guarded",
+            ),
         ),
         _draw_obstacles,
     ),
@@ -206,7 +276,8 @@ TABLES: dict[str, Table] = {
 """Name -> what it is made of (Chen et al. 2025, secs. III-B and IV)."""
 
 OTHERS = {"networks": _networks, "workspace": _workspace}
-"""Tables of no runs (the same, secs. II-D and III-B): name -> what makes its rows and figures."""
+"""Tables of no runs (the same, secs. II-D and III-B): name -> what makes its rows and
+figures."""
 
 
 def make_table(
@@ -230,44 +301,75 @@ def make_table(
     if name in OTHERS:
         return OTHERS[name](make, seeds, recipe, folder)
     if name not in TABLES:
-        raise S2C2AError(f"no table '{name}'; choose one of {', '.join([*TABLES, *OTHERS])}, or all")
+        raise S2C2AError(
+            f"no table '{name}'; choose one of {', '.join([*TABLES, *OTHERS])}, or all"
+        )
     blocks = TABLES[name].blocks
-    asked = [jobs.jobs_for(one.tasks, one.arm(), one.strategies, seeds, recipe, one.conditions) for one in blocks]
+    asked = [
+        jobs.jobs_for(
+            one.tasks, one.arm(), one.strategies, seeds, recipe, one.conditions
+        )
+        for one in blocks
+    ]
     made = list(zip(blocks, jobs.in_groups(make, asked), strict=True))
-    drawn = [(block.said, [run for run in runs if run.seed == runs[0].seed]) for block, runs in made]
-    return [row for block, runs in made for row in block.rows(name, runs)], TABLES[name].draw(drawn, folder)
+    drawn = [
+        (block.said, [run for run in runs if run.seed == runs[0].seed])
+        for block, runs in made
+    ]
+    return [row for block, runs in made for row in block.rows(name, runs)], TABLES[
+        name
+    ].draw(drawn, folder)
 
 
 def mean_rows(rows: Sequence[Row]) -> list[Row]:
     """Means over the six tilt tasks, of every strategy and metric, the paper's beside them."""
     means = []
-    for strategy, metric in dict.fromkeys((row.strategy, row.metric) for row in rows if row.task in TILTS):
-        mine = [row for row in rows if row.task in TILTS and (row.strategy, row.metric) == (strategy, metric)]
+    for strategy, metric in dict.fromkeys(
+        (row.strategy, row.metric) for row in rows if row.task in TILTS
+    ):
+        mine = [
+            row
+            for row in rows
+            if row.task in TILTS and (row.strategy, row.metric) == (strategy, metric)
+        ]
         averaged: dict[str, Any] = {"std_seeds": None}
         for name in ("mean", "std_steps", "paper_mean", "paper_std"):
             values = [getattr(row, name) for row in mine]
             averaged[name] = None if None in values else sum(values) / len(values)
-        means.append(replace(mine[0], task=f"mean of {len(mine)} tilt tasks", **averaged))
+        means.append(
+            replace(mine[0], task=f"mean of {len(mine)} tilt tasks", **averaged)
+        )
     return means
 
 
 INGREDIENT_TASKS = ("circle", "tilt-60", "tilt-0", *HOLDING)
 """The plain one, those at the edge of what bends can do, and those that hold an end."""
-_BEST, _PAPER = RECIPES["best"], RECIPES["paper"]
+_BEST = RECIPES["best"]
+_PAPER = RECIPES["paper"]
 _UNEVEN = tuple(term for term in _BEST.planner.terms if term != Evenness())
 
 VARIANTS: dict[str, Recipe] = {
     "best": _BEST,
-    "best, no memory at all": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=())),
+    "best, no memory at all": replace(
+        _BEST, c2s=ChainOptions(play_widths=(), creep_times=())
+    ),
     "best, no creep": replace(_BEST, c2s=ChainOptions(creep_times=())),
     "best, no statics of cables": replace(_BEST, c2s=ChainOptions(statics=False)),
-    "best, no memory, no statics": replace(_BEST, c2s=ChainOptions(play_widths=(), creep_times=(), statics=False)),
+    "best, no memory, no statics": replace(
+        _BEST, c2s=ChainOptions(play_widths=(), creep_times=(), statics=False)
+    ),
     "best, the paper's C2S": replace(_BEST, c2s=_PAPER.c2s, c2s_fit=_PAPER.c2s_fit),
     "best, the paper's planner": replace(_BEST, planner=_PAPER.planner),
-    "best, true slopes": replace(_BEST, planner=replace(_BEST.planner, engaged_slopes=False)),
+    "best, true slopes": replace(
+        _BEST, planner=replace(_BEST.planner, engaged_slopes=False)
+    ),
     "best, no evenness": replace(_BEST, planner=replace(_BEST.planner, terms=_UNEVEN)),
-    "best, 5 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(5))),
-    "best, 60 iterations": replace(_BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))),
+    "best, 5 iterations": replace(
+        _BEST, planner=replace(_BEST.planner, solver=LeastSquares(5))
+    ),
+    "best, 60 iterations": replace(
+        _BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))
+    ),
     "best, no integral correction": replace(_BEST, correction=0.0),
     "best, the paper's weights": replace(_BEST, axis_weights=()),
     "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),
@@ -275,13 +377,17 @@ VARIANTS: dict[str, Recipe] = {
     "paper": _PAPER,
     "paper, slower data": replace(_PAPER, speeds=_BEST.speeds),
     "paper, integral correction": replace(_PAPER, correction=_BEST.correction),
-    "paper, 60 iterations": replace(_PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))),
+    "paper, 60 iterations": replace(
+        _PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))
+    ),
     "paper, least squares": replace(_PAPER, planner=_BEST.planner),
 }
 """Name -> recipe; in the rows the name stands where a strategy's does."""
 
 
-def ingredient_rows(seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm") -> list[Row]:
+def ingredient_rows(
+    seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm"
+) -> list[Row]:
     """Six tasks with every variant, once a seed.
 
     Args:
@@ -291,7 +397,11 @@ def ingredient_rows(seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm"
     """
     spec = load_arm(arm)
     every = jobs.in_groups(
-        make, [jobs.jobs_for(INGREDIENT_TASKS, spec, ("s2c2a",), seeds, recipe) for recipe in VARIANTS.values()]
+        make,
+        [
+            jobs.jobs_for(INGREDIENT_TASKS, spec, ("s2c2a",), seeds, recipe)
+            for recipe in VARIANTS.values()
+        ],
     )
     return [
         replace(row, strategy=name, paper_mean=None, paper_std=None)

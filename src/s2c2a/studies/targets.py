@@ -22,10 +22,13 @@ from s2c2a.spaces import AXIS, POSITION
 from s2c2a.studies.true_reach import Reached, TrueReach
 from s2c2a.tasks import Task, task_named
 
-EVERY = 5  # steps of a task from search to search; between them what was moved is moved in proportion
+# steps of a task from search to search; between them what was moved is moved in
+# proportion
+EVERY = 5
 KEPT = 0.003  # m: a goal that the arm misses by less stays where it is
 HOLD = 5.0  # s
-BEYOND = 0.3  # of the arm's length: how far outside of a reachable point a target out of reach is
+# of the arm's length: how far outside of a reachable point a target out of reach is
+BEYOND = 0.3
 ROOT = 1 / 3  # of the arm's length up: where outside is away from
 CASES = (0, 1)  # of the targets' random streams: within reach, out of it
 
@@ -74,7 +77,8 @@ class _Found(Artifact[Made]):
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
         found = self.search(TrueReach(self.arm), progress)
-        rows = {name: np.ascontiguousarray(values) for name, values in found.items()}  # the format asks for it
+        # the format asks for it
+        rows = {name: np.ascontiguousarray(values) for name, values in found.items()}
         save_whole(save(rows), self.path(cache))
 
     def load(self, cache: Cache) -> Made:
@@ -82,7 +86,9 @@ class _Found(Artifact[Made]):
         try:
             return self.read(load(self.path(cache).read_bytes()))
         except (OSError, SafetensorError, KeyError, ValueError) as error:
-            raise S2C2AError(f"{self.path(cache)} holds no targets: {error}; make them again") from error
+            raise S2C2AError(
+                f"{self.path(cache)} holds no targets: {error}; make them again"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,9 @@ class ReachableTask(_Found[Task]):
     def asked(self) -> tuple:
         """See `_Found`; waypoints can change under one name."""
         parts = (
-            np.ascontiguousarray(part).tobytes() for goal in task_named(self.name, self.arm).goals for part in goal
+            np.ascontiguousarray(part).tobytes()
+            for goal in task_named(self.name, self.arm).goals
+            for part in goal
         )
         return self.name, hashlib.sha256(b"".join(parts)).hexdigest()
 
@@ -112,14 +120,18 @@ class ReachableTask(_Found[Task]):
         for count, step in enumerate(steps, 1):
             near = reach.nearest(goals[step], near)
             asked = np.concatenate([goals[step].positions, goals[step].axes], axis=-1)
-            moves.append(np.zeros_like(asked) if near.miss < KEPT else near.states - asked)
+            moves.append(
+                np.zeros_like(asked) if near.miss < KEPT else near.states - asked
+            )
             progress(str(self), count, len(steps))
         return {"moves": _between(np.array(steps), np.array(moves), len(goals))}
 
     def read(self, found: dict[str, np.ndarray]) -> Task:
         """See `_Found`."""
         described = task_named(self.name, self.arm)
-        goals = (_moved(*both) for both in zip(described.goals, found["moves"], strict=True))
+        goals = (
+            _moved(*both) for both in zip(described.goals, found["moves"], strict=True)
+        )
         return replace(described, goals=tuple(goals))
 
     def __str__(self) -> str:
@@ -150,7 +162,9 @@ class HeldTargets(_Found[Held]):
         if not self.beyond:
             return {"positions": tips, "distances": np.zeros(self.count)}
         outward = tips - [0.0, 0.0, ROOT * self.arm.length]
-        tips = tips + BEYOND * self.arm.length * outward / np.linalg.norm(outward, axis=-1, keepdims=True)
+        tips = tips + BEYOND * self.arm.length * outward / np.linalg.norm(
+            outward, axis=-1, keepdims=True
+        )
         distances = []
         for done, tip in enumerate(tips, 1):
             distances.append(reach.nearest(self._goal(tip)).miss)
@@ -160,8 +174,12 @@ class HeldTargets(_Found[Held]):
     def read(self, found: dict[str, np.ndarray]) -> Held:
         """See `_Found`."""
         steps = round(HOLD * self.arm.control_rate)
-        goals = chain.from_iterable([self._goal(tip)] * steps for tip in found["positions"])
-        return Held(Task("beyond" if self.beyond else "held", tuple(goals)), found["distances"])
+        goals = chain.from_iterable(
+            [self._goal(tip)] * steps for tip in found["positions"]
+        )
+        return Held(
+            Task("beyond" if self.beyond else "held", tuple(goals)), found["distances"]
+        )
 
     def _goal(self, tip: np.ndarray) -> Goal:
         return Goal.of(self.arm.module_count).with_position(tip)
@@ -170,19 +188,25 @@ class HeldTargets(_Found[Held]):
         return f"{self.count} targets {'out of' if self.beyond else 'within'} reach of {self.arm.name}"
 
 
-def _between(steps: np.ndarray, moves: np.ndarray, count: int) -> Float[np.ndarray, "goals modules 6"]:
+def _between(
+    steps: np.ndarray, moves: np.ndarray, count: int
+) -> Float[np.ndarray, "goals modules 6"]:
     """Moves of all goals from those of some."""
     flat = moves.reshape(len(steps), -1)
-    every = np.array([np.interp(np.arange(count), steps, column) for column in flat.T]).T
+    every = np.array(
+        [np.interp(np.arange(count), steps, column) for column in flat.T]
+    ).T
     return every.reshape(count, *moves.shape[1:])
 
 
 def _moved(goal: Goal, move: Float[np.ndarray, "modules 6"]) -> Goal:
     """What is asked of a goal, elsewhere; what is not stays."""
     for module in np.flatnonzero(goal.position_weights):
-        place, weight = goal.positions[module] + move[module, POSITION], float(goal.position_weights[module])
+        place = goal.positions[module] + move[module, POSITION]
+        weight = float(goal.position_weights[module])
         goal = goal.with_position(place, weight, int(module))
     for module in np.flatnonzero(goal.axis_weights):
-        axis, weight = goal.axes[module] + move[module, AXIS], float(goal.axis_weights[module])
+        axis = goal.axes[module] + move[module, AXIS]
+        weight = float(goal.axis_weights[module])
         goal = goal.with_axis(axis, weight, int(module))
     return goal

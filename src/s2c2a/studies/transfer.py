@@ -1,7 +1,8 @@
 """What networks of one arm are worth to another of the same make: other flaws, and other module counts.
 
-Arms are drawn; each learns from a whole recording, from a short one, and from a short one and the networks of another.
-Recordings are of arms when they are young, runs of the same arms aged (docs/protocol.md).
+Arms are drawn; each learns from a whole recording, from a short one, and from a short
+one and the networks of another. Recordings are of arms when they are young, runs of the
+same arms aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,10 @@ EXPERIMENT = "transfer"
 BEST = recipe_named("best")
 EPISODE = 100  # samples
 HALF_BEND_DEG = 30.0
-FULL, SCRATCH, ANOTHER, NOTHING = "whole recording", "from scratch", "from another", "nothing recorded"
+FULL = "whole recording"
+SCRATCH = "from scratch"
+ANOTHER = "from another"
+NOTHING = "nothing recorded"
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,9 @@ class Transfer:
     @property
     def short(self) -> CollectOptions:
         """How a short recording is collected: every module by itself, for there is no time for stages."""
-        return CollectOptions("motor", self.samples // EPISODE, EPISODE, self.seed, BEST.speeds)
+        return CollectOptions(
+            "motor", self.samples // EPISODE, EPISODE, self.seed, BEST.speeds
+        )
 
     def pairs(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """Arms that begin, and whose networks they begin from."""
@@ -69,22 +75,42 @@ class Transfer:
     def longer(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """The same of other module counts."""
         old, new = (of_halves(self.base, count) for count in self.counts)
-        return [tuple(drawn_arm(one, seed, self.strength) for one in (new, old)) for seed in self.halves]  # type: ignore[misc]
+        return [
+            tuple(drawn_arm(one, seed, self.strength) for one in (new, old))
+            for seed in self.halves
+        ]  # type: ignore[misc]
 
 
 def of_halves(arm: ArmSpec, count: int) -> ArmSpec:
     """So many modules of half the length and mass of an arm's, cables as along it: six stand where three do."""
-    places, modules = same_places(arm.module_count, count), []
+    places = same_places(arm.module_count, count)
+    modules = []
     for number, place in enumerate(places):
         cable = {
-            key: round(float(place @ [getattr(one.cable, key) for one in arm.modules]), 6)
+            key: round(
+                float(place @ [getattr(one.cable, key) for one in arm.modules]), 6
+            )
             for key in ("stiffness", "play")
         }
         half = arm.modules[number % 2]
-        changes = {"length": half.length / 2, "mass": half.mass / 2, "bend_limit_deg": HALF_BEND_DEG}
-        modules.append(half.model_copy(update=changes | {"cable": half.cable.model_copy(update=cable)}))
+        changes = {
+            "length": half.length / 2,
+            "mass": half.mass / 2,
+            "bend_limit_deg": HALF_BEND_DEG,
+        }
+        modules.append(
+            half.model_copy(
+                update=changes | {"cable": half.cable.model_copy(update=cable)}
+            )
+        )
     about = f"{count} modules of half the twin's length"
-    return arm.model_copy(update={"name": f"half_{count}", "description": about, "modules": tuple(modules)})
+    return arm.model_copy(
+        update={
+            "name": f"half_{count}",
+            "description": about,
+            "modules": tuple(modules),
+        }
+    )
 
 
 def transfer_rows(asked: Transfer, make: jobs.Make) -> list[Row]:
@@ -96,11 +122,26 @@ def transfer_rows(asked: Transfer, make: jobs.Make) -> list[Row]:
     """
     rows = []
     for pairs in (asked.pairs(), asked.longer()):
-        tried = [(pair, way) for pair in pairs for way in (FULL, SCRATCH, ANOTHER, NOTHING)]
-        make([job for pair, way in tried if way != SCRATCH for job in _jobs(asked, *pair, way)])  # all side by side
-        every = [_made(make, _jobs(asked, *pair, way), may_fail=way == SCRATCH) for pair, way in tried]
+        tried = [
+            (pair, way) for pair in pairs for way in (FULL, SCRATCH, ANOTHER, NOTHING)
+        ]
+        # all side by side
+        make(
+            [
+                job
+                for pair, way in tried
+                if way != SCRATCH
+                for job in _jobs(asked, *pair, way)
+            ]
+        )
+        every = [
+            _made(make, _jobs(asked, *pair, way), may_fail=way == SCRATCH)
+            for pair, way in tried
+        ]
         found = [
-            _named(jobs.score_rows(EXPERIMENT, runs), way) for (_, way), runs in zip(tried, every, strict=True) if runs
+            _named(jobs.score_rows(EXPERIMENT, runs), way)
+            for (_, way), runs in zip(tried, every, strict=True)
+            if runs
         ]
         if found:
             summed = [
@@ -120,19 +161,27 @@ def _made(make: jobs.Make, asked: Sequence[jobs.Job], may_fail: bool) -> list[jo
 
 def ratios(rows: Sequence[Row]) -> list[Row]:
     """Errors over those of a whole recording."""
-    whole = {(row.arm, row.task, row.metric): row.mean for row in rows if row.strategy == FULL}
+    whole = {
+        (row.arm, row.task, row.metric): row.mean
+        for row in rows
+        if row.strategy == FULL
+    }
     return [
         replace(row, unit="times", mean=row.mean / whole[of])
         for row in rows
-        if row.strategy != FULL and row.arm.startswith("mean") and (of := (row.arm, row.task, row.metric)) in whole
+        if row.strategy != FULL
+        and row.arm.startswith("mean")
+        and (of := (row.arm, row.task, row.metric)) in whole
     ]
 
 
 def _jobs(asked: Transfer, arm: ArmSpec, other: ArmSpec, way: str) -> list[jobs.Job]:
     """Runs of one arm."""
-    given, start = None, jobs.NetworksArtifact(BEST.felt(other), BEST, asked.seed)
+    given = None
+    start = jobs.NetworksArtifact(BEST.felt(other), BEST, asked.seed)
     if way != FULL:
-        begun, options = None if way == SCRATCH else start, None if way == NOTHING else asked.short
+        begun = None if way == SCRATCH else start
+        options = None if way == NOTHING else asked.short
         given = jobs.BegunNetworks(BEST.felt(arm), BEST, asked.seed, begun, options)
     return jobs.jobs_for(asked.tasks, arm, ["s2c2a"], [asked.seed], BEST, AGED, given)
 

@@ -1,7 +1,8 @@
 """What an arm really reaches, searched on its own simulated body at rest, flaws and age and all (docs/protocol.md).
 
-What depends on the past is left out: the arm is taken as one that follows its motors at once. In its place the motors'
-range is made smaller by as much as play, friction and homing can take of it.
+What depends on the past is left out: the arm is taken as one that follows its motors at
+once. In its place the motors' range is made smaller by as much as play, friction and
+homing can take of it.
 """
 
 from dataclasses import dataclass, replace
@@ -21,13 +22,24 @@ from s2c2a.spaces import AXIS, POSITION, States
 
 Shares = Float[np.ndarray, "*batch modules 2"]
 
-DAMPING_TIME, TIME_STEP = 0.3, 0.02  # s, near to critical
-STEPS, STEPS_NEARBY = 300, 80  # from straight to rest, and from one shape to a near one
+# s, near to critical
+DAMPING_TIME = 0.3
+TIME_STEP = 0.02
+# from straight to rest, and from one shape to a near one
+STEPS = 300
+STEPS_NEARBY = 80
 AT_ONCE = 64  # arms that settle in one call
 HOMING = 2.0  # standard deviations
-TRIES, PROBE, ENOUGH = 12, 0.02, 2e-5  # of a search: most iterations, finite differences, least gain [m]
-DAMPINGS, LUCK = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (0.01, 0.02, 0.03, 0.05, 0.1)  # steps tried: damped, and random ones
-SAMPLES, STARTS = 512, 3  # actions that are known, and how many of them a search begins from
+# of a search: most iterations, finite differences, least gain [m]
+TRIES = 12
+PROBE = 0.02
+ENOUGH = 2e-5
+# steps tried: damped, and random ones
+DAMPINGS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+LUCK = (0.01, 0.02, 0.03, 0.05, 0.1)
+# actions that are known, and how many of them a search begins from
+SAMPLES = 512
+STARTS = 3
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 AXIS_LENGTH = 0.1  # of the arm: what an error of one radian counts for
 
@@ -59,13 +71,18 @@ class TrueReach:
     """
 
     def __init__(self, arm: ArmSpec, seed: int = 0, aged: float = 1.0):
-        self.arm, self._geometry, self._seed = arm, ArmGeometry.of(arm), seed
+        self.arm = arm
+        self._geometry = ArmGeometry.of(arm)
+        self._seed = seed
         self._kept = 1.0 - aged * per_module(arm, "flaws.drift")[:, None]
         self.most = usable_shares(arm)
         self._model = build_model(_without_memory(arm), FIDELITIES["fast"])
         self._model.opt.timestep = TIME_STEP
-        self._data, self._rollout = mujoco.MjData(self._model), Rollout(nthread=0)
-        self._ends = [self._model.site(f"end_{module}").id for module in range(arm.module_count)]
+        self._data = mujoco.MjData(self._model)
+        self._rollout = Rollout(nthread=0)
+        self._ends = [
+            self._model.site(f"end_{module}").id for module in range(arm.module_count)
+        ]
 
     def states(self, shares: Shares) -> States:
         """Where the arm rests, shape (batch, modules, 6).
@@ -88,7 +105,9 @@ class TrueReach:
             goal: one; its obstacles do not count.
             near: begin here too, such as at the shape for the goal before.
         """
-        known = sorted((self._missed(one, goal) for one in self._known), key=_by_miss)[:STARTS]
+        known = sorted((self._missed(one, goal) for one in self._known), key=_by_miss)[
+            :STARTS
+        ]
         starts = [*known, self._missed(near, goal)] if near else known
         return min((self._descended(one, goal) for one in starts), key=_by_miss)
 
@@ -97,18 +116,30 @@ class TrueReach:
         """Some actions, rest among them, and where they lead."""
         shares = self.random_shares(SAMPLES, np.random.default_rng([self._seed, 3]))
         shares[0] = 0.0
-        return [Reached(*one, miss=np.inf) for one in zip(shares, *self._settled(shares), strict=True)]
+        return [
+            Reached(*one, miss=np.inf)
+            for one in zip(shares, *self._settled(shares), strict=True)
+        ]
 
-    def _settled(self, shares: Shares, start: np.ndarray | None = None) -> tuple[States, np.ndarray]:
+    def _settled(
+        self, shares: Shares, start: np.ndarray | None = None
+    ) -> tuple[States, np.ndarray]:
         """States and physics at rest, from straight or a shape nearby."""
-        size, steps = mujoco.mj_stateSize(self._model, _PHYSICS), STEPS if start is None else STEPS_NEARBY
-        begin, actions = np.zeros(size) if start is None else start, self._geometry.actions_at(shares)
+        size = mujoco.mj_stateSize(self._model, _PHYSICS)
+        steps = STEPS if start is None else STEPS_NEARBY
+        begin = np.zeros(size) if start is None else start
+        actions = self._geometry.actions_at(shares)
         neutral = self._geometry.action_neutral
-        commands = (neutral + self._kept * (actions - neutral)).reshape(len(shares), 1, -1)
+        commands = (neutral + self._kept * (actions - neutral)).reshape(
+            len(shares), 1, -1
+        )
         ends = []
         for some in np.split(commands, range(AT_ONCE, len(commands), AT_ONCE)):
-            begins, held = np.tile(begin, (len(some), 1)), np.repeat(some, steps, axis=1)
-            paths, _ = self._rollout.rollout([self._model] * len(some), [self._data], begins, held, nstep=steps)
+            begins = np.tile(begin, (len(some), 1))
+            held = np.repeat(some, steps, axis=1)
+            paths, _ = self._rollout.rollout(
+                [self._model] * len(some), [self._data], begins, held, nstep=steps
+            )
             ends.append(paths[:, -1])
         physics = np.concatenate(ends)
         return np.array([self._states_at(one) for one in physics]), physics
@@ -119,12 +150,17 @@ class TrueReach:
         axes = self._data.site_xmat[self._ends].reshape(-1, 3, 3)[:, :, 2]
         return np.concatenate([self._data.site_xpos[self._ends], axes], axis=-1)
 
-    def _missing(self, states: States, goal: Goal) -> Float[np.ndarray, "batch numbers"]:
+    def _missing(
+        self, states: States, goal: Goal
+    ) -> Float[np.ndarray, "batch numbers"]:
         """Errors of what is asked [m]."""
-        places, ways = goal.position_weights > 0, goal.axis_weights > 0
+        places = goal.position_weights > 0
+        ways = goal.axis_weights > 0
         position = states[:, places, POSITION] - goal.positions[places]
         axis = AXIS_LENGTH * self.arm.length * (states[:, ways, AXIS] - goal.axes[ways])
-        return np.concatenate([position.reshape(len(states), -1), axis.reshape(len(states), -1)], axis=-1)
+        return np.concatenate(
+            [position.reshape(len(states), -1), axis.reshape(len(states), -1)], axis=-1
+        )
 
     def _miss(self, states: States, goal: Goal) -> Float[np.ndarray, " batch"]:
         return np.linalg.norm(self._missing(states, goal), axis=-1)
@@ -134,11 +170,16 @@ class TrueReach:
 
     def _descended(self, start: Reached, goal: Goal) -> Reached:
         """Damped least squares within the discs, slopes by finite differences, and some luck where those fail."""
-        best, random = start, np.random.default_rng([self._seed, 4])
+        best = start
+        random = np.random.default_rng([self._seed, 4])
         for _ in range(TRIES):
-            probes = best.shares + PROBE * np.eye(best.shares.size).reshape(-1, *best.shares.shape)
+            probes = best.shares + PROBE * np.eye(best.shares.size).reshape(
+                -1, *best.shares.shape
+            )
             missing = self._missing(best.states[None], goal)[0]
-            slopes = (self._missing(self._settled(probes, best.physics)[0], goal) - missing).T / PROBE
+            slopes = (
+                self._missing(self._settled(probes, best.physics)[0], goal) - missing
+            ).T / PROBE
             steps = [_damped_step(slopes, missing, damping) for damping in DAMPINGS]
             steps += [size * random.normal(size=best.shares.size) for size in LUCK]
             moved = min(self._tried(best, np.array(steps), goal), key=_by_miss)
@@ -151,7 +192,12 @@ class TrueReach:
         """Where steps from a shape lead, shape (steps, shares)."""
         shares = self._within(at.shares + steps.reshape(-1, *at.shares.shape))
         states, physics = self._settled(shares, at.physics)
-        return [Reached(*one) for one in zip(shares, states, physics, self._miss(states, goal), strict=True)]
+        return [
+            Reached(*one)
+            for one in zip(
+                shares, states, physics, self._miss(states, goal), strict=True
+            )
+        ]
 
     def _within(self, shares: Shares) -> Shares:
         sizes = np.linalg.norm(shares, axis=-1, keepdims=True)
@@ -159,7 +205,9 @@ class TrueReach:
 
 
 def _damped_step(slopes: np.ndarray, missing: np.ndarray, damping: float) -> np.ndarray:
-    return -np.linalg.solve(slopes.T @ slopes + damping * np.eye(slopes.shape[1]), slopes.T @ missing)
+    return -np.linalg.solve(
+        slopes.T @ slopes + damping * np.eye(slopes.shape[1]), slopes.T @ missing
+    )
 
 
 def _by_miss(one: Reached) -> float:
@@ -174,9 +222,18 @@ def usable_shares(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
     wrap = per_module(arm, "cable.friction") * (tubes + below)
     if arm.actuation == "tension":
         return np.exp(-wrap)
-    pulls = per_module(arm, "bending_stiffness") * geometry.bend_limits / geometry.lengths / geometry.cable_radii
+    pulls = (
+        per_module(arm, "bending_stiffness")
+        * geometry.bend_limits
+        / geometry.lengths
+        / geometry.cable_radii
+    )
     rubbed = pulls * np.expm1(wrap) / per_module(arm, "cable.stiffness")
-    lost = per_cable(arm, "cable.play").max(axis=-1) + HOMING * arm.motor.homing_error + rubbed
+    lost = (
+        per_cable(arm, "cable.play").max(axis=-1)
+        + HOMING * arm.motor.homing_error
+        + rubbed
+    )
     return np.clip(1.0 - lost / geometry.action_scale, 0.0, 1.0)
 
 

@@ -1,7 +1,7 @@
 """Arms that nobody modelled: drawn ones through data, training and tasks, for every strategy.
 
-Whether any strategy runs away from targets that are held is tried, too. Recordings are of the arm when it is young,
-runs of the same arm aged (docs/protocol.md).
+Whether any strategy runs away from targets that are held is tried, too. Recordings are
+of the arm when it is young, runs of the same arm aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,9 @@ from s2c2a.tasks.registry import TILTS
 
 EXPERIMENT = "unknown-arms"
 TASKS = ("circle", *TILTS, "hold-middle")
-STRATEGIES = {name: ("s2c2a", name) for name in RECIPES} | {name: (name, "best") for name in ("pcc", "pcc-fitted")}
+STRATEGIES = {name: ("s2c2a", name) for name in RECIPES} | {
+    name: (name, "best") for name in ("pcc", "pcc-fitted")
+}
 """Name -> strategy and recipe; in the rows the name stands where a strategy's does."""
 STRENGTHS = (0.5, 1.0)
 FAITHFUL = 0.75  # strength from which targets are put within the true arm's reach
@@ -59,7 +61,9 @@ class Unknown:
     def __post_init__(self):
         """Refuse what cannot be tried."""
         if unknown := set(self.strategies) - set(STRATEGIES):
-            raise S2C2AError(f"no strategy '{min(unknown)}' here; choose among {', '.join(STRATEGIES)}")
+            raise S2C2AError(
+                f"no strategy '{min(unknown)}' here; choose among {', '.join(STRATEGIES)}"
+            )
         if self.arms < 1 or self.targets < 0 or not self.strengths:
             raise S2C2AError(
                 f"{self.arms} arms at {len(self.strengths)} strengths asked for; take at least one of each"
@@ -68,7 +72,9 @@ class Unknown:
     def drawn(self) -> list[tuple[float, ArmSpec]]:
         """Every strength with every arm."""
         return [
-            (strength, drawn_arm(self.base, seed, strength)) for strength in self.strengths for seed in range(self.arms)
+            (strength, drawn_arm(self.base, seed, strength))
+            for strength in self.strengths
+            for seed in range(self.arms)
         ]
 
 
@@ -94,7 +100,9 @@ class Trial:
         """Its runs: the tasks, then what is held."""
         strategy, recipe = STRATEGIES[self.strategy]
         tasks = [*self.tasks, *(held.task for held in self.held)]
-        return jobs.jobs_for(tasks, self.arm, [strategy], [seed], recipe_named(recipe), AGED)
+        return jobs.jobs_for(
+            tasks, self.arm, [strategy], [seed], recipe_named(recipe), AGED
+        )
 
     def rows(self, runs: Sequence[jobs.Run]) -> list[Row]:
         """Of these runs."""
@@ -103,7 +111,10 @@ class Trial:
         rows += mean_rows(rows)
         for run, held in zip(runs[count:], self.held, strict=True):
             rows += held_rows(run, held)
-        return [replace(row, strategy=self.strategy, paper_mean=None, paper_std=None) for row in rows]
+        return [
+            replace(row, strategy=self.strategy, paper_mean=None, paper_std=None)
+            for row in rows
+        ]
 
 
 def unknown_arms_rows(asked: Unknown, make: jobs.Make) -> list[Row]:
@@ -118,29 +129,48 @@ def unknown_arms_rows(asked: Unknown, make: jobs.Make) -> list[Row]:
     rows = {trial: trial.rows(runs) for trial, runs in zip(trials, every, strict=True)}
     summed = []
     for strength in asked.strengths:
-        summed += over_arms([rows[trial] for trial in trials if trial.strength == strength], strength)
+        summed += over_arms(
+            [rows[trial] for trial in trials if trial.strength == strength], strength
+        )
     return summed + [row for ofarm in rows.values() for row in ofarm]
 
 
 def held_rows(run: jobs.Run, held: Held) -> list[Row]:
     """How far the tip is from targets at the end of their time, and, out of reach, how still.
 
-    Distances are beyond what the arm could do: out of reach the nearest it gets is taken off.
+    Distances are beyond what the arm could do: out of reach the nearest it gets is
+    taken off.
     """
-    rate, tips = run.job.arm.control_rate, run.episode.after("states")[:, -1, POSITION]
+    rate = run.job.arm.control_rate
+    tips = run.episode.after("states")[:, -1, POSITION]
     ends = np.cumsum(np.full(len(held.distances), len(tips) // len(held.distances))) - 1
-    far = position_errors(run.episode.after("states"), run.job.task.wanted_positions())[ends] - 100 * held.distances
+    far = (
+        position_errors(run.episode.after("states"), run.job.task.wanted_positions())[
+            ends
+        ]
+        - 100 * held.distances
+    )
     last = np.arange(-round(LAST * rate), 1)
     moved = 100 * np.ptp(tips[ends[:, None] + last], axis=1)
     values = {
         ("distance", "cm"): ([far.mean()], [far.std()]),
         ("distance, largest", "cm"): ([far.max()], []),
         ("runaways", "of targets"): ([(far > RUNAWAY).mean()], []),
-        ("moved in the last second, largest", "cm"): ([np.linalg.norm(moved, axis=-1).max()], []),
+        ("moved in the last second, largest", "cm"): (
+            [np.linalg.norm(moved, axis=-1).max()],
+            [],
+        ),
     }
     heading = jobs.Heading.of(EXPERIMENT, [run])
     return [
-        heading.row(run.task, run.strategy, metric, unit, *map(_floats, numbers), **heading.modes)
+        heading.row(
+            run.task,
+            run.strategy,
+            metric,
+            unit,
+            *map(_floats, numbers),
+            **heading.modes,
+        )
         for (metric, unit), numbers in values.items()
     ]
 
@@ -159,8 +189,16 @@ def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
     for word, chosen in (("mean", np.mean), ("worst", np.max)):
         for alike in found.values():
             named = f"{word} of {len(alike)} arms at {strength:g}"
-            told = replace(alike[0], arm=named, std_steps=None, first_mode_hz=None, damping_ratio=None)
-            summed.append(replace(told, mean=float(chosen([row.mean for row in alike]))))
+            told = replace(
+                alike[0],
+                arm=named,
+                std_steps=None,
+                first_mode_hz=None,
+                damping_ratio=None,
+            )
+            summed.append(
+                replace(told, mean=float(chosen([row.mean for row in alike])))
+            )
     return summed
 
 
@@ -170,14 +208,21 @@ def _trials(asked: Unknown, make: jobs.Make) -> list[Trial]:
     names = [asked.tasks if strength >= FAITHFUL else () for strength, _ in drawn]
     held = ((asked.targets, False), (BEYOND, True)) if asked.targets else ()
     sought: list[list[jobs.Artifact]] = [
-        [*(ReachableTask(arm, name) for name in tasks), *(HeldTargets(arm, *one) for one in held)]
+        [
+            *(ReachableTask(arm, name) for name in tasks),
+            *(HeldTargets(arm, *one) for one in held),
+        ]
         for tasks, (_, arm) in zip(names, drawn, strict=True)
     ]
     trials = []
-    for (strength, arm), tasks, found in zip(drawn, names, jobs.in_groups(make, sought), strict=True):
+    for (strength, arm), tasks, found in zip(
+        drawn, names, jobs.in_groups(make, sought), strict=True
+    ):
         ours = found[: len(tasks)] or [task_named(name, arm) for name in asked.tasks]
         given = tuple(ours), tuple(found[len(tasks) :])
-        trials += [Trial(strength, arm, strategy, *given) for strategy in asked.strategies]
+        trials += [
+            Trial(strength, arm, strategy, *given) for strategy in asked.strategies
+        ]
     return trials
 
 

@@ -15,7 +15,10 @@ from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 Obstacle = tuple[float, float, float, float]
 """Centre and threshold r [m], for an arm of 0.6 m."""
 
-TARGET, SPEED, TIME = (0.30, 0.0, 0.49), 0.05, 24.0  # m, m/s, s
+# m, m/s, s
+TARGET = (0.30, 0.0, 0.49)
+SPEED = 0.05
+TIME = 24.0
 REACH: dict[str, Sequence[Obstacle]] = {
     "reach-0": (),
     "reach-1": ((0.16, 0.02, 0.55, 0.06),),
@@ -24,45 +27,74 @@ REACH: dict[str, Sequence[Obstacle]] = {
     "risk-b": ((0.16, -0.07, 0.56, 0.11), (0.16, 0.07, 0.56, 0.11)),
     "risk-c": ((0.16, -0.07, 0.56, 0.03), (0.16, 0.07, 0.56, 0.11)),
 }
-CLEARANCES = (Score("clearance"), Score("clearance at steps"), Score("clearance of the arm"))
-FLEE_RADIUS, FLEE_SIDE, FLEE_HEIGHT = 0.10, 0.02, 0.58  # m
+CLEARANCES = (
+    Score("clearance"),
+    Score("clearance at steps"),
+    Score("clearance of the arm"),
+)
+# m
+FLEE_RADIUS = 0.10
+FLEE_SIDE = 0.02
+FLEE_HEIGHT = 0.58
 FLEE_STOPS = (0.25, 0.08, -0.07)  # x [m]
 FLEE_WAITS = (1.0, 2.0, 2.0)  # s
 
-LINE_TIME, WANDER_TIME, WAIT_OUTSIDE, HOLD_TIME = 5.0, 48.0, 2.0, 4.0  # s
-OUTSIDE, OUTWARD_SPEED = (0.60, 0.0, 0.45), 0.08  # m, m/s
+# s
+LINE_TIME = 5.0
+WANDER_TIME = 48.0
+WAIT_OUTSIDE = 2.0
+HOLD_TIME = 4.0
+# m, m/s
+OUTSIDE = (0.60, 0.0, 0.45)
+OUTWARD_SPEED = 0.08
 WITHIN_REACH = 0.01  # m, for an arm of 0.6 m: a constant-curvature arm gets so near
 SETTLING_TIME = 1.5  # s after re-entry that are scored as recovery, not as following
 
 
 def reach(arm: ArmSpec, name: str) -> Task:
     """Follow a reference straight to a target, past obstacles. mu_p = 1, mu_d = 0.5, mu_ob = 1."""
-    scale, rate = arm.length / PAPER_LENGTH, arm.control_rate
+    scale = arm.length / PAPER_LENGTH
+    rate = arm.control_rate
     line = straight((0.0, 0.0, PAPER_LENGTH), TARGET, SPEED, rate)
-    path = np.concatenate([line, still(TARGET, max(TIME - len(line) / rate, 1.0), rate)])
+    path = np.concatenate(
+        [line, still(TARGET, max(TIME - len(line) / rate, 1.0), rate)]
+    )
     obstacles = scale * np.array(REACH[name]).reshape(-1, 4)
     rest = Goal.of(arm.module_count).with_obstacles(obstacles[:, :3], obstacles[:, 3])
     clearances = CLEARANCES if len(obstacles) else ()
     return Task.along(
-        name, scale * path, rest, Score("end distance"), Score("reached"), *clearances, Score("path length")
+        name,
+        scale * path,
+        rest,
+        Score("end distance"),
+        Score("reached"),
+        *clearances,
+        Score("path length"),
     )
 
 
 def flee(arm: ArmSpec) -> Task:
     """Nothing is asked but to stay out of an obstacle that comes near, twice. mu_p = 0, mu_d = 0.5, mu_ob = 1."""
-    scale, rate = arm.length / PAPER_LENGTH, arm.control_rate
+    scale = arm.length / PAPER_LENGTH
+    rate = arm.control_rate
     points = [np.array([x, FLEE_SIDE, FLEE_HEIGHT]) for x in FLEE_STOPS]
     pieces = [still(points[0], FLEE_WAITS[0], rate)]
     for (before, after), wait in zip(pairwise(points), FLEE_WAITS[1:], strict=True):
         pieces += [straight(before, after, SPEED, rate), still(after, wait, rate)]
     rest = Goal.of(arm.module_count)
-    goals = (rest.with_obstacles(centre[None], [scale * FLEE_RADIUS]) for centre in scale * np.concatenate(pieces))
-    return Task("flee", tuple(goals), (*CLEARANCES, Score("stillness"), Score("path length")))
+    goals = (
+        rest.with_obstacles(centre[None], [scale * FLEE_RADIUS])
+        for centre in scale * np.concatenate(pieces)
+    )
+    return Task(
+        "flee", tuple(goals), (*CLEARANCES, Score("stillness"), Score("path length"))
+    )
 
 
 def follow(arm: ArmSpec) -> Task:
     """Chase a target that is moved by hand: about the workspace, out of it, and back. mu_p = 1, mu_d = 0.5."""
-    scale, rate = arm.length / PAPER_LENGTH, arm.control_rate
+    scale = arm.length / PAPER_LENGTH
+    rate = arm.control_rate
     path = scale * _hand_path(rate)
     inside = reach_gaps(arm, path) <= scale * WITHIN_REACH
     settled = inside & ~_just_back(inside, round(SETTLING_TIME * rate))
@@ -73,7 +105,8 @@ def follow(arm: ArmSpec) -> Task:
 
 def straight(start, end, speed: float, control_rate: float) -> Path:
     """From a point to another at a constant speed [m/s], the end included, the start not."""
-    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    start = np.asarray(start, dtype=float)
+    end = np.asarray(end, dtype=float)
     steps = max(1, round(float(np.linalg.norm(end - start)) / speed * control_rate))
     return start + (end - start) * np.arange(1, steps + 1)[:, None] / steps
 
@@ -86,11 +119,19 @@ def still(point, time: float, control_rate: float) -> Path:
 def _hand_path(rate: float) -> np.ndarray:
     time = np.arange(1, round(WANDER_TIME * rate) + 1) / rate
     wander = _wander(time)
-    begin, rest = _wander(np.zeros(1))[0], np.array([0.0, 0.0, PAPER_LENGTH])
+    begin = _wander(np.zeros(1))[0]
+    rest = np.array([0.0, 0.0, PAPER_LENGTH])
     line = straight(rest, begin, float(np.linalg.norm(begin - rest)) / LINE_TIME, rate)
     out = straight(wander[-1], OUTSIDE, OUTWARD_SPEED, rate)
     back = straight(OUTSIDE, wander[-1], OUTWARD_SPEED, rate)
-    pieces = [line, wander, out, still(OUTSIDE, WAIT_OUTSIDE, rate), back, still(back[-1], HOLD_TIME, rate)]
+    pieces = [
+        line,
+        wander,
+        out,
+        still(OUTSIDE, WAIT_OUTSIDE, rate),
+        back,
+        still(back[-1], HOLD_TIME, rate),
+    ]
     return np.concatenate(pieces)
 
 

@@ -21,11 +21,15 @@ TILTS = {
     "tilt-50-a20": (50.0, 20.0),
     "tilt-50-c20": (50.0, -20.0),
 }
-"""Tilt from the vertical, and azimuth from the radial direction [deg] (Chen et al. 2025, table III)."""
+"""Tilt from the vertical, and azimuth from the radial direction [deg] (Chen et al.
+2025, table III)."""
 
 TASKS: dict[str, Callable[[ArmSpec], Task]] = {
     "circle": circle,
-    **{name: partial(tilt, name=name, angle_deg=angle, turned_deg=turned) for name, (angle, turned) in TILTS.items()},
+    **{
+        name: partial(tilt, name=name, angle_deg=angle, turned_deg=turned)
+        for name, (angle, turned) in TILTS.items()
+    },
     "hold-base": hold_base,
     **{name: partial(hold_and_turn, name=name) for name in HELD},
     **{name: partial(reach, name=name) for name in REACH},
@@ -39,7 +43,8 @@ def task_named(name: str, arm: ArmSpec) -> Task:
     """The task of that name for an arm, the one in a file of waypoints, or one of the user's: `file.py:function`.
 
     Raises:
-        TargetError: no such task, a file that holds none, or a function that fails or makes something else.
+        TargetError: no such task, a file that holds none, or a function that fails or
+            makes something else.
     """
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
@@ -56,5 +61,7 @@ def task_named(name: str, arm: ArmSpec) -> Task:
             f"the task '{name}' cannot be made for {arm.name}: {type(error).__name__}: {error}"
         ) from error
     if not isinstance(task, Task):
-        raise TargetError(f"the task '{name}' made {task!r}; its function takes an arm and returns a Task")
+        raise TargetError(
+            f"the task '{name}' made {task!r}; its function takes an arm and returns a Task"
+        )
     return task

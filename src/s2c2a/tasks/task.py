@@ -44,16 +44,25 @@ class Task:
     def __post_init__(self):
         """Refuse a task that asks for nothing."""
         if not self.goals:
-            raise TargetError(f"the task '{self.name}' has no goals; give one for every control step")
+            raise TargetError(
+                f"the task '{self.name}' has no goals; give one for every control step"
+            )
 
     @classmethod
     def along(cls, name: str, path: Path, goal: Goal, *scores: Score) -> "Task":
         """The tip along a path [m], base frame, besides what a goal asks for. mu_p = 1."""
-        return cls(name, tuple(goal.with_position(position) for position in path), scores or (Score("position"),))
+        return cls(
+            name,
+            tuple(goal.with_position(position) for position in path),
+            scores or (Score("position"),),
+        )
 
     def with_axes_weighed(self, factor: float) -> "Task":
         """The same task with every mu_o multiplied."""
-        goals = (goal._replace(axis_weights=np.float32(factor) * goal.axis_weights) for goal in self.goals)
+        goals = (
+            goal._replace(axis_weights=np.float32(factor) * goal.axis_weights)
+            for goal in self.goals
+        )
         return self if factor == 1.0 else replace(self, goals=tuple(goals))
 
     def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:

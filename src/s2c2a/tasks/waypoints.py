@@ -25,7 +25,8 @@ AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 FAR = 0.01  # of the arm's length: gaps below it are not worth a word
 LONGEST_STEPS = 1_000_000
-MOST_LINES, MOST_BYTES = 1_000_000, 150_000_000
+MOST_LINES = 1_000_000
+MOST_BYTES = 150_000_000
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Waypoints:
         module: its number, from 0 at the base; -1 is the tip.
         times: [s] from the start of the task, rising, shape (points,).
         positions: [m], base frame, shape (points, 3).
-        axes: end axes, base frame, shape (points, 3), or None where no orientation is asked for.
+        axes: end axes, base frame, shape (points, 3), or None where no orientation is
+            asked for.
     """
 
     module: int
@@ -58,18 +60,27 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
     """Read a table of comma-separated waypoints, one track for every module named in it.
 
     Raises:
-        TargetError: no such file, no waypoint in it, a missing or unknown column, something that is no number, times
-            that do not rise, an axis of length zero; the line or the time is named.
+        TargetError: no such file, no waypoint in it, a missing or unknown column,
+            something that is no number, times that do not rise, an axis of length zero;
+            the line or the time is named.
     """
     table = _read(Path(path))
     if not table["time"].size:
-        raise TargetError(f"{path} holds no waypoints; give at least one line of numbers below the column names")
+        raise TargetError(
+            f"{path} holds no waypoints; give at least one line of numbers below the column names"
+        )
     modules = table.pop("module", np.full_like(table["time"], -1))
     named = list(dict.fromkeys(modules.tolist()))
     if len(named) > 2 * MOST_MODULES:
-        raise TargetError(f"{path} names {len(named)} modules; an arm has at most {MOST_MODULES}")
+        raise TargetError(
+            f"{path} names {len(named)} modules; an arm has at most {MOST_MODULES}"
+        )
     return [
-        _track(path, int(module), {name: column[modules == module] for name, column in table.items()})
+        _track(
+            path,
+            int(module),
+            {name: column[modules == module] for name, column in table.items()},
+        )
         for module in named
     ]
 
@@ -80,7 +91,8 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     The first waypoint's target holds from the start.
 
     Raises:
-        TargetError: a module that the arm has not, or that has two tracks; too short or too long a time.
+        TargetError: a module that the arm has not, or that has two tracks; too short or
+            too long a time.
     """
     _check_modules(name, tracks, arm)
     last = float(max((track.times[-1] for track in tracks), default=0.0))
@@ -92,11 +104,14 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
         )
     times = np.arange(1, int(steps) + 1) / arm.control_rate
     every = Goal.of(arm.module_count, change_weight=0.5)
-    positions, axes = (np.tile(start, (len(times), 1, 1)) for start in (every.positions, every.axes))
+    positions, axes = (
+        np.tile(start, (len(times), 1, 1)) for start in (every.positions, every.axes)
+    )
     scores: list[Score] = []
     for track in tracks:
         wanted = _between(times, track.times, track.positions)
-        every = every.with_position(_extremes(wanted)[0], 1.0, track.module)  # refused as any other goal would be
+        # refused as any other goal would be
+        every = every.with_position(_extremes(wanted)[0], 1.0, track.module)
         positions[:, track.module] = wanted
         scores.append(Score("position", track.module))
         if track.axes is not None:
@@ -105,7 +120,10 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
                 every = every.with_axis(axis, 2.0, track.module)
             axes[:, track.module] = _unit(towards)
             scores.append(Score("orientation", track.module))
-    goals = (every._replace(positions=here, axes=there) for here, there in zip(positions, axes, strict=True))
+    goals = (
+        every._replace(positions=here, axes=there)
+        for here, there in zip(positions, axes, strict=True)
+    )
     return Task(name, tuple(goals), tuple(scores))
 
 
@@ -114,7 +132,9 @@ def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
     return [
         OutOfReach(track.module, float(time), float(gap))
         for track in tracks
-        for time, gap in zip(track.times, reach_gaps(arm, track.positions, track.module), strict=True)
+        for time, gap in zip(
+            track.times, reach_gaps(arm, track.positions, track.module), strict=True
+        )
         if gap > FAR * arm.length
     ]
 
@@ -122,17 +142,29 @@ def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
 def _read(path: Path) -> dict[str, np.ndarray]:
     """The columns by name."""
     if not path.is_file():
-        raise TargetError(f"no waypoints at {path}; give a table with the columns {', '.join(REQUIRED)}")
+        raise TargetError(
+            f"no waypoints at {path}; give a table with the columns {', '.join(REQUIRED)}"
+        )
     try:
-        lines = csv.reader(io.StringIO(read_text(path, TargetError, MOST_BYTES), newline=""), skipinitialspace=True)
+        lines = csv.reader(
+            io.StringIO(read_text(path, TargetError, MOST_BYTES), newline=""),
+            skipinitialspace=True,
+        )
         columns = [name.strip() for name in next(lines, ())]
         _check_columns(path, columns)
-        rows = islice((_numbers(path, lines.line_num, row, columns) for row in lines if row), MOST_LINES + 1)
+        rows = islice(
+            (_numbers(path, lines.line_num, row, columns) for row in lines if row),
+            MOST_LINES + 1,
+        )
         numbers = np.array(list(rows)).reshape(-1, len(columns))
     except csv.Error as error:
-        raise TargetError(f"{path} cannot be read as a table of text: {error}") from error
+        raise TargetError(
+            f"{path} cannot be read as a table of text: {error}"
+        ) from error
     if len(numbers) > MOST_LINES:
-        raise TargetError(f"{path} has more than {MOST_LINES} lines; give fewer waypoints, the way between is straight")
+        raise TargetError(
+            f"{path} has more than {MOST_LINES} lines; give fewer waypoints, the way between is straight"
+        )
     return dict(zip(columns, numbers.T, strict=True))
 
 
@@ -140,21 +172,32 @@ def _check_columns(path: Path, columns: Sequence[str]) -> None:
     missing = [name for name in REQUIRED if name not in columns]
     unknown = [name for name in columns if name not in ALLOWED]
     some_axis = [name for name in AXIS if name in columns]
-    if missing or unknown or len(some_axis) not in (0, 3) or len(set(columns)) < len(columns):
+    if (
+        missing
+        or unknown
+        or len(some_axis) not in (0, 3)
+        or len(set(columns)) < len(columns)
+    ):
         raise TargetError(
             f"{path} has the columns {', '.join(columns) or 'none'}; it needs {', '.join(REQUIRED)}, and may have "
             f"{', '.join(AXIS)} (all three) and module, each once"
         )
 
 
-def _numbers(path: Path, line: int, row: list[str], columns: Sequence[str]) -> list[float]:
+def _numbers(
+    path: Path, line: int, row: list[str], columns: Sequence[str]
+) -> list[float]:
     try:
         numbers = list(map(float, row))
         if len(numbers) != len(columns):
             raise ValueError("not as many as columns")
     except ValueError as error:
-        raise TargetError(f"{path}, line {line}: every column must hold one number, got {row!r:.200}") from error
-    if not all(map(isfinite, numbers)) or ("module" in columns and numbers[columns.index("module")] % 1):
+        raise TargetError(
+            f"{path}, line {line}: every column must hold one number, got {row!r:.200}"
+        ) from error
+    if not all(map(isfinite, numbers)) or (
+        "module" in columns and numbers[columns.index("module")] % 1
+    ):
         raise TargetError(
             f"{path}, line {line}: numbers must be finite, and the module a whole number, got {row!r:.200}"
         )
@@ -164,25 +207,35 @@ def _numbers(path: Path, line: int, row: list[str], columns: Sequence[str]) -> l
 def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
     times = table["time"]
     if times[0] < 0:
-        raise TargetError(f"{path}: times count from the start of the task and are not negative, got {times[0]:g}")
+        raise TargetError(
+            f"{path}: times count from the start of the task and are not negative, got {times[0]:g}"
+        )
     for step in np.flatnonzero(times[1:] <= times[:-1]):
-        raise TargetError(f"{path}: the times of a module must rise, got {times[step + 1]:g} after {times[step]:g}")
+        raise TargetError(
+            f"{path}: the times of a module must rise, got {times[step + 1]:g} after {times[step]:g}"
+        )
     positions = np.stack([table[name] for name in ("x", "y", "z")], axis=-1)
     if AXIS[0] not in table:
         return Waypoints(module, times, positions, None)
     axes = np.stack([table[name] for name in AXIS], axis=-1)
     if np.abs(axes).max() > LARGEST:
-        raise TargetError(f"{path}: an axis has numbers beyond {LARGEST:g}; any length below will do")
+        raise TargetError(
+            f"{path}: an axis has numbers beyond {LARGEST:g}; any length below will do"
+        )
     lengths = np.linalg.norm(axes, axis=-1)
     if (lengths < 1e-9).any():
-        raise TargetError(f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; give a direction")
+        raise TargetError(
+            f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; give a direction"
+        )
     return Waypoints(module, times, positions, axes / lengths[:, None])
 
 
 def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
     """Refuse two tracks for one module, which -1 and the last number are; goals refuse one that is not there."""
     count = arm.module_count
-    modules = [track.module % count for track in tracks if -count <= track.module < count]
+    modules = [
+        track.module % count for track in tracks if -count <= track.module < count
+    ]
     if len(set(modules)) < len(modules):
         raise TargetError(
             f"the waypoints of '{name}' name a module of '{arm.name}' twice, by {[track.module for track in tracks]}; "

@@ -39,9 +39,12 @@ class FitOptions:
         learning_rate: of Adam.
         batch_size: samples in a step.
         most_epochs: stop here at the latest.
-        patience: stop after so many epochs without a better validation loss; looked at between calls.
-        epochs_per_call: epochs inside one compiled call; progress and interrupts come between calls.
-        decay: whether the learning rate falls to zero over the most epochs, along half a cosine.
+        patience: stop after so many epochs without a better validation loss; looked at
+            between calls.
+        epochs_per_call: epochs inside one compiled call; progress and interrupts come
+            between calls.
+        decay: whether the learning rate falls to zero over the most epochs, along half
+            a cosine.
     """
 
     learning_rate: float = 1e-3
@@ -53,7 +56,10 @@ class FitOptions:
 
     def __post_init__(self):
         """Refuse what cannot be trained with."""
-        counts = {name: (1, MOST) for name in ("batch_size", "most_epochs", "patience", "epochs_per_call")}
+        counts = {
+            name: (1, MOST)
+            for name in ("batch_size", "most_epochs", "patience", "epochs_per_call")
+        }
         check_limits(self, learning_rate=(0, 10), **counts)
 
 
@@ -91,33 +97,47 @@ def fit(
     """Train a network with Adam.
 
     Args:
-        network: what to train; every floating array in it is a weight, but for those of parts that are `Fixed`.
-        loss: (network, batch, key) -> mean loss of the batch; the key is None when validating.
+        network: what to train; every floating array in it is a weight, but for those of
+            parts that are `Fixed`.
+        loss: (network, batch, key) -> mean loss of the batch; the key is None when
+            validating.
         training: arrays with samples first.
         validation: arrays with samples first.
         options: how to train.
         key: for the order of samples and for the loss.
-        progress: told the epoch, the most epochs and the validation loss, after every call.
+        progress: told the epoch, the most epochs and the validation loss, after every
+            call.
 
     Raises:
         TrainingError: fewer samples than one batch, or the loss is not finite.
     """
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
-        raise TrainingError(f"{samples} training samples, fewer than one batch of {options.batch_size}; collect more")
+        raise TrainingError(
+            f"{samples} training samples, fewer than one batch of {options.batch_size}; collect more"
+        )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     optimiser = optax.adam(_learning_rate(options, samples))
-    run = _compiled_epochs(lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k), optimiser, samples, options)
+    run = _compiled_epochs(
+        lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k),
+        optimiser,
+        samples,
+        options,
+    )
     state = _Progress(weights, optimiser.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
         epochs = min(options.epochs_per_call, options.most_epochs - len(curve))
-        state, rows = run(state, training, validation, jax.random.split(call_key, epochs))
+        state, rows = run(
+            state, training, validation, jax.random.split(call_key, epochs)
+        )
         curve.extend(np.asarray(rows))
         if not np.isfinite(curve[-1]).all():
             done = f"{len(curve)} epochs"
-            raise TrainingError(f"the loss is not finite after {done}; lower the learning rate, check the data")
+            raise TrainingError(
+                f"the loss is not finite after {done}; lower the learning rate, check the data"
+            )
         progress(len(curve), options.most_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
@@ -126,14 +146,17 @@ def fit(
 def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
     if not options.decay:
         return options.learning_rate
-    return optax.cosine_decay_schedule(options.learning_rate, options.most_epochs * (samples // options.batch_size))
+    return optax.cosine_decay_schedule(
+        options.learning_rate, options.most_epochs * (samples // options.batch_size)
+    )
 
 
 def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
     """(state, training, validation, keys) -> (state, losses), an epoch for every key, in one call."""
 
     def step(carry, picked):
-        (weights, state), (batch, key) = carry, picked
+        (weights, state) = carry
+        (batch, key) = picked
         value, gradient = jax.value_and_grad(loss)(weights, batch, key)
         updates, state = optimiser.update(gradient, state)
         return (optax.apply_updates(weights, updates), state), value
@@ -141,14 +164,22 @@ def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
     def epoch(carry, key, training, validation):
         order_key, loss_key = jax.random.split(key)
         batches = samples // options.batch_size
-        order = jax.random.permutation(order_key, samples)[: batches * options.batch_size].reshape(batches, -1)
+        order = jax.random.permutation(order_key, samples)[
+            : batches * options.batch_size
+        ].reshape(batches, -1)
         shuffled = jax.tree.map(lambda values: values[order], training)
         steps = (shuffled, jax.random.split(loss_key, batches))
-        (weights, state), losses = jax.lax.scan(step, (carry.weights, carry.optimiser), steps)
+        (weights, state), losses = jax.lax.scan(
+            step, (carry.weights, carry.optimiser), steps
+        )
         held_out = loss(weights, validation, None)
         better = held_out < carry.best_loss
-        best = jax.tree.map(lambda new, old: jnp.where(better, new, old), weights, carry.best_weights)
-        progress = _Progress(weights, state, best, jnp.minimum(held_out, carry.best_loss))
+        best = jax.tree.map(
+            lambda new, old: jnp.where(better, new, old), weights, carry.best_weights
+        )
+        progress = _Progress(
+            weights, state, best, jnp.minimum(held_out, carry.best_loss)
+        )
         return progress, jnp.stack([losses.mean(), held_out])
 
     def epochs(carry, training, validation, keys):
@@ -179,7 +210,11 @@ class FromArm(Fixed):
 
 def held(model: Network) -> Network:
     """The same model, without gradients of what is fixed."""
-    return jax.tree.map(lambda part: jax.lax.stop_gradient(part) if _is_fixed(part) else part, model, is_leaf=_is_fixed)
+    return jax.tree.map(
+        lambda part: jax.lax.stop_gradient(part) if _is_fixed(part) else part,
+        model,
+        is_leaf=_is_fixed,
+    )
 
 
 def _is_fixed(part) -> bool:
@@ -190,7 +225,9 @@ MOST_VALUES = 100
 """Of one option that has several."""
 
 
-def check_limits(options: Any, error: type[S2C2AError] = TrainingError, **limits: tuple[float, float]) -> None:
+def check_limits(
+    options: Any, error: type[S2C2AError] = TrainingError, **limits: tuple[float, float]
+) -> None:
     """Refuse options of which a number is out of its limits, or no number.
 
     Args:
@@ -205,6 +242,8 @@ def check_limits(options: Any, error: type[S2C2AError] = TrainingError, **limits
         value = getattr(options, name)
         values = value if isinstance(value, tuple) else (value,)
         if len(values) > MOST_VALUES:
-            raise error(f"{len(values)} values of {name} were asked for; take {MOST_VALUES} at most")
+            raise error(
+                f"{len(values)} values of {name} were asked for; take {MOST_VALUES} at most"
+            )
         if not all(low <= one <= high for one in values):  # NaN is neither
             raise error(f"{name} = {value} was asked for; take {low:g} to {high:g}")

@@ -10,7 +10,16 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
-from s2c2a.training.fit import Batch, FitOptions, FitResult, Loss, Model, Network, Progress, fit
+from s2c2a.training.fit import (
+    Batch,
+    FitOptions,
+    FitResult,
+    Loss,
+    Model,
+    Network,
+    Progress,
+    fit,
+)
 
 
 @dataclass(frozen=True)
@@ -21,10 +30,12 @@ class TrainingData:
         arm: the arm.
         sensed: configurations as they were sensed.
         actions: as really sent [m or N].
-        states: true ones of the same moments [m, 1], base frame; NaN where they are not known.
-        lengths: samples of each episode, where they differ; what is behind them counts nothing.
-        displacements: of the cables, in parts of their radius [rad], where they also moved together, which no
-            configuration says.
+        states: true ones of the same moments [m, 1], base frame; NaN where they are not
+            known.
+        lengths: samples of each episode, where they differ; what is behind them counts
+            nothing.
+        displacements: of the cables, in parts of their radius [rad], where they also
+            moved together, which no configuration says.
     """
 
     arm: ArmSpec
@@ -42,7 +53,8 @@ class Trained(FitResult[Model]):
     Attributes:
         network: the model.
         curve: rows of epoch, training loss, validation loss.
-        percent: mean and standard deviation of the held-out error, in percent of full range.
+        percent: mean and standard deviation of the held-out error, in percent of full
+            range.
     """
 
     percent: tuple[float, float]
@@ -61,7 +73,8 @@ def train(
 
     Args:
         model: to begin from.
-        loss: (model, batch, key) -> mean loss of the batch; the key is None when validating.
+        loss: (model, batch, key) -> mean loss of the batch; the key is None when
+            validating.
         answer: (model, batch) -> what compares with the targets of the batch.
         split: samples.
         options: how to train.
@@ -71,15 +84,27 @@ def train(
     Raises:
         TrainingError: too few samples, or the loss is not finite.
     """
-    result = fit(model, loss, as_batch(split.training), as_batch(split.validation), options, key, progress)
+    result = fit(
+        model,
+        loss,
+        as_batch(split.training),
+        as_batch(split.validation),
+        options,
+        key,
+        progress,
+    )
     return tried(result, answer, split)
 
 
-def tried(result: FitResult[Network], answer: Callable[[Network, Batch], Array], split: Split) -> Trained[Network]:
+def tried(
+    result: FitResult[Network], answer: Callable[[Network, Batch], Array], split: Split
+) -> Trained[Network]:
     """A fitted model and how well it does on what was held out."""
     predicted = np.asarray(eqx.filter_jit(answer)(result.network, as_batch(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
-    percent = percent_error(predicted, split.test.targets, full_ranges(np.concatenate(targets)))
+    percent = percent_error(
+        predicted, split.test.targets, full_ranges(np.concatenate(targets))
+    )
     return Trained(result.network, result.curve, percent)
 
 
@@ -91,7 +116,10 @@ def known_error(answer: Array, targets: Array) -> Array:
 
 def as_batch(samples: Samples) -> Batch:
     """Inputs and targets together, as the training loop takes them."""
-    return {name: jnp.asarray(values) for name, values in (samples.inputs | {"targets": samples.targets}).items()}
+    return {
+        name: jnp.asarray(values)
+        for name, values in (samples.inputs | {"targets": samples.targets}).items()
+    }
 
 
 def percent_error(
@@ -104,7 +132,9 @@ def percent_error(
     return float(percent.mean()), float(percent.std())
 
 
-def full_ranges(values: Float[np.ndarray, "samples modules outputs"]) -> Float[np.ndarray, "modules outputs"]:
+def full_ranges(
+    values: Float[np.ndarray, "samples modules outputs"],
+) -> Float[np.ndarray, "modules outputs"]:
     """Largest less smallest value of every output; one for an output that never changes, or is not known."""
     low, high = (
         edge(values, axis=0, initial=sign * np.inf, where=np.isfinite(values))

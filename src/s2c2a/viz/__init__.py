@@ -1,7 +1,8 @@
 """Figures and replay pages, from State values alone: simulation, real arm and recordings are drawn alike.
 
-A `Trace` is what is drawn. `replay_page` writes a page to watch it on, `run_figure` a figure of it, `arm_figure` a
-drawing of the arm itself. Matplotlib is imported when the first figure is asked for, not before.
+A `Trace` is what is drawn. `replay_page` writes a page to watch it on, `run_figure` a
+figure of it, `arm_figure` a drawing of the arm itself. Matplotlib is imported when the
+first figure is asked for, not before.
 """
 
 from importlib import import_module

@@ -24,10 +24,13 @@ DOTS_PER_INCH = 160
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
 FRONT = 50  # drawing order of the first trace, the one in front
 WANTED_LINE: dict[str, Any] = {"color": WANTED, "linewidth": 2.6, "alpha": 0.75}
-OBSTACLE, NOT_COUNTED = "#6b6f86", "#e6eaf0"
+OBSTACLE = "#6b6f86"
+NOT_COUNTED = "#e6eaf0"
 STANDING = 1e-6  # m; a target that moves less stands still
 LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
-HANDLE_WIDTH, LETTER_WIDTH = 0.6, 0.066  # inches, in a legend
+# inches, in a legend
+HANDLE_WIDTH = 0.6
+LETTER_WIDTH = 0.066
 
 Series = Float[np.ndarray, " time"]
 Colours = Mapping[str, str]
@@ -40,7 +43,9 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout=layout, facecolor="white")
 
 
-def new_axes(figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **options) -> Axes:
+def new_axes(
+    figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **options
+) -> Axes:
     """Axes with a light grid and no box."""
     axes = figure.add_subplot(place, **options)
     axes.set_xlabel(x_label, color=INK, fontsize=9)
@@ -53,18 +58,33 @@ def new_axes(figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **o
     return axes
 
 
-def new_time_axes(figure: Figure, grid: GridSpec, y_labels: Sequence[str]) -> list[Axes]:
+def new_time_axes(
+    figure: Figure, grid: GridSpec, y_labels: Sequence[str]
+) -> list[Axes]:
     """Axes over one time axis [s], from top to bottom in a grid's first column; only the last ones number it."""
     axes: list[Axes] = []
     for row, label in enumerate(y_labels):
-        axes.append(new_axes(figure, grid[row, 0], "time [s]", label, sharex=axes[0] if axes else None))
+        axes.append(
+            new_axes(
+                figure,
+                grid[row, 0],
+                "time [s]",
+                label,
+                sharex=axes[0] if axes else None,
+            )
+        )
         axes[-1].label_outer()
     axes[-1].margins(x=0.01)
     figure.align_ylabels(axes)
     return axes
 
 
-def view_axes(figure: Figure, place: SubplotSpec, view: View, backward: tuple[bool, bool] = (False, False)) -> Axes:
+def view_axes(
+    figure: Figure,
+    place: SubplotSpec,
+    view: View,
+    backward: tuple[bool, bool] = (False, False),
+) -> Axes:
     """Axes in metres, at equal scale in both directions; what runs backward grows to the left or downward."""
     right, up = ("xyz"[coordinate] for coordinate in view)
     axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
@@ -75,39 +95,76 @@ def view_axes(figure: Figure, place: SubplotSpec, view: View, backward: tuple[bo
     return axes
 
 
-def padded_limits(values: np.ndarray, least_span: float = LEAST_SPAN) -> tuple[float, float]:
+def padded_limits(
+    values: np.ndarray, least_span: float = LEAST_SPAN
+) -> tuple[float, float]:
     """Limits with some room around all finite values, never closer together than the least span."""
     finite = values[np.isfinite(values)]
     low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
-    middle, half = (low + high) / 2, max(high - low, least_span) / 2
+    middle = (low + high) / 2
+    half = max(high - low, least_span) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
 def draw_arrow(axes: Axes, start, end, colour: str, width: float, head: float) -> None:
     """A straight arrow, or a line where its head has no size [points]."""
-    look = {"arrowstyle": "-|>" if head else "-", "shrinkA": 0, "shrinkB": 0, "mutation_scale": head or 1}
-    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops={"color": colour, "lw": width, **look}, zorder=3)
+    look = {
+        "arrowstyle": "-|>" if head else "-",
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": head or 1,
+    }
+    axes.annotate(
+        "",
+        xy=tuple(end),
+        xytext=tuple(start),
+        arrowprops={"color": colour, "lw": width, **look},
+        zorder=3,
+    )
 
 
 def say_nothing_here(axes: Axes, text: str) -> None:
     """Words in the middle of axes that have nothing to show."""
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED, fontsize=9)
+    axes.text(
+        0.5,
+        0.5,
+        text,
+        transform=axes.transAxes,
+        ha="center",
+        va="center",
+        color=MUTED,
+        fontsize=9,
+    )
 
 
 def headline(axes: Axes, text: str) -> None:
     """A small bold title at the left edge; a name from a user is shown as it is, not read as mathematics."""
-    axes.set_title(text, loc="left", fontsize=9.5, fontweight="bold", color=INK, parse_math=False)
+    axes.set_title(
+        text, loc="left", fontsize=9.5, fontweight="bold", color=INK, parse_math=False
+    )
 
 
 def legend(figure: Figure, **options) -> None:
     """One legend above all panels, without a frame; what several panels name comes once."""
-    pairs = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
+    pairs = [
+        pair
+        for axes in figure.axes
+        for pair in zip(*axes.get_legend_handles_labels(), strict=True)
+    ]
     handles = {label: handle for handle, label in reversed(pairs)}
     labels = list(dict.fromkeys(label for _, label in pairs))
     if labels:
-        look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK, "loc": "outside upper right", **options}
+        look = {
+            "frameon": False,
+            "fontsize": 8.5,
+            "labelcolor": INK,
+            "loc": "outside upper right",
+            **options,
+        }
         columns = _columns_that_fit(labels, figure.get_figwidth())
-        shown = figure.legend([handles[label] for label in labels], labels, ncols=columns, **look)
+        shown = figure.legend(
+            [handles[label] for label in labels], labels, ncols=columns, **look
+        )
         for text in shown.get_texts():
             text.set_parse_math(False)
 
@@ -116,7 +173,13 @@ def _columns_that_fit(labels: list[str], width: float) -> int:
     """Most columns of legend that are no wider together than `width` [inches]."""
     for count in range(len(labels), 1, -1):
         columns = np.array_split(labels, count)
-        if sum(HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column)) for column in columns) < width:
+        if (
+            sum(
+                HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column))
+                for column in columns
+            )
+            < width
+        ):
             return count
     return 1
 
@@ -131,46 +194,98 @@ def draw_wanted(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> No
     finite = path[np.isfinite(path).all(axis=-1)]
     if len(finite):
         stands = np.ptp(finite, axis=0).max() < STANDING
-        axes.plot(*seen(path, view), label="wanted", marker="o" if stands else "", markersize=9, **WANTED_LINE)
+        axes.plot(
+            *seen(path, view),
+            label="wanted",
+            marker="o" if stands else "",
+            markersize=9,
+            **WANTED_LINE,
+        )
 
 
-def draw_obstacles(axes: Axes, spheres: Float[np.ndarray, "spheres 4"], view: View, **style) -> None:
+def draw_obstacles(
+    axes: Axes, spheres: Float[np.ndarray, "spheres 4"], view: View, **style
+) -> None:
     """Discs as large as the thresholds of obstacles, as `Trace.spheres` says them."""
-    look = {"facecolor": OBSTACLE + "33", "edgecolor": OBSTACLE, "linewidth": 1, **style}
+    look = {
+        "facecolor": OBSTACLE + "33",
+        "edgecolor": OBSTACLE,
+        "linewidth": 1,
+        **style,
+    }
     for sphere in spheres:
         axes.add_patch(Circle(seen(sphere, view), sphere[3], **look))
 
 
-def draw_ends(axes: Axes, path: Float[np.ndarray, "time 3"], view: View, colour: str, order: float = FRONT) -> None:
+def draw_ends(
+    axes: Axes,
+    path: Float[np.ndarray, "time 3"],
+    view: View,
+    colour: str,
+    order: float = FRONT,
+) -> None:
     """A hollow disc where a path begins, a full one where it ends."""
     places = path[np.isfinite(path).all(axis=-1)]
-    for place, fill in zip(places[[0, -1]] if len(places) else (), ("white", colour), strict=False):
-        axes.plot(*seen(place, view), "o", markersize=5.5, color=colour, markerfacecolor=fill, zorder=order + 1)
+    for place, fill in zip(
+        places[[0, -1]] if len(places) else (), ("white", colour), strict=False
+    ):
+        axes.plot(
+            *seen(place, view),
+            "o",
+            markersize=5.5,
+            color=colour,
+            markerfacecolor=fill,
+            zorder=order + 1,
+        )
 
 
-def draw_run(axes: Axes, trace: Trace, colours: Colours, view: View, order: float = FRONT) -> None:
+def draw_run(
+    axes: Axes, trace: Trace, colours: Colours, view: View, order: float = FRONT
+) -> None:
     """Path of the followed end, with its start and end."""
-    path, colour = trace.followed_path, colours[trace.label]
-    axes.plot(*seen(path, view), color=colour, linewidth=1.5, zorder=order, label=trace.label)
+    path = trace.followed_path
+    colour = colours[trace.label]
+    axes.plot(
+        *seen(path, view), color=colour, linewidth=1.5, zorder=order, label=trace.label
+    )
     draw_ends(axes, path, view, colour, order)
 
 
 def name_ends(axes: Axes) -> None:
     """What the discs of `draw_ends` mean, for the legend."""
     for name, fill in (("start", "white"), ("end", MUTED)):
-        axes.plot([], [], "o", markersize=5.5, color=MUTED, markerfacecolor=fill, linestyle="none", label=name)
+        axes.plot(
+            [],
+            [],
+            "o",
+            markersize=5.5,
+            color=MUTED,
+            markerfacecolor=fill,
+            linestyle="none",
+            label=name,
+        )
 
 
-def draw_ring(axes: Axes, place: Float[np.ndarray, "3"], view: View, size: float, label: str) -> None:
+def draw_ring(
+    axes: Axes, place: Float[np.ndarray, "3"], view: View, size: float, label: str
+) -> None:
     """A ring round where an end should be, as wide as so many points."""
-    look: dict[str, Any] = {"markersize": size, "markerfacecolor": WANTED + "38", "markeredgecolor": WANTED}
+    look: dict[str, Any] = {
+        "markersize": size,
+        "markerfacecolor": WANTED + "38",
+        "markeredgecolor": WANTED,
+    }
     axes.plot(*seen(place, view), "o", linestyle="none", label=label, **look)
 
 
 def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
     """A label with mean and standard deviation of what errors are known."""
     known = errors[np.isfinite(errors)]
-    return f"{label}   {known.mean():.{digits}f} ± {known.std():.{digits}f}{unit}" if known.size else label
+    return (
+        f"{label}   {known.mean():.{digits}f} ± {known.std():.{digits}f}{unit}"
+        if known.size
+        else label
+    )
 
 
 def named_error(trace: Trace) -> str:
@@ -178,26 +293,56 @@ def named_error(trace: Trace) -> str:
     return named(trace.label, 100 * trace.counted_errors, " cm", 2)
 
 
-def draw_lines(axes: Axes, traces: Sequence[Trace], colours: Colours, shown: Callable, name=named_error) -> None:
+def draw_lines(
+    axes: Axes,
+    traces: Sequence[Trace],
+    colours: Colours,
+    shown: Callable,
+    name=named_error,
+) -> None:
     """A line for each trace, the first in front; `shown` says its x and y, `name` its label."""
     for place, trace in enumerate(traces):
-        look: dict[str, Any] = {"color": colours[trace.label], "linewidth": 1.4, "zorder": FRONT - place}
+        look: dict[str, Any] = {
+            "color": colours[trace.label],
+            "linewidth": 1.4,
+            "zorder": FRONT - place,
+        }
         axes.plot(*shown(trace), label=name(trace), **look)
 
 
 def draw_over_time(
-    axes: Axes, traces: Sequence[Trace], wanted: Series, values: Callable, name=named_error, least_span=LEAST_SPAN
+    axes: Axes,
+    traces: Sequence[Trace],
+    wanted: Series,
+    values: Callable,
+    name=named_error,
+    least_span=LEAST_SPAN,
 ) -> None:
     """What each trace did over time, its `values`, and below it what was wanted of the first; all of it in sight."""
-    axes.plot(traces[0].times, wanted, label="wanted" if np.isfinite(wanted).any() else None, **WANTED_LINE)
+    axes.plot(
+        traces[0].times,
+        wanted,
+        label="wanted" if np.isfinite(wanted).any() else None,
+        **WANTED_LINE,
+    )
     colours = colours_by_label(trace.label for trace in traces)
     draw_lines(axes, traces, colours, lambda trace: (trace.times, values(trace)), name)
-    axes.set_ylim(*padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span))
+    axes.set_ylim(
+        *padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span)
+    )
 
 
-def draw_errors(axes: Axes, traces: Sequence[Trace], colours: Colours, name=named_error) -> None:
+def draw_errors(
+    axes: Axes, traces: Sequence[Trace], colours: Colours, name=named_error
+) -> None:
     """Distance from what is wanted [cm] over time; steps that do not count in its mean are shaded."""
-    draw_lines(axes, traces, colours, lambda trace: (trace.times, 100 * trace.position_errors), name)
+    draw_lines(
+        axes,
+        traces,
+        colours,
+        lambda trace: (trace.times, 100 * trace.position_errors),
+        name,
+    )
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label="not counted")
@@ -213,7 +358,9 @@ def save_figure(figure: Figure, path: str | Path, **options) -> Path:
     """
     ending = Path(path).suffix.lower().removeprefix(".")
     if ending not in FIGURE_FORMATS:
-        raise S2C2AError(f"{path}: a figure's name ends in .{', .'.join(FIGURE_FORMATS)}, not in '.{ending}'")
+        raise S2C2AError(
+            f"{path}: a figure's name ends in .{', .'.join(FIGURE_FORMATS)}, not in '.{ending}'"
+        )
     legend(figure, **options)
     content = io.BytesIO()
     figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)

@@ -10,14 +10,22 @@ TARGET = "#7b35c9"  # the same where the arm's body is drawn, whose end is red
 POINTING = "#e0a100"
 REAL = "#1f5fc4"  # where the arm was
 OBSTACLE = "#8a93a6"
-DISC, BASE = "#c4cbd5", "#8791a0"  # of the arm's body, beside its modules
-GRID, GRID_STRONG = "#d9dfe7", "#b3bdc9"
+# of the arm's body, beside its modules
+DISC = "#c4cbd5"
+BASE = "#8791a0"
+GRID = "#d9dfe7"
+GRID_STRONG = "#b3bdc9"
 INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
 
 _BASE_TO_END = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
-_CONTROLLERS = {"s2c2a": "#1f5fc4", "pcc": "#2b9a4b", "pcc-fitted": "#c77d0a", "lstm": "#0d8fa0"}
+_CONTROLLERS = {
+    "s2c2a": "#1f5fc4",
+    "pcc": "#2b9a4b",
+    "pcc-fitted": "#c77d0a",
+    "lstm": "#0d8fa0",
+}
 _OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
 
 
@@ -34,12 +42,20 @@ def darker(colour: str) -> str:
 def module_colours(count: int) -> list[str]:
     """A colour for each module: base blue, middle green, end red, and between them what lies between."""
     places = np.linspace(0, len(_BASE_TO_END) - 1, count)
-    channels = [np.interp(places, range(len(_BASE_TO_END)), channel) for channel in _BASE_TO_END.T]
-    return ["#{:02x}{:02x}{:02x}".format(*(round(value) for value in colour)) for colour in zip(*channels, strict=True)]
+    channels = [
+        np.interp(places, range(len(_BASE_TO_END)), channel)
+        for channel in _BASE_TO_END.T
+    ]
+    return [
+        "#{:02x}{:02x}{:02x}".format(*(round(value) for value in colour))
+        for colour in zip(*channels, strict=True)
+    ]
 
 
 def colours_by_label(labels: Iterable[str]) -> dict[str, str]:
     """A colour for each strategy: its own where it has one, else the first that no other one uses."""
     own = {label: _CONTROLLERS.get(label.lower()) for label in labels}
-    others = cycle([colour for colour in _OTHERS if colour not in own.values()] or _OTHERS)
+    others = cycle(
+        [colour for colour in _OTHERS if colour not in own.values()] or _OTHERS
+    )
     return {label: colour or next(others) for label, colour in own.items()}

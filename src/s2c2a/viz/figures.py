@@ -19,14 +19,28 @@ from s2c2a.viz.trace import Trace, check_same_arm
 
 POINTS_SHOWN = 60_000
 COLUMNS = 3  # of what a search tried
-DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.5, "alpha": 0.75, "markeredgewidth": 0}
-CLOUD: dict[str, Any] = DOT | {"marker": ".", "markersize": 1.6, "alpha": 0.55, "rasterized": True}
+DOT: dict[str, Any] = {
+    "marker": "o",
+    "linestyle": "none",
+    "markersize": 4.5,
+    "alpha": 0.75,
+    "markeredgewidth": 0,
+}
+CLOUD: dict[str, Any] = DOT | {
+    "marker": ".",
+    "markersize": 1.6,
+    "alpha": 0.55,
+    "rasterized": True,
+}
 
 
-def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: str | None = None) -> Path:
+def run_figure(
+    traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: str | None = None
+) -> Path:
     """Draw where the followed module's end was and should have been, seen along each axis and from above.
 
-    Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm] runs along the same time axis.
+    Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm]
+    runs along the same time axis.
 
     Args:
         traces: runs of the same task, base frame.
@@ -41,32 +55,46 @@ def run_figure(traces: Sequence[Trace], arm: ArmSpec, path: str | Path, title: s
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colours = colours_by_label(trace.label for trace in traces)
-    over_time = charts.new_time_axes(figure, grid, [*(f"{name} [m]" for name in "xyz"), "error [cm]"])
+    over_time = charts.new_time_axes(
+        figure, grid, [*(f"{name} [m]" for name in "xyz"), "error [cm]"]
+    )
     view, backward = Mounting.of(arm).flat(ABOVE)
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
         draw_coordinate(axes, traces, axis)
     charts.draw_errors(over_time[3], traces, colours)
     charts.draw_wanted(above, traces[0].wanted_path, view)
-    charts.draw_lines(above, traces, colours, lambda trace: seen(trace.followed_path, view))
+    charts.draw_lines(
+        above, traces, colours, lambda trace: seen(trace.followed_path, view)
+    )
     charts.draw_obstacles(above, traces[0].spheres(0), view)
     above.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
     headline(above, "from above")
-    headline(over_time[0], f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}")
+    headline(
+        over_time[0],
+        f"{title or arm.name}: end of module {traces[0].followed_module + 1} of {arm.module_count}",
+    )
     return save_figure(figure, path)
 
 
 def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
     """The followed end along one axis over time, where it should have been below it; the first trace in front."""
-    charts.draw_over_time(axes, traces, traces[0].wanted_path[:, axis], lambda trace: trace.followed_path[:, axis])
+    charts.draw_over_time(
+        axes,
+        traces,
+        traces[0].wanted_path[:, axis],
+        lambda trace: trace.followed_path[:, axis],
+    )
 
 
-def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path) -> Path:
+def recording_figure(
+    states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path
+) -> Path:
     """Draw the workspace that a recording covers, a colour for each module (figure 3 of the paper).
 
     Args:
-        states: end positions [m] and end axes, shape (samples, modules, 6), base frame. Above 60 000 samples an even
-            choice of them is drawn.
+        states: end positions [m] and end axes, shape (samples, modules, 6), base frame.
+            Above 60 000 samples an even choice of them is drawn.
         arm: the arm that was recorded; what hangs is drawn hanging.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
@@ -75,16 +103,25 @@ def recording_figure(states: Float[np.ndarray, "samples modules 6"], arm: ArmSpe
     """
     states = np.asarray(states, dtype=float)
     if states.ndim != 3 or states.shape[-1] != 6 or not states.size:
-        raise S2C2AError(f"states have shape {states.shape}, expected (samples, modules, 6) with at least one of each")
+        raise S2C2AError(
+            f"states have shape {states.shape}, expected (samples, modules, 6) with at least one of each"
+        )
     shown = states[:: -(-len(states) // POINTS_SHOWN)]
     figure = new_figure(11.0, 5.6)
     grid = figure.add_gridspec(1, 2)
     titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
     for place, (view, title) in zip((grid[0], grid[1]), titles.items(), strict=True):
         near, backward = Mounting.of(arm).flat(view)
-        axes, count = charts.view_axes(figure, place, near, backward), states.shape[1]
-        for module, colour in enumerate(module_colours(count)):  # inner ones in front, for their clouds are small
-            look = {"color": colour, "zorder": 2 + count - module, "label": f"module {module + 1}", **CLOUD}
+        axes = charts.view_axes(figure, place, near, backward)
+        count = states.shape[1]
+        # inner ones in front, for their clouds are small
+        for module, colour in enumerate(module_colours(count)):
+            look = {
+                "color": colour,
+                "zorder": 2 + count - module,
+                "label": f"module {module + 1}",
+                **CLOUD,
+            }
             axes.plot(*seen(shown[:, module], near), **look)
         axes.plot(0, 0, "+", color=INK, markersize=9, zorder=3 + count)
         headline(axes, title)
@@ -95,7 +132,8 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
     """Draw how the losses fell: training thin and dashed, validation solid, its least value marked.
 
     Args:
-        curves: for each network its rows, each a mapping with "epoch", "train" and "validation".
+        curves: for each network its rows, each a mapping with "epoch", "train" and
+            "validation".
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Raises:
@@ -108,9 +146,17 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
     for name, colour in colours_by_label(tables).items():
         epochs, train, validation = tables[name].T
-        axes.plot(epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8)
+        axes.plot(
+            epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8
+        )
         best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
-        axes.plot(epochs, validation, color=colour, linewidth=1.7, label=f"{name}   least {validation[best]:.3g}")
+        axes.plot(
+            epochs,
+            validation,
+            color=colour,
+            linewidth=1.7,
+            label=f"{name}   least {validation[best]:.3g}",
+        )
         axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
@@ -121,7 +167,10 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
 def _curve_table(name: str, rows: Iterable[Mapping]) -> Float[np.ndarray, "epochs 3"]:
     """Epoch, training and validation loss as columns."""
     try:
-        table = [[float(row[key]) for key in ("epoch", "train", "validation")] for row in rows]
+        table = [
+            [float(row[key]) for key in ("epoch", "train", "validation")]
+            for row in rows
+        ]
     except (KeyError, TypeError, ValueError) as error:
         message = f"curve '{name}': every row needs the numbers epoch, train and validation; got {error!r}"
         raise S2C2AError(message) from error
@@ -154,7 +203,9 @@ def trials_figure(
         S2C2AError: there is no trial, or the file cannot be written.
     """
     if not len(numbers):
-        raise S2C2AError("there is no finished trial to draw; let at least one come to its end")
+        raise S2C2AError(
+            "there is no finished trial to draw; let at least one come to its end"
+        )
     rows = 1 + -(-len(values) // COLUMNS)
     figure = new_figure(11.0, 3.0 * rows)
     grid = figure.add_gridspec(rows, COLUMNS)
@@ -166,7 +217,9 @@ def trials_figure(
     _dots(history, np.asarray(numbers, float), scores, best)
     headline(history, f"best: {scores[best]:.3g} in trial {numbers[best]}")
     for place, (name, tried) in enumerate(values.items()):
-        axes = new_axes(figure, grid[1 + place // COLUMNS, place % COLUMNS], name, label)
+        axes = new_axes(
+            figure, grid[1 + place // COLUMNS, place % COLUMNS], name, label
+        )
         if name in logarithmic:
             axes.set_xscale("log")
             axes.xaxis.set_minor_formatter(NullFormatter())

@@ -1,7 +1,7 @@
 """A page that replays runs: one file, opened in any browser, without a network; `page/run.js` reads what is in it.
 
-Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths, errors as whole micrometres and
-microradians, their mean in metres; NaN travels as null.
+Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths,
+errors as whole micrometres and microradians, their mean in metres; NaN travels as null.
 """
 
 import html
@@ -15,26 +15,52 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import GRID, GRID_STRONG, INK, OBSTACLE, TARGET, colours_by_label, module_colours
+from s2c2a.viz.colours import (
+    GRID,
+    GRID_STRONG,
+    INK,
+    OBSTACLE,
+    TARGET,
+    colours_by_label,
+    module_colours,
+)
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
-SCRIPTS = ("vectors", "run", "camera", "shading", "arm", "surroundings", "scene", "chart", "panel", "player", "main")
+SCRIPTS = (
+    "vectors",
+    "run",
+    "camera",
+    "shading",
+    "arm",
+    "surroundings",
+    "scene",
+    "chart",
+    "panel",
+    "player",
+    "main",
+)
 PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
-PER_ERROR = 1_000_000  # whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
+# whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
+PER_ERROR = 1_000_000
 
 
 def replay_page(
-    traces: Sequence[Trace], arm: ArmSpec, title: str, path: str | Path, summary: Mapping[str, str] | None = None
+    traces: Sequence[Trace],
+    arm: ArmSpec,
+    title: str,
+    path: str | Path,
+    summary: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a page on which the runs can be watched: arm, paths, targets, obstacles, error.
 
-    The page needs nothing but itself. Drag to orbit, wheel or pinch to zoom, space to play, arrows to step; a fragment
-    such as `#t=4.5` opens it at that second.
+    The page needs nothing but itself. Drag to orbit, wheel or pinch to zoom, space to
+    play, arrows to step; a fragment such as `#t=4.5` opens it at that second.
 
     Args:
-        traces: runs of the same task, base frame; the first is shown as the arm, the others as ghosts until chosen.
+        traces: runs of the same task, base frame; the first is shown as the arm, the
+            others as ghosts until chosen.
         arm: the arm that ran them.
         title: heading of the page.
         path: file to write; replaced if it exists.
@@ -44,14 +70,29 @@ def replay_page(
         S2C2AError: no trace, a trace of another arm, or the file cannot be written.
     """
     check_same_arm(traces, arm)
-    mesh, modules = ArmMesh(arm), module_colours(arm.module_count)
+    mesh = ArmMesh(arm)
+    modules = module_colours(arm.module_count)
     colours = colours_by_label(trace.label for trace in traces)
     data = {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in (summary or {}).items()],
-        "colours": {"wanted": TARGET, "obstacle": OBSTACLE, "grid": GRID, "strong": GRID_STRONG, "ink": INK},
-        "arm": {"name": arm.name, "lengths": [module.length for module in arm.modules], "colours": modules},
-        "mesh": {"sections": mesh.sections, "bodyRows": BODY_ROWS, "pieces": mesh.pieces},
+        "colours": {
+            "wanted": TARGET,
+            "obstacle": OBSTACLE,
+            "grid": GRID,
+            "strong": GRID_STRONG,
+            "ink": INK,
+        },
+        "arm": {
+            "name": arm.name,
+            "lengths": [module.length for module in arm.modules],
+            "colours": modules,
+        },
+        "mesh": {
+            "sections": mesh.sections,
+            "bodyRows": BODY_ROWS,
+            "pieces": mesh.pieces,
+        },
         "surroundings": vars(Surroundings.of(arm)),
         "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
     }
@@ -59,7 +100,10 @@ def replay_page(
     page = Template(_part("replay.html")).substitute(
         title=html.escape(title),
         style=_part("page/style.css"),
-        data=text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"),  # whatever strings it holds
+        # whatever strings it holds
+        data=text.replace("&", "\\u0026")
+        .replace("<", "\\u003c")
+        .replace(">", "\\u003e"),
         scripts="\n".join(_part(f"page/{name}.js") for name in SCRIPTS),
     )
     return save_whole(page.encode("utf-8"), path)
@@ -72,23 +116,35 @@ def _part(name: str) -> str:
 
 def _plain(value):
     """Arrays as lists to a hundredth of a millimetre, and what is made of plain values as those."""
-    return value.round(5).tolist() if isinstance(value, np.ndarray | np.generic) else vars(value)
+    return (
+        value.round(5).tolist()
+        if isinstance(value, np.ndarray | np.generic)
+        else vars(value)
+    )
 
 
 def _trace_data(trace: Trace, colour: str) -> dict:
-    frames, obstacles = frames_of(trace.states)[:, 1:, [0, 1, 3]], trace.obstacles
+    frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
+    obstacles = trace.obstacles
     return {
         "label": trace.label,
         "colour": colour,
         "followed": trace.followed_module,
         "times": trace.times.round(4).tolist(),
-        "frames": _points(frames.reshape(trace.times.size, -1)),  # (time, modules * 9): position, x axis, z axis
+        # (time, modules * 9): position, x axis, z axis
+        "frames": _points(frames.reshape(trace.times.size, -1)),
         "wanted": _asked(trace.wanted_positions),
         "axes": _asked(trace.wanted_axes),
-        "obstacles": _whole(obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles),
+        "obstacles": _whole(
+            obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles
+        ),
         "errors": _whole(trace.position_errors, PER_ERROR),
-        "meanError": float(trace.counted_errors.mean()) if trace.counted_errors.size else None,
-        "uncounted": [[round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans],
+        "meanError": float(trace.counted_errors.mean())
+        if trace.counted_errors.size
+        else None,
+        "uncounted": [
+            [round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans
+        ],
         "axisErrors": _whole(trace.axis_errors, PER_ERROR),
     }
 

@@ -15,11 +15,14 @@ Spectrum = tuple[Float[np.ndarray, " bands"], Complex[np.ndarray, " bands"]]
 TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
 
 
-def response_figure(spectra: Mapping[str, Sequence[Spectrum]], path: str | Path, title: str) -> Path:
+def response_figure(
+    spectra: Mapping[str, Sequence[Spectrum]], path: str | Path, title: str
+) -> Path:
     """Draw what came over what was asked for: measured as points, expected as lines.
 
     Args:
-        spectra: by direction, measured and expected: frequencies [Hz], and gains with their phases.
+        spectra: by direction, measured and expected: frequencies [Hz], and gains with
+            their phases.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
         title: above it.
 
@@ -32,8 +35,24 @@ def response_figure(spectra: Mapping[str, Sequence[Spectrum]], path: str | Path,
     phase = new_axes(figure, grid[1], "frequency [Hz]", "phase [deg]", sharex=gain)
     for towards, colour in colours_by_label(spectra).items():
         measured, expected = spectra[towards]
-        _draw(gain, phase, measured, marker="o", linestyle="none", color=colour, label=f"towards {towards}, measured")
-        _draw(gain, phase, expected, linewidth=1.6, color=colour, alpha=0.7, label=f"towards {towards}, expected")
+        _draw(
+            gain,
+            phase,
+            measured,
+            marker="o",
+            linestyle="none",
+            color=colour,
+            label=f"towards {towards}, measured",
+        )
+        _draw(
+            gain,
+            phase,
+            expected,
+            linewidth=1.6,
+            color=colour,
+            alpha=0.7,
+            label=f"towards {towards}, expected",
+        )
     for axes in (gain, phase):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(ScalarFormatter())

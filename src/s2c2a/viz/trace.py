@@ -17,13 +17,14 @@ from s2c2a.spaces import AXIS, POSITION
 class Trace:
     """Where an arm was after each action of an episode's run, and what was asked then; base frame.
 
-    States may hold NaN where a real arm was not seen; wanted values are NaN where nothing is asked of that module.
+    States may hold NaN where a real arm was not seen; wanted values are NaN where
+    nothing is asked of that module.
 
     Attributes:
         episode: what happened, with true states.
         label: name of the strategy, such as "s2c2a"; it is shown in legends.
-        counted: which steps count in the mean error, shape (time,), such as those whose target is within reach; all if
-            not stated.
+        counted: which steps count in the mean error, shape (time,), such as those whose
+            target is within reach; all if not stated.
 
     Raises:
         S2C2AError: the episode holds no true states, or no step of a run.
@@ -36,9 +37,16 @@ class Trace:
     def __post_init__(self):
         """Refuse what has nothing to draw."""
         if "states" not in self.episode.sensors or not len(self.episode.running):
-            raise S2C2AError(f"'{self.label}' holds no true states of a run, so there is nothing to draw")
-        if self.counted is not None and (self.counted.shape, self.counted.dtype) != (self.times.shape, bool):
-            raise S2C2AError(f"'{self.label}': counted is of shape {self.counted.shape}, not a truth for every step")
+            raise S2C2AError(
+                f"'{self.label}' holds no true states of a run, so there is nothing to draw"
+            )
+        if self.counted is not None and (self.counted.shape, self.counted.dtype) != (
+            self.times.shape,
+            bool,
+        ):
+            raise S2C2AError(
+                f"'{self.label}': counted is of shape {self.counted.shape}, not a truth for every step"
+            )
 
     @cached_property
     def times(self) -> Float[np.ndarray, " time"]:
@@ -73,7 +81,11 @@ class Trace:
 
     def _asked(self, name: str, *shape: int) -> np.ndarray:
         asked = self.episode.get(name) is not None
-        return self.episode.ran(name) if asked else np.full((len(self.times), *shape), np.nan)
+        return (
+            self.episode.ran(name)
+            if asked
+            else np.full((len(self.times), *shape), np.nan)
+        )
 
     @property
     def followed_module(self) -> int:
@@ -117,14 +129,22 @@ class Trace:
     @property
     def uncounted_spans(self) -> list[tuple[float, float]]:
         """From when to when steps do not count [s], half a step to each side."""
-        edges = np.concatenate([self.times[:1], (self.times[1:] + self.times[:-1]) / 2, self.times[-1:]])
-        changes = np.flatnonzero(np.diff(np.concatenate([[True], self._counted, [True]]).astype(int)))
-        return [(float(edges[start]), float(edges[end])) for start, end in changes.reshape(-1, 2)]
+        edges = np.concatenate(
+            [self.times[:1], (self.times[1:] + self.times[:-1]) / 2, self.times[-1:]]
+        )
+        changes = np.flatnonzero(
+            np.diff(np.concatenate([[True], self._counted, [True]]).astype(int))
+        )
+        return [
+            (float(edges[start]), float(edges[end]))
+            for start, end in changes.reshape(-1, 2)
+        ]
 
     @property
     def axis_errors(self) -> Float[np.ndarray, " time"]:
         """Angle between end axis and wanted axis [rad] of the pointing module, or NaN."""
-        real, wanted = self.states[:, self.pointing_module, AXIS], self.wanted_axes[:, self.pointing_module]
+        real = self.states[:, self.pointing_module, AXIS]
+        wanted = self.wanted_axes[:, self.pointing_module]
         across = np.linalg.norm(np.cross(real, wanted), axis=-1)
         return np.arctan2(across, np.sum(real * wanted, axis=-1))
 
@@ -160,7 +180,9 @@ def check_told_apart(traces: Collection[Trace]) -> None:
     labels = [trace.label for trace in traces]
     twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
     if twice:
-        raise S2C2AError(f"several traces are labelled '{twice[0]}'; give each a label of its own, for the legend")
+        raise S2C2AError(
+            f"several traces are labelled '{twice[0]}'; give each a label of its own, for the legend"
+        )
 
 
 def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:

@@ -12,7 +12,9 @@ from s2c2a.viz.colours import FAINT, colours_by_label
 TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 
 
-def worth_figure(errors: Mapping[str, Mapping[str, float]], path: str | Path, title: str) -> Path:
+def worth_figure(
+    errors: Mapping[str, Mapping[str, float]], path: str | Path, title: str
+) -> Path:
     """Draw errors of the tip, best set last, so that it stands on top.
 
     Args:
@@ -24,14 +26,29 @@ def worth_figure(errors: Mapping[str, Mapping[str, float]], path: str | Path, ti
         S2C2AError: the file cannot be written.
     """
     figure = new_figure(7.6, 1.4 + 0.34 * len(errors))
-    axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "mean error of the tip [cm]", "")
+    axes = new_axes(
+        figure, figure.add_gridspec(1, 1)[0], "mean error of the tip [cm]", ""
+    )
     loads = list(dict.fromkeys(load for each in errors.values() for load in each))
-    names = sorted(errors, key=lambda name: -float(np.mean(np.log(list(errors[name].values())))))
+    names = sorted(
+        errors, key=lambda name: -float(np.mean(np.log(list(errors[name].values()))))
+    )
     for place, name in enumerate(names):
-        axes.plot([min(errors[name].values()), max(errors[name].values())], [place] * 2, color=FAINT, linewidth=5)
+        axes.plot(
+            [min(errors[name].values()), max(errors[name].values())],
+            [place] * 2,
+            color=FAINT,
+            linewidth=5,
+        )
     for load, colour in colours_by_label(loads).items():
         places = [place for place, name in enumerate(names) if load in errors[name]]
-        axes.plot([errors[names[place]][load] for place in places], places, "o", color=colour, label=load)
+        axes.plot(
+            [errors[names[place]][load] for place in places],
+            places,
+            "o",
+            color=colour,
+            label=load,
+        )
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(ScalarFormatter())
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -19,7 +19,9 @@ def fidelity(request):
     return request.param
 
 
-def settled(arm, action=None, fidelity="fast", seconds=5.0, push=(0.0, 0.0, 0.0), payload=0.0) -> SimulatedRobot:
+def settled(
+    arm, action=None, fidelity="fast", seconds=5.0, push=(0.0, 0.0, 0.0), payload=0.0
+) -> SimulatedRobot:
     """The robot after holding an action for a while."""
     robot = SimulatedRobot(arm, fidelity, payload=payload)
     robot.open()
@@ -40,10 +42,15 @@ def bends(robot) -> np.ndarray:
     """Bend vectors [rad] of all modules, shape (modules, 2)."""
     axes = robot.configurations()
     angles = np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2])
-    return axes[:, :2] * (angles / np.maximum(np.linalg.norm(axes[:, :2], axis=-1), 1e-12))[:, None]
+    return (
+        axes[:, :2]
+        * (angles / np.maximum(np.linalg.norm(axes[:, :2], axis=-1), 1e-12))[:, None]
+    )
 
 
-def test_one_cable_bends_a_weightless_module_by_its_moment_over_the_rigidity(make_arm, fidelity):
+def test_one_cable_bends_a_weightless_module_by_its_moment_over_the_rigidity(
+    make_arm, fidelity
+):
     """F = T r L / EI towards the cable."""
     arm = make_arm(modules=1, module={"tension_range": 20.0}, **PULL)
     robot = settled(arm, [[0.0, 10.0, 0.0]], fidelity)
@@ -58,7 +65,9 @@ def test_bent_cables_in_balance_keep_a_module_straight(make_arm):
 
 
 @pytest.mark.parametrize("cables", [3, 4, 5, 8])
-def test_taut_cables_that_stretch_bend_a_module_by_their_share_of_the_stiffness(make_arm, fidelity, cables):
+def test_taut_cables_that_stretch_bend_a_module_by_their_share_of_the_stiffness(
+    make_arm, fidelity, cables
+):
     """B K / (K + EI / L) with K = n k r^2 / 2."""
     module = {"pretension": 40.0, "cable": Cable(stiffness=3000.0)}
     arm = make_arm(1, cables, module, gravity_direction=WEIGHTLESS)
@@ -79,7 +88,9 @@ def test_cables_shortened_together_only_get_tighter(make_arm, fidelity):
     np.testing.assert_allclose(bends(robot), 0, atol=1e-9)
 
 
-def test_lengthened_cables_hang_slack_and_leave_the_module_to_its_own_stiffness(make_arm):
+def test_lengthened_cables_hang_slack_and_leave_the_module_to_its_own_stiffness(
+    make_arm,
+):
     arm = make_arm(1, 3, gravity_direction=WEIGHTLESS)
     robot = settled(arm, np.full((1, 3), 0.01))
     np.testing.assert_array_equal(robot.tensions(), 0)
@@ -99,12 +110,19 @@ def test_no_tension_is_ever_negative_whatever_is_sent(preset, fidelity, request)
     assert np.max(tensions) > 5
 
 
-def test_a_pull_on_the_last_module_bends_lower_ones_only_where_cables_are_coupled(make_arm, fidelity):
+def test_a_pull_on_the_last_module_bends_lower_ones_only_where_cables_are_coupled(
+    make_arm, fidelity
+):
     changes = {"module": {"tension_range": 20.0}, **PULL}
     action = [[0.0] * 3, [0.0] * 3, [8.0, 0.0, 0.0]]
-    apart, coupled = (settled(make_arm(coupled_cables=c, **changes), action, fidelity) for c in (False, True))
+    apart, coupled = (
+        settled(make_arm(coupled_cables=c, **changes), action, fidelity)
+        for c in (False, True)
+    )
     angle = 8.0 * RADIUS * LENGTH / 0.16
-    np.testing.assert_allclose(bends(apart), [[0, 0], [0, 0], [angle, 0]], atol=0.02 * angle)
+    np.testing.assert_allclose(
+        bends(apart), [[0, 0], [0, 0], [angle, 0]], atol=0.02 * angle
+    )
     np.testing.assert_allclose(bends(coupled), [[angle, 0]] * 3, atol=0.04 * angle)
 
 
@@ -124,7 +142,10 @@ def test_weight_bends_a_lying_module_like_a_clamped_beam(make_arm, fidelity):
     segments = FIDELITIES[fidelity].segments
     own = MASS * 9.81 * LENGTH**3 / 80 * (1 - 0.5 / segments**2)
     added = 0.1 * 9.81 * LENGTH**3 / 30 * (1 - 0.25 / segments**2)
-    bare, loaded = (settled(arm, fidelity=fidelity, payload=payload).states()[0] for payload in (0.0, 0.1))
+    bare, loaded = (
+        settled(arm, fidelity=fidelity, payload=payload).states()[0]
+        for payload in (0.0, 0.1)
+    )
     np.testing.assert_allclose(bare[:2], [0, own], rtol=1e-4, atol=1e-9)
     np.testing.assert_allclose(loaded[:2], [0, own + added], rtol=1e-4, atol=1e-9)
 
@@ -133,7 +154,11 @@ def test_gravity_bends_a_standing_arm_further_and_straightens_a_hanging_one(make
     """The same pull, standing, without weight and hanging."""
     reach = []
     for upward in (-1.0, 0.0, 1.0):
-        arm = make_arm(actuation="tension", gravity_direction=(0, 0, upward), module={"tension_range": 20.0})
+        arm = make_arm(
+            actuation="tension",
+            gravity_direction=(0, 0, upward),
+            module={"tension_range": 20.0},
+        )
         reach.append(settled(arm, [[3.0, 0, 0]] * 3).states()[-1, 0])
     standing, weightless, hanging = reach
     assert standing > 1.05 * weightless > 1.05 * 1.05 * hanging > 0.05
@@ -141,21 +166,27 @@ def test_gravity_bends_a_standing_arm_further_and_straightens_a_hanging_one(make
 
 def test_a_payload_sags_a_bent_arm(twin):
     action = action_for(twin, [[0.8, 0.0]] * 3)
-    bare, loaded = (settled(twin, action, payload=payload).states()[-1] for payload in (0.0, 0.03))
+    bare, loaded = (
+        settled(twin, action, payload=payload).states()[-1] for payload in (0.0, 0.03)
+    )
     assert loaded[2] < bare[2] - 0.005
     assert np.linalg.norm(loaded[:2]) > np.linalg.norm(bare[:2]) + 0.005
 
 
 def test_both_fidelities_agree_on_the_same_bent_arm(simulated):
     action = action_for(simulated, [[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]])
-    fast, accurate = (settled(simulated, action, fidelity).states()[:, :3] for fidelity in FIDELITIES)
+    fast, accurate = (
+        settled(simulated, action, fidelity).states()[:, :3] for fidelity in FIDELITIES
+    )
     assert np.linalg.norm(accurate[-1, :2]) > 0.05
     np.testing.assert_allclose(fast, accurate, atol=0.01 * simulated.length)
 
 
 def test_the_accurate_chain_agrees_with_the_rod(make_arm):
     """Two ways to the same statics: a chain of hinges at rest, and shooting along the rod."""
-    arm = make_arm(actuation="tension", module={"tension_range": 20.0, "bending_stiffness": 0.3})
+    arm = make_arm(
+        actuation="tension", module={"tension_range": 20.0, "bending_stiffness": 0.3}
+    )
     tensions = np.array([[6.0, 0, 2], [0, 5, 1], [3, 0, 4]])
     chain = settled(arm, tensions, "accurate").states()[:, :3]
     np.testing.assert_allclose(chain, rod_shape(arm, tensions)[:, :3], atol=0.002)

@@ -30,15 +30,24 @@ def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
     return vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
 
 
-@pytest.mark.parametrize(("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.001)])
+@pytest.mark.parametrize(
+    ("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.001)]
+)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(preset, fidelity, closeness, request):
+def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(
+    preset, fidelity, closeness, request
+):
     """By 120 or 90 deg, nearly: two hinges in a row are not quite a ball joint. At rest: twist swings longest."""
     arm = request.getfixturevalue(preset)
     action = action_for(arm, [[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
-    here, next_ = (held(arm, np.roll(action, shift, axis=1), fidelity, 100)[:, :3] for shift in (0, 1))
+    here, next_ = (
+        held(arm, np.roll(action, shift, axis=1), fidelity, 100)[:, :3]
+        for shift in (0, 1)
+    )
     assert np.linalg.norm(here[-1, :2]) > 0.1
-    np.testing.assert_allclose(next_, turned(here, 2 * np.pi / arm.cable_count), atol=closeness)
+    np.testing.assert_allclose(
+        next_, turned(here, 2 * np.pi / arm.cable_count), atol=closeness
+    )
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -46,7 +55,9 @@ def test_mirrored_actions_lead_to_mirrored_states(preset, request):
     """Mirrored in the plane of the first cable, where the layout is its own mirror image."""
     arm = request.getfixturevalue(preset)
     shares = np.array([[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
-    here, mirrored = (held(arm, action_for(arm, shares * [1, side])) for side in (1, -1))
+    here, mirrored = (
+        held(arm, action_for(arm, shares * [1, side])) for side in (1, -1)
+    )
     np.testing.assert_allclose(mirrored, here * [1, -1, 1, 1, -1, 1], atol=1e-6)
 
 
@@ -55,17 +66,23 @@ def test_mirrored_actions_lead_to_mirrored_states(preset, request):
 def test_every_module_bends_towards_the_cable_that_pulls(preset, fidelity, request):
     arm = request.getfixturevalue(preset)
     geometry = ArmGeometry.of(arm)
-    pulling = geometry.action_high if arm.actuation == "tension" else geometry.action_low
+    pulling = (
+        geometry.action_high if arm.actuation == "tension" else geometry.action_low
+    )
     for module in range(arm.module_count):
         for cable, angle in enumerate(np.deg2rad(arm.modules[module].cable_angles_deg)):
             action = geometry.action_neutral.copy()
-            action[module, cable] += 0.3 * (pulling - geometry.action_neutral)[module, cable]
+            action[module, cable] += (
+                0.3 * (pulling - geometry.action_neutral)[module, cable]
+            )
             with SimulatedRobot(arm, fidelity) as robot:
                 for _ in range(4):
                     robot.step(action)
                 axis = robot.configurations()[module]
             assert axis[:2] @ [np.cos(angle), np.sin(angle)] > 0.05
-            assert axis[:2] @ [-np.sin(angle), np.cos(angle)] == pytest.approx(0, abs=0.01)
+            assert axis[:2] @ [-np.sin(angle), np.cos(angle)] == pytest.approx(
+                0, abs=0.01
+            )
 
 
 def pushed_aside(robot, distance: float) -> np.ndarray:
@@ -80,7 +97,9 @@ def pushed_aside(robot, distance: float) -> np.ndarray:
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(preset, fidelity, request):
+def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(
+    preset, fidelity, request
+):
     arm = request.getfixturevalue(preset)
     with SimulatedRobot(arm, fidelity) as robot:
         rest = robot.states()[-1, :3]
@@ -95,7 +114,9 @@ def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(p
 
 def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
     """The check above can tell: a standing column of 0.6 m and 0.225 kg buckles below about EI = 0.1 N m2."""
-    arm = make_arm(actuation="tension", module={"tension_range": 1.0, "bending_stiffness": 0.03})
+    arm = make_arm(
+        actuation="tension", module={"tension_range": 1.0, "bending_stiffness": 0.03}
+    )
     with SimulatedRobot(arm) as robot:
         robot.push([0.05, 0, 0])
         for step in range(80):

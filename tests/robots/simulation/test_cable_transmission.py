@@ -14,7 +14,9 @@ def transmission(make_arm):
     """Builds the transmission of a one-module displacement arm, at rest."""
 
     def make(**cable) -> CableTransmission:
-        return CableTransmission(make_arm(modules=1, module={"cable": Cable(**cable)}), np.zeros((1, 3)))
+        return CableTransmission(
+            make_arm(modules=1, module={"cable": Cable(**cable)}), np.zeros((1, 3))
+        )
 
     return make
 
@@ -25,12 +27,23 @@ def tension_transmission(make_arm):
 
     def make(**cable) -> CableTransmission:
         module = {"tension_range": 20.0, "pretension": 10.0, "cable": Cable(**cable)}
-        return CableTransmission(make_arm(modules=1, actuation="tension", module=module), np.full((1, 3), 10.0))
+        return CableTransmission(
+            make_arm(modules=1, actuation="tension", module=module),
+            np.full((1, 3), 10.0),
+        )
 
     return make
 
 
-def drive(transmission, targets, steps=20, period=0.1, tensions=SLACK, bends=STRAIGHT, start=0.0):
+def drive(
+    transmission,
+    targets,
+    steps=20,
+    period=0.1,
+    tensions=SLACK,
+    bends=STRAIGHT,
+    start=0.0,
+):
     """What the first cable's module feels after each straight path of the motors from target to target."""
     felt, position = [], start
     times = period * np.arange(1, steps + 1) / steps
@@ -49,12 +62,20 @@ def test_a_cable_without_losses_passes_everything_on(transmission):
 
 def test_play_makes_a_loop_twice_its_half_width_wide(transmission):
     """Half-width 1 mm, worked by hand: up, back through the dead band, down, back up."""
-    targets = 1e-3 * np.array([0.5, 1.0, 5.0, 4.0, 3.0, 2.0, -5.0, -4.0, -3.0, -2.0, 5.0, 0.0])
-    expected = 1e-3 * np.array([0.0, 0.0, 4.0, 4.0, 4.0, 3.0, -4.0, -4.0, -4.0, -3.0, 4.0, 1.0])
-    np.testing.assert_allclose(drive(transmission(play=1e-3), targets), expected, atol=1e-15)
+    targets = 1e-3 * np.array(
+        [0.5, 1.0, 5.0, 4.0, 3.0, 2.0, -5.0, -4.0, -3.0, -2.0, 5.0, 0.0]
+    )
+    expected = 1e-3 * np.array(
+        [0.0, 0.0, 4.0, 4.0, 4.0, 3.0, -4.0, -4.0, -4.0, -3.0, 4.0, 1.0]
+    )
+    np.testing.assert_allclose(
+        drive(transmission(play=1e-3), targets), expected, atol=1e-15
+    )
 
 
-def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(transmission):
+def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(
+    transmission,
+):
     up, _, down, _ = drive(transmission(play=0.7e-3), [0.0, 0.01, 0.0, -0.01])
     assert (down - up, up) == pytest.approx((0.7e-3, 0.0))
     loop = drive(transmission(play=0.7e-3), [0.01, 0.0, -0.01, 0.0])
@@ -64,7 +85,9 @@ def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(tra
 @pytest.mark.parametrize("steps", [1, 7, 50])
 def test_play_does_not_depend_on_the_physics_step(transmission, steps):
     targets = np.random.default_rng(3).uniform(-4e-3, 4e-3, 40)
-    coarse, fine = (drive(transmission(play=1e-3), targets, count) for count in (steps, 20))
+    coarse, fine = (
+        drive(transmission(play=1e-3), targets, count) for count in (steps, 20)
+    )
     np.testing.assert_allclose(coarse, fine, atol=1e-15)
 
 
@@ -78,35 +101,54 @@ def test_play_of_the_whole_path_is_the_play_of_its_pieces(transmission):
 def test_the_felt_path_never_leaves_the_band_around_the_motors(transmission):
     random, losing = np.random.default_rng(0), transmission(play=1e-3)
     targets = random.uniform(-5e-3, 5e-3, 60)
-    assert np.max(np.abs(drive(losing, targets) - targets)) == pytest.approx(1e-3, rel=1e-9)
+    assert np.max(np.abs(drive(losing, targets) - targets)) == pytest.approx(
+        1e-3, rel=1e-9
+    )
 
 
 def half_width(losing, tension: float, bends=STRAIGHT) -> float:
     """How far the first cable's module lags behind a motor that has moved far."""
-    return 0.05 - drive(losing, [0.05], tensions=np.full((1, 3), tension), bends=bends)[0]
+    return (
+        0.05 - drive(losing, [0.05], tensions=np.full((1, 3), tension), bends=bends)[0]
+    )
 
 
 def test_the_capstan_band_is_the_stretch_of_what_friction_holds(transmission):
     """T (exp(mu angle) - 1) / k = 12 N (e^(0.2 pi/2) - 1) / (3000 N/m)."""
     losing = transmission(friction=0.2, friction_angle_deg=90.0, stiffness=3000.0)
-    assert half_width(losing, 12.0) == pytest.approx(12.0 * (np.exp(0.1 * np.pi) - 1) / 3000.0)
+    assert half_width(losing, 12.0) == pytest.approx(
+        12.0 * (np.exp(0.1 * np.pi) - 1) / 3000.0
+    )
 
 
 def test_the_capstan_band_grows_with_tension_and_adds_to_play(transmission):
     friction = {"friction": 0.2, "stiffness": 3000.0}
-    one, two = (half_width(transmission(**friction), tension) for tension in (5.0, 10.0))
+    one, two = (
+        half_width(transmission(**friction), tension) for tension in (5.0, 10.0)
+    )
     assert one > 1e-4
     assert two == pytest.approx(2 * one)
-    assert half_width(transmission(play=1e-3, **friction), 5.0) == pytest.approx(one + 1e-3)
+    assert half_width(transmission(play=1e-3, **friction), 5.0) == pytest.approx(
+        one + 1e-3
+    )
     assert half_width(transmission(**friction), 0.0) == pytest.approx(0.0)
 
 
 def test_the_capstan_band_grows_with_the_bends_below_and_no_others(make_arm):
     """Module III's tube runs through modules I and II; module I's through none."""
     losing = CableTransmission(
-        make_arm(module={"cable": Cable(friction=0.3, friction_angle_deg=0.0, stiffness=2000.0)}), np.zeros((3, 3))
+        make_arm(
+            module={
+                "cable": Cable(friction=0.3, friction_angle_deg=0.0, stiffness=2000.0)
+            }
+        ),
+        np.zeros((3, 3)),
     )
-    bends, tensions, path = np.array([0.5, 0.25, 1.0]), np.full((3, 3), 8.0), np.full((1, 3, 3), 0.05)
+    bends, tensions, path = (
+        np.array([0.5, 0.25, 1.0]),
+        np.full((3, 3), 8.0),
+        np.full((1, 3, 3), 0.05),
+    )
     felt = losing.pass_on(path, np.array([0.1]), tensions, bends)
     expected = 8.0 * np.expm1(0.3 * np.array([0.0, 0.5, 0.75])) / 2000.0
     np.testing.assert_allclose(0.05 - felt[0], np.repeat(expected[:, None], 3, axis=1))
@@ -117,7 +159,9 @@ def test_friction_on_a_tension_arm_passes_on_its_part_both_ways(tension_transmis
     part = np.exp(-0.25 * np.pi / 2)
     losing = tension_transmission(friction=0.25, friction_angle_deg=90.0)
     felt = drive(losing, [30.0, 30.0 * part**1.5, 30.0 * part**3, 0.0], start=10.0)
-    np.testing.assert_allclose(felt, [30.0 * part, 30.0 * part, 30.0 * part**2, 0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        felt, [30.0 * part, 30.0 * part, 30.0 * part**2, 0.0], atol=1e-12
+    )
 
 
 def test_creep_takes_back_its_part_of_a_long_held_motion(transmission):
@@ -153,10 +197,13 @@ def test_after_a_release_creep_recovers(transmission):
 def test_play_keeps_what_creep_takes_back_within_its_band(transmission):
     """The motor is at 10 mm early in the step and stays; creep then takes less than the band: nothing moves back.
 
-    Creep makes the path turn back within a step, so play is no longer a clip of where the step began.
+    Creep makes the path turn back within a step, so play is no longer a clip of where
+    the step began.
     """
     times = 0.005 * np.arange(1, 21)
-    out = np.where(times <= 0.01, times / 0.01, 1.0)[:, None, None] * np.full((1, 3), 0.01)
+    out = np.where(times <= 0.01, times / 0.01, 1.0)[:, None, None] * np.full(
+        (1, 3), 0.01
+    )
     losing = transmission(play=1e-3, creep=0.3, creep_time=1.0)
     felt = losing.pass_on(out, times, SLACK, STRAIGHT)[:, 0, 0]
     assert np.min(np.diff(felt)) >= 0

@@ -16,9 +16,20 @@ RADIUS, TORSION, DAMPING_TIME = 0.02, 0.07, 0.04
 @pytest.fixture(scope="module")
 def uneven(make_arm):
     """Three modules that share no number but the cable radius."""
-    changes = {"cable_radius": RADIUS, "torsional_stiffness": TORSION, "damping_time": DAMPING_TIME}
+    changes = {
+        "cable_radius": RADIUS,
+        "torsional_stiffness": TORSION,
+        "damping_time": DAMPING_TIME,
+    }
     modules = tuple(
-        make_arm(module={"length": length, "mass": mass, "bending_stiffness": stiffness, **changes}).modules[0]
+        make_arm(
+            module={
+                "length": length,
+                "mass": mass,
+                "bending_stiffness": stiffness,
+                **changes,
+            }
+        ).modules[0]
         for length, mass, stiffness in zip(LENGTHS, MASSES, STIFFNESSES, strict=True)
     )
     return make_arm(modules=1).model_copy(update={"modules": modules})
@@ -48,7 +59,9 @@ def test_the_straight_arm_stands_along_z_with_module_ends_at_their_lengths(built
     _, data = built
     ends = np.array([data.site(f"end_{module}").xpos for module in range(3)])
     bases = np.array([data.site(f"base_{module}").xpos for module in range(3)])
-    np.testing.assert_allclose(ends, [[0, 0, 0.1], [0, 0, 0.3], [0, 0, 0.6]], atol=1e-12)
+    np.testing.assert_allclose(
+        ends, [[0, 0, 0.1], [0, 0, 0.3], [0, 0, 0.6]], atol=1e-12
+    )
     np.testing.assert_allclose(bases, [[0, 0, 0], [0, 0, 0.1], [0, 0, 0.3]], atol=1e-12)
 
 
@@ -63,7 +76,10 @@ def test_the_moment_of_inertia_about_the_base_is_that_of_the_rods(built, fidelit
     across = model.body_inertia[:, 0] + model.body_mass * data.xipos[:, 2] ** 2
     start, expected = 0.0, 0.0
     for length, mass in zip(LENGTHS, MASSES, strict=True):
-        expected += mass / length * ((start + length) ** 3 - start**3) / 3 + mass * RADIUS**2 / 4
+        expected += (
+            mass / length * ((start + length) ** 3 - start**3) / 3
+            + mass * RADIUS**2 / 4
+        )
         start += length
     half = LENGTHS[0] / fidelity.segments / 2
     expected -= MASSES[0] / LENGTHS[0] * (half**3 / 3 + half * RADIUS**2 / 4)
@@ -86,7 +102,11 @@ def test_a_payload_adds_its_mass_at_the_tip(uneven, fidelity):
 
 
 def test_every_segment_has_one_hinge_for_each_way_it_gives(built, fidelity):
-    assert built[0].njnt == built[0].nv == 3 * fidelity.segments * (3 if fidelity.torsion else 2)
+    assert (
+        built[0].njnt
+        == built[0].nv
+        == 3 * fidelity.segments * (3 if fidelity.torsion else 2)
+    )
     assert {"fast": 30, "accurate": 90}[fidelity.name] == built[0].njnt
 
 
@@ -104,11 +124,23 @@ def test_hinge_stiffness_is_rigidity_over_segment_length(uneven, axis):
     accurate = fidelity_named("accurate")
     model = build_model(uneven, accurate)
     rigidity = np.full(3, TORSION) if axis == "z" else np.array(STIFFNESSES)
-    hinges = [model.joint(f"joint_{module}_{segment}_{axis}") for module in range(3) for segment in range(10)]
+    hinges = [
+        model.joint(f"joint_{module}_{segment}_{axis}")
+        for module in range(3)
+        for segment in range(10)
+    ]
     expected = np.repeat(rigidity, 10) / segment_lengths(accurate)
-    np.testing.assert_allclose([float(hinge.stiffness[0]) for hinge in hinges], expected)
-    np.testing.assert_allclose([model.dof_damping[hinge.dofadr[0]] for hinge in hinges], expected * DAMPING_TIME)
-    np.testing.assert_array_equal(model.jnt_axis[[hinge.id for hinge in hinges]], [np.eye(3)["xyz".index(axis)]] * 30)
+    np.testing.assert_allclose(
+        [float(hinge.stiffness[0]) for hinge in hinges], expected
+    )
+    np.testing.assert_allclose(
+        [model.dof_damping[hinge.dofadr[0]] for hinge in hinges],
+        expected * DAMPING_TIME,
+    )
+    np.testing.assert_array_equal(
+        model.jnt_axis[[hinge.id for hinge in hinges]],
+        [np.eye(3)["xyz".index(axis)]] * 30,
+    )
 
 
 @pytest.mark.parametrize(("modules", "cables"), [(1, 5), (3, 4), (6, 8)])
@@ -118,12 +150,16 @@ def test_every_cable_is_one_tendon_with_one_pull(make_arm, fidelity, modules, ca
 
 
 @pytest.mark.parametrize("coupled", [False, True])
-def test_routed_cables_start_at_the_module_or_where_coupled_at_the_base(make_arm, coupled):
+def test_routed_cables_start_at_the_module_or_where_coupled_at_the_base(
+    make_arm, coupled
+):
     accurate = fidelity_named("accurate")
     model = build_model(make_arm(coupled_cables=coupled), accurate)
     lengths = model.tendon_length0.reshape(3, 3)
     expected = [0.2, 0.4, 0.6] if coupled else [0.2, 0.2, 0.2]
-    np.testing.assert_allclose(lengths, np.repeat(np.array(expected)[:, None], 3, axis=1))
+    np.testing.assert_allclose(
+        lengths, np.repeat(np.array(expected)[:, None], 3, axis=1)
+    )
 
 
 def test_cables_run_at_their_angles_on_their_radius(twin):
@@ -131,17 +167,26 @@ def test_cables_run_at_their_angles_on_their_radius(twin):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     angles = np.deg2rad([[0, 120, 240], [60, 180, 300], [0, 120, 240]])
-    eyes = np.array([[data.site(f"eye_{owner}_{cable}_{owner}_3").xpos for cable in range(3)] for owner in range(3)])
+    eyes = np.array(
+        [
+            [data.site(f"eye_{owner}_{cable}_{owner}_3").xpos for cable in range(3)]
+            for owner in range(3)
+        ]
+    )
     expected = 0.027 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     np.testing.assert_allclose(eyes[..., :2], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("rate", [0.5, 3, 7, 10, 30, 60, 333, 1000])
-def test_the_physics_step_divides_the_control_period_and_is_fine_enough(make_arm, fidelity, rate):
+def test_the_physics_step_divides_the_control_period_and_is_fine_enough(
+    make_arm, fidelity, rate
+):
     arm = make_arm(control_rate=rate)
     step = build_model(arm, fidelity).opt.timestep
     assert step <= (fidelity.explicit_time_step or fidelity.time_step) * (1 + 1e-9)
-    assert arm.control_period / step == pytest.approx(round(arm.control_period / step), abs=1e-9)
+    assert arm.control_period / step == pytest.approx(
+        round(arm.control_period / step), abs=1e-9
+    )
 
 
 def test_a_step_that_fits_already_is_not_shortened(make_arm):
@@ -151,17 +196,30 @@ def test_a_step_that_fits_already_is_not_shortened(make_arm):
 def with_cables_of(arm, stiffness):
     """The arm with every cable so stiff [N/m]."""
     modules = [
-        module.model_copy(update={"cable": module.cable.model_copy(update={"stiffness": stiffness})})
+        module.model_copy(
+            update={"cable": module.cable.model_copy(update={"stiffness": stiffness})}
+        )
         for module in arm.modules
     ]
     return arm.model_copy(update={"modules": tuple(modules)})
 
 
-@pytest.mark.parametrize(("stiffness", "integrator"), [(4500.0, "IMPLICITFAST"), (3e4, "DISCRETE"), (1e6, "DISCRETE")])
-def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(twin, stiffness, integrator):
+@pytest.mark.parametrize(
+    ("stiffness", "integrator"),
+    [(4500.0, "IMPLICITFAST"), (3e4, "DISCRETE"), (1e6, "DISCRETE")],
+)
+def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(
+    twin, stiffness, integrator
+):
     arm = with_cables_of(twin, stiffness)
-    geometry, random, robot = ArmGeometry.of(arm), np.random.default_rng(0), SimulatedRobot(arm, "accurate")
-    assert robot.model.opt.integrator == getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    geometry, random, robot = (
+        ArmGeometry.of(arm),
+        np.random.default_rng(0),
+        SimulatedRobot(arm, "accurate"),
+    )
+    assert robot.model.opt.integrator == getattr(
+        mujoco.mjtIntegrator, f"mjINT_{integrator}"
+    )
     robot.open()
     for _ in range(5):
         robot.step(random.uniform(geometry.action_low, geometry.action_high))
@@ -182,7 +240,9 @@ def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twi
     assert robot.read().time == pytest.approx(twin.control_period)
 
 
-@pytest.mark.parametrize("direction", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "direction", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0), (0.0, 0.0, 0.0)]
+)
 def test_gravity_points_where_the_arm_file_says(make_arm, direction):
     model = build_model(make_arm(gravity_direction=direction), fidelity_named("fast"))
     np.testing.assert_allclose(model.opt.gravity, 9.81 * np.array(direction))

@@ -21,10 +21,13 @@ TIMES = 0.005 * np.arange(1, 21)
 def by_euler(motor: Motor, step: float = 1e-5) -> np.ndarray:
     """Positions at TIMES: the rate is the gap over the lag, at most the speed limit."""
     position, positions = STARTS.copy(), []
-    slowness = max(motor.time_constant, step)  # without lag the gap closes within one small step
+    # without lag the gap closes within one small step
+    slowness = max(motor.time_constant, step)
     limit = motor.speed_limit or np.inf
     for count in range(1, round(TIMES[-1] / step) + 1):
-        position = position + step * np.clip((COMMANDS - position) / slowness, -limit, limit)
+        position = position + step * np.clip(
+            (COMMANDS - position) / slowness, -limit, limit
+        )
         if count % 500 == 0:
             positions.append(position)
     return np.array(positions)
@@ -32,37 +35,53 @@ def by_euler(motor: Motor, step: float = 1e-5) -> np.ndarray:
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_agree_with_brute_force_integration(motor):
-    np.testing.assert_allclose(motor_path(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6)
+    np.testing.assert_allclose(
+        motor_path(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6
+    )
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_going_on_from_halfway_leads_to_the_same_place(motor):
     whole = motor_path(STARTS, COMMANDS, TIMES, motor)
     halfway = whole[9]
-    np.testing.assert_allclose(motor_path(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15)
+    np.testing.assert_allclose(
+        motor_path(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_neither_overshoot_nor_turn_back(motor):
-    gaps = (COMMANDS - motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(COMMANDS - STARTS)
+    gaps = (COMMANDS - motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
+        COMMANDS - STARTS
+    )
     assert gaps.min() >= -1e-15
     assert np.diff(gaps, axis=0).max() <= 1e-15
 
 
 def test_after_one_time_constant_the_gap_is_down_to_one_in_e():
-    position = motor_path(np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3))
+    position = motor_path(
+        np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)
+    )
     assert position[0, 0] == pytest.approx(1 - np.exp(-1))
 
 
 def test_a_limited_motor_takes_distance_over_speed():
-    positions = motor_path(np.zeros(1), np.array([-0.02]), np.array([0.05, 0.1, 0.2]), Motor(speed_limit=0.2))
+    positions = motor_path(
+        np.zeros(1),
+        np.array([-0.02]),
+        np.array([0.05, 0.1, 0.2]),
+        Motor(speed_limit=0.2),
+    )
     np.testing.assert_allclose(positions[:, 0], [-0.01, -0.02, -0.02])
 
 
 def test_encoders_count_whole_ticks():
     motor = Motor(pulley_radius=0.01, ticks_per_turn=4096, noise_ticks=3.0)
     tick = 2 * np.pi * 0.01 / 4096
-    ticks = encoder_reading(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0)) / tick
+    ticks = (
+        encoder_reading(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0))
+        / tick
+    )
     np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
     assert len(np.unique(np.round(ticks))) > 100
 
@@ -87,7 +106,9 @@ def test_a_robot_reads_what_its_lagging_motors_did_not_what_was_sent(make_arm):
     action = 0.01 * np.array([[-1, 0.5, 0.5]])
     with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:
         robot.step(action)
-        np.testing.assert_allclose(robot.read()["cables"], action * (1 - np.exp(-1)), atol=1e-7)
+        np.testing.assert_allclose(
+            robot.read()["cables"], action * (1 - np.exp(-1)), atol=1e-7
+        )
 
 
 def test_tension_sensors_have_their_own_noise(make_arm):

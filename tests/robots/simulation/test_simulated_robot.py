@@ -20,7 +20,9 @@ def driven(robot, steps=10, seed=0) -> list:
 
 def column(readings, name: str) -> np.ndarray:
     """The time, or what one sensor says, of all readings."""
-    return np.array([reading.time if name == "time" else reading[name] for reading in readings])
+    return np.array(
+        [reading.time if name == "time" else reading[name] for reading in readings]
+    )
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
@@ -49,7 +51,9 @@ def test_another_seed_changes_the_sensors_and_not_the_physics(twin):
 def test_a_robot_opens_at_rest_with_its_clock_at_zero(twin):
     reading = SimulatedRobot(twin).open()
     assert reading.time == 0.0
-    np.testing.assert_allclose(reading["states"][:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=1e-9)
+    np.testing.assert_allclose(
+        reading["states"][:, :3], [[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]], atol=1e-9
+    )
     np.testing.assert_allclose(reading["configurations"], [[0, 0, 1]] * 3, atol=1e-9)
 
 
@@ -65,7 +69,9 @@ def test_every_control_rate_keeps_its_own_time(make_arm, fidelity, rate):
 
 
 @pytest.mark.parametrize("rate", [3.0, 7.0, 33.0])
-def test_the_control_rate_changes_nothing_about_where_an_arm_comes_to_rest(make_arm, rate):
+def test_the_control_rate_changes_nothing_about_where_an_arm_comes_to_rest(
+    make_arm, rate
+):
     action, ends = 0.01 * np.array([[-1, 0.5, 0.5]] * 2), []
     for hertz in (rate, 10.0):
         with SimulatedRobot(make_arm(modules=2, control_rate=hertz)) as robot:
@@ -78,7 +84,13 @@ def test_the_control_rate_changes_nothing_about_where_an_arm_comes_to_rest(make_
 @pytest.mark.parametrize("rate", [0.5, 1.4, 10.0, 50.0])
 def test_an_arm_has_settled_for_a_second_when_it_opens(make_arm, rate):
     """A lying module sags under its weight; after opening it moves no more."""
-    arm = make_arm(1, 3, {"damping_time": 0.02}, gravity_direction=(1.0, 0.0, 0.0), control_rate=rate)
+    arm = make_arm(
+        1,
+        3,
+        {"damping_time": 0.02},
+        gravity_direction=(1.0, 0.0, 0.0),
+        control_rate=rate,
+    )
     robot = SimulatedRobot(arm)
     opened = robot.open()["states"]
     for _ in range(int(np.ceil(2 * rate))):
@@ -93,15 +105,24 @@ def test_readings_know_the_true_configuration_of_each_module_in_its_own_frame(ma
         for _ in range(20):
             robot.step([[0, 0, 0], [-0.012, 0.006, 0.006], [0, 0, 0]])
         reading = robot.read()
-    np.testing.assert_allclose(reading["configurations"][[0, 2]], [[0, 0, 1]] * 2, atol=1e-3)
+    np.testing.assert_allclose(
+        reading["configurations"][[0, 2]], [[0, 0, 1]] * 2, atol=1e-3
+    )
     assert reading["configurations"][1, 0] > 0.3
-    np.testing.assert_allclose(reading["states"][2, 3:], reading["configurations"][1], atol=1e-3)
+    np.testing.assert_allclose(
+        reading["states"][2, 3:], reading["configurations"][1], atol=1e-3
+    )
 
 
 def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
     bends = []
     for play in (0.0, 0.001):
-        arm = make_arm(1, 3, {"cable": Cable(stiffness=1e4, play=play)}, gravity_direction=(0, 0, 0))
+        arm = make_arm(
+            1,
+            3,
+            {"cable": Cable(stiffness=1e4, play=play)},
+            gravity_direction=(0, 0, 0),
+        )
         with SimulatedRobot(arm) as robot:
             for action in [[-0.015, 0.0075, 0.0075], [0.0, 0.0, 0.0]]:
                 for _ in range(30):
@@ -112,7 +133,9 @@ def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
 
 
 def test_creep_lets_a_held_bend_go_back(make_arm):
-    arm = make_arm(1, 3, {"cable": Cable(creep=0.3, creep_time=1.0)}, gravity_direction=(0, 0, 0))
+    arm = make_arm(
+        1, 3, {"cable": Cable(creep=0.3, creep_time=1.0)}, gravity_direction=(0, 0, 0)
+    )
     with SimulatedRobot(arm) as robot:
         bends = []
         for _ in range(60):
@@ -137,7 +160,8 @@ def test_an_impossible_push_is_refused(twin, force):
 @pytest.fixture
 def broken(twin, tmp_path, monkeypatch):
     """A robot whose hinges were set spinning after three good steps, and its last good states."""
-    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to a file in the working folder
+    # MuJoCo writes its warnings to a file in the working folder
+    monkeypatch.chdir(tmp_path)
     robot = SimulatedRobot(twin)
     driven(robot, steps=3)
     good = robot.states()
@@ -173,10 +197,14 @@ def test_after_a_blow_up_no_reading_holds_nan(broken):
     np.testing.assert_array_equal(caught.value.last_states, good)
 
 
-def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(make_arm):
+def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(
+    make_arm,
+):
     opened = {}
     for play in (0.0, 0.001):
-        arm = make_arm(2, 3, {"cable": Cable(stiffness=1e4, play=play), "bending_stiffness": 0.3})
+        arm = make_arm(
+            2, 3, {"cable": Cable(stiffness=1e4, play=play), "bending_stiffness": 0.3}
+        )
         for seed in (0, 1):
             robot = SimulatedRobot(arm, seed=seed, jitter=0.1)
             opened[play, seed] = robot.open()["states"]
@@ -188,9 +216,16 @@ def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(
     assert np.linalg.norm(opened[0.001, 0] - opened[0.001, 1]) > 1e-3
 
 
-def test_an_arm_too_soft_for_its_cables_blows_up_loudly(make_arm, tmp_path, monkeypatch):
+def test_an_arm_too_soft_for_its_cables_blows_up_loudly(
+    make_arm, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    flimsy = {"mass": 0.0005, "bending_stiffness": 0.0005, "damping_time": 0.005, "cable": Cable(stiffness=1e6)}
+    flimsy = {
+        "mass": 0.0005,
+        "bending_stiffness": 0.0005,
+        "damping_time": 0.005,
+        "cable": Cable(stiffness=1e6),
+    }
     arm = make_arm(20, 8, flimsy, gravity_direction=(0, 0, 0))
     with pytest.raises(SimulationError) as caught:
         driven(SimulatedRobot(arm), steps=30)
@@ -234,16 +269,27 @@ def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
 
 
 def test_it_moves_as_its_twin_and_is_spoken_to_as_the_arm(twin, tmp_path):
-    heavy = [module.model_copy(update={"mass": 3 * module.mass}) for module in twin.modules]
-    (tmp_path / "heavy.toml").write_text(arm_to_toml(twin.model_copy(update={"modules": tuple(heavy)})))
-    robot, alone = SimulatedRobot(twin, twin=str(tmp_path / "heavy.toml")), SimulatedRobot(twin)
+    heavy = [
+        module.model_copy(update={"mass": 3 * module.mass}) for module in twin.modules
+    ]
+    (tmp_path / "heavy.toml").write_text(
+        arm_to_toml(twin.model_copy(update={"modules": tuple(heavy)}))
+    )
+    robot, alone = (
+        SimulatedRobot(twin, twin=str(tmp_path / "heavy.toml")),
+        SimulatedRobot(twin),
+    )
     other = SimulatedRobot(load_arm(tmp_path / "heavy.toml"))
     assert robot.arm == twin
     quick = twin.model_copy(update={"control_rate": 33.0})
-    assert driven(SimulatedRobot(quick, twin=str(tmp_path / "heavy.toml")))[-1].time == pytest.approx(10 / 33, rel=0.01)
+    assert driven(SimulatedRobot(quick, twin=str(tmp_path / "heavy.toml")))[
+        -1
+    ].time == pytest.approx(10 / 33, rel=0.01)
     states = [column(driven(one), "states") for one in (robot, other, alone)]
     np.testing.assert_array_equal(states[0], states[1])
     assert np.abs(states[0] - states[2])[-1].max() > 0.001
-    (tmp_path / "short.toml").write_text(arm_to_toml(twin.model_copy(update={"modules": tuple(heavy[:2])})))
+    (tmp_path / "short.toml").write_text(
+        arm_to_toml(twin.model_copy(update={"modules": tuple(heavy[:2])}))
+    )
     with pytest.raises(S2C2AError, match="both must be one arm"):
         SimulatedRobot(twin, twin=str(tmp_path / "short.toml"))

@@ -23,11 +23,18 @@ def driven(arm, fidelity, watched):
     return robot, readings
 
 
-@pytest.fixture(scope="module", params=[(arm, fidelity) for arm in ("twin", "simulated") for fidelity in FIDELITIES])
+@pytest.fixture(
+    scope="module",
+    params=[
+        (arm, fidelity) for arm in ("twin", "simulated") for fidelity in FIDELITIES
+    ],
+)
 def both(request):
     """A watched and an unwatched robot after the same actions, and their readings."""
     arm = request.getfixturevalue(request.param[0])
-    return driven(arm, request.param[1], watched=True), driven(arm, request.param[1], watched=False)
+    return driven(arm, request.param[1], watched=True), driven(
+        arm, request.param[1], watched=False
+    )
 
 
 def test_watching_changes_nothing(both):
@@ -46,7 +53,9 @@ def test_a_watched_robot_tells_five_points_a_module_at_every_physics_step(both):
     """At the start of every physics step, and at the end of the last."""
     (robot, readings), _ = both
     moments = round(0.1 / robot.model.opt.timestep) + 1
-    assert [reading["centre_line"].shape for reading in readings] == [(moments, 15, 3)] * (STEPS + 1)
+    assert [reading["centre_line"].shape for reading in readings] == [
+        (moments, 15, 3)
+    ] * (STEPS + 1)
 
 
 def test_the_newest_moment_ends_at_the_ends_that_states_tell(both):
@@ -60,7 +69,9 @@ def test_the_newest_moment_ends_at_the_ends_that_states_tell(both):
 def test_the_oldest_moment_is_the_newest_of_the_reading_before(both):
     (_, readings), _ = both
     for before, after in pairwise(readings):
-        np.testing.assert_allclose(after["centre_line"][0], before["centre_line"][-1], atol=1e-12)
+        np.testing.assert_allclose(
+            after["centre_line"][0], before["centre_line"][-1], atol=1e-12
+        )
 
 
 def test_the_arm_moves_from_moment_to_moment_and_never_jumps(both):
@@ -74,8 +85,13 @@ def test_the_arm_moves_from_moment_to_moment_and_never_jumps(both):
 def test_points_come_from_base_to_tip_a_fifth_of_a_module_apart(both):
     (_, readings), _ = both
     for reading in readings:
-        line = np.concatenate([np.zeros((len(reading["centre_line"]), 1, 3)), reading["centre_line"]], axis=1)
-        np.testing.assert_allclose(np.linalg.norm(np.diff(line, axis=1), axis=-1), 0.04, rtol=0.02)
+        line = np.concatenate(
+            [np.zeros((len(reading["centre_line"]), 1, 3)), reading["centre_line"]],
+            axis=1,
+        )
+        np.testing.assert_allclose(
+            np.linalg.norm(np.diff(line, axis=1), axis=-1), 0.04, rtol=0.02
+        )
 
 
 def test_watching_changes_no_bit_of_the_physics(both):
@@ -84,7 +100,9 @@ def test_watching_changes_no_bit_of_the_physics(both):
     np.testing.assert_array_equal(watched.data.qvel, unwatched.data.qvel)
     assert [one.time for one in seen] == [one.time for one in unseen]
     for name in ("cables", "states", "configurations"):
-        np.testing.assert_array_equal([one[name] for one in seen], [one[name] for one in unseen])
+        np.testing.assert_array_equal(
+            [one[name] for one in seen], [one[name] for one in unseen]
+        )
 
 
 def test_the_centre_line_from_states_is_near_the_watched_one(both):
@@ -97,8 +115,12 @@ def test_the_centre_line_from_states_is_near_the_watched_one(both):
 
 
 def test_an_arm_of_another_size_is_watched_all_the_same(make_arm):
-    with SimulatedRobot(make_arm(5, 4, {"bending_stiffness": 0.5}), watched=True) as robot:
+    with SimulatedRobot(
+        make_arm(5, 4, {"bending_stiffness": 0.5}), watched=True
+    ) as robot:
         robot.step(np.zeros((5, 4)))
         line = robot.read()["centre_line"]
     assert line.shape[1:] == (25, 3)
-    np.testing.assert_allclose(line[-1], [[0, 0, 0.04 * point] for point in range(1, 26)], atol=1e-6)
+    np.testing.assert_allclose(
+        line[-1], [[0, 0, 0.04 * point] for point in range(1, 26)], atol=1e-6
+    )

@@ -11,7 +11,9 @@ from s2c2a.robots.simulation.flex import FlexStrips
 from s2c2a.spaces import POSITION, Sensor, States
 
 LONGEST = 2.0  # s; what a camera may be behind
-_INERTIAL, _CAMERA = 3, 4  # streams of random numbers
+# streams of random numbers
+_INERTIAL = 3
+_CAMERA = 4
 
 
 def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
@@ -20,9 +22,15 @@ def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
     modules = arm.module_count
     if (inertial := arm.senses.imu) is not None:
         shape = (samples(arm, inertial), modules, 3)
-        said |= {"accelerations": Sensor(shape, "m/s2"), "turn_rates": Sensor(shape, "rad/s")}
+        said |= {
+            "accelerations": Sensor(shape, "m/s2"),
+            "turn_rates": Sensor(shape, "rad/s"),
+        }
     if arm.senses.camera is not None:
-        said |= {"seen": Sensor((modules, 3), "m", always=False), "seen_age": Sensor((), "s", always=False)}
+        said |= {
+            "seen": Sensor((modules, 3), "m", always=False),
+            "seen_age": Sensor((), "s", always=False),
+        }
     if arm.senses.flex is not None:
         said["flex"] = Sensor((modules, len(arm.senses.flex.angles_deg)), "rad")
     return said
@@ -38,18 +46,25 @@ class InertialSensors:
 
     def __init__(self, arm: ArmSpec, part: Inertial, seed: int, opening: int):
         """Anew at every opening: their zeros differ."""
-        self._count, self._modules = samples(arm, part), arm.module_count
+        self._count = samples(arm, part)
+        self._modules = arm.module_count
         self._random = np.random.default_rng([seed, _INERTIAL, opening])
         turns = np.deg2rad([part.turn_noise_deg, part.turn_bias_deg])
         self._noise = np.repeat([part.acceleration_noise, turns[0]], 3 * self._modules)
-        self._bias = self._random.normal(scale=np.repeat([part.acceleration_bias, turns[1]], 3 * self._modules))
+        self._bias = self._random.normal(
+            scale=np.repeat([part.acceleration_bias, turns[1]], 3 * self._modules)
+        )
         self._felt: Float[np.ndarray, "samples numbers"] | None = None
 
     def feel(self, moments: Float[np.ndarray, "moments numbers"]) -> None:
         """What is felt at every physics step since the last reading: accelerations of all, then turn rates of all."""
-        chosen = np.linspace(0, len(moments) - 1, self._count + 1).round().astype(int)[1:]
+        chosen = (
+            np.linspace(0, len(moments) - 1, self._count + 1).round().astype(int)[1:]
+        )
         self._felt = (
-            moments[chosen] + self._bias + self._noise * self._random.normal(size=(self._count, len(self._bias)))
+            moments[chosen]
+            + self._bias
+            + self._noise * self._random.normal(size=(self._count, len(self._bias)))
         )
 
     def told(self) -> dict[str, np.ndarray]:
@@ -65,8 +80,12 @@ class CameraView:
 
     def __init__(self, arm: ArmSpec, part: Camera, seed: int, opening: int):
         """Anew at every opening: other pictures are lost."""
-        self._part, self._period, self._stream = part, arm.control_period, (seed, _CAMERA, opening)
-        self._past: deque[tuple[float, States]] = deque(maxlen=round(LONGEST * arm.control_rate) + 2)
+        self._part = part
+        self._period = arm.control_period
+        self._stream = (seed, _CAMERA, opening)
+        self._past: deque[tuple[float, States]] = deque(
+            maxlen=round(LONGEST * arm.control_rate) + 2
+        )
 
     def begin(self, states: States) -> None:
         """The arm rests, and the clock is at zero."""
@@ -95,7 +114,9 @@ class CameraView:
     def _at(self, time: float) -> Float[np.ndarray, "modules 3"]:
         times, states = zip(*self._past, strict=True)
         positions = np.array(states)[..., POSITION].reshape(len(times), -1)
-        return np.array([np.interp(time, times, row) for row in positions.T]).reshape(-1, 3)
+        return np.array([np.interp(time, times, row) for row in positions.T]).reshape(
+            -1, 3
+        )
 
 
 class Currents:
@@ -109,7 +130,9 @@ class Currents:
             motors: where they are, shape (modules, cables).
             inward: sign of a motion that winds a cable up.
         """
-        self._motor, self._at, self._inward = motor, motors, inward
+        self._motor = motor
+        self._at = motors
+        self._inward = inward
         self.winding = np.zeros_like(motors)
 
     def move(self, motors: np.ndarray) -> None:
@@ -118,7 +141,9 @@ class Currents:
         self.winding = np.where(way == 0, self.winding, way)
         self._at = motors
 
-    def told(self, tensions: np.ndarray, noise: float, random: np.random.Generator) -> np.ndarray:
+    def told(
+        self, tensions: np.ndarray, noise: float, random: np.random.Generator
+    ) -> np.ndarray:
         """Tensions at the motors [N] as the currents tell them."""
         gears = self.winding * self._motor.current_friction
         return tensions + gears + random.normal(scale=noise, size=tensions.shape)
@@ -129,10 +154,17 @@ class Beside:
 
     def __init__(self, arm: ArmSpec, seed: int, opening: int):
         """Anew at every opening."""
-        senses, drawn = arm.senses, (seed, opening)
-        self._inertial = None if senses.imu is None else InertialSensors(arm, senses.imu, *drawn)
-        self._camera = None if senses.camera is None else CameraView(arm, senses.camera, *drawn)
-        self._flex = None if senses.flex is None else FlexStrips(arm, senses.flex, *drawn)
+        senses = arm.senses
+        drawn = (seed, opening)
+        self._inertial = (
+            None if senses.imu is None else InertialSensors(arm, senses.imu, *drawn)
+        )
+        self._camera = (
+            None if senses.camera is None else CameraView(arm, senses.camera, *drawn)
+        )
+        self._flex = (
+            None if senses.flex is None else FlexStrips(arm, senses.flex, *drawn)
+        )
 
     def begin(self, states: States) -> None:
         """The arm rests, and the clock is at zero."""

@@ -1,7 +1,7 @@
 """The MuJoCo model of an arm: rigid segments with an elastic joint in the middle of each.
 
-Joints in the middle make the static shape converge with the square of the segment length; at the start it would be
-linear (docs/simulator.md).
+Joints in the middle make the static shape converge with the square of the segment
+length; at the start it would be linear (docs/simulator.md).
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,9 @@ from s2c2a.spaces import CENTRE_LINE_POINTS
 
 _ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
 _MOST_TENSION = 1e6  # N
-_TOLERANCE = 1e-6  # of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the time
+# of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the
+# time
+_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,16 @@ class Fidelity:
 
     Attributes:
         name: the word a user types.
-        segments: rigid segments a module, a multiple of five: five points of each centre line are watched.
+        segments: rigid segments a module, a multiple of five: five points of each
+            centre line are watched.
         torsion: whether modules can twist about their own axis.
-        routed_cables: cables led through points in space (true), or acting on the joints alone (false: faster).
-        time_step: largest physics step [s]; shortened so that it divides the control period.
-        explicit_time_step: the same with springs as they are at the step's start instead of at its end: nearer to the
-            true motion and quicker, but only stable with springs that are soft enough for it; none: never.
+        routed_cables: cables led through points in space (true), or acting on the
+            joints alone (false: faster).
+        time_step: largest physics step [s]; shortened so that it divides the control
+            period.
+        explicit_time_step: the same with springs as they are at the step's start
+            instead of at its end: nearer to the true motion and quicker, but only
+            stable with springs that are soft enough for it; none: never.
     """
 
     name: str
@@ -44,9 +50,16 @@ class Fidelity:
 
 
 FIDELITIES = {
-    "fast": Fidelity("fast", segments=5, torsion=False, routed_cables=False, time_step=0.005),
+    "fast": Fidelity(
+        "fast", segments=5, torsion=False, routed_cables=False, time_step=0.005
+    ),
     "accurate": Fidelity(
-        "accurate", segments=10, torsion=True, routed_cables=True, time_step=0.002, explicit_time_step=0.003
+        "accurate",
+        segments=10,
+        torsion=True,
+        routed_cables=True,
+        time_step=0.002,
+        explicit_time_step=0.003,
     ),
 }
 
@@ -62,10 +75,13 @@ def fidelity_named(name: str) -> Fidelity:
     return FIDELITIES[name]
 
 
-def build_model(arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0, watched: bool = False) -> mujoco.MjModel:
+def build_model(
+    arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0, watched: bool = False
+) -> mujoco.MjModel:
     """Compile the model of an arm.
 
-    Sites `base_k` and `end_k` carry the frames of module k; actuator `cable_k_i` pulls cable i of module k.
+    Sites `base_k` and `end_k` carry the frames of module k; actuator `cable_k_i` pulls
+    cable i of module k.
 
     Args:
         arm: the description.
@@ -92,30 +108,46 @@ def time_step(arm: ArmSpec, longest: float) -> float:
 
 def _choose_steps(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> None:
     """Explicit springs where the fidelity has them and they are soft enough for them, implicit ones elsewhere."""
-    model.opt.timestep, model.opt.integrator = time_step(arm, fidelity.time_step), mujoco.mjtIntegrator.mjINT_DISCRETE
+    model.opt.timestep, model.opt.integrator = (
+        time_step(arm, fidelity.time_step),
+        mujoco.mjtIntegrator.mjINT_DISCRETE,
+    )
     if fidelity.explicit_time_step is None:
         return
     step = time_step(arm, fidelity.explicit_time_step)
-    if _springs_allow(model, step, 1.0 + 3.0 * max(module.flaws.hardening for module in arm.modules)):
-        model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if _springs_allow(
+        model, step, 1.0 + 3.0 * max(module.flaws.hardening for module in arm.modules)
+    ):
+        model.opt.timestep, model.opt.integrator = (
+            step,
+            mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+        )
 
 
 def _springs_allow(model: mujoco.MjModel, step: float, hardest: float) -> bool:
     """Whether explicit springs k and implicit damping d on masses m are stable with half to spare, straight and taut.
 
-    The step's roots lie within the unit circle while h^2 k < 4 m + 2 h d; for matrices, while h^2 times the largest
-    eigenvalue of the pair does. Joints count `hardest` times, as at full bend.
+    The step's roots lie within the unit circle while h^2 k < 4 m + 2 h d; for matrices,
+    while h^2 times the largest eigenvalue of the pair does. Joints count `hardest`
+    times, as at full bend.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    masses, levers = np.zeros((model.nv, model.nv)), np.zeros((model.nu, model.nv))
+    masses = np.zeros((model.nv, model.nv))
+    levers = np.zeros((model.nu, model.nv))
     for column, unit in zip(masses, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
     rows = (data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     mujoco.mju_sparse2dense(levers, data.actuator_moment, *rows)
     pulls = -model.actuator_biasprm[:, 1]
-    springs = hardest * np.diag(model.jnt_stiffness) + levers.T @ (pulls[:, None] * levers)
-    largest = eigh(springs, 4.0 * masses + 2.0 * step * np.diag(model.dof_damping), eigvals_only=True)[-1]
+    springs = hardest * np.diag(model.jnt_stiffness) + levers.T @ (
+        pulls[:, None] * levers
+    )
+    largest = eigh(
+        springs,
+        4.0 * masses + 2.0 * step * np.diag(model.dof_damping),
+        eigvals_only=True,
+    )[-1]
     return bool(step**2 * largest < 0.5)
 
 
@@ -124,7 +156,9 @@ def _set_options(spec: mujoco.MjSpec, arm: ArmSpec) -> None:
     option.gravity = arm.gravity
     option.tolerance = _TOLERANCE
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
+        mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    )
 
 
 def joint_name(module: int, segment: int, axis: str) -> str:
@@ -142,23 +176,34 @@ def module_of_joint(name: str) -> int:
     return int(name.split("_")[1])
 
 
-def _add_chain(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: float, watched: bool) -> None:
+def _add_chain(
+    spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: float, watched: bool
+) -> None:
     """Bodies reach from one joint to the next: half a segment of their own, half of the following one."""
-    body, reached = spec.worldbody, 0.0  # distance from the body's origin to the end of what is built
+    # distance from the body's origin to the end of what is built
+    body = spec.worldbody
+    reached = 0.0
     modules = [FlawedModule.of(module) for module in arm.modules]
-    halves = [(module, module.described.length / fidelity.segments / 2) for module in modules]
+    halves = [
+        (module, module.described.length / fidelity.segments / 2) for module in modules
+    ]
     following = iter([half for half in halves for _ in range(fidelity.segments)][1:])
     for number, (module, half) in enumerate(halves):
         body.add_site(name=f"base_{number}", pos=(0, 0, reached))
         _add_cable_sites(body, arm, modules, (number, 0), reached)
         for segment in range(fidelity.segments):
-            body = body.add_body(name=f"body_{number}_{segment}", pos=(0, 0, reached + half))
+            body = body.add_body(
+                name=f"body_{number}_{segment}", pos=(0, 0, reached + half)
+            )
             if segment == fidelity.segments // 2:
                 _add_slide(body, module, number)
             _add_joints(body, module, number, segment, fidelity)
             _set_inertia(body, (module, half), next(following, None), payload)
             _add_cable_sites(body, arm, modules, (number, segment + 1), half)
-            if watched and (segment + 1) % (fidelity.segments // CENTRE_LINE_POINTS) == 0:
+            if (
+                watched
+                and (segment + 1) % (fidelity.segments // CENTRE_LINE_POINTS) == 0
+            ):
                 _add_watched_point(spec, body, f"centre_{number}_{segment}", half)
             reached = half
         body.add_site(name=f"end_{number}", pos=(0, 0, half))
@@ -166,15 +211,22 @@ def _add_chain(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: f
 
 def _add_watched_point(spec: mujoco.MjSpec, body, name: str, height: float) -> None:
     body.add_site(name=name, pos=(0, 0, height))
-    place, site = mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtObj.mjOBJ_SITE
+    place = mujoco.mjtSensor.mjSENS_FRAMEPOS
+    site = mujoco.mjtObj.mjOBJ_SITE
     spec.add_sensor(name=name, type=place, objtype=site, objname=name)
 
 
 def _add_inertial_sensors(spec: mujoco.MjSpec, modules: int) -> None:
     """What they accelerate by at the ends of modules, then how they turn, all in the frames there."""
-    site, kinds = mujoco.mjtObj.mjOBJ_SITE, (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
+    site = mujoco.mjtObj.mjOBJ_SITE
+    kinds = (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
     for (number, kind), module in product(enumerate(kinds), range(modules)):
-        spec.add_sensor(name=f"inertial_{number}_{module}", type=kind, objtype=site, objname=f"end_{module}")
+        spec.add_sensor(
+            name=f"inertial_{number}_{module}",
+            type=kind,
+            objtype=site,
+            objname=f"end_{module}",
+        )
 
 
 def _add_slide(body, module: FlawedModule, number: int) -> None:
@@ -192,19 +244,26 @@ def _add_slide(body, module: FlawedModule, number: int) -> None:
     )
 
 
-def _add_joints(body, module: FlawedModule, number: int, segment: int, fidelity: Fidelity) -> None:
-    length, damping_time = module.described.length / fidelity.segments, module.described.damping_time
-    rest, cubic = module.rest_turns / fidelity.segments, module.cubic(fidelity.segments)
+def _add_joints(
+    body, module: FlawedModule, number: int, segment: int, fidelity: Fidelity
+) -> None:
+    length = module.described.length / fidelity.segments
+    damping_time = module.described.damping_time
+    rest = module.rest_turns / fidelity.segments
+    cubic = module.cubic(fidelity.segments)
     hinges = list(enumerate("xyz" if fidelity.torsion else "xy"))
     if fidelity.torsion and (number * fidelity.segments + segment) % 2:
-        hinges.reverse()  # turns do not commute; in one order all along, bends would add up to a twist of first order
+        # turns do not commute; in one order all along, bends would add up to a twist of
+        # first order
+        hinges.reverse()
     for turn, axis in hinges:
         stiffness = module.stiffnesses[turn] / length
         body.add_joint(
             name=joint_name(number, segment, axis),
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=module.axes[turn],
-            stiffness=(stiffness, 0.0, cubic[turn]),  # of the turn, its square, its cube
+            # of the turn, its square, its cube
+            stiffness=(stiffness, 0.0, cubic[turn]),
             springref=rest[turn],
             damping=stiffness * damping_time,
             armature=_ARMATURE,
@@ -212,13 +271,24 @@ def _add_joints(body, module: FlawedModule, number: int, segment: int, fidelity:
 
 
 def _set_inertia(
-    body, own: tuple[FlawedModule, float], following: tuple[FlawedModule, float] | None, payload: float
+    body,
+    own: tuple[FlawedModule, float],
+    following: tuple[FlawedModule, float] | None,
+    payload: float,
 ) -> None:
     """Mass, centre and inertia of two half segments (thin solid cylinders), at the tip of one and a point mass."""
     half = own[1]
     pieces = [
-        (module.mass * length / module.described.length, start, length, module.described.cable_radius)
-        for (module, length), start in ((own, 0.0), *([(following, half)] if following else ()))
+        (
+            module.mass * length / module.described.length,
+            start,
+            length,
+            module.described.cable_radius,
+        )
+        for (module, length), start in (
+            (own, 0.0),
+            *([(following, half)] if following else ()),
+        )
     ]
     if following is None:
         pieces.append((payload, half, 0.0, 0.0))
@@ -226,16 +296,26 @@ def _set_inertia(
     centres = starts + lengths / 2
     centre = masses @ centres / masses.sum()
     across = np.sum(masses * (lengths**2 / 12 + radii**2 / 4 + (centres - centre) ** 2))
-    body.mass, body.ipos, body.inertia = masses.sum(), (0, 0, centre), (across, across, np.sum(masses * radii**2 / 2))
+    body.mass = masses.sum()
+    body.ipos = (0, 0, centre)
+    body.inertia = (across, across, np.sum(masses * radii**2 / 2))
     body.explicitinertial = True
 
 
-def _add_cable_sites(body, arm: ArmSpec, modules: list[FlawedModule], place: tuple[int, int], height: float) -> None:
+def _add_cable_sites(
+    body,
+    arm: ArmSpec,
+    modules: list[FlawedModule],
+    place: tuple[int, int],
+    height: float,
+) -> None:
     """Points that cables pass at one place, a station of a module: its own, and those of above that run through."""
     for owner, module in enumerate(modules):
         share = passed_shares(arm, owner).get(place[0])
         for cable, (x, y) in enumerate(module.cables if share is not None else ()):
-            body.add_site(name=_eye(owner, cable, place), pos=(share * x, share * y, height))
+            body.add_site(
+                name=_eye(owner, cable, place), pos=(share * x, share * y, height)
+            )
 
 
 def _eye(owner: int, cable: int, place: tuple[int, int]) -> str:
@@ -243,9 +323,11 @@ def _eye(owner: int, cable: int, place: tuple[int, int]) -> str:
 
 
 def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
-    geometry, modules = ArmGeometry.of(arm), [FlawedModule.of(module) for module in arm.modules]
+    geometry = ArmGeometry.of(arm)
+    modules = [FlawedModule.of(module) for module in arm.modules]
     for owner, cable in np.ndindex(geometry.pretensions.shape):
-        tendon, shares = spec.add_tendon(name=f"cable_{owner}_{cable}"), passed_shares(arm, owner)
+        tendon = spec.add_tendon(name=f"cable_{owner}_{cable}")
+        shares = passed_shares(arm, owner)
         rest_length = 0.0
         if fidelity.routed_cables:
             for place in product(shares, range(fidelity.segments + 1)):
@@ -255,22 +337,35 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             _lead_along_joints(tendon, arm, fidelity.segments, owner, cable)
         pull = _add_pull(spec, tendon.name, arm.modules[owner].cable.viscous_friction)
         if arm.actuation == "displacement":
-            _stretch(pull, arm.modules[owner].cable.stiffness, rest_length, float(geometry.pretensions[owner, cable]))
+            _stretch(
+                pull,
+                arm.modules[owner].cable.stiffness,
+                rest_length,
+                float(geometry.pretensions[owner, cable]),
+            )
 
 
-def _straight_length(arm: ArmSpec, cable: np.ndarray, shares: dict[int, float]) -> float:
+def _straight_length(
+    arm: ArmSpec, cable: np.ndarray, shares: dict[int, float]
+) -> float:
     """Of a cable along the straight arm, which steps outward to the module that it ends in."""
     steps = np.abs(np.diff(list(shares.values()))) * np.linalg.norm(cable)
     return sum(arm.modules[number].length for number in shares) + float(steps.sum())
 
 
-def _lead_along_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
+def _lead_along_joints(
+    tendon, arm: ArmSpec, segments: int, owner: int, cable: int
+) -> None:
     """A constant lever arm about every hinge that the cable passes, and the whole way of every slide."""
     for number, share in passed_shares(arm, owner).items():
-        levers = FlawedModule.of(arm.modules[owner]).levers_about(FlawedModule.of(arm.modules[number]).axes)[cable]
+        levers = FlawedModule.of(arm.modules[owner]).levers_about(
+            FlawedModule.of(arm.modules[number]).axes
+        )[cable]
         for segment in range(segments):
             for axis, lever in (("y", levers[1]), ("x", levers[0])):
-                tendon.wrap_joint(joint_name(number, segment, axis), float(share * lever))
+                tendon.wrap_joint(
+                    joint_name(number, segment, axis), float(share * lever)
+                )
         if arm.modules[number].flaws.axial_stiffness is not None:
             tendon.wrap_joint(slide_name(number), 1.0)
 
@@ -278,12 +373,17 @@ def _lead_along_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: i
 def _add_pull(spec: mujoco.MjSpec, name: str, viscous_friction: float):
     """An actuator that only pulls, with a commanded tension less friction against its motion."""
     pull = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    pull.forcelimited, pull.forcerange = True, (-_MOST_TENSION, 0.0)
-    pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    pull.gainprm[0], pull.biasprm[2] = -1.0, -viscous_friction
+    pull.forcelimited = True
+    pull.forcerange = (-_MOST_TENSION, 0.0)
+    pull.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+    pull.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    pull.gainprm[0] = -1.0
+    pull.biasprm[2] = -viscous_friction
     return pull
 
 
 def _stretch(pull, stiffness: float, rest_length: float, pretension: float) -> None:
     """Let it pull by a spring behind a commanded displacement instead."""
-    pull.gainprm[0], pull.biasprm[0], pull.biasprm[1] = stiffness, stiffness * rest_length - pretension, -stiffness
+    pull.gainprm[0] = stiffness
+    pull.biasprm[0] = stiffness * rest_length - pretension
+    pull.biasprm[1] = -stiffness

@@ -6,23 +6,29 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.robots.simulation.transmission import tick_length
 from s2c2a.spaces import CENTRE_LINE_POINTS, Sensor
 
-TURNS_A_STEP = 6.0  # times the step limit: what readings may change by, since the arm swings and lags
+# times the step limit: what readings may change by, since the arm swings and lags
+TURNS_A_STEP = 6.0
 NOISE = 8.0  # standard deviations
 
 
-def declared_sensors(arm: ArmSpec, geometry: ArmGeometry, moments: int = 0) -> dict[str, Sensor]:
+def declared_sensors(
+    arm: ArmSpec, geometry: ArmGeometry, moments: int = 0
+) -> dict[str, Sensor]:
     """What readings hold; plausible numbers are those of the cables' limits, and of unit vectors.
 
     Args:
         arm: the description.
         geometry: of it.
-        moments: at which the centre line is watched in a control step; it is not if zero.
+        moments: at which the centre line is watched in a control step; it is not if
+            zero.
     """
     modules = arm.module_count
     said = {
         "cables": _cables(arm, geometry),
         "states": Sensor((modules, 6), "m, 1"),
-        "configurations": Sensor((modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(arm)),
+        "configurations": Sensor(
+            (modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(arm)
+        ),
     }
     if arm.motor.current_noise is not None:
         said["tensions"] = Sensor((modules, arm.cable_count), "N")
@@ -37,10 +43,15 @@ def _cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
     ticks = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
     noise = NOISE * (ticks if by_length else arm.motor.noise_tension)
     scale = np.abs(geometry.action_scale)[:, None]
-    fastest = (TURNS_A_STEP * scale / geometry.action_bends[:, None]) * _step_limit(arm) + noise * arm.control_rate
+    fastest = (TURNS_A_STEP * scale / geometry.action_bends[:, None]) * _step_limit(
+        arm
+    ) + noise * arm.control_rate
     beyond = 0.25 * scale + noise
-    low, high = geometry.action_low - beyond, geometry.action_high + beyond
-    return Sensor(geometry.action_neutral.shape, "m" if by_length else "N", low, high, fastest)
+    low = geometry.action_low - beyond
+    high = geometry.action_high + beyond
+    return Sensor(
+        geometry.action_neutral.shape, "m" if by_length else "N", low, high, fastest
+    )
 
 
 def _step_limit(arm: ArmSpec) -> float:

@@ -14,7 +14,8 @@ class FlawedModule:
 
     Attributes:
         described: what the arm file says of it.
-        axes: of its hinges and its twist, one a row; bending about the second goes in the stiff direction, (3, 3).
+        axes: of its hinges and its twist, one a row; bending about the second goes in
+            the stiff direction, (3, 3).
         stiffnesses: about these axes [N m2].
         mass: [kg].
         cables: where they are, module frame [m], shape (cables, 2).
@@ -29,19 +30,26 @@ class FlawedModule:
     @classmethod
     def of(cls, module: Module) -> "FlawedModule":
         """As its description and its flaws say."""
-        flaws, ratio = module.flaws, np.sqrt(module.flaws.stiffness_ratio)
-        stiffer, bending = 1.0 + flaws.stiffness_error, module.bending_stiffness
+        flaws = module.flaws
+        ratio = np.sqrt(module.flaws.stiffness_ratio)
+        stiffer = 1.0 + flaws.stiffness_error
+        bending = module.bending_stiffness
         angles = np.deg2rad(np.add(module.cable_angles_deg, flaws.angle_errors_deg))
-        radii = np.broadcast_to(module.cable_radius * (1.0 + np.asarray(flaws.radius_errors)), angles.shape)
+        radii = np.broadcast_to(
+            module.cable_radius * (1.0 + np.asarray(flaws.radius_errors)), angles.shape
+        )
         return cls(
             described=module,
             axes=_turned(np.deg2rad(flaws.stiff_direction_deg)),
-            stiffnesses=stiffer * np.array([bending / ratio, bending * ratio, module.gj]),
+            stiffnesses=stiffer
+            * np.array([bending / ratio, bending * ratio, module.gj]),
             mass=module.mass * (1.0 + flaws.mass_error),
             cables=np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1),
         )
 
-    def levers_about(self, axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "cables 3"]:
+    def levers_about(
+        self, axes: Float[np.ndarray, "3 3"]
+    ) -> Float[np.ndarray, "cables 3"]:
         """How much longer a cable gets with a turn about each of some axes [m]: the z of axis x place."""
         x, y = self.cables.T
         return np.outer(y, axes[:, 0]) - np.outer(x, axes[:, 1])
@@ -54,7 +62,8 @@ class FlawedModule:
 
     def cubic(self, segments: int) -> Float[np.ndarray, "3"]:
         """What a segment's stiffness about each axis grows by, over the square of its turn [N m/rad3]."""
-        flaws, full = self.described.flaws, np.deg2rad(self.described.bend_limit_deg) / segments
+        flaws = self.described.flaws
+        full = np.deg2rad(self.described.bend_limit_deg) / segments
         grows = flaws.hardening * np.array([1.0, 1.0, 0.0]) / full**2
         return grows * self.stiffnesses * segments / self.described.length
 
@@ -62,10 +71,14 @@ class FlawedModule:
 def passed_shares(arm: ArmSpec, owner: int) -> dict[int, float]:
     """Modules that the cables of one run through, and there at which part of their radius."""
     coupling = 1.0 if arm.coupled_cables else arm.modules[owner].flaws.coupling
-    return ({} if coupling is None else dict.fromkeys(range(owner), coupling)) | {owner: 1.0}
+    return ({} if coupling is None else dict.fromkeys(range(owner), coupling)) | {
+        owner: 1.0
+    }
 
 
 def _turned(angle: float) -> Float[np.ndarray, "3 3"]:
     """The axes x, y, z turned about z."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + 0.0  # no negative zeros
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
+    # no negative zeros
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + 0.0

@@ -10,7 +10,8 @@ from s2c2a.errors import S2C2AError
 SAMPLE = "8 load 0.05; 10 push 0.3 0 0; 12 push 0 0 0"
 MOST_PAYLOAD = 50.0  # kg
 KINDS = {"load": 1, "push": 3, "homed": 1, "softer": 1, "blind": 0}
-"""Name -> how many numbers it takes: kg; N along x, y, z at the tip; m; a share of a cable's stiffness."""
+"""Name -> how many numbers it takes: kg; N along x, y, z at the tip; m; a share of a
+cable's stiffness."""
 
 
 class Happening(NamedTuple):
@@ -39,11 +40,18 @@ def happenings_from(text: str) -> tuple[Happening, ...]:
 
 def _one(words: Sequence[str]) -> Happening:
     try:
-        kind, numbers = words[1], tuple(float(word) for word in words[2:])
+        kind = words[1]
+        numbers = tuple(float(word) for word in words[2:])
         said = Happening(float(words[0]), kind, numbers)
-        if len(numbers) != KINDS[kind] or not np.isfinite([said.time, *numbers]).all() or said.time < 0:
+        if (
+            len(numbers) != KINDS[kind]
+            or not np.isfinite([said.time, *numbers]).all()
+            or said.time < 0
+        ):
             raise ValueError
-        if not (kind != "softer" or 0 <= numbers[0] < 1) or not (kind != "load" or 0 <= numbers[0] <= MOST_PAYLOAD):
+        if not (kind != "softer" or 0 <= numbers[0] < 1) or not (
+            kind != "load" or 0 <= numbers[0] <= MOST_PAYLOAD
+        ):
             raise ValueError
     except (ValueError, KeyError, IndexError) as error:
         kinds = ", ".join(f"{kind} ({count} numbers)" for kind, count in KINDS.items())

@@ -1,8 +1,9 @@
 """A body that relaxes: Maxwell elements beside its springs, which slowly get used to a held shape.
 
-A spring of stiffness k of which the parts s_i relax pulls with k (q - sum_i s_i z_i), where z_i follows the turn q with
-the time constant tau_i. That is the same spring about another rest, so MuJoCo needs no more than that rest, and it is
-slow enough to be moved once a control step.
+A spring of stiffness k of which the parts s_i relax pulls with k (q - sum_i s_i z_i),
+where z_i follows the turn q with the time constant tau_i. That is the same spring about
+another rest, so MuJoCo needs no more than that rest, and it is slow enough to be moved
+once a control step.
 """
 
 import mujoco
@@ -21,11 +22,14 @@ class Relaxation:
 
     Attributes:
         rests: of the joints that have got used to nothing [rad or m], shape (joints,).
-        used_to: turn away from there that each element has got used to, shape (joints, elements).
+        used_to: turn away from there that each element has got used to, shape (joints,
+            elements).
     """
 
     def __init__(self, arm: ArmSpec, model: mujoco.MjModel):
-        modules = [module_of_joint(model.joint(joint).name) for joint in range(model.njnt)]
+        modules = [
+            module_of_joint(model.joint(joint).name) for joint in range(model.njnt)
+        ]
         self._parts = per_module(arm, "flaws.relaxing")[modules]
         self._times = per_module(arm, "flaws.relaxation_times")[modules]
         self.rests = model.qpos_spring.copy()
@@ -44,4 +48,6 @@ class Relaxation:
             seconds: how much.
         """
         shares = 1.0 - np.exp(-seconds / self._times)
-        self.used_to = self.used_to + shares * ((turns - self.rests)[:, None] - self.used_to)
+        self.used_to = self.used_to + shares * (
+            (turns - self.rests)[:, None] - self.used_to
+        )

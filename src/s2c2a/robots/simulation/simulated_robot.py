@@ -15,7 +15,11 @@ from s2c2a.robots.simulation.declared import declared_sensors
 from s2c2a.robots.simulation.happenings import MOST_PAYLOAD, Happenings, happenings_from
 from s2c2a.robots.simulation.relaxation import Relaxation
 from s2c2a.robots.simulation.stepping import stepped, taken_over
-from s2c2a.robots.simulation.transmission import CableTransmission, encoder_reading, motor_path
+from s2c2a.robots.simulation.transmission import (
+    CableTransmission,
+    encoder_reading,
+    motor_path,
+)
 from s2c2a.robots.simulation.twin import twin_of
 from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
 
@@ -30,15 +34,20 @@ class SimulatedRobot(Robot):
         fidelity: "fast" or "accurate".
         seed: of the sensor noise and of homing errors; the physics is deterministic.
         payload: mass at the tip [kg].
-        jitter: part of the full bend that every module is moved by, in a random direction, before it settles at rest;
-            cables with hysteresis then start in another state.
-        watched: whether readings tell the centre line at every physics step; it costs a little time.
-        aged: how far it has gone on its way to the drift that its flaws tell of, 0 to 1: data are collected at 0.
-        twin: an arm file, such as `s2c2a identify` writes: it moves as that one, while `arm` is what one is told of it.
+        jitter: part of the full bend that every module is moved by, in a random
+            direction, before it settles at rest; cables with hysteresis then start in
+            another state.
+        watched: whether readings tell the centre line at every physics step; it costs a
+            little time.
+        aged: how far it has gone on its way to the drift that its flaws tell of, 0 to
+            1: data are collected at 0.
+        twin: an arm file, such as `s2c2a identify` writes: it moves as that one, while
+            `arm` is what one is told of it.
         happens: what comes about while it works (`happenings.SAMPLE`).
 
     Raises:
-        S2C2AError: unknown fidelity, impossible payload, seed, jitter, age or happening, or a twin of another form.
+        S2C2AError: unknown fidelity, impossible payload, seed, jitter, age or
+            happening, or a twin of another form.
     """
 
     own_time = True
@@ -59,15 +68,28 @@ class SimulatedRobot(Robot):
             raise S2C2AError(
                 f"seed {seed}, jitter {jitter}, aged {aged} asked for; no seed is negative, the others are from 0 to 1"
             )
-        self.arm, self._geometry, self._fidelity = arm, ArmGeometry.of(arm), fidelity_named(fidelity)
+        self.arm = arm
+        self._geometry = ArmGeometry.of(arm)
+        self._fidelity = fidelity_named(fidelity)
         self._body = twin_of(arm, twin) if twin else arm
-        self._seed, self._jitter, self._watched, self._aged = seed, jitter, watched, aged
-        self._openings, self._payload, self._hung, self._firm = 0, payload, payload, 1.0
+        self._seed = seed
+        self._jitter = jitter
+        self._watched = watched
+        self._aged = aged
+        self._openings = 0
+        self._payload = payload
+        self._hung = payload
+        self._firm = 1.0
         self._every = happenings_from(happens)
-        if any(one.kind == "blind" for one in self._every) and (arm.sensing == "true" or arm.senses.bends):
-            raise S2C2AError("an arm that sees its bends cannot go blind: the simulation scores runs by them")
+        if any(one.kind == "blind" for one in self._every) and (
+            arm.sensing == "true" or arm.senses.bends
+        ):
+            raise S2C2AError(
+                "an arm that sees its bends cannot go blind: the simulation scores runs by them"
+            )
         self.model = self._model_with(payload)
-        self.data, self._rollout = mujoco.MjData(self.model), Rollout(nthread=0)
+        self.data = mujoco.MjData(self.model)
+        self._rollout = Rollout(nthread=0)
         modules = range(arm.module_count)
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
@@ -83,21 +105,32 @@ class SimulatedRobot(Robot):
         self._motors = self._command = self._geometry.action_neutral.copy()
         self._seen: np.ndarray | None = None
         self._beside = Beside(self._body, self._seed, self._openings)
-        self._homed_at, self._happenings, self._blind = self._homing_errors(), Happenings(()), False
+        self._homed_at = self._homing_errors()
+        self._happenings = Happenings(())
+        self._blind = False
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
         self._currents = Currents(self._body.motor, self._motors, inward)
-        self._transmission = CableTransmission(self._body, self._motors + self._homed_at, self._aged)
+        self._transmission = CableTransmission(
+            self._body, self._motors + self._homed_at, self._aged
+        )
         self._relaxation.used_to[:] = 0.0
         self.model.qpos_spring = self._relaxation.springs
-        self._step, self._push = 0, np.zeros(3)
+        self._step = 0
+        self._push = np.zeros(3)
         self._last_states: States | None = None
         mujoco.mj_forward(self.model, self.data)
 
     @property
     def sensors(self) -> dict[str, Sensor]:
         """What readings hold."""
-        moments = len(self._physics_times(self.arm.control_period)) + 1 if self._watched else 0
-        return declared_sensors(self.arm, self._geometry, moments) | sensed_beside(self._body)
+        moments = (
+            len(self._physics_times(self.arm.control_period)) + 1
+            if self._watched
+            else 0
+        )
+        return declared_sensors(self.arm, self._geometry, moments) | sensed_beside(
+            self._body
+        )
 
     def open(self) -> Reading:
         """Go to rest, settle for one second, and start the clock at zero."""
@@ -110,7 +143,9 @@ class SimulatedRobot(Robot):
         self.step(self._jittered())
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
-        self.data.time, self._step, self._happenings = 0.0, 0, Happenings(self._every)
+        self._happenings = Happenings(self._every)
+        self._step = 0
+        self.data.time = 0.0
         self._beside.begin(self.states())
         return self.read()
 
@@ -121,7 +156,11 @@ class SimulatedRobot(Robot):
             SimulationError: the simulated arm blew up before; open it again.
         """
         self._check_sane()
-        said = {"cables": self._measured_cables(), "states": self.states(), "configurations": self.configurations()}
+        said = {
+            "cables": self._measured_cables(),
+            "states": self.states(),
+            "configurations": self.configurations(),
+        }
         if self.arm.motor.current_noise is not None:
             said["tensions"] = self._currents.told(
                 self._tensions_at_motors(), self.arm.motor.current_noise, self._random
@@ -130,7 +169,10 @@ class SimulatedRobot(Robot):
             said["centre_line"] = self._seen
         said |= self._beside.told(self.data.time)
         if self._blind:
-            said = {name: said[name] for name in said.keys() - {"tensions", *sensed_beside(self._body)}}
+            said = {
+                name: said[name]
+                for name in said.keys() - {"tensions", *sensed_beside(self._body)}
+            }
         return Reading(self.data.time, said)
 
     def send(self, action: Actions) -> Actions:
@@ -152,11 +194,14 @@ class SimulatedRobot(Robot):
         self._happenings.until(self.data.time, self)
         times = self._physics_times(seconds)
         path = motor_path(self._motors, self._command, times, self._body.motor)
-        felt = self._transmission.pass_on(path + self._homed_at, times, self.tensions(), self._bend_angles())
+        felt = self._transmission.pass_on(
+            path + self._homed_at, times, self.tensions(), self._bend_angles()
+        )
         self._motors = path[-1]
         self._currents.move(self._motors)
         turns = self.data.qpos.copy()
-        commands, wrenches = felt.reshape(len(felt), -1), self._wrenches() if self._push.any() else None
+        commands = felt.reshape(len(felt), -1)
+        wrenches = self._wrenches() if self._push.any() else None
         seen = stepped(self._rollout, self.model, self.data, commands, wrenches)
         if self._relaxing:
             self._relaxation.advance((turns + self.data.qpos) / 2, times[-1])
@@ -164,7 +209,11 @@ class SimulatedRobot(Robot):
         mujoco.mj_forward(self.model, self.data)
         if self._sensing:  # in a physics step, sensors say what was at its start
             moments = np.vstack([seen, self.data.sensordata])
-            self._seen = moments[:, : self._points].reshape(len(moments), -1, 3) if self._watched else None
+            self._seen = (
+                moments[:, : self._points].reshape(len(moments), -1, 3)
+                if self._watched
+                else None
+            )
             self._beside.feel(moments[1:, self._points :])
         self._step += 1
         self._check_sane()
@@ -197,12 +246,16 @@ class SimulatedRobot(Robot):
         Raises:
             S2C2AError: impossible payload.
         """
-        self._hung, model = payload, self._model_with(payload)
-        self.model, self.data = model, taken_over(self.model, self.data, model)
+        model = self._model_with(payload)
+        self._hung = payload
+        self.data = taken_over(self.model, self.data, model)
+        self.model = model
 
     def homed(self, slipped: float) -> None:
         """Let the zeros of all motors slip, each by so much [m] one way or the other."""
-        ways = np.random.default_rng([self._seed, 6, self._openings]).choice([-1.0, 1.0], self._motors.shape)
+        ways = np.random.default_rng([self._seed, 6, self._openings]).choice(
+            [-1.0, 1.0], self._motors.shape
+        )
         self._homed_at = self._homed_at + slipped * ways
 
     def softer(self, share: float) -> None:
@@ -230,7 +283,9 @@ class SimulatedRobot(Robot):
 
     def _model_with(self, payload: float) -> mujoco.MjModel:
         if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
-            raise S2C2AError(f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg")
+            raise S2C2AError(
+                f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg"
+            )
         model = build_model(self._body, self._fidelity, payload, self._watched)
         model.actuator_gainprm[0, 0] *= self._firm
         model.actuator_biasprm[0, :2] *= self._firm
@@ -238,7 +293,9 @@ class SimulatedRobot(Robot):
 
     def _jittered(self) -> Actions:
         """An action a little off neutral, in a random direction of every module."""
-        angles = np.random.default_rng([self._seed, 1]).uniform(0, 2 * np.pi, self.arm.module_count)
+        angles = np.random.default_rng([self._seed, 1]).uniform(
+            0, 2 * np.pi, self.arm.module_count
+        )
         shares = self._jitter * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return self._geometry.actions_at(shares)
 
@@ -250,7 +307,9 @@ class SimulatedRobot(Robot):
     def _wrenches(self) -> Float[np.ndarray, "bodies 6"]:
         """The push, and its torque: MuJoCo applies forces at centres of mass, this one is at the tip."""
         wrenches = np.zeros_like(self.data.xfrc_applied)
-        lever = self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]
+        lever = (
+            self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]
+        )
         wrenches[self._tip_body] = [*self._push, *np.cross(lever, self._push)]
         return wrenches
 
@@ -259,29 +318,42 @@ class SimulatedRobot(Robot):
 
     def _bend_angles(self) -> Float[np.ndarray, " modules"]:
         configurations = self.configurations()
-        return np.arctan2(np.linalg.norm(configurations[:, :2], axis=-1), configurations[:, 2])
+        return np.arctan2(
+            np.linalg.norm(configurations[:, :2], axis=-1), configurations[:, 2]
+        )
 
     def _measured_cables(self) -> Actions:
         if self.arm.actuation == "displacement":
             return encoder_reading(self._motors, self.arm.motor, self._random)
-        return self._motors + self._random.normal(scale=self.arm.motor.noise_tension, size=self._motors.shape)
+        return self._motors + self._random.normal(
+            scale=self.arm.motor.noise_tension, size=self._motors.shape
+        )
 
     def _homing_errors(self) -> Actions:
         """How far the motors' zero is from where their encoders say it is [m], anew at every opening."""
         random = np.random.default_rng([self._seed, 2, self._openings])
-        return random.normal(scale=self._body.motor.homing_error, size=self._motors.shape)
+        return random.normal(
+            scale=self._body.motor.homing_error, size=self._motors.shape
+        )
 
     def _tensions_at_motors(self) -> Actions:
         """With the friction in tubes [N]."""
         if self.arm.actuation == "tension":
             return self._motors
-        drag = per_cable(self._body, "cable.viscous_friction") * self.data.ten_velocity.reshape(self._motors.shape)
+        drag = per_cable(
+            self._body, "cable.viscous_friction"
+        ) * self.data.ten_velocity.reshape(self._motors.shape)
         taut = np.maximum(self.tensions() - drag, 0.0)
-        return self._transmission.at_motors(taut, self._bend_angles(), self._currents.winding)
+        return self._transmission.at_motors(
+            taut, self._bend_angles(), self._currents.winding
+        )
 
     def _check_sane(self) -> None:
-        bad = self.data.warning.number.any()  # after any of them a rollout goes no further
-        if bad or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
+        # after any of them a rollout goes no further
+        bad = self.data.warning.number.any()
+        if bad or not (
+            np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()
+        ):
             raise SimulationError(
                 f"{self.arm.name}: the simulation blew up in control step {self._step}, at {self.data.time:.2f} s; "
                 "give the modules more mass or damping, or softer cables; then open it again",

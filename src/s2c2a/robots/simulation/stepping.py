@@ -22,12 +22,14 @@ def stepped(
         model: the body.
         data: its state, which moves on.
         commands: of the actuators.
-        wrenches: on the bodies all the while [N, N m], at their centres of mass; none if None.
+        wrenches: on the bodies all the while [N, N m], at their centres of mass; none
+            if None.
 
     Returns:
         What sensors say at the start of every step.
     """
-    inputs, values = mujoco.mjtState.mjSTATE_CTRL, commands
+    inputs = mujoco.mjtState.mjSTATE_CTRL
+    values = commands
     if wrenches is not None:
         inputs = inputs | mujoco.mjtState.mjSTATE_XFRC_APPLIED
         values = np.hstack([commands, np.tile(wrenches.ravel(), (len(commands), 1))])
@@ -45,16 +47,21 @@ def stepped(
     return seen[0]
 
 
-def state_of(model: mujoco.MjModel, data: mujoco.MjData, kind: mujoco.mjtState) -> np.ndarray:
+def state_of(
+    model: mujoco.MjModel, data: mujoco.MjData, kind: mujoco.mjtState
+) -> np.ndarray:
     """As one vector."""
     state = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
     return state
 
 
-def taken_over(model: mujoco.MjModel, data: mujoco.MjData, new: mujoco.MjModel) -> mujoco.MjData:
+def taken_over(
+    model: mujoco.MjModel, data: mujoco.MjData, new: mujoco.MjModel
+) -> mujoco.MjData:
     """Data of a new model of the same form, which goes on where another is."""
-    kind, going_on = mujoco.mjtState.mjSTATE_INTEGRATION, mujoco.MjData(new)
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    going_on = mujoco.MjData(new)
     mujoco.mj_setState(new, going_on, state_of(model, data, kind), kind)
     new.qpos_spring = model.qpos_spring
     mujoco.mj_forward(new, going_on)

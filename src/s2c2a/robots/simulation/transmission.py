@@ -1,8 +1,9 @@
 """From a command to what a module feels: motors with a lag, a speed limit and ticks; play, capstan friction, creep.
 
-The motors chase a held command, so their path within a control step is monotone, and for monotone paths play is a clip.
-Creep can make the path turn; then play is followed from physics step to physics step. Friction that grows with speed is
-MuJoCo's: a damper beside the spring of each cable, which cannot push either.
+The motors chase a held command, so their path within a control step is monotone, and
+for monotone paths play is a clip. Creep can make the path turn; then play is followed
+from physics step to physics step. Friction that grows with speed is MuJoCo's: a damper
+beside the spring of each cable, which cannot push either.
 """
 
 import numpy as np
@@ -15,7 +16,10 @@ CablePath = Float[np.ndarray, "times modules cables"]
 
 
 def motor_path(
-    position: Float[np.ndarray, "*cables"], command: Float[np.ndarray, "*cables"], times: np.ndarray, motor: Motor
+    position: Float[np.ndarray, "*cables"],
+    command: Float[np.ndarray, "*cables"],
+    times: np.ndarray,
+    motor: Motor,
 ) -> Float[np.ndarray, "times *cables"]:
     """Positions of motors that chase a held command: exact, so it does not depend on the physics step.
 
@@ -30,9 +34,14 @@ def motor_path(
     later = times.reshape(-1, *[1] * gap.ndim)
     limit = np.inf if motor.speed_limit is None else motor.speed_limit
     lag = motor.time_constant
-    slow = np.minimum(size, limit * lag) if lag else np.zeros_like(size)  # gap from which the lag, not the limit, rules
+    # gap from which the lag, not the limit, rules
+    slow = np.minimum(size, limit * lag) if lag else np.zeros_like(size)
     fast_time = (size - slow) / limit
-    left = np.where(later < fast_time, size - np.minimum(limit * later, size) if np.isfinite(limit) else 0.0, 0.0)
+    left = np.where(
+        later < fast_time,
+        size - np.minimum(limit * later, size) if np.isfinite(limit) else 0.0,
+        0.0,
+    )
     lagging = slow * np.exp(-np.maximum(later - fast_time, 0.0) / lag) if lag else 0.0
     return command + np.sign(gap) * np.where(later < fast_time, left, lagging)
 
@@ -55,7 +64,8 @@ class CableTransmission:
     """What is lost between motors and modules of one arm: drift, creep, play, friction.
 
     Attributes:
-        transmitted: displacement [m] or tension [N] at the modules, shape (modules, cables).
+        transmitted: displacement [m] or tension [N] at the modules, shape (modules,
+            cables).
         crept: what the material has got used to [m], shape (modules, cables).
     """
 
@@ -65,56 +75,87 @@ class CableTransmission:
         Args:
             arm: the description.
             start: where the motors are [m or N], shape (modules, cables).
-            aged: how far the arm has gone on its way to the drift that its flaws tell of, from 0 to 1.
+            aged: how far the arm has gone on its way to the drift that its flaws tell
+                of, from 0 to 1.
         """
         names = ("friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
         columns = (per_module(arm, f"cable.{name}")[:, None] for name in names)
-        self._friction, tube_angle_deg, self._stiffness, self._creep, self._creep_time = columns
-        self._play, self._lost = per_cable(arm, "cable.play"), aged * per_module(arm, "flaws.drift")[:, None]
-        self._tension_driven, self._tube_angle = arm.actuation == "tension", np.deg2rad(tube_angle_deg)
+        (
+            self._friction,
+            tube_angle_deg,
+            self._stiffness,
+            self._creep,
+            self._creep_time,
+        ) = columns
+        self._play = per_cable(arm, "cable.play")
+        self._lost = aged * per_module(arm, "flaws.drift")[:, None]
+        self._tension_driven = arm.actuation == "tension"
+        self._tube_angle = np.deg2rad(tube_angle_deg)
         self._neutral = ArmGeometry.of(arm).action_neutral
-        self.transmitted, self.crept = start.copy(), np.zeros_like(start)
+        self.transmitted = start.copy()
+        self.crept = np.zeros_like(start)
 
-    def pass_on(self, path: CablePath, times: np.ndarray, tensions: np.ndarray, bend_angles: np.ndarray) -> CablePath:
+    def pass_on(
+        self,
+        path: CablePath,
+        times: np.ndarray,
+        tensions: np.ndarray,
+        bend_angles: np.ndarray,
+    ) -> CablePath:
         """What the modules feel while the motors go along `path`.
 
         Args:
-            path: motor positions [m] or tensions [N] over one control step, shape (times, modules, cables), monotone.
+            path: motor positions [m] or tensions [N] over one control step, shape
+                (times, modules, cables), monotone.
             times: of the path [s], from the start of the step.
-            tensions: in the cables at the start of the step [N], shape (modules, cables).
-            bend_angles: of the modules at the start of the step [rad], shape (modules,).
+            tensions: in the cables at the start of the step [N], shape (modules,
+                cables).
+            bend_angles: of the modules at the start of the step [rad], shape
+                (modules,).
         """
         if self._lost.any():
             path = path - self._lost * (path - self._neutral)
         if self._creep.any():
             path = path - self._creep_along(path, times)
         low, high = self._band(path, tensions, bend_angles)
-        felt = self._follow(low, high) if self._creep.any() else np.clip(self.transmitted, low, high)
+        felt = (
+            self._follow(low, high)
+            if self._creep.any()
+            else np.clip(self.transmitted, low, high)
+        )
         self.transmitted = felt[-1]
         return felt
 
-    def at_motors(self, tensions: np.ndarray, bend_angles: np.ndarray, winding: np.ndarray) -> np.ndarray:
+    def at_motors(
+        self, tensions: np.ndarray, bend_angles: np.ndarray, winding: np.ndarray
+    ) -> np.ndarray:
         """Tensions at the motors of a displacement arm [N]: capstan friction is added where they wind in.
 
         Args:
             tensions: at the modules [N], shape (modules, cables).
             bend_angles: of the modules [rad], shape (modules,).
-            winding: 1 where a motor winds in or did so last, -1 where it pays out, 0 where it has not moved yet.
+            winding: 1 where a motor winds in or did so last, -1 where it pays out, 0
+                where it has not moved yet.
         """
         return tensions * np.exp(winding * self._wrap(bend_angles))
 
     def _creep_along(self, path: CablePath, times: np.ndarray) -> CablePath:
         """Let the material get used to the path, physics step by physics step; returns how far it has."""
-        share = 1.0 - np.exp(-np.diff(times, prepend=0.0)[:, None, None] / self._creep_time)
+        share = 1.0 - np.exp(
+            -np.diff(times, prepend=0.0)[:, None, None] / self._creep_time
+        )
         crept = np.empty_like(path)
         for step, position in enumerate(path):
-            self.crept = self.crept + share[step] * (self._creep * position - self.crept)
+            self.crept = self.crept + share[step] * (
+                self._creep * position - self.crept
+            )
             crept[step] = self.crept
         return crept
 
     def _follow(self, low: CablePath, high: CablePath) -> CablePath:
         """Stay within a band that moves up and down."""
-        felt, last = np.empty_like(low), self.transmitted
+        felt = np.empty_like(low)
+        last = self.transmitted
         for step in range(len(low)):
             last = felt[step] = np.clip(last, low[step], high[step])
         return felt

@@ -13,7 +13,13 @@ def twin_of(arm: ArmSpec, file: str) -> ArmSpec:
     twin = load_arm(file)
     forms = [(one.actuation, one.module_count, one.cable_count) for one in (arm, twin)]
     if forms[0] != forms[1]:
-        said = [f"{modules} modules of {cables} cables, driven by {how}" for how, modules, cables in forms]
-        raise S2C2AError(f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm")
-    as_driven = {"control_rate": arm.control_rate, "senses": arm.senses}  # physics steps divide the control period
+        said = [
+            f"{modules} modules of {cables} cables, driven by {how}"
+            for how, modules, cables in forms
+        ]
+        raise S2C2AError(
+            f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm"
+        )
+    # physics steps divide the control period
+    as_driven = {"control_rate": arm.control_rate, "senses": arm.senses}
     return twin.model_copy(update=as_driven)
