@@ -119,19 +119,19 @@ def changed(arm: ArmSpec, modules: list) -> ArmSpec:
 def among_obstacles(arm: ArmSpec, count: int):
     """The circle with so many obstacles about it, none so near that the tip could not go round."""
     directions = np.random.default_rng(0).normal(size=(64, 3))
-    centres = (
+    centers = (
         arm.length * directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     )
     thresholds = np.full(64, 0.02 * arm.length)
     return [
-        goal.with_obstacles(centres[:count], thresholds[:count])
+        goal.with_obstacles(centers[:count], thresholds[:count])
         for goal in circle(arm).goals
     ]
 
 
 def waypoints_file(path, arm: ArmSpec, count: int):
     """The circle at so many control steps."""
-    positions = circle(arm).wanted_positions()[:, -1]
+    positions = circle(arm).desired_positions()[:, -1]
     times = np.arange(1, count + 1) / arm.control_rate
     rows = np.column_stack([times, positions[np.arange(count) % len(positions)]])
     np.savetxt(path, rows, fmt="%.6f", delimiter=",", header="time,x,y,z", comments="")

@@ -17,7 +17,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.cli.live import running_page
-from s2c2a.programs import compilations
+from s2c2a.compilation import compilations
 
 pytest.importorskip(
     "viser", reason="the live page is not installed: `pip install '.[live]'`"

@@ -9,7 +9,7 @@ import pytest
 
 from s2c2a.control import Controller, CorrectedController, InversePCC, NetworkController
 from s2c2a.kinematics import PCC
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.tasks import circle
 from s2c2a.tasks.lines import reach
 
@@ -45,8 +45,8 @@ def act(benchmark, arm, controller: Controller) -> None:
     benchmark(lambda: jax.block_until_ready(act(sensed, sensed, memory)))
 
 
-def _act(controller: Controller, wanted, sensed, memory):
-    return controller.act(wanted, sensed, memory)
+def _act(controller: Controller, desired, sensed, memory):
+    return controller.act(desired, sensed, memory)
 
 
 @pytest.mark.asked("at most 2 ms, 99 %: 4 ms")

@@ -32,7 +32,7 @@ class ElasticaRod:
 
     Cables act inside their module alone and pull along it, so within it they are a
     constant moment in the frame of the cross-section: a rest curvature, and at joints
-    between two modules the mean of both. Wound round the centre line they also resist
+    between two modules the mean of both. Wound round the center line they also resist
     twist. Joints carry the curvature of half an element on either side; the clamp would
     hide the half element at the base, so the rod begins one element below it, and the
     joint at the base bends half as much.

@@ -1,7 +1,7 @@
 """The shape of a cable-driven arm at rest as an elastic rod: a reference that shares no code with the simulators.
 
 The arm is a Kirchhoff rod (Antman 2005, ch. 8): it bends (EI) and twists (GJ) but
-neither stretches nor shears. At arc length s let p be the centre line, R = [d1 d2 d3]
+neither stretches nor shears. At arc length s let p be the center line, R = [d1 d2 d3]
 the cross-section's frame, n and m the force and moment in rod and cables together, w
 the weight per length and u the curvature in the cross-section's frame:
 
@@ -15,7 +15,7 @@ with tension T_i lies along v_i = e3 + u x r_i and carries its share of the mome
     diag(EI, EI, GJ) u = R^T m - sum_i T_i r_i x v_i / |v_i|
 
 Without twist v_i is along e3 and the sum is the constant moment that bends the module
-towards the cable. With twist the cables wind round the centre line and resist it by
+towards the cable. With twist the cables wind round the center line and resist it by
 about sum_i T_i |r_i|^2, which adds to GJ.
 """
 
@@ -34,7 +34,7 @@ _NO_FORCE = np.zeros(3)
 # grid steps per module while the load grows; the full grid only polishes the last guess
 _GUESS_STEPS = 10
 _LOAD_STRIDE = 1 / 8
-_LEAST_STRIDE = 1e-2
+_MIN_STRIDE = 1e-2
 _TWIST_SWEEPS = 3  # each shrinks the error by about (twist times cable radius)^2
 
 # columns of a cross-section, shape (batch, 3, 5)
@@ -65,7 +65,7 @@ def rod_shape(
 
     The equilibrium is the one that grows out of the straight arm; it need not be stable
     (a standing arm may buckle). Shooting loses about 0.4 sqrt(|n| L^2 / EI) digits to a
-    force n along the arm: metres of a soft hanging arm fail.
+    force n along the arm: meters of a soft hanging arm fail.
 
     Args:
         arm: modules, their stiffness, mass and cables, and the direction of gravity.
@@ -168,7 +168,7 @@ def _base_moment(segments: list[_Segment], steps: int) -> np.ndarray:
 
 
 def _smaller(stride: float, share: float) -> float:
-    if stride < _LEAST_STRIDE:
+    if stride < _MIN_STRIDE:
         raise SimulationError(
             f"no equilibrium found beyond {share:.1%} of the load; load the arm less, or make it shorter or stiffer",
             step=0,
@@ -224,7 +224,7 @@ def _runge_kutta(segment: _Segment, section: np.ndarray, steps: int) -> np.ndarr
 
 
 def _slope(segment: _Segment, to_end: float, section: np.ndarray) -> np.ndarray:
-    """Derivative of a cross-section along s, `to_end` metres before the module's end."""
+    """Derivative of a cross-section along s, `to_end` meters before the module's end."""
     force = segment.end_force + segment.weight * to_end
     frame = section[:, :, _FRAME]
     axis = section[:, :, _AXIS]

@@ -11,7 +11,7 @@ from rod import rod_shape
 from rod_cases import RodCase, rod_cases
 
 STILL = 1e-6  # m that the tip may still move in a control step at rest
-MOST_STEPS = 400
+MAX_STEPS = 400
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def settled_tip(arm: ArmSpec, case: RodCase, fidelity: str) -> np.ndarray:
     with SimulatedRobot(arm, fidelity) as robot:
         robot.push(case.tip_force)
         last = np.full(3, np.inf)
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             robot.step(case.tensions)
             tip = robot.states()[-1, :3]
             if np.linalg.norm(tip - last) < STILL:

@@ -34,7 +34,7 @@ RELEASES = 5
 TO_OURS = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
 # Newton; rad
 LOAD_SHARES = (0.25, 0.5, 0.75, 1.0)
-MOST_STEPS = 30
+MAX_STEPS = 30
 LARGEST_STEP = 0.3
 SLOPE_STEP = 1e-6
 CLOSE = 1e-9
@@ -133,7 +133,7 @@ def rest(model: mujoco.MjModel, shape: Shape) -> mujoco.MjData:
     gravity = model.opt.gravity.copy()
     for share in LOAD_SHARES:
         model.opt.gravity = share * gravity
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             step = _newton_step(model, data, share, shape)
             data.qpos += step
             if np.abs(step).max() < CLOSE:

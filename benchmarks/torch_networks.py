@@ -48,16 +48,16 @@ class TorchScaling:
     """`Scaling` on tensors."""
 
     def __init__(self, scaling: Scaling):
-        self.centre = tensor(scaling.centre)
+        self.center = tensor(scaling.center)
         self.half_range = tensor(scaling.half_range)
 
     def forward(self, values: Tensor) -> Tensor:
         """To [-1, 1]."""
-        return (values - self.centre) / self.half_range
+        return (values - self.center) / self.half_range
 
     def back(self, values: Tensor) -> Tensor:
         """From [-1, 1]."""
-        return values * self.half_range + self.centre
+        return values * self.half_range + self.center
 
 
 class TorchC2S(nn.Module):
@@ -87,17 +87,17 @@ class TorchSumAndRange:
         self.high = tensor((layer.high - layer.neutral) / layer.unit)
 
     def __call__(self, raw: Tensor) -> Tensor:
-        """Normalised actions within the arm's limits."""
+        """Normalized actions within the arm's limits."""
         return torch.clamp(self._unlimited(raw), self.low, self.high)
 
     def _unlimited(self, raw: Tensor) -> Tensor:
         if self.evenly_three:
             squashed = torch.tanh(raw)
             return (3.0 * squashed - squashed.sum(-1, keepdim=True)) / 4.0
-        wanted = torch.einsum("mkc,...mc->...mk", self.inverses, raw)
-        length = torch.linalg.norm(wanted, dim=-1, keepdim=True).clamp(min=1e-6)
+        desired = torch.einsum("mkc,...mc->...mk", self.inverses, raw)
+        length = torch.linalg.norm(desired, dim=-1, keepdim=True).clamp(min=1e-6)
         return torch.einsum(
-            "mck,...mk->...mc", self.matrices, wanted * torch.tanh(length) / length
+            "mck,...mk->...mc", self.matrices, desired * torch.tanh(length) / length
         )
 
 
@@ -112,14 +112,14 @@ class TorchC2A(nn.Module):
         self.labels = tensor(module_labels(len(model.sum_and_range.neutral)))[:, None]
 
     def forward(
-        self, wanted: Tensor, configurations: Tensor, actions: Tensor
+        self, desired: Tensor, configurations: Tensor, actions: Tensor
     ) -> Tensor:
-        """Normalised actions, shape (batch, modules, cables), from what is wanted and what was sensed and done."""
+        """Normalized actions, shape (batch, modules, cables), from what is desired and what was sensed and done."""
         parts = [
-            self.configuration_scaling.forward(wanted),
+            self.configuration_scaling.forward(desired),
             self.configuration_scaling.forward(configurations).flatten(-2),
             actions.flatten(-2),
-            self.labels.expand(*wanted.shape[:-1], 1),
+            self.labels.expand(*desired.shape[:-1], 1),
         ]
         return self.layer(self.network(torch.cat(parts, dim=-1)))
 

@@ -55,11 +55,11 @@ class TorchPlanner:
     def plan(self, last: Tensor, goal: TorchGoal) -> Tensor:
         """The next configuration after the last one, shape (modules, 3)."""
         configurations = last.clone().requires_grad_()
-        optimiser = torch.optim.Adam([configurations], lr=self._solver.learning_rate)
+        optimizer = torch.optim.Adam([configurations], lr=self._solver.learning_rate)
         for _ in range(self._solver.iterations):
-            optimiser.zero_grad()
+            optimizer.zero_grad()
             self._objective(configurations, last, goal).backward()
-            optimiser.step()
+            optimizer.step()
             with torch.no_grad():
                 configurations /= torch.linalg.norm(
                     configurations, dim=-1, keepdim=True
@@ -81,9 +81,9 @@ class TorchPlanner:
         )
         return targets + goal.change_weight * change
 
-    def _within_limits(self, wanted: Tensor, last: Tensor) -> Tensor:
+    def _within_limits(self, desired: Tensor, last: Tensor) -> Tensor:
         start = _bends(last)
-        change = _limited(_bends(wanted), self._bend_limits) - start
+        change = _limited(_bends(desired), self._bend_limits) - start
         return _configurations(start + _limited(change, self._longest_step))
 
 

@@ -46,7 +46,7 @@ class TorchTraining:
         self._size = options.batch_size
         self._training = training
         self._validation = validation
-        self._optimiser = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
+        self._optimizer = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
         self.best_loss = float("inf")
 
     def epoch(self) -> float:
@@ -82,11 +82,11 @@ class TorchTraining:
 
     def _steps(self, batches: Tensor) -> None:
         for picked in batches:
-            self._optimiser.zero_grad()
+            self._optimizer.zero_grad()
             self._loss(
                 {name: values[picked] for name, values in self._training.items()}, True
             ).backward()
-            self._optimiser.step()
+            self._optimizer.step()
 
 
 def trainings(
@@ -141,7 +141,7 @@ def c2a_training(
     )
     blank = recipe.c2a.untrained(arm, key)
     ours = C2A(
-        blank.network, Scaling.of(split.training.inputs["wanted"]), blank.sum_and_range
+        blank.network, Scaling.of(split.training.inputs["desired"]), blank.sum_and_range
     )
     model = TorchC2A(ours)
 
@@ -151,14 +151,14 @@ def c2a_training(
             actions = actions + recipe.history_noise * torch.randn_like(actions)
         return torch.mean(
             (
-                model(batch["wanted"], batch["configurations"], actions)
+                model(batch["desired"], batch["configurations"], actions)
                 - batch["targets"]
             )
             ** 2
         )
 
     seen, held_out = (
-        _batch(_normalised(part, blank.sum_and_range))
+        _batch(_normalized(part, blank.sum_and_range))
         for part in (split.training, split.validation)
     )
     _check_same(ours, model, {name: values[:COMPARED] for name, values in seen.items()})
@@ -167,16 +167,16 @@ def c2a_training(
 
 def _check_same(ours: C2A, theirs: TorchC2A, batch: Batch) -> None:
     """Both networks say the same, or comparing them says nothing."""
-    wanted, configurations, actions = (
-        batch[name] for name in ("wanted", "configurations", "actions")
+    desired, configurations, actions = (
+        batch[name] for name in ("desired", "configurations", "actions")
     )
     with torch.no_grad():
-        said = theirs(wanted, configurations, actions).numpy()
+        said = theirs(desired, configurations, actions).numpy()
     history = History(configurations.numpy(), actions.numpy())
-    np.testing.assert_allclose(said, ours(wanted.numpy(), history), atol=1e-5)
+    np.testing.assert_allclose(said, ours(desired.numpy(), history), atol=1e-5)
 
 
-def _normalised(samples: Samples, layer: SumAndRange) -> Samples:
+def _normalized(samples: Samples, layer: SumAndRange) -> Samples:
     """Actions in the network's units; past ones have an axis of ages before their cables."""
     neutral = np.asarray(layer.neutral)
     unit = np.asarray(layer.unit)

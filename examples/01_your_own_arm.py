@@ -30,8 +30,8 @@ check_robot(robot)
 
 with robot:
     # rad: module I towards x, module II towards -y
-    wanted = np.array([[0.6, 0.0], [0.0, -0.4]])
-    action = np.asarray(PCC.of(arm).actions(wanted))
+    desired = np.array([[0.6, 0.0], [0.0, -0.4]])
+    action = np.asarray(PCC.of(arm).actions(desired))
     for _ in range(30):
         robot.step(action)  # send, and let one control period pass
     for number, state in enumerate(robot.read()["states"], start=1):

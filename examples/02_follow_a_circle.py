@@ -27,5 +27,5 @@ strategy = s2c2a_strategy(networks)
 
 task = circle(arm)
 run = rollout(SimulatedRobot(arm), strategy, task)
-errors = position_errors(run.after("states"), task.wanted_positions())
+errors = position_errors(run.after("states"), task.desired_positions())
 print(f"{errors.mean():.1f} cm from the circle on average")

@@ -44,7 +44,7 @@ print_scores(figure_of_eight(arm))
 Path("my_path.csv").write_text(
     "time,x,y,z\n0,0,0,0.6\n2,0.1,0,0.58\n4,0.1,0.1,0.56\n6,0,0,0.7\n"
 )
-# metres and seconds; axes and other modules are further columns
+# meters and seconds; axes and other modules are further columns
 tracks = load_waypoints("my_path.csv")
 for far in out_of_reach(tracks, arm):
     print(f"at {far.time:g} s the target is {100 * far.gap:.0f} cm out of reach")

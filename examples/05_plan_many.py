@@ -25,10 +25,10 @@ print(
     f"one step towards {len(targets)} targets: configurations of shape {plans.configurations.shape}"
 )
 
-wanted = (
+desired = (
     Goal.of(arm.module_count).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
 )
-best = planner.best(starts, wanted, steps=40)
+best = planner.best(starts, desired, steps=40)
 print(
     f"upright but low: start {best.start} ends best, {best.value:.3f} against {best.values.max():.3f} at worst"
 )

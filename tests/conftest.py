@@ -48,11 +48,11 @@ flag it does not know; those of jaxlib 0.7 to 0.10 know these.
 """
 EPISODES, SAMPLES = 6, 100
 # of memory; the system allows 65,530 to a process, and a compiled program takes a few
-MOST_MAPS = 30_000
+MAX_MAPS = 30_000
 NO_DIGEST = "0" * 64
 TINY, QUICK = (
     C2AOptions(layers=1, hidden=8),
-    FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6),
+    FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6),
 )
 
 
@@ -89,7 +89,7 @@ def _few_programs():
     """Let go of compiled programs between files, before there are so many that the system gives no more memory."""
     yield
     maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_text().count("\n") > MOST_MAPS:
+    if maps.exists() and maps.read_text().count("\n") > MAX_MAPS:
         jax.clear_caches()
         gc.collect()
 

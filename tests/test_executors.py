@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.executors import Processes, Serial, Threads, all_cores, in_order, most_begun
+from s2c2a.executors import Processes, Serial, Threads, all_cores, in_order, max_begun
 
 EXECUTORS = {
     "serial": Serial,
@@ -67,7 +67,7 @@ def test_no_more_is_begun_than_can_be_done_soon():
             executor, square, (taken.append(number) or number for number in range(100))
         )
         next(results)
-        assert len(taken) <= most_begun(executor) == 4
+        assert len(taken) <= max_begun(executor) == 4
         results.close()
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import TargetError
-from s2c2a.goals import MOST_OBSTACLES
+from s2c2a.goals import MAX_OBSTACLES
 from s2c2a.planning import Goal
 
 
@@ -40,7 +40,7 @@ def test_obstacles_fill_the_first_places_and_replace_the_last_ones():
     )
     np.testing.assert_allclose(goal.obstacles[0], [0.1, 0.2, 0.3], rtol=1e-6)
     np.testing.assert_allclose(
-        goal.thresholds, [0.05] + [0] * (MOST_OBSTACLES - 1), rtol=1e-6
+        goal.thresholds, [0.05] + [0] * (MAX_OBSTACLES - 1), rtol=1e-6
     )
     assert goal.obstacle_weight == 2.0
 
@@ -58,7 +58,7 @@ def test_changing_a_goal_leaves_the_old_one_as_it_was():
 def test_goals_of_one_arm_never_change_their_shapes_or_types():
     plain = Goal.of(3)
     full = plain.with_position([1, 2, 3], 2).with_axis((0, 1, 0), 1)
-    full = full.with_obstacles([[1, 1, 1]] * MOST_OBSTACLES, [1] * MOST_OBSTACLES, 3)
+    full = full.with_obstacles([[1, 1, 1]] * MAX_OBSTACLES, [1] * MAX_OBSTACLES, 3)
     assert [(part.shape, part.dtype) for part in map(np.asarray, plain)] == [
         (part.shape, part.dtype) for part in map(np.asarray, full)
     ]
@@ -129,7 +129,7 @@ def test_more_obstacles_than_there_is_room_for_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("centres", "thresholds"),
+    ("centers", "thresholds"),
     [
         ([[0, 0, 1]], [0.1, 0.2]),
         ([[0, 0]], [0.1]),
@@ -137,14 +137,14 @@ def test_more_obstacles_than_there_is_room_for_are_refused():
         ([[0, 0, 1]], 0.1),
     ],
 )
-def test_obstacles_whose_shapes_do_not_fit_are_refused(centres, thresholds):
-    with pytest.raises(TargetError, match=r"give \(n, 3\) centres"):
-        Goal.of(3).with_obstacles(centres, thresholds)
+def test_obstacles_whose_shapes_do_not_fit_are_refused(centers, thresholds):
+    with pytest.raises(TargetError, match=r"give \(n, 3\) centers"):
+        Goal.of(3).with_obstacles(centers, thresholds)
 
 
 @pytest.mark.parametrize(
-    ("centre", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)]
+    ("center", "threshold"), [([0, 0, np.nan], 0.1), ([0, 0, 1], np.inf)]
 )
-def test_obstacles_that_are_not_finite_are_refused(centre, threshold):
+def test_obstacles_that_are_not_finite_are_refused(center, threshold):
     with pytest.raises(TargetError, match="must be finite"):
-        Goal.of(3).with_obstacles([centre], [threshold])
+        Goal.of(3).with_obstacles([center], [threshold])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import platformdirs
 
-MOST_BYTES_OF_PROGRAMS = 500_000_000
+MAX_BYTES_OF_PROGRAMS = 500_000_000
 
 
 def cache_folder() -> Path:
@@ -23,7 +23,7 @@ def keep_programs() -> None:
     folder = cache_folder() / "programs"
     settings = {
         "JAX_COMPILATION_CACHE_DIR": folder,
-        "JAX_COMPILATION_CACHE_MAX_SIZE": MOST_BYTES_OF_PROGRAMS,
+        "JAX_COMPILATION_CACHE_MAX_SIZE": MAX_BYTES_OF_PROGRAMS,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": 0.05,
     }
     if not any(name in os.environ for name in settings):

@@ -53,7 +53,7 @@ class SimulationError(S2C2AError):
 
     Attributes:
         step: control step, counted from the last `open`, in which it happened.
-        last_states: the last good states, shape (modules, 6), base frame, metres; None
+        last_states: the last good states, shape (modules, 6), base frame, meters; None
             before the first.
     """
 

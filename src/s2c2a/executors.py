@@ -128,7 +128,7 @@ def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
     return otherwise() if count is None else count
 
 
-def most_begun(executor: Executor) -> int:
+def max_begun(executor: Executor) -> int:
     """How many calls may be begun and not yet handed over, now; in this process none before the last is handed over."""
     return (
         1
@@ -149,7 +149,7 @@ def in_order(
     try:
         for one in given:
             begun.append(executor.submit(work, one))
-            while len(begun) >= most_begun(executor):
+            while len(begun) >= max_begun(executor):
                 yield begun.popleft().result()
         while begun:
             yield begun.popleft().result()

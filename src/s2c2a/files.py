@@ -10,14 +10,14 @@ from typing import Any
 
 from s2c2a.errors import S2C2AError
 
-MOST_TEXT = 1_000_000
+MAX_TEXT = 1_000_000
 """Bytes of a file of text, where nothing else is said."""
 # in a line of TOML: what a dotted key costs grows with the square of its parts
-MOST_DOTS = 1000
+MAX_DOTS = 1000
 
 
 def read_text(
-    path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MOST_TEXT
+    path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MAX_TEXT
 ) -> str:
     """The text of a file; of an endless one no more is read than allowed.
 
@@ -55,8 +55,8 @@ def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
         S2C2AError: it is none.
     """
     try:
-        if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
-            raise ValueError(f"a line with more than {MOST_DOTS} dots")
+        if any(line.count(".") > MAX_DOTS for line in text.splitlines()):
+            raise ValueError(f"a line with more than {MAX_DOTS} dots")
         # such numbers cannot even be shown in an error
         if re.search(r"0[xob]\w{400}", text):
             raise ValueError("a whole number of hundreds of digits")

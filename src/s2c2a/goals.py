@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.errors import TargetError
 
-MOST_OBSTACLES = 64
+MAX_OBSTACLES = 64
 LARGEST = 1e6
 """A position [m], weight or threshold beyond it is a slip, and would not be a number
 any more once it is squared."""
@@ -19,14 +19,14 @@ class Goal(NamedTuple):
     """A goal for one control step; build it with `Goal.of`, change it with `with_...`.
 
     Attributes:
-        positions: wanted module ends [m], base frame, shape (modules, 3).
+        positions: desired module ends [m], base frame, shape (modules, 3).
         position_weights: mu_p of every module; zero where nothing is asked, shape
             (modules,).
-        axes: wanted end axes, base frame, shape (modules, 3).
+        axes: desired end axes, base frame, shape (modules, 3).
         axis_weights: mu_o of every module, shape (modules,).
-        obstacles: centres [m], base frame, shape (MOST_OBSTACLES, 3).
+        obstacles: centers [m], base frame, shape (MAX_OBSTACLES, 3).
         thresholds: r of every obstacle [m]; zero where there is none, shape
-            (MOST_OBSTACLES,).
+            (MAX_OBSTACLES,).
         obstacle_weight: mu_ob.
         change_weight: mu_d.
     """
@@ -48,8 +48,8 @@ class Goal(NamedTuple):
             position_weights=np.zeros(modules, np.float32),
             axes=np.tile(np.array([0, 0, 1], np.float32), (modules, 1)),
             axis_weights=np.zeros(modules, np.float32),
-            obstacles=np.zeros((MOST_OBSTACLES, 3), np.float32),
-            thresholds=np.zeros(MOST_OBSTACLES, np.float32),
+            obstacles=np.zeros((MAX_OBSTACLES, 3), np.float32),
+            thresholds=np.zeros(MAX_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=np.array(_weight(change_weight), np.float32),
         )
@@ -93,20 +93,18 @@ class Goal(NamedTuple):
             )
         return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
 
-    def wanted_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
-        """Wanted module ends [m], base frame; NaN where nothing is asked."""
+    def desired_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Desired module ends [m], base frame; NaN where nothing is asked."""
         return np.where(self.position_weights[..., None] > 0, self.positions, np.nan)
 
-    def wanted_axes(self) -> Float[np.ndarray, "*goals modules 3"]:
-        """Wanted end axes, base frame; NaN where nothing is asked."""
+    def desired_axes(self) -> Float[np.ndarray, "*goals modules 3"]:
+        """Desired end axes, base frame; NaN where nothing is asked."""
         return np.where(self.axis_weights[..., None] > 0, self.axes, np.nan)
 
     def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
-        """Centres and thresholds [m], base frame, of those that any goal has."""
+        """Centers and thresholds [m], base frame, of those that any goal has."""
         every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
-        return every[
-            ..., self.thresholds.reshape(-1, MOST_OBSTACLES).max(axis=0) > 0, :
-        ]
+        return every[..., self.thresholds.reshape(-1, MAX_OBSTACLES).max(axis=0) > 0, :]
 
     def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
         """The same with other values of one module, by field."""
@@ -120,23 +118,23 @@ class Goal(NamedTuple):
             changed[name][module] = value
         return self._replace(**changed)
 
-    def with_obstacles(self, centres, thresholds, weight: float = 1.0) -> "Goal":
-        """Replace the obstacles: centres [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
+    def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
+        """Replace the obstacles: centers [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
 
         Raises:
             TargetError: too many, or not finite numbers of these shapes.
         """
-        centres = _numbers(centres, "obstacles")
+        centers = _numbers(centers, "obstacles")
         thresholds = _numbers(thresholds, "thresholds of obstacles")
         count = thresholds.size
         if (
             thresholds.shape != (count,)
-            or centres.shape not in ((count, 3), (0,))
-            or count > MOST_OBSTACLES
+            or centers.shape not in ((count, 3), (0,))
+            or count > MAX_OBSTACLES
         ):
             raise TargetError(
-                f"obstacles of shape {centres.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centres "
-                f"and n thresholds, n at most {MOST_OBSTACLES}"
+                f"obstacles of shape {centers.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centers "
+                f"and n thresholds, n at most {MAX_OBSTACLES}"
             )
         if (thresholds < 0).any():
             raise TargetError(
@@ -144,7 +142,7 @@ class Goal(NamedTuple):
             )
         goal = Goal.of(len(self.positions))
         return self._replace(
-            obstacles=np.concatenate([centres.reshape(-1, 3), goal.obstacles[count:]]),
+            obstacles=np.concatenate([centers.reshape(-1, 3), goal.obstacles[count:]]),
             thresholds=np.concatenate([thresholds, goal.thresholds[count:]]),
             obstacle_weight=np.array(_weight(weight), np.float32),
         )

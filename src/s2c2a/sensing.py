@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.extensions import found
+from s2c2a.plugins import found
 from s2c2a.kinematics import PCC, configurations_from_bends, configurations_from_states
 from s2c2a.spaces import Reading
 

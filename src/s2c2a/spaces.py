@@ -33,8 +33,8 @@ eq. (8))."""
 ACTION_HISTORY = 5
 """How many actions C2A looks back on, A_{t-1} to A_{t-5} (the same)."""
 
-CENTRE_LINE_POINTS = 5
-"""Points of each module's centre line that are watched and guarded, evenly spaced, the
+CENTER_LINE_POINTS = 5
+"""Points of each module's center line that are watched and guarded, evenly spaced, the
 last one at its end."""
 
 States = Float[np.ndarray, "*batch modules 6"]
@@ -102,13 +102,13 @@ class Reading:
     | `states`         | true states, base frame: motion capture, or simulation          | (modules, 6)       | m, 1   |
     | `configurations` | true configurations                                             | (modules, 3)       | 1      |
     | `tensions`       | tensions of the cables as the motors' currents tell them        | (modules, cables)  | N      |
-    | `centre_line`    | where the true centre line was since the last reading, the      | (moments, points,  | m      |
-    |                  | newest last; `CENTRE_LINE_POINTS` a module from base to tip     | 3)                 |        |
+    | `center_line`    | where the true center line was since the last reading, the      | (moments, points,  | m      |
+    |                  | newest last; `CENTER_LINE_POINTS` a module from base to tip     | 3)                 |        |
     | `accelerations`, | what inertial sensors at modules' ends felt since the last      | (samples, modules, | m/s2,  |
-    | `turn_rates`     | reading, in module frames there; at rest they accelerate upward | 3)                 | rad/s  |
-    | `seen`           | ends as a camera saw them, NaN where it did not, base frame; in | (modules, 3)       | m      |
+    | `angular_velocities`     | reading, in module frames there; at rest they accelerate upward | 3)                 | rad/s  |
+    | `camera_positions`           | ends as a camera saw them, NaN where it did not, base frame; in | (modules, 3)       | m      |
     |                  | readings that no picture came with it is absent                 |                    |        |
-    | `seen_age`       | how old that picture is                                         | ()                 | s      |
+    | `camera_age`       | how old that picture is                                         | ()                 | s      |
     | `flex`           | what strips along the modules say of how far they bend          | (modules, strips)  | rad    |
 
     Attributes:

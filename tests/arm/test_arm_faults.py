@@ -64,7 +64,7 @@ def test_an_unknown_key_is_named_with_its_path(path):
         ("modules.0.bending_stiffness", 0.00016),
         ("modules.0.cable.stiffness", 6.0),
         ("modules.0.cable.stiffness", 6e6),
-        ("modules.0.cable.play", 0.5),
+        ("modules.0.cable.backlash", 0.5),
         ("motor.pulley_radius", 10.0),
         ("control_rate", 10000.0),
     ],
@@ -158,10 +158,10 @@ def test_a_tension_arm_needs_its_tension_range():
     )
 
 
-@pytest.mark.parametrize(("key", "value"), [("play", 0.001), ("creep", 0.2)])
+@pytest.mark.parametrize(("key", "value"), [("backlash", 0.001), ("creep", 0.2)])
 def test_a_tension_arm_has_neither_play_nor_creep(key, value):
     fault = fault_in(with_value(SIMULATED, "modules.2.cable", {key: value}))
-    assert "modules.2.cable has play or creep" in fault
+    assert "modules.2.cable has backlash or creep" in fault
 
 
 def test_a_tension_arm_may_have_friction():

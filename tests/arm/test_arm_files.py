@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from s2c2a.arm import (
     ArmSpec,
     Cable,
-    Flaws,
+    Mismatch,
     Module,
     Motor,
     arm_from_toml,
@@ -38,7 +38,9 @@ def modules(draw, cables: int, tension: bool):
     layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(
         lambda a: largest_gap_deg(a) < 179
     )
-    slips = {} if tension else {"play": each(0, 0.02, cables), "creep": between(0, 0.9)}
+    slips = (
+        {} if tension else {"backlash": each(0, 0.02, cables), "creep": between(0, 0.9)}
+    )
     return Module(
         length=draw(between(0.3, 2)),
         cable_radius=draw(between(0.0015, 0.3)),
@@ -51,9 +53,9 @@ def modules(draw, cables: int, tension: bool):
         tension_range=draw(
             between(0.05, 500) if tension else maybe(between(0.05, 500))
         ),
-        flaws=draw(
+        mismatch=draw(
             st.builds(
-                Flaws,
+                Mismatch,
                 coupling=maybe(between(0, 1)),
                 radius_errors=each(-0.5, 0.5, cables),
             )
@@ -193,12 +195,12 @@ def test_arms_that_differ_in_name_alone_are_the_same_body():
     arm = load_arm("twin_arm")
     renamed = arm.model_copy(update={"name": "other", "description": "copied"})
     assert renamed != arm
-    assert renamed.same_body(arm)
+    assert renamed.same_mechanics(arm)
     assert renamed.differences(arm) == []
 
 
 def test_arms_say_in_which_keys_they_differ():
     arm = load_arm("twin_arm")
     other = arm.model_copy(update={"control_rate": 20.0, "modules": arm.modules[:2]})
-    assert not arm.same_body(other)
+    assert not arm.same_mechanics(other)
     assert arm.differences(other) == ["control_rate", "modules"]

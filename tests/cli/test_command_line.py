@@ -49,7 +49,7 @@ def test_every_verb_explains_itself(verb, capsys):
     assert "usage" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("table", [*TABLES, "all", "unknown-arms"])
+@pytest.mark.parametrize("table", [*TABLES, "all", "randomised-arms"])
 def test_every_table_explains_itself(table, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["reproduce", table, "--help"])
@@ -123,7 +123,7 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
     assert (tmp_path / "two.episodes.png").exists()
     quick = tmp_path / "quick.toml"
     quick.write_text(
-        'based_on = "best"\nc2s.points = 200\nc2s_fit.most_epochs = 10\nc2a_fit.most_epochs = 10\n'
+        'based_on = "best"\nc2s.points = 200\nc2s_fit.max_epochs = 10\nc2a_fit.max_epochs = 10\n'
     )
     run("train", str(recording), "--recipe", str(quick), "--out", str(strategy))
     assert (tmp_path / "two.safetensors.png").exists()

@@ -59,7 +59,7 @@ def test_it_writes_an_arm_that_errs_less_and_says_by_how_much(files, capsys):
     [
         ((), "exists"),
         (("--overwrite", "--rows", "10"), "say --settling"),
-        (("--overwrite", "--fit", "colour"), "choose from stiffness"),
+        (("--overwrite", "--fit", "color"), "choose from stiffness"),
         (("--overwrite", "--settling", "-1"), "s to settle"),
         (("--overwrite", "--arm", "twin_arm"), "give the arm that was recorded"),
     ],

@@ -66,11 +66,11 @@ def shouting(arm, towards):
     )
 
 
-def drive(controller, sensed, wanted):
+def drive(controller, sensed, desired):
     """Actions and memories over the steps, the first memory first."""
     memory = start(controller, sensed[0])
     actions, memories = [], [memory]
-    for one, aim in zip(sensed, wanted, strict=True):
+    for one, aim in zip(sensed, desired, strict=True):
         action, memory = act(controller, aim, one, memory)
         actions.append(np.asarray(action))
         memories.append(memory)
@@ -148,11 +148,11 @@ def test_the_history_starts_filled_with_the_first_values(arm):
 
 def test_the_history_shifts_youngest_first():
     random = np.random.default_rng(0)
-    sensed, wanted = random.normal(size=(2, 7, 3, 3)).astype(np.float32)
+    sensed, desired = random.normal(size=(2, 7, 3, 3)).astype(np.float32)
     controller = network_controller(TWIN)
-    actions, memories = drive(controller, sensed, wanted)
-    normalised = [
-        np.asarray(controller.network.sum_and_range.normalised(action))
+    actions, memories = drive(controller, sensed, desired)
+    normalized = [
+        np.asarray(controller.network.sum_and_range.normalized(action))
         for action in actions
     ]
     for age in range(4):
@@ -161,7 +161,7 @@ def test_the_history_shifts_youngest_first():
         )
     for age in range(5):
         np.testing.assert_allclose(
-            memories[-1].actions[:, age], normalised[6 - age], atol=1e-6
+            memories[-1].actions[:, age], normalized[6 - age], atol=1e-6
         )
 
 
@@ -175,14 +175,14 @@ def test_the_oldest_values_are_the_first_ones_until_they_are_pushed_out():
 
 def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_before():
     """Eq. (8): C_t to C_t-3 and A_t-1 to A_t-5."""
-    sensed, wanted = (
+    sensed, desired = (
         np.random.default_rng(2).normal(size=(2, 4, 3, 3)).astype(np.float32)
     )
     controller = network_controller(TWIN)
-    actions, memories = drive(controller, sensed, wanted)
+    actions, memories = drive(controller, sensed, desired)
     configurations = np.stack([sensed[3], sensed[2], sensed[1], sensed[0]], axis=1)
     said = eqx.filter_jit(controller.network)(
-        wanted[3], History(jnp.asarray(configurations), memories[3].actions)
+        desired[3], History(jnp.asarray(configurations), memories[3].actions)
     )
     np.testing.assert_allclose(
         controller.network.sum_and_range.actions(said), actions[3], atol=1e-7
@@ -190,7 +190,7 @@ def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_befo
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
-def test_normalised_actions_in_the_history_stay_in_range(arm):
+def test_normalized_actions_in_the_history_stay_in_range(arm):
     loud = shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
     _, memories = drive(
         loud, np.repeat(STRAIGHT[None], 3, axis=0), np.repeat(BENT[None], 3, axis=0)
@@ -211,8 +211,8 @@ def test_actions_of_the_loudest_network_stay_within_the_limits_of_the_arm(arm):
 
 def test_displacements_of_a_network_keep_the_length_of_every_module():
     """Eq. (1)."""
-    sensed, wanted = (
+    sensed, desired = (
         np.random.default_rng(3).normal(size=(2, 3, 3, 3)).astype(np.float32)
     )
-    actions, _ = drive(network_controller(TWIN), sensed, wanted)
+    actions, _ = drive(network_controller(TWIN), sensed, desired)
     np.testing.assert_allclose(np.sum(actions, axis=-1), 0.0, atol=1e-8)

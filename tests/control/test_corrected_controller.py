@@ -12,7 +12,7 @@ from s2c2a.kinematics import PCC, bends_from_configurations, configurations_from
 TWIN = load_arm("twin_arm")
 MAP = PCC.of(TWIN)
 INNER = InversePCC(MAP, jnp.ones(3))
-WANTED = np.array([[0.3, 0.1], [-0.2, 0.25], [0.0, 0.4]], np.float32)
+DESIRED = np.array([[0.3, 0.1], [-0.2, 0.25], [0.0, 0.4]], np.float32)
 OFFSET = np.array([[0.05, 0.0], [0.0, -0.04], [0.03, 0.03]], np.float32)
 STRAIGHT = np.zeros((3, 2), np.float32)
 act = eqx.filter_jit(lambda controller, *inputs: controller.act(*inputs))
@@ -22,12 +22,12 @@ def axes(bends):
     return configurations_from_bends(jnp.asarray(bends, dtype=jnp.float32))
 
 
-def drive(controller, plant, wanted, steps, first=STRAIGHT):
-    """Bends of a plant, bends of the cables -> bends, and offsets, over the steps; `wanted` says what of a step."""
+def drive(controller, plant, desired, steps, first=STRAIGHT):
+    """Bends of a plant, bends of the cables -> bends, and offsets, over the steps; `desired` says what of a step."""
     bends, memory = np.asarray(first), controller.start(axes(first))
     reached, offsets = [], []
     for step in range(steps):
-        action, memory = act(controller, axes(wanted(step)), axes(bends), memory)
+        action, memory = act(controller, axes(desired(step)), axes(bends), memory)
         bends = plant(np.asarray(MAP.bends(action)))
         reached.append(bends)
         offsets.append(np.asarray(memory.offset))
@@ -35,7 +35,7 @@ def drive(controller, plant, wanted, steps, first=STRAIGHT):
 
 
 def held(step):
-    return WANTED
+    return DESIRED
 
 
 def test_a_constant_offset_is_integrated_away():
@@ -43,9 +43,9 @@ def test_a_constant_offset_is_integrated_away():
     reached, offsets = drive(
         CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, held, 60
     )
-    np.testing.assert_allclose(reached[0] - WANTED, OFFSET, atol=1e-5)
-    np.testing.assert_allclose(reached[10] - WANTED, 0.8**10 * OFFSET, atol=1e-4)
-    np.testing.assert_allclose(reached[-1], WANTED, atol=1e-4)
+    np.testing.assert_allclose(reached[0] - DESIRED, OFFSET, atol=1e-5)
+    np.testing.assert_allclose(reached[10] - DESIRED, 0.8**10 * OFFSET, atol=1e-4)
+    np.testing.assert_allclose(reached[-1], DESIRED, atol=1e-4)
     np.testing.assert_allclose(offsets[-1], -OFFSET, atol=1e-4)
 
 
@@ -53,7 +53,9 @@ def test_without_a_correction_the_offset_stays():
     reached, _ = drive(
         CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, held, 20
     )
-    np.testing.assert_allclose(reached, np.tile(WANTED + OFFSET, (20, 1, 1)), atol=1e-5)
+    np.testing.assert_allclose(
+        reached, np.tile(DESIRED + OFFSET, (20, 1, 1)), atol=1e-5
+    )
 
 
 def test_a_gain_that_is_too_small_in_the_plant_is_made_up_for():
@@ -63,7 +65,7 @@ def test_a_gain_that_is_too_small_in_the_plant_is_made_up_for():
         held,
         80,
     )
-    np.testing.assert_allclose(reached[-1], WANTED, atol=1e-3)
+    np.testing.assert_allclose(reached[-1], DESIRED, atol=1e-3)
 
 
 @pytest.mark.parametrize("largest", [0.1, 0.02])
@@ -74,7 +76,7 @@ def test_an_offset_never_grows_longer_than_its_bound(largest):
     lengths = np.linalg.norm(offsets, axis=-1)
     assert lengths.max() <= largest + 1e-6
     np.testing.assert_allclose(lengths[-1], largest, atol=1e-6)
-    directions = WANTED / np.linalg.norm(WANTED, axis=-1, keepdims=True)
+    directions = DESIRED / np.linalg.norm(DESIRED, axis=-1, keepdims=True)
     np.testing.assert_allclose(offsets[-1], largest * directions, atol=1e-5)
 
 
@@ -82,8 +84,8 @@ def test_an_offset_at_its_bound_comes_back_as_soon_as_the_error_turns():
     controller = CorrectedController(INNER, 0.2)
     memory = controller.start(axes(STRAIGHT))
     for _ in range(50):
-        _, memory = act(controller, axes(WANTED), axes(STRAIGHT), memory)
-    _, after = act(controller, axes(WANTED), axes(2 * WANTED), memory)
+        _, memory = act(controller, axes(DESIRED), axes(STRAIGHT), memory)
+    _, after = act(controller, axes(DESIRED), axes(2 * DESIRED), memory)
     assert (
         np.linalg.norm(after.offset, axis=-1)
         < np.linalg.norm(memory.offset, axis=-1) - 0.01
@@ -91,35 +93,35 @@ def test_an_offset_at_its_bound_comes_back_as_soon_as_the_error_turns():
 
 
 def test_without_an_error_it_acts_as_the_controller_inside():
-    """A plant that does what is wanted, along a way."""
+    """A plant that does what is desired, along a way."""
     controller, sensed = CorrectedController(INNER, 0.2), STRAIGHT
     memory = controller.start(axes(sensed))
     for share in np.linspace(0.1, 1.0, 10):
-        wanted = share * WANTED
-        action, memory = act(controller, axes(wanted), axes(sensed), memory)
-        expected, _ = INNER.act(axes(wanted), axes(sensed), ())
+        desired = share * DESIRED
+        action, memory = act(controller, axes(desired), axes(sensed), memory)
+        expected, _ = INNER.act(axes(desired), axes(sensed), ())
         np.testing.assert_allclose(action, expected, atol=1e-7)
         np.testing.assert_allclose(memory.offset, 0.0, atol=1e-5)
-        sensed = wanted
+        sensed = desired
 
 
 def test_at_the_start_there_is_no_error_wherever_the_arm_stands():
     controller = CorrectedController(INNER, 0.2)
-    bent = axes(WANTED + 0.3)
-    _, memory = act(controller, axes(WANTED), bent, controller.start(bent))
+    bent = axes(DESIRED + 0.3)
+    _, memory = act(controller, axes(DESIRED), bent, controller.start(bent))
     np.testing.assert_allclose(memory.offset, 0.0, atol=1e-6)
 
 
-def test_an_error_is_told_by_what_was_wanted_a_step_before():
-    """Wanted now, sensed next: a plan that moves on is not taken for an error."""
+def test_an_error_is_told_by_what_was_desired_a_step_before():
+    """Desired now, sensed next: a plan that moves on is not taken for an error."""
     reached, offsets = drive(
         CorrectedController(INNER, 0.2),
         lambda bends: bends,
-        lambda step: 0.05 * step * WANTED,
+        lambda step: 0.05 * step * DESIRED,
         20,
     )
     np.testing.assert_allclose(offsets, 0.0, atol=1e-5)
-    np.testing.assert_allclose(reached[-1], 0.95 * WANTED, atol=1e-5)
+    np.testing.assert_allclose(reached[-1], 0.95 * DESIRED, atol=1e-5)
 
 
 def test_the_memory_of_the_controller_inside_travels_along():
@@ -127,11 +129,11 @@ def test_the_memory_of_the_controller_inside_travels_along():
         def start(self, sensed):
             return jnp.zeros(())
 
-        def act(self, wanted, sensed, memory):
-            return jnp.sum(bends_from_configurations(wanted)), memory + 1.0
+        def act(self, desired, sensed, memory):
+            return jnp.sum(bends_from_configurations(desired)), memory + 1.0
 
     controller = CorrectedController(Counter(MAP, jnp.ones(3)), 0.2)
     memory = controller.start(axes(STRAIGHT))
     for _ in range(3):
-        _, memory = act(controller, axes(WANTED), axes(WANTED), memory)
+        _, memory = act(controller, axes(DESIRED), axes(DESIRED), memory)
     assert float(memory.inner) == 3.0

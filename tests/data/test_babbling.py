@@ -70,8 +70,8 @@ def test_bends_stay_within_the_disc_and_reach_its_rim_in_every_direction(twin):
     directions = np.arctan2(asked[:, 1], asked[:, 0])
     lengths = np.linalg.norm(asked, axis=-1)
     farthest = [
-        lengths[np.abs(directions - centre) < np.pi / 8].max()
-        for centre in np.linspace(-2.7, 2.7, 8)
+        lengths[np.abs(directions - center) < np.pi / 8].max()
+        for center in np.linspace(-2.7, 2.7, 8)
     ]
     assert lengths.max() <= 1 + 1e-9
     assert min(farthest) > 0.8
@@ -203,7 +203,7 @@ def test_speeds_are_mixed_evenly_on_a_logarithmic_scale():
 
 
 def test_points_of_the_disc_are_uniform():
-    """Half of them lie within 1 / sqrt(2) of the centre, a quarter in each quadrant."""
+    """Half of them lie within 1 / sqrt(2) of the center, a quarter in each quadrant."""
     random = np.random.default_rng(0)
     points = np.array([disc_point(random) for _ in range(8000)])
     assert np.mean(np.linalg.norm(points, axis=-1) < 0.5**0.5) == pytest.approx(

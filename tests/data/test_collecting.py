@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.arm.senses import Camera, Senses
+from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
 from s2c2a.episodes import EpisodeWriter
 from s2c2a.episodes import file as episode_file
@@ -151,11 +151,11 @@ def test_a_sensor_of_a_bodys_own_is_recorded_as_it_says(gather):
 def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
     arm = twin.model_copy(
         update={
-            "senses": Senses(camera=Camera(rate=5.0, lost=0.0, noise=0.0, delay=0.0))
+            "sensors": Sensors(camera=Camera(rate=5.0, lost=0.0, noise=0.0, delay=0.0))
         }
     )
     made = gather(arm=arm)
-    seen, true = made.sensor("seen"), made.sensor("states")[..., :3]
+    seen, true = made.sensor("camera_positions"), made.sensor("states")[..., :3]
     known = np.isfinite(seen)
     assert 0.3 < known.any(axis=(2, 3)).mean() < 0.6  # of samples, every other one
     assert not known[..., :2, :].any()  # of all but the tip

@@ -29,10 +29,10 @@ def moments_of(values) -> np.ndarray:
 
 
 @pytest.mark.parametrize("part", MOMENTS)
-def test_wanted_is_the_next_tip_and_the_target_the_action_of_the_moment(part):
+def test_desired_is_the_next_tip_and_the_target_the_action_of_the_moment(part):
     samples, now = getattr(SPLIT, part), np.array([*MOMENTS[part]] * 2)
     np.testing.assert_array_equal(moments_of(samples.targets[:, 0, 0]), now)
-    np.testing.assert_array_equal(moments_of(samples.inputs["wanted"][:, 0]), now + 1)
+    np.testing.assert_array_equal(moments_of(samples.inputs["desired"][:, 0]), now + 1)
 
 
 @pytest.mark.parametrize("part", MOMENTS)
@@ -48,7 +48,7 @@ def test_histories_hold_five_tips_and_the_five_actions_before_them_oldest_first(
 
 
 def test_one_window_at_the_start_of_an_episode_worked_in_full():
-    """Episode two, t = 2: tips at 0 0 0 1 2; three times neutral, then A_0 A_1; wanted p_3; target A_2."""
+    """Episode two, t = 2: tips at 0 0 0 1 2; three times neutral, then A_0 A_1; desired p_3; target A_2."""
     row = 69 + 2
     inputs = {name: values[row] for name, values in SPLIT.training.inputs.items()}
     np.testing.assert_array_equal(
@@ -56,7 +56,7 @@ def test_one_window_at_the_start_of_an_episode_worked_in_full():
     )
     np.testing.assert_array_equal(inputs["actions"][:3], [NEUTRAL] * 3)
     np.testing.assert_array_equal(inputs["actions"][3:, 1, 0], [20000.5, 20010.5])
-    np.testing.assert_allclose(inputs["wanted"], [20030, 20030.1, 20030.2], rtol=1e-7)
+    np.testing.assert_allclose(inputs["desired"], [20030, 20030.1, 20030.2], rtol=1e-7)
     np.testing.assert_allclose(
         SPLIT.training.targets[row, 1], [20020.5, 20020.6, 20020.7, 20020.8], rtol=1e-7
     )
@@ -74,7 +74,7 @@ def test_the_lstm_learns_the_very_actions_that_c2a_learns(part):
 def test_shapes_and_kind_of_numbers():
     samples = SPLIT.training
     shapes = {name: values.shape[1:] for name, values in samples.inputs.items()}
-    assert shapes == {"wanted": (3,), "positions": (5, 3), "actions": (5, 2, 4)}
+    assert shapes == {"desired": (3,), "positions": (5, 3), "actions": (5, 2, 4)}
     assert {values.dtype for values in (samples.targets, *samples.inputs.values())} == {
         np.dtype(np.float32)
     }

@@ -146,13 +146,13 @@ def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment(
         np.testing.assert_array_equal(samples.targets[:, 0], expected(moments, 6, 0.25))
 
 
-def test_the_target_is_the_action_of_the_moment_and_the_wanted_configuration_comes_next(
+def test_the_target_is_the_action_of_the_moment_and_the_desired_configuration_comes_next(
     part,
 ):
     samples, now = part
     np.testing.assert_array_equal(samples.targets[:, 0], expected(now, 4, 0.5))
     np.testing.assert_array_equal(
-        samples.inputs["wanted"][:, 0], expected([moment + 1 for moment in now], 3)
+        samples.inputs["desired"][:, 0], expected([moment + 1 for moment in now], 3)
     )
 
 
@@ -173,8 +173,8 @@ def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(
 ):
     samples, now = part
     then = np.array([moment - age - 1 for moment in now] * EPISODES)[:, None]
-    wanted = np.where(then >= 0, expected(then[: len(now), 0], 4, 0.5), NEUTRAL)
-    np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], wanted)
+    desired = np.where(then >= 0, expected(then[: len(now), 0], 4, 0.5), NEUTRAL)
+    np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], desired)
 
 
 def test_no_window_looks_over_the_border_of_a_stretch():
@@ -190,10 +190,10 @@ def test_no_window_looks_over_the_border_of_a_stretch():
 
 
 def test_one_window_worked_in_full():
-    """Episode two, t = 3: wanted C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
+    """Episode two, t = 3: desired C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
     samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
     np.testing.assert_array_equal(
-        samples.inputs["wanted"][row, 0], [20040, 20041, 20042]
+        samples.inputs["desired"][row, 0], [20040, 20041, 20042]
     )
     np.testing.assert_array_equal(
         samples.inputs["configurations"][row, 0, :, 0], [20030, 20020, 20010, 20000]
@@ -213,7 +213,7 @@ def test_shapes_hold_for_any_arm(recording):
         recording.sensor("configurations"), recording.actions, neutral
     ).training
     rows = episodes * (round(0.7 * samples) - 1)
-    assert training.inputs["wanted"].shape == (rows, modules, 3)
+    assert training.inputs["desired"].shape == (rows, modules, 3)
     assert training.inputs["configurations"].shape == (rows, modules, 4, 3)
     assert training.inputs["actions"].shape == (rows, modules, 5, cables)
     assert training.targets.shape == (rows, modules, cables)

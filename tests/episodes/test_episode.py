@@ -69,12 +69,12 @@ REFUSED = {
     "a sensed column of another shape": ({"sensed": np.zeros((STEPS, 3))}, "'sensed'"),
     "a plan of another shape": ({"planned": np.zeros((STEPS, 2, 3))}, "'planned'"),
     "an expectation of another shape": (
-        {"expected": np.zeros((STEPS, 3, 3))},
+        {"predicted": np.zeros((STEPS, 3, 3))},
         "'expected'",
     ),
     "targets of another shape": (
-        {"wanted_positions": np.zeros((STEPS, 3))},
-        "'wanted_positions'",
+        {"desired_positions": np.zeros((STEPS, 3))},
+        "'desired_positions'",
     ),
     "stages that are no numbers": ({"stage": np.zeros((STEPS, 2))}, "'stage'"),
     "actions that are not finite": (

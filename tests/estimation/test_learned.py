@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import arm_from_toml, arm_to_toml, load_arm
-from s2c2a.arm.senses import Flex, Raw, Senses
+from s2c2a.arm.sensors import Flex, Raw, Sensors
 from s2c2a.errors import ArmError, TrainingError
 from s2c2a.estimation import (
     Heard,
@@ -17,12 +17,12 @@ from s2c2a.estimation import (
     Swing,
     gains_of,
     learn_numbers,
-    learned_senses,
-    untrained_senses,
+    learned_sensors,
+    untrained_sensors,
 )
-from s2c2a.estimation.learned import PREFIX
+from s2c2a.estimation.learned_sensors import PREFIX
 from s2c2a.estimation.listening import Listener
-from s2c2a.estimation.senses import Shape
+from s2c2a.estimation.sensors import Shape
 from s2c2a.kinematics import PCCForwardModel, states_from_bends
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
@@ -36,7 +36,7 @@ OWN = Raw(name="pressure", shape=(2, 2))
 @pytest.fixture(scope="module")
 def arm():
     return load_arm("twin_arm").model_copy(
-        update={"senses": Senses(flex=Flex(), raw=(OWN,))}
+        update={"sensors": Sensors(flex=Flex(), raw=(OWN,))}
     )
 
 
@@ -76,7 +76,7 @@ def learned(arm, heard):
 
 @pytest.fixture(scope="module")
 def sense(arm, learned):
-    return learned_senses(arm, {f"{PREFIX}pressure": learned.network})[0]
+    return learned_sensors(arm, {f"{PREFIX}pressure": learned.network})[0]
 
 
 def standing(sense, bends) -> Shape:
@@ -143,7 +143,7 @@ def test_strips_of_a_bent_arm_say_it_each_in_its_own_way():
 
     def read(part, seed=0):
         robot = SimulatedRobot(
-            twin.model_copy(update={"senses": Senses(flex=part)}),
+            twin.model_copy(update={"sensors": Sensors(flex=part)}),
             seed=seed,
             payload=0.2,
         )
@@ -237,15 +237,15 @@ def test_files_keep_what_was_learned_and_do_without(arm, learned, tmp_path):
         load_strategy(tmp_path / f"{one}.safetensors", arm)
         for one in ("both", "without")
     )
-    assert [one.name for one in observer_of(kept).senses] == ["pressure"]
-    assert observer_of(without).senses == ()
+    assert [one.name for one in observer_of(kept).sensors] == ["pressure"]
+    assert observer_of(without).sensors == ()
     at = jnp.linspace(-0.5, 0.5, 6)
     np.testing.assert_array_equal(kept.networks[name](at), learned.network(at))
 
 
 def test_arm_files_say_it_and_names_are_ones_own(arm):
     assert arm_from_toml(arm_to_toml(arm)) == arm
-    assert set(untrained_senses(arm, KEY)) == {f"{PREFIX}flex", f"{PREFIX}pressure"}
+    assert set(untrained_sensors(arm, KEY)) == {f"{PREFIX}flex", f"{PREFIX}pressure"}
     twice = arm_to_toml(arm).replace('name = "pressure"', 'name = "flex"')
     with pytest.raises(ArmError, match="taken"):
         arm_from_toml(twice)

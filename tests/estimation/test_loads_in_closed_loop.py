@@ -1,4 +1,4 @@
-"""The twin with what nobody told: found by what it senses, and what goes wrong is left out."""
+"""The twin with what nobody told: found by what it sensors, and what goes wrong is left out."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.arm.senses import Inertial, Senses
+from s2c2a.arm.sensors import Inertial, Sensors
 from s2c2a.evaluation import position_errors, rollout
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
@@ -14,8 +14,8 @@ from s2c2a.strategies import Watched, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
 
 TWIN = load_arm("twin_arm")
-ARM = TWIN.model_copy(update={"senses": Senses(imu=Inertial())})
-INERTIAL = ("accelerations", "turn_rates")
+ARM = TWIN.model_copy(update={"sensors": Sensors(imu=Inertial())})
+INERTIAL = ("accelerations", "angular_velocities")
 FAULTY_FROM = 8.0  # s
 LOAD = 0.05  # kg
 
@@ -48,7 +48,7 @@ def run(strategy, load=0.0, fault="", arm=ARM, happens=""):
     robot, task = Failing(arm, payload=load, happens=happens), circle(arm)
     robot.fault = fault
     episode = rollout(robot, strategy, task)
-    return episode, position_errors(episode.after("states"), task.wanted_positions())
+    return episode, position_errors(episode.after("states"), task.desired_positions())
 
 
 def test_inertial_sensors_find_a_load_and_take_it_into_account(strategy):
@@ -72,7 +72,7 @@ def test_what_was_found_stays_when_they_fail(strategy, fault):
 
 def test_what_is_hung_on_while_it_works_is_a_load_and_no_fault(strategy):
     episode, errors = run(strategy, happens="4 load 0.1")
-    assert not episode.ran("left_out.imu")[-100:].any()
+    assert not episode.ran("rejected.imu")[-100:].any()
     assert episode.ran("load")[-1] == pytest.approx(0.1, rel=0.3)
     assert errors[-50:].mean() < 2.5
 

@@ -1,23 +1,23 @@
-"""Margins of the loop: promised ones are kept, by drawn arms and with every set of senses, and they mean something."""
+"""Margins of the loop: promised ones are kept, by randomized arms and with every set of sensors, and they mean something."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.arm.drawn import drawn_arm
-from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.arm.randomized import randomized_arm
+from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.estimation import (
     Observer,
     Swing,
     gains_of,
     margins_of,
-    senses_of,
+    sensors_of,
     with_margins,
 )
 from s2c2a.estimation.margins import (
-    MOST_DELAY,
-    MOST_GAIN,
+    MAX_DELAY,
+    MAX_GAIN,
     PROMISED,
     _filter_gain,
     _gain_margin,
@@ -25,12 +25,12 @@ from s2c2a.estimation.margins import (
     _stable,
 )
 
-ALL = Senses(imu=Inertial(), camera=Camera())
+ALL = Sensors(imu=Inertial(), camera=Camera())
 
 
 def watched(arm) -> Observer:
     springs = ArmGeometry.of(arm).cable_springs
-    return Observer.of(arm, gains_of(arm, Swing.nominal()), senses_of(arm, springs))
+    return Observer.of(arm, gains_of(arm, Swing.nominal()), sensors_of(arm, springs))
 
 
 def sensing(arm, what):
@@ -39,10 +39,10 @@ def sensing(arm, what):
     )
     parts = {
         "bends": {"sensing": "true"},
-        "imu": {"senses": Senses(imu=Inertial())},
-        "camera": {"senses": Senses(camera=Camera())},
+        "imu": {"sensors": Sensors(imu=Inertial())},
+        "camera": {"sensors": Sensors(camera=Camera())},
         "current": {"motor": motor},
-        "all": {"sensing": "true", "senses": ALL, "motor": motor},
+        "all": {"sensing": "true", "sensors": ALL, "motor": motor},
     }
     return arm.model_copy(update=parts[what])
 
@@ -50,7 +50,7 @@ def sensing(arm, what):
 @pytest.mark.parametrize("what", ["bends", "imu", "camera", "current", "all"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_drawn_arms_have_the_margins_that_are_promised(what, seed):
-    arm = sensing(drawn_arm(load_arm("twin_arm"), seed, 1.0), what)
+    arm = sensing(randomized_arm(load_arm("twin_arm"), seed, 1.0), what)
     margins = margins_of(arm, with_margins(arm, watched(arm)))
     assert margins.gain >= PROMISED.gain - 0.05
     assert margins.delay >= PROMISED.delay
@@ -66,8 +66,8 @@ def test_beyond_its_margin_the_loop_swings_and_within_it_does_not():
 
 def test_a_rash_observer_becomes_cautious():
     arm = sensing(load_arm("twin_arm"), "camera")
-    camera = arm.senses.camera.model_copy(update={"delay": 0.6})
-    late = arm.model_copy(update={"senses": Senses(camera=camera)})
+    camera = arm.sensors.camera.model_copy(update={"delay": 0.6})
+    late = arm.model_copy(update={"sensors": Sensors(camera=camera)})
     caution = np.asarray(with_margins(late, watched(late)).gains.caution)
     assert caution.max() > 1.0
     assert (np.diff(caution) >= 0).all()
@@ -76,5 +76,5 @@ def test_a_rash_observer_becomes_cautious():
 def test_nothing_that_is_sensed_is_no_loop():
     arm = load_arm("twin_arm")
     margins = margins_of(arm, watched(arm))
-    assert (margins.gain, margins.delay) == (MOST_GAIN, MOST_DELAY)
+    assert (margins.gain, margins.delay) == (MAX_GAIN, MAX_DELAY)
     assert not jnp.any(with_margins(arm, watched(arm)).gains.caution != 1.0)

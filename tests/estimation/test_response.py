@@ -9,13 +9,19 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.cli.response import cells, check_alone, check_response, kept, verdict
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Margins, Swing
-from s2c2a.estimation.expected import (
+from s2c2a.estimation.expected_response import (
     expected_tilts,
     rests_by_description,
     rests_by_model,
 )
-from s2c2a.estimation.response import Response, play, response_of, spectrum, swing
-from s2c2a.estimation.shaking import SHARE, chirp, shaken
+from s2c2a.estimation.frequency_response import (
+    Response,
+    play,
+    response_of,
+    spectrum,
+    swing,
+)
+from s2c2a.estimation.excitation import SHARE, chirp, shaken
 from s2c2a.kinematics import PCCForwardModel, configurations_from_bends
 from s2c2a.robots import Robot
 from s2c2a.robots.simulation import SimulatedRobot
@@ -105,8 +111,8 @@ def test_a_swing_from_rest_is_that_of_a_simulation_in_small_steps():
     held, fine, rate = np.array([0.0, *[1.0] * 20]), 1000, 2 * np.pi * 1.5
     swung, x, v = [0.0], 0.0, 0.0
     for step in range(20 * fine):
-        wanted = float(step >= 1.25 * fine)
-        v += (rate**2 * (wanted - x) - 2 * 0.2 * rate * v) * PERIOD / fine
+        desired = float(step >= 1.25 * fine)
+        v += (rate**2 * (desired - x) - 2 * 0.2 * rate * v) * PERIOD / fine
         x += v * PERIOD / fine
         if (step + 1) % fine == 0:
             swung.append(x)
@@ -155,10 +161,10 @@ def test_the_twin_swings_as_it_does_after_a_push_and_more_slowly_with_a_load(twi
 
 def test_inertial_sensors_show_the_same_as_true_states(simulated):
     arm = type(simulated).model_validate(
-        simulated.model_dump() | {"senses": {"imu": {}}}
+        simulated.model_dump() | {"sensors": {"imu": {}}}
     )
     found = []
-    for names in (("states",), ("turn_rates", "accelerations")):
+    for names in (("states",), ("angular_velocities", "accelerations")):
         told = shaken(Showing(arm, *names), 1.6)
         assert told.sight == names[0]
         found.append(response_of(*told.tilts(1), PERIOD, 1.6))

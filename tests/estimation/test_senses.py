@@ -1,4 +1,4 @@
-"""Senses: slopes are those of what is expected, and what is expected is what a body that stands so says."""
+"""Sensors: slopes are those of what is expected, and what is expected is what a body that stands so says."""
 
 import jax
 import jax.numpy as jnp
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.estimation.listening import Listener
-from s2c2a.estimation.senses import LATEST, Shape, senses_of
+from s2c2a.estimation.sensors import LATEST, Shape, sensors_of
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -27,10 +27,12 @@ def arm():
     quiet = Inertial(
         acceleration_noise=0, acceleration_bias=0, turn_noise_deg=0, turn_bias_deg=0
     )
-    senses = Senses(
+    sensors = Sensors(
         imu=quiet, camera=Camera(noise=0, lost=0, sees="ends", rate=10, delay=0.2)
     )
-    return twin.model_copy(update={"sensing": "true", "senses": senses, "motor": motor})
+    return twin.model_copy(
+        update={"sensing": "true", "sensors": sensors, "motor": motor}
+    )
 
 
 def standing(arm, bends) -> Shape:
@@ -53,7 +55,7 @@ def moved(shape: Shape, way) -> Shape:
 
 def test_slopes_are_those_of_what_is_expected(arm):
     bends = jnp.asarray(np.random.default_rng(0).normal(0, 0.3, (3, 2)), jnp.float32)
-    for sense in senses_of(arm, ArmGeometry.of(arm).cable_springs * 100.0):
+    for sense in sensors_of(arm, ArmGeometry.of(arm).cable_springs * 100.0):
         said = {
             name: jnp.full(value.shape, 0.5) for name, value in sense.silent().items()
         }
@@ -69,7 +71,7 @@ def test_slopes_are_those_of_what_is_expected(arm):
 def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
     robot = SimulatedRobot(arm)
     robot.open()
-    listener = Listener(arm, senses_of(arm, ArmGeometry.of(arm).cable_springs))
+    listener = Listener(arm, sensors_of(arm, ArmGeometry.of(arm).cable_springs))
     listener.heard(robot.read())
     action = ArmGeometry.of(arm).actions_at(
         np.array([[0.5, 0.2], [0.3, -0.3], [-0.2, 0.4]])
@@ -84,7 +86,7 @@ def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
             jnp.asarray(robot.states(), jnp.float32), (BEFORE, 3, 6)
         )
     )
-    for sense in senses_of(arm, None):
+    for sense in sensors_of(arm, None):
         off = sense.off(
             {name: jnp.asarray(heard[name]) for name in sense.silent()}, shape
         )
@@ -92,10 +94,10 @@ def test_a_bent_arm_at_rest_says_what_is_expected_of_it(arm):
 
 
 def test_pictures_older_than_is_remembered_are_not_heard(arm):
-    (camera,) = (sense for sense in senses_of(arm, None) if sense.name == "camera")
+    (camera,) = (sense for sense in sensors_of(arm, None) if sense.name == "camera")
     heard = [
         camera.off(
-            {"seen": jnp.zeros((3, 3)), "seen_age": jnp.asarray(age)},
+            {"camera_positions": jnp.zeros((3, 3)), "camera_age": jnp.asarray(age)},
             standing(arm, jnp.zeros((3, 2))),
         ).numbers
         for age in (0.0, LATEST, LATEST + 0.2, -0.1)
@@ -109,9 +111,11 @@ def test_pictures_older_than_is_remembered_are_not_heard(arm):
 
 
 def test_the_same_age_again_is_still_an_age(arm):
-    listener = Listener(arm, senses_of(arm, None))
+    listener = Listener(arm, sensors_of(arm, None))
     ages = [
-        listener.heard(Reading(0.1 * step, {"seen_age": np.asarray(0.1)}))["seen_age"]
+        listener.heard(Reading(0.1 * step, {"camera_age": np.asarray(0.1)}))[
+            "camera_age"
+        ]
         for step in range(2)
     ]
     np.testing.assert_allclose(ages, 0.1)
@@ -119,19 +123,24 @@ def test_the_same_age_again_is_still_an_age(arm):
 
 @pytest.mark.parametrize("absurd", [1e30, 1e9, -1e3])
 def test_absurd_numbers_of_inertial_sensors_are_not_heard(arm, absurd):
-    listener = Listener(arm, senses_of(arm, None))
+    listener = Listener(arm, sensors_of(arm, None))
     down = np.tile([0.0, 0.0, -9.81], (10, 3, 1))
-    listener.heard(Reading(0.0, {"accelerations": down, "turn_rates": 0.0 * down}))
-    said = {"accelerations": np.full_like(down, absurd), "turn_rates": 0.0 * down}
+    listener.heard(
+        Reading(0.0, {"accelerations": down, "angular_velocities": 0.0 * down})
+    )
+    said = {
+        "accelerations": np.full_like(down, absurd),
+        "angular_velocities": 0.0 * down,
+    }
     assert np.isnan(listener.heard(Reading(0.1, said))["inclinations"]).all()
     again = listener.heard(
-        Reading(0.2, {"accelerations": down + 0.05, "turn_rates": 0.0 * down})
+        Reading(0.2, {"accelerations": down + 0.05, "angular_velocities": 0.0 * down})
     )
     np.testing.assert_allclose(again["inclinations"][:, 2], 1.0, atol=1e-3)
 
 
 def test_what_is_missing_broken_or_frozen_is_not_heard(arm):
-    listener = Listener(arm, senses_of(arm, None))
+    listener = Listener(arm, sensors_of(arm, None))
     assert np.isnan(listener.heard(Reading(0.0, {}))["configurations"]).all()
     straight = np.tile([0.0, 0.0, 1.0], (3, 1))
     for broken in (

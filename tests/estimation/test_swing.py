@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.estimation.swing import (
+from s2c2a.estimation.modal_model import (
     Body,
     Swing,
     followed,
@@ -48,11 +48,11 @@ def test_the_first_mode_is_that_of_the_simulated_arm_whatever_it_carries(twin, l
 
 def test_what_swings_comes_to_rest_where_it_should(twin):
     swinging = motion(Body.of(twin), Swing.nominal(), 0.0, PERIOD)
-    wanted = np.full(6, 0.1)
+    desired = np.full(6, 0.1)
     state = np.zeros(12)
     for _ in range(300):
-        state = swinging.steps @ state + swinging.inputs @ wanted
-    np.testing.assert_allclose(state, np.r_[wanted, np.zeros(6)], atol=1e-6)
+        state = swinging.steps @ state + swinging.inputs @ desired
+    np.testing.assert_allclose(state, np.r_[desired, np.zeros(6)], atol=1e-6)
 
 
 def test_factors_are_found_again_in_a_swing(twin):

@@ -26,38 +26,38 @@ def axis(tilt_deg, azimuth_deg):
     ]
 
 
-def pointing(true, wanted):
-    """States and wanted axes of one module, one step for each pair of (tilt, azimuth) [deg]."""
+def pointing(true, desired):
+    """States and desired axes of one module, one step for each pair of (tilt, azimuth) [deg]."""
     states = np.zeros((len(true), 1, 6))
     states[:, 0, 3:] = [axis(*angles) for angles in true]
-    return states, np.array([[axis(*angles)] for angles in wanted])
+    return states, np.array([[axis(*angles)] for angles in desired])
 
 
 def test_position_errors_are_distances_in_centimetres():
     """3-4-5 triangles: 5 cm, 0, and 13 cm in depth."""
     states = np.zeros((3, 2, 6))
     states[:, 1, :3] = [[0.03, 0.04, 0.5], [0.1, 0.2, 0.3], [0.0, 0.0, 0.63]]
-    wanted = np.full((3, 2, 3), np.nan)
-    wanted[:, 1] = [[0, 0, 0.5], [0.1, 0.2, 0.3], [0, 0, 0.5]]
+    desired = np.full((3, 2, 3), np.nan)
+    desired[:, 1] = [[0, 0, 0.5], [0.1, 0.2, 0.3], [0, 0, 0.5]]
     np.testing.assert_allclose(
-        position_errors(states, wanted), [5.0, 0.0, 13.0], atol=1e-12
+        position_errors(states, desired), [5.0, 0.0, 13.0], atol=1e-12
     )
 
 
 def test_a_module_can_be_named_and_the_tip_is_meant_otherwise():
-    states, wanted = np.zeros((1, 3, 6)), np.zeros((1, 3, 3))
-    wanted[0, :, 0] = [0.01, 0.02, 0.03]
+    states, desired = np.zeros((1, 3, 6)), np.zeros((1, 3, 3))
+    desired[0, :, 0] = [0.01, 0.02, 0.03]
     found = [
-        position_errors(states, wanted, *which)[0] for which in [(0,), (1,), (2,), ()]
+        position_errors(states, desired, *which)[0] for which in [(0,), (1,), (2,), ()]
     ]
     np.testing.assert_allclose(found, [1.0, 2.0, 3.0, 3.0])
 
 
-def test_where_nothing_is_wanted_there_is_no_error():
-    wanted = np.full((2, 1, 3), np.nan)
-    wanted[1] = 0.0
+def test_where_nothing_is_desired_there_is_no_error():
+    desired = np.full((2, 1, 3), np.nan)
+    desired[1] = 0.0
     np.testing.assert_array_equal(
-        position_errors(np.zeros((2, 1, 6)), wanted), [np.nan, 0.0]
+        position_errors(np.zeros((2, 1, 6)), desired), [np.nan, 0.0]
     )
 
 
@@ -79,9 +79,9 @@ def test_where_the_end_points_does_not_count():
     ],
 )
 def test_configuration_errors_are_angles_whatever_the_lengths(one, two, angle):
-    true, wanted = (np.array(vector, float).reshape(1, 1, 3) for vector in (one, two))
-    assert angles_deg(true, wanted)[0, 0] == pytest.approx(angle)
-    assert angles_deg(wanted, 5 * true)[0, 0] == pytest.approx(angle)
+    true, desired = (np.array(vector, float).reshape(1, 1, 3) for vector in (one, two))
+    assert angles_deg(true, desired)[0, 0] == pytest.approx(angle)
+    assert angles_deg(desired, 5 * true)[0, 0] == pytest.approx(angle)
 
 
 def test_small_angles_keep_their_digits():
@@ -93,76 +93,76 @@ def test_small_angles_keep_their_digits():
 
 def test_every_step_and_module_has_its_own_angle():
     true = np.tile([0.0, 0.0, 1.0], (2, 3, 1))
-    wanted = true.copy()
-    wanted[1, 2] = [0.0, 1.0, 0.0]
-    np.testing.assert_allclose(angles_deg(true, wanted), [[0, 0, 0], [0, 0, 90]])
+    desired = true.copy()
+    desired[1, 2] = [0.0, 1.0, 0.0]
+    np.testing.assert_allclose(angles_deg(true, desired), [[0, 0, 0], [0, 0, 90]])
 
 
 def test_tilt_errors_compare_angles_to_the_vertical_whatever_the_azimuth():
-    states, wanted = pointing(
+    states, desired = pointing(
         [(40, 0), (40, 0), (70, 90), (0, 0)], [(50, 0), (50, 180), (60, -30), (30, 10)]
     )
-    np.testing.assert_allclose(tilt_errors_deg(states, wanted), [10, 10, 10, 30])
+    np.testing.assert_allclose(tilt_errors_deg(states, desired), [10, 10, 10, 30])
 
 
 def test_the_end_may_point_below_the_horizon():
-    states, wanted = pointing([(100, 0), (180, 0)], [(60, 0), (60, 0)])
-    np.testing.assert_allclose(tilt_errors_deg(states, wanted), [40, 120])
+    states, desired = pointing([(100, 0), (180, 0)], [(60, 0), (60, 0)])
+    np.testing.assert_allclose(tilt_errors_deg(states, desired), [40, 120])
 
 
 def test_azimuth_errors_compare_directions_in_the_plane_whatever_the_tilt():
-    states, wanted = pointing(
+    states, desired = pointing(
         [(40, 20), (10, 0), (50, 350), (50, 0)], [(50, 0), (50, 90), (50, 10), (20, 0)]
     )
     np.testing.assert_allclose(
-        azimuth_errors_deg(states, wanted), [20, 90, 20, 0], atol=1e-12
+        azimuth_errors_deg(states, desired), [20, 90, 20, 0], atol=1e-12
     )
 
 
 @pytest.mark.parametrize(
-    ("true", "wanted"), [(175, -175), (-175, 175), (355, 5), (170, 180), (-170, 180)]
+    ("true", "desired"), [(175, -175), (-175, 175), (355, 5), (170, 180), (-170, 180)]
 )
-def test_azimuth_errors_go_the_short_way_over_180_degrees(true, wanted):
-    assert azimuth_errors_deg(*pointing([(50, true)], [(50, wanted)]))[
+def test_azimuth_errors_go_the_short_way_over_180_degrees(true, desired):
+    assert azimuth_errors_deg(*pointing([(50, true)], [(50, desired)]))[
         0
     ] == pytest.approx(10)
 
 
 def test_no_azimuth_error_exceeds_half_a_turn():
     """Opposite directions, either way round."""
-    states, wanted = pointing(
+    states, desired = pointing(
         [(50, 0), (50, 180), (50, -90)], [(50, 180), (50, 0), (50, 90)]
     )
-    np.testing.assert_allclose(azimuth_errors_deg(states, wanted), 180)
+    np.testing.assert_allclose(azimuth_errors_deg(states, desired), 180)
 
 
 def test_orientation_errors_are_angles_between_axes():
     """At a tilt of 30 deg a turn by 180 deg is an angle of 60; at 90 deg a turn by 25 is one of 25."""
-    states, wanted = pointing(
+    states, desired = pointing(
         [(40, 0), (30, 0), (90, 0), (50, 7)], [(55, 0), (30, 180), (90, 25), (50, 7)]
     )
     np.testing.assert_allclose(
-        orientation_errors_deg(states, wanted), [15, 60, 25, 0], atol=1e-6
+        orientation_errors_deg(states, desired), [15, 60, 25, 0], atol=1e-6
     )
 
 
 @pytest.mark.parametrize(
     "errors_of", [tilt_errors_deg, azimuth_errors_deg, orientation_errors_deg]
 )
-def test_axes_are_those_of_the_module_named_and_where_nothing_is_wanted_there_is_no_error(
+def test_axes_are_those_of_the_module_named_and_where_nothing_is_desired_there_is_no_error(
     errors_of,
 ):
-    states, wanted = np.zeros((2, 2, 6)), np.full((2, 2, 3), np.nan)
+    states, desired = np.zeros((2, 2, 6)), np.full((2, 2, 3), np.nan)
     states[:, :, 3:] = axis(50, 0)
-    wanted[1, 0] = axis(20, 30)
-    assert np.isnan(errors_of(states, wanted)).all()
-    base = errors_of(states, wanted, 0)
+    desired[1, 0] = axis(20, 30)
+    assert np.isnan(errors_of(states, desired)).all()
+    base = errors_of(states, desired, 0)
     assert np.isnan(base[0])
     assert base[1] > 20
 
 
-def test_clearance_is_the_distance_to_the_centre_less_the_threshold():
-    """3-4-5 triangles: 0.05 m from the centre of r 0.02, 0.10 m from that of r 0.10, and inside of it."""
+def test_clearance_is_the_distance_to_the_center_less_the_threshold():
+    """3-4-5 triangles: 0.05 m from the center of r 0.02, 0.10 m from that of r 0.10, and inside of it."""
     points = np.array([[0.03, 0.04, 0.5], [0.06, 0.08, 0.5], [0.0, 0.0, 0.47]])
     obstacles = np.array(
         [[[0, 0, 0.5, 0.02]], [[0, 0, 0.5, 0.10]], [[0, 0, 0.5, 0.10]]]

@@ -82,7 +82,7 @@ class Script:
         return {
             "sensed": np.full((3, 3), 200.0 + number),
             "planned": np.full((3, 3), 300.0 + number),
-            "expected": states,
+            "predicted": states,
         }
 
 
@@ -115,17 +115,17 @@ def test_the_episode_holds_what_was_read_sent_sensed_planned_and_expected(run):
     assert run.options == {"strategy": "script", "task": "count", "late_steps": 0}
     assert {name: values.shape[1:] for name, values in run.columns.items()} == {
         "time": (), "stage": (), "tick_time": (), "actions": (3, 3), "sensor.cables": (3, 3), "sensor.states": (3, 6),
-        "sensed": (3, 3), "planned": (3, 3), "expected": (3, 6), "wanted_positions": (3, 3),
+        "sensed": (3, 3), "planned": (3, 3), "predicted": (3, 6), "desired_positions": (3, 3),
     }  # fmt: skip
 
 
 def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run, task):
     np.testing.assert_array_equal(run.after("states")[:, -1, 2], [1, 2, 3, 4, 5])
     np.testing.assert_array_equal(
-        run.ran("wanted_positions")[:, -1, 2], [1, 2, 3, 4, 5]
+        run.ran("desired_positions")[:, -1, 2], [1, 2, 3, 4, 5]
     )
     np.testing.assert_array_equal(
-        position_errors(run.after("states"), task.wanted_positions()), 0
+        position_errors(run.after("states"), task.desired_positions()), 0
     )
     assert score_run(run, task, "paper")[0].value == 0.0
 
@@ -140,7 +140,7 @@ def test_sensed_planned_and_expected_are_those_of_the_step(run):
         run.ran("planned")[:, 0, 0], [301, 302, 303, 304, 305]
     )
     np.testing.assert_array_equal(
-        run.ran("expected")[:, 0, 0], [401, 402, 403, 404, 405]
+        run.ran("predicted")[:, 0, 0], [401, 402, 403, 404, 405]
     )
     assert np.isnan(run["planned"][STEPS:]).all()
 
@@ -150,8 +150,8 @@ def test_the_strategy_sees_the_reading_before_its_action_and_the_goal_of_the_ste
 ):
     assert [reading["states"][-1, 2] for reading, _ in script.seen] == [0, 1, 2, 3, 4]
     assert [
-        goal is wanted
-        for (_, goal), wanted in zip(script.seen, task.goals, strict=True)
+        goal is desired
+        for (_, goal), desired in zip(script.seen, task.goals, strict=True)
     ] == [True] * STEPS
     assert [reading.time for reading in script.began] == [0.0]
 

@@ -21,7 +21,7 @@ def test_senses_load_leans_and_what_was_left_out_are_said():
         episode(
             load=np.full(4, 0.052),
             leans=leans,
-            **{"left_out.imu": np.array([0.0, 1.0, 1.0, 0.0])},
+            **{"rejected.imu": np.array([0.0, 1.0, 1.0, 0.0])},
         )
     )
     assert (

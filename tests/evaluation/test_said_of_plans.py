@@ -1,4 +1,4 @@
-"""A rescue, or a plan that stood, is said; nothing is said of a run without."""
+"""A fallback, or a plan that stood, is said; nothing is said of a run without."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def episode(**columns):
             "the plan was rescued in 2 steps",
         ),
         (
-            {"doubt": np.array([0.0, 0.005, 0.007, np.nan])},
+            {"extrapolation": np.array([0.0, 0.005, 0.007, np.nan])},
             "the plan was at the edge of what the data show, or beyond, in 1 steps",
         ),
         (
@@ -45,12 +45,12 @@ def test_plans_that_a_step_limit_holds_back_are_counted():
     planned = np.stack([np.sin(turned), 0.0 * turned, np.cos(turned)], axis=-1).repeat(
         3, axis=1
     )
-    expected, wanted = np.zeros((4, 3, 6)), np.full((4, 3, 3), np.nan)
-    wanted[:, -1] = [[0.02, 0, 0], [0, 0, 0], [0, 0.02, 0], [0.02, 0, 0]]
+    expected, desired = np.zeros((4, 3, 6)), np.full((4, 3, 3), np.nan)
+    desired[:, -1] = [[0.02, 0, 0], [0, 0, 0], [0, 0.02, 0], [0.02, 0, 0]]
     said = "the plan was held back by the step limit of 4 deg (a slower --pace gives it time) in 1 steps"
     assert (
         said_of_plans(
-            episode(planned=planned, expected=expected, wanted_positions=wanted)
+            episode(planned=planned, expected=expected, desired_positions=desired)
         )
         == said
     )

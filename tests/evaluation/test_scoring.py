@@ -23,7 +23,7 @@ UNITS = {
 }  # fmt: skip
 
 
-def made_up(goals, states, scores, centre_lines=None, period=0.1):
+def made_up(goals, states, scores, center_lines=None, period=0.1):
     """A run in which these states happened."""
     # the reading before the first action, and then those after each
     rows = np.concatenate([states[:1], states])
@@ -33,8 +33,8 @@ def made_up(goals, states, scores, centre_lines=None, period=0.1):
         "stage": np.array([Stage.RUN] * len(goals) + [Stage.IDLE], np.int8),
         "sensor.states": rows,
     }
-    if centre_lines is not None:
-        columns["sensor.centre_line"] = np.concatenate([centre_lines[:1], centre_lines])
+    if center_lines is not None:
+        columns["sensor.center_line"] = np.concatenate([center_lines[:1], center_lines])
     return Episode(TWO, columns), Task("made up", tuple(goals), tuple(scores))
 
 
@@ -46,9 +46,9 @@ def states_at(tips, axes=(0, 0, 1)):
     return states
 
 
-def off_by(centimetres):
+def off_by(centimeters):
     """A tip that misses its target, at height 0.5 m, by so much aside in every step."""
-    tips = np.array([[miss / 100, 0, 0.5] for miss in centimetres])
+    tips = np.array([[miss / 100, 0, 0.5] for miss in centimeters])
     return [REST.with_position([0, 0, 0.5])] * len(tips), states_at(tips)
 
 
@@ -57,9 +57,9 @@ def scored(run, recipe="paper"):
     return found
 
 
-def value(goals, states, metric, recipe="paper", centre_lines=None, **score):
+def value(goals, states, metric, recipe="paper", center_lines=None, **score):
     return scored(
-        made_up(goals, states, [Score(metric, **score)], centre_lines), recipe
+        made_up(goals, states, [Score(metric, **score)], center_lines), recipe
     ).value
 
 
@@ -105,13 +105,13 @@ def test_constraint_is_the_distance_of_the_module_that_is_held():
 
 
 @pytest.mark.parametrize(
-    ("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
+    ("metric", "predicted"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
 )
-def test_orientations_are_scored_against_the_wanted_axis(metric, expected):
-    """An end that lies in x, where 70 deg from the vertical towards y are wanted."""
-    wanted = [0, np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))]
+def test_orientations_are_scored_against_the_desired_axis(metric, expected):
+    """An end that lies in x, where 70 deg from the vertical towards y are desired."""
+    desired = [0, np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))]
     states = states_at(np.zeros((2, 3)), axes=(1, 0, 0))
-    assert value([REST.with_axis(wanted)] * 2, states, metric) == pytest.approx(
+    assert value([REST.with_axis(desired)] * 2, states, metric) == pytest.approx(
         expected, abs=1e-4
     )
 
@@ -162,7 +162,7 @@ TIPS = np.array([[0, 0, 0.5], [0.15, 0, 0.5], [0.1, 0, 0.5]])
 
 
 def lines_to(tips, bulge=0.0):
-    """Centre lines of two moments and ten points, all at the base but the tip; in the first moment it is further on."""
+    """Center lines of two moments and ten points, all at the base but the tip; in the first moment it is further on."""
     lines = np.zeros((len(tips), 2, 10, 3))
     lines[:, :, -1] = tips[:, None]
     lines[:, 0, -1, 0] += bulge
@@ -180,14 +180,14 @@ def test_clearance_of_a_run_that_nothing_watched_is_the_smallest_at_control_step
 def test_clearance_of_a_watched_run_counts_what_happened_between_control_steps():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
     assert value(
-        goals, states, "clearance", centre_lines=lines_to(TIPS, bulge=0.07)
+        goals, states, "clearance", center_lines=lines_to(TIPS, bulge=0.07)
     ) == pytest.approx(-2, abs=1e-5)
 
 
 def test_clearance_at_steps_does_not():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
     found = value(
-        goals, states, "clearance at steps", centre_lines=lines_to(TIPS, bulge=0.07)
+        goals, states, "clearance at steps", center_lines=lines_to(TIPS, bulge=0.07)
     )
     assert found == pytest.approx(5, abs=1e-5)
 
@@ -196,11 +196,11 @@ def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
     lines = lines_to(TIPS)
     lines[:, :, 3] = [0.3, 0, 0.45]
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    assert value(goals, states, "clearance", centre_lines=lines) == pytest.approx(
+    assert value(goals, states, "clearance", center_lines=lines) == pytest.approx(
         5, abs=1e-5
     )
     assert value(
-        goals, states, "clearance of the arm", centre_lines=lines
+        goals, states, "clearance of the arm", center_lines=lines
     ) == pytest.approx(-5, abs=1e-5)
 
 

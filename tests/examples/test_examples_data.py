@@ -35,9 +35,9 @@ def short_map(tmp_path):
 
 
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: path.stem)
-def test_every_map_is_sound_and_says_source_and_licence(path):
+def test_every_map_is_sound_and_says_source_and_license(path):
     source = load_map(path).source
-    assert all([source.name, source.address, source.commit, source.licence])
+    assert all([source.name, source.address, source.commit, source.license])
     assert (DATA / path.parent.name / "LICENSE").is_file()
 
 
@@ -57,7 +57,7 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
     assert "end of module 2 in 100.0 % of steps, its axis in 0.0 %" in said
     recording = load_recording(out)
     assert recording.arm == load_arm(tmp_path / "opencr.arm.toml")
-    assert recording.options["licence"] == "MIT"
+    assert recording.options["license"] == "MIT"
     assert recording.options["residual_mm"] < 8
     states = recording.episodes[0].sensor("states")
     assert np.isfinite(states[:, 2, :3]).all()

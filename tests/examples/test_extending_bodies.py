@@ -9,12 +9,12 @@ import pytest
 
 from s2c2a.arm import ArmSpec, save_arm
 from s2c2a.cli.main import main
-from s2c2a.cli.work import body_for
+from s2c2a.cli.execution import body_for
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
-from s2c2a.robots.making import robot_class
+from s2c2a.robots.factory import robot_class
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Stage
 from s2c2a.strategies import load_strategy, save_recipe

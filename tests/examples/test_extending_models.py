@@ -15,7 +15,7 @@ from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_reci
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
 MODEL = f"{EXAMPLE}:ArcsOptions"
-FIT = {"learning_rate": 1e-2, "most_epochs": 4, "epochs_per_call": 4}
+FIT = {"learning_rate": 1e-2, "max_epochs": 4, "epochs_per_call": 4}
 SOLVER = {"learning_rate": 0.02, "iterations": 3}
 
 

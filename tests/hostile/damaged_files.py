@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 # a file; bytes beyond the start; bytes in all
-SECONDS, MEMORY, MOST_RESIDENT = 20, 1_200_000_000, 1_500_000_000
+SECONDS, MEMORY, MAX_RESIDENT = 20, 1_200_000_000, 1_500_000_000
 GOOD = ("unchanged", "our error")
 BAD = ("changed", "foreign", "hang", "crash", "memory")
 COLUMNS = (*GOOD[:1], "cut short", "another file", *GOOD[1:], *BAD)
@@ -455,14 +455,14 @@ def child(form: Format, folder: Path) -> None:
             outcome, told = "foreign", f"{type(error).__name__}: {error}"[:300]
         signal.alarm(0)
         after = resource.getrusage(resource.RUSAGE_SELF)
-        answer = {"outcome": outcome, "told": told, "resident": most_resident()}
+        answer = {"outcome": outcome, "told": told, "resident": max_resident()}
         print(
             json.dumps(answer | {"seconds": after.ru_utime - before.ru_utime}),
             flush=True,
         )
 
 
-def most_resident() -> int:
+def max_resident() -> int:
     """The most memory that this program took [bytes]; `getrusage` would count that of who started it, too."""
     line = next(
         line
@@ -529,7 +529,7 @@ def read_all(
             max(slowest, answer["seconds"]),
             max(resident, answer["resident"]),
         )
-        if answer["outcome"] in BAD or answer["resident"] > MOST_RESIDENT:
+        if answer["outcome"] in BAD or answer["resident"] > MAX_RESIDENT:
             bad.append((number, answer))
     if reader.child:
         reader.close()

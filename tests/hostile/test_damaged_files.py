@@ -1,7 +1,7 @@
 """A few hundred damaged files of every format; `python tests/hostile/damaged_files.py --count 20000` reads more."""
 
 import pytest
-from damaged_files import BAD, FORMATS, MOST_RESIDENT, read_all
+from damaged_files import BAD, FORMATS, MAX_RESIDENT, read_all
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -14,4 +14,4 @@ def test_no_damaged_file_is_read_wrongly_or_ends_otherwise_than_in_an_error_of_t
     assert counts.total() == 150
     assert not any(counts[ending] for ending in BAD), bad
     assert slowest < 10
-    assert resident < MOST_RESIDENT
+    assert resident < MAX_RESIDENT

@@ -56,9 +56,9 @@ def test_goals_are_finite_and_bounded_or_refused(vector, weight, module):
 
 
 @given(st.lists(VECTORS, max_size=3), VECTORS, VECTORS)
-def test_obstacles_are_finite_and_bounded_or_refused(centres, thresholds, weight):
+def test_obstacles_are_finite_and_bounded_or_refused(centers, thresholds, weight):
     with contextlib.suppress(TargetError):
-        goal = Goal.of(3).with_obstacles(centres, thresholds, weight)
+        goal = Goal.of(3).with_obstacles(centers, thresholds, weight)
         assert all((np.abs(part) <= 1e6).all() for part in goal)
 
 

@@ -147,7 +147,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path, episode, monkeypa
     writer = EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {})
     writer.append(episode)
     monkeypatch.setattr(
-        "s2c2a.episodes.blocks.MOST_BYTES", (tmp_path / "x.episodes").stat().st_size
+        "s2c2a.episodes.blocks.MAX_BYTES", (tmp_path / "x.episodes").stat().st_size
     )
     with pytest.raises(
         RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"
@@ -205,7 +205,7 @@ def test_many_waypoints_take_seconds(tmp_path, monkeypatch):
     tracks = load_waypoints(path)
     assert len(waypoints_task("long", tracks, TWIN).goals) == 100_000
     assert time.process_time() - before < 5
-    monkeypatch.setattr("s2c2a.tasks.waypoints.MOST_LINES", 199_999)
+    monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_LINES", 199_999)
     with pytest.raises(TargetError, match="more than 199999 lines"):
         load_waypoints(path)
 

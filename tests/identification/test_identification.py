@@ -27,7 +27,7 @@ from s2c2a.identification import (
 )
 
 ROWS, NOISE = 130, 0.0005  # m
-GROUPS = ("stiffness", "routing", "play")
+GROUPS = ("stiffness", "routing", "backlash")
 
 
 def recorded(arm, rows=ROWS, seed=0, how=None, moved=True) -> Episode:
@@ -44,7 +44,9 @@ def recorded(arm, rows=ROWS, seed=0, how=None, moved=True) -> Episode:
 @pytest.fixture(scope="module")
 def start(make_arm):
     """Two modules, as they are described."""
-    return make_arm(modules=2, module={"cable": {"stiffness": 4000.0, "play": 0.0005}})
+    return make_arm(
+        modules=2, module={"cable": {"stiffness": 4000.0, "backlash": 0.0005}}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +91,7 @@ def test_the_fitted_file_is_that_arm_with_an_uncertainty_beside_each_number(fit)
     assert arm_from_toml(text) == fit.arm
     assert text.startswith("# a remark\n")
     said = [line for line in text.splitlines()[2:] if "  # " in line]
-    # length, angles, radius, stiffness, play of each cable
+    # length, angles, radius, stiffness, backlash of each cable
     assert len(said) == 2 * (1 + 3 + 1 + 1 + 3)
     assert all("+-" in line and "was" in line for line in said)
 
@@ -138,13 +140,14 @@ def test_a_frame_that_is_off_is_found_and_told(start):
 
 def test_directions_have_no_seam(make_arm):
     arm = make_arm(
-        modules=1, module={"flaws": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}}
+        modules=1,
+        module={"mismatch": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}},
     )
     unknowns = unknowns_of(arm, ("rest",))
-    flaws = arm_at(arm, unknowns, np.array([0.0, -0.1])).modules[0].flaws
+    mismatch = arm_at(arm, unknowns, np.array([0.0, -0.1])).modules[0].mismatch
     assert [one.start for one in unknowns] == pytest.approx([-3.0, 0.0], abs=1e-12)
-    assert flaws.rest_bend_deg == pytest.approx(np.hypot(3, 0.5))
-    assert flaws.rest_azimuth_deg == pytest.approx(
+    assert mismatch.rest_bend_deg == pytest.approx(np.hypot(3, 0.5))
+    assert mismatch.rest_azimuth_deg == pytest.approx(
         -180 + np.rad2deg(np.arctan2(0.5, 3))
     )
 
@@ -157,7 +160,7 @@ def test_at_zero_coordinates_an_arm_is_what_its_file_says(twin):
 def test_a_body_that_hardly_shortens_is_the_start_where_shortening_is_fitted(twin):
     assert stated_for(twin, ("stiffness",)) == twin
     stated = stated_for(twin, ("shortening",))
-    assert stated.modules[0].flaws.axial_stiffness == pytest.approx(
+    assert stated.modules[0].mismatch.axial_stiffness == pytest.approx(
         20 * 0.125 / 0.027**2
     )
     assert len(unknowns_of(stated, ("shortening",))) == 3
@@ -213,6 +216,6 @@ def test_nothing_seen_and_nothing_to_fit_are_refused(start):
     with pytest.raises(RecordingError, match="nothing was seen"):
         identify(start, unknowns_of(start, GROUPS), [blind])
     with pytest.raises(S2C2AError, match="choose from stiffness"):
-        unknowns_of(start, ("colour",))
+        unknowns_of(start, ("color",))
     with pytest.raises(S2C2AError, match="can show"):
         unknowns_of(start, ("damping",), moving=False)

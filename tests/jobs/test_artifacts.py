@@ -38,8 +38,8 @@ def test_an_arm_that_nobody_tuned_for_follows_its_circle(cache):
     """One of two modules does so, too (`tests/cli/test_command_line.py`)."""
     arm, best = load_arm(ARMS / "five_cable_arm.toml"), recipe_named("best")
     quick = {
-        "c2s_fit": replace(best.c2s_fit, most_epochs=10),
-        "c2a_fit": replace(best.c2a_fit, most_epochs=10),
+        "c2s_fit": replace(best.c2s_fit, max_epochs=10),
+        "c2a_fit": replace(best.c2a_fit, max_epochs=10),
     }
     recipe = replace(best, c2s=replace(best.c2s, points=200), **quick)
     (run,) = run_all(jobs_for(["circle"], arm, ("s2c2a",), [0], recipe), cache)

@@ -17,7 +17,7 @@ import pytest
 from distributed import Client, KilledWorker, LocalCluster
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.work import executor_for, require
+from s2c2a.cli.execution import executor_for, require
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
@@ -26,7 +26,7 @@ from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
 from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
-from s2c2a.jobs.varying import varied_from
+from s2c2a.jobs.search_space import varied_from
 from s2c2a.progress import quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
@@ -89,7 +89,7 @@ def short_task(tmp_path_factory):
 @pytest.fixture(scope="module")
 def quick_recipe(tiny_recipe):
     """Trained for two epochs: how well does not matter here."""
-    fit = FitOptions(most_epochs=2, epochs_per_call=2)
+    fit = FitOptions(max_epochs=2, epochs_per_call=2)
     return replace(tiny_recipe, c2s_fit=fit, c2a_fit=fit, correction=0.2)
 
 

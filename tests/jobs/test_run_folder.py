@@ -26,7 +26,7 @@ def trace(*scores: Score):
     columns = {"time": 0.1 * np.arange(STEPS), "actions": np.zeros((STEPS, MODULES, 3))}
     columns |= {
         "sensor.states": np.zeros((STEPS, MODULES, 6)),
-        "wanted_positions": task.wanted_positions(),
+        "desired_positions": task.desired_positions(),
     }
     run = SimpleNamespace(
         strategy="s2c2a", job=SimpleNamespace(task=task), episode=Episode(TWIN, columns)

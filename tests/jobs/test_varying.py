@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs.varying import Varied, value_at, varied_from, with_values
+from s2c2a.jobs.search_space import Varied, value_at, varied_from, with_values
 from s2c2a.planning import LeastSquares
 from s2c2a.strategies import recipe_named
 
@@ -56,7 +56,7 @@ def test_what_a_user_writes_is_understood(text, meant):
         (["plan=1,2"], "recipe best has c2s, c2a"),
         (
             ["planner=1,2"],
-            r"vary one of planner\.solver, planner\.terms, .*engaged_slopes, planner\.on_sphere, planner\.rescue$",
+            r"vary one of planner\.solver, planner\.terms, .*engaged_slopes, planner\.on_sphere, planner\.fallback$",
         ),
         (["speeds=1,2"], r"vary one of speeds\.0, speeds\.1"),
         (["correction.x=1,2"], "correction has nothing inside"),

@@ -20,21 +20,21 @@ from live_tabs import Tab, until  # type: ignore[import-not-found]
 def test_load_the_largest_lean_and_what_is_left_out_are_said_in_their_units():
     told = {
         "load": np.array(0.048),
-        "leans": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]),
-        "left_out.imu": np.array(0.0),
+        "bend_biases": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]),
+        "rejected.imu": np.array(0.0),
     }
     told["push"] = np.array(0.31)
     assert (
         belief_said(told) == "at the tip: 48 g · leans: 1.2 deg, as if pushed by 0.3 N"
     )
-    assert belief_said(told | {"left_out.imu": np.array(1.0)}).endswith(
+    assert belief_said(told | {"rejected.imu": np.array(1.0)}).endswith(
         "**not believed: imu**"
     )
 
 
 def test_nothing_is_said_where_nothing_is_sensed():
     assert (
-        belief_said({"load": np.array(0.0), "leans": np.zeros((3, 2))})
+        belief_said({"load": np.array(0.0), "bend_biases": np.zeros((3, 2))})
         == belief_said({})
         == ""
     )
@@ -44,7 +44,7 @@ def test_nothing_is_said_where_nothing_is_sensed():
 def watched():
     """The twin, with something that sees its bends."""
     twin = load_arm("twin_arm")
-    return type(twin).model_validate(twin.model_dump() | {"senses": {"bends": True}})
+    return type(twin).model_validate(twin.model_dump() | {"sensors": {"bends": True}})
 
 
 @pytest.fixture
@@ -72,10 +72,10 @@ def test_the_page_says_what_hangs_there_and_the_panel_the_margins(watching, chro
     control.ask(task="circle", playing=True, payload=0.05)
     until(lambda: "at the tip: " in page._status.content, what="a word of the load")
     until(
-        lambda: 0.03 < float(control.latest.step.told.get("load", 0.0)) < 0.07,
+        lambda: 0.03 < float(control.latest.step.diagnostics.get("load", 0.0)) < 0.07,
         what="finding the load",
     )
-    tab.page.get_by_text("leans").first.wait_for()
+    tab.page.get_by_text("bend_biases").first.wait_for()
     tab.page.get_by_role("tab", name="More").click()
     tab.page.get_by_text("Margins of the loop: it may answer").wait_for()
     tab.keep("wide-belief")
@@ -85,4 +85,6 @@ def test_the_page_says_what_hangs_there_and_the_panel_the_margins(watching, chro
 
 def test_an_arm_that_senses_nothing_has_no_margins(control):
     assert control.latest.margins == ""
-    assert not any(name.startswith("left_out.") for name in control.latest.step.told)
+    assert not any(
+        name.startswith("rejected.") for name in control.latest.step.diagnostics
+    )

@@ -103,10 +103,10 @@ def test_what_is_recorded_can_be_read_back(control, tmp_path):
     assert (episode.arm.name, episode.options["strategy"]) == ("twin_arm", "s2c2a")
     assert 8 <= len(episode) <= 14
     np.testing.assert_allclose(
-        episode["wanted_positions"][-1, -1], [0.15, 0.0, 0.55], atol=1e-6
+        episode["desired_positions"][-1, -1], [0.15, 0.0, 0.55], atol=1e-6
     )
     assert episode["obstacles"].shape[1] == 1
-    assert {"sensed", "planned", "expected", "sensor.cables", "sensor.states"} <= set(
+    assert {"sensed", "planned", "predicted", "sensor.cables", "sensor.states"} <= set(
         episode.columns
     )
     assert (folder / "twin_arm.html").stat().st_size > 10_000

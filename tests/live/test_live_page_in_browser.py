@@ -134,7 +134,7 @@ def test_an_obstacle_pushed_into_the_arm_makes_it_flee(control, page, open_tab):
     until(lambda: control.latest.clearance < 1.0, what="the obstacle")
     before = tip(control)
     tab.keep("wide-obstacle")
-    start = tab.place_of(control.request.obstacles[0].centre, control.arm)
+    start = tab.place_of(control.request.obstacles[0].center, control.arm)
     end = tab.place_of(
         0.02 * across_the_screen(control.arm) + (0, 0, 0.58), control.arm
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from s2c2a.cli.live import running_page
-from s2c2a.cli.work import body_for
+from s2c2a.cli.execution import body_for
 from s2c2a.live.recorder import Recorder
 from s2c2a.spaces import Stage
 

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from s2c2a.live.goals import goal_of
-from s2c2a.live.request import MOST_OBSTACLES, Obstacle, Request, RequestLimits
+from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
 
 LIMITS = RequestLimits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))
 ANYTHING = st.one_of(
@@ -68,6 +68,6 @@ def test_a_target_too_far_is_drawn_to_the_limit_and_nonsense_is_passed_over():
 def test_obstacles_are_few_and_of_sound_size():
     many = tuple(Obstacle((9.0, 0.0, 0.0), 7.0) for _ in range(30))
     own = LIMITS.changed(Request(), obstacles=many).obstacles
-    assert len(own) == MOST_OBSTACLES
-    assert own[0].centre == pytest.approx((1.2, 0, 0))
+    assert len(own) == MAX_OBSTACLES
+    assert own[0].center == pytest.approx((1.2, 0, 0))
     assert own[0].threshold == pytest.approx(0.3)

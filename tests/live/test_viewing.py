@@ -38,9 +38,9 @@ def run(drawn, label: str, turn: float) -> Trace:
     states[..., 2], states[..., 5] = 0.2 * np.arange(1, 4), 1.0
     states[..., 0] = np.outer(leans * np.cos(turn), np.arange(1, 4) ** 2 / 9)
     states[..., 1] = np.outer(leans * np.sin(turn), np.arange(1, 4) ** 2 / 9)
-    wanted = np.full((50, 3, 3), np.nan)
-    wanted[:, -1] = states[:, -1, :3] + 0.02
-    return drawn(label, 0.1 * np.arange(50), states, wanted_positions=wanted)
+    desired = np.full((50, 3, 3), np.nan)
+    desired[:, -1] = states[:, -1, :3] + 0.02
+    return drawn(label, 0.1 * np.arange(50), states, desired_positions=desired)
 
 
 def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown, drawn):

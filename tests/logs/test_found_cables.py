@@ -72,7 +72,7 @@ def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(
     recording = recordings["other"]
     log = written(tmp_path, recording, tip_alone=False, signs_stated=True)
     imported = import_logs([log.log], map_from_toml(log.map), OTHER)
-    save_imported(imported, tmp_path / "back.episodes", {"licence": "none"})
+    save_imported(imported, tmp_path / "back.episodes", {"license": "none"})
     back = load_recording(tmp_path / "back.episodes")
     assert back.arm == OTHER
     assert len(back.episodes) == 2
@@ -84,7 +84,7 @@ def test_what_was_recorded_comes_back_in_the_base_frame_of_a_stated_arm(
         apart = episode.sensor("states")[..., :3] - original.sensor("states")[..., :3]
         assert np.sqrt(np.mean(np.sum(apart**2, axis=-1))) < 0.03
         assert np.isnan(episode.sensor("states")[..., 3:]).all()
-    assert load_episodes(tmp_path / "back.episodes")[1]["licence"] == "none"
+    assert load_episodes(tmp_path / "back.episodes")[1]["license"] == "none"
     # the same log, read as another session would be
     again = import_again([log.log], map_from_toml(log.map), back)
     for episode, one in zip(again.episodes, back.episodes, strict=True):

@@ -105,8 +105,8 @@ def test_a_missing_file_ends_in_words(tmp_path):
 
 
 def test_what_swells_is_left_alone(written, monkeypatch):
-    monkeypatch.setattr(tables, "MOST_BYTES", 1000)
-    monkeypatch.setattr(arrays, "MOST_BYTES", 1000)
+    monkeypatch.setattr(tables, "MAX_BYTES", 1000)
+    monkeypatch.setattr(arrays, "MAX_BYTES", 1000)
     with pytest.raises(LogError, match="more than 1000 bytes"):
         read_table(written(gzip.compress(b"a,b\n" + b"1,2\n" * 1000)), AB)
     squeezed = io.BytesIO()

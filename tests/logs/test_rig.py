@@ -36,7 +36,7 @@ def first(twin, tmp_path_factory):
         (
             'unit = "mm"\n',
             'unit = "m"\n',
-            "what turns 'm0' into metres or newtons: 1.0 in the map, 0.001 in",
+            "what turns 'm0' into meters or newtons: 1.0 in the map, 0.001 in",
         ),
         (
             "control_rate = 10",

@@ -22,7 +22,7 @@ SIZE = ChainOptions(
     hidden=8, depth=1, play_widths=(0.03, 0.05, 0.07), creep_times=(2.0,)
 )
 MEMORYLESS = replace(SIZE, play_widths=(), creep_times=())
-OPTIONS = FitOptions(learning_rate=3e-3, most_epochs=20, epochs_per_call=20, decay=True)
+OPTIONS = FitOptions(learning_rate=3e-3, max_epochs=20, epochs_per_call=20, decay=True)
 predict = eqx.filter_jit(
     lambda model, configurations, memory: model.predict(configurations, memory)
 )
@@ -45,9 +45,9 @@ def synthetic(arm, seed=0, samples=SAMPLES, episodes=EPISODES):
     # (episodes, goals, 10, modules, 2)
     legs = goals[:, :-1, None] * (1 - shares) + goals[:, 1:, None] * shares
     bends = legs.reshape(episodes, -1, arm.module_count, 2)
-    wanted = np.einsum("mnk,esmk->esmn", geometry.cable_matrices, bends)
-    carried = [wanted[:, 0]]
-    for now in np.moveaxis(wanted, 1, 0)[1:]:
+    desired = np.einsum("mnk,esmk->esmn", geometry.cable_matrices, bends)
+    carried = [desired[:, 0]]
+    for now in np.moveaxis(desired, 1, 0)[1:]:
         carried.append(np.clip(carried[-1], now - PLAY, now + PLAY))
     true = GAIN * np.einsum(
         "mkn,esmn->esmk", geometry.bend_matrices, np.stack(carried, axis=1)
@@ -154,7 +154,7 @@ def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
 )
 def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
     arm = make_arm(modules, cables, **changes)
-    model = train(arm, options=replace(OPTIONS, most_epochs=3, epochs_per_call=3))
+    model = train(arm, options=replace(OPTIONS, max_epochs=3, epochs_per_call=3))
     assert np.isfinite(model.curve).all()
     assert model.percent[0] < 4.0
 

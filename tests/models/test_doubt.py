@@ -1,9 +1,9 @@
-"""Doubt: none where data were held out, and more and more where there were none."""
+"""Extrapolation: none where data were held out, and more and more where there were none."""
 
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.models.doubt import IGNORANCE, Known, known_from
+from s2c2a.models.uncertainty import IGNORANCE, Known, known_from
 
 LENGTH = 0.6
 
@@ -20,14 +20,14 @@ def told(reach: float = 1.0) -> Known:
 
 def test_where_data_were_held_out_errors_are_as_there_and_there_is_no_doubt():
     inside = np.random.default_rng(1).uniform(-0.9, 0.9, (100, 3))
-    np.testing.assert_allclose(told().metres(jnp.asarray(inside)), 0.0, atol=1e-3)
+    np.testing.assert_allclose(told().meters(jnp.asarray(inside)), 0.0, atol=1e-3)
     np.testing.assert_allclose(told().usual_error, [1e-3, 3e-3], rtol=1e-5)
 
 
 def test_far_from_all_data_nothing_is_known():
     rays = np.array([[1.0, 1.0, 1.0], [-1.0, 0.5, 0.0]])
     near, further, far = (
-        told().metres(jnp.asarray(scale * rays)) for scale in (1.5, 2.5, 40.0)
+        told().meters(jnp.asarray(scale * rays)) for scale in (1.5, 2.5, 40.0)
     )
     assert (near < further).all()
     assert (further < far).all()
@@ -37,7 +37,7 @@ def test_far_from_all_data_nothing_is_known():
 def test_it_grows_beyond_the_reach_of_the_data():
     place = jnp.array([[0.9, 0.9, 0.9]])
     assert (
-        float(told(0.4).metres(place)[0]) > 5 * float(told(1.0).metres(place)[0]) + 1e-3
+        float(told(0.4).meters(place)[0]) > 5 * float(told(1.0).meters(place)[0]) + 1e-3
     )
 
 
@@ -56,5 +56,5 @@ def test_where_nothing_was_moved_nothing_is_known():
     places = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     places[:, 1] = 0.0
     doubt = known_from(places, places, np.full((300, 1), 1e-3), 30, LENGTH)
-    assert float(doubt.metres(jnp.array([0.0, 0.0]))) < 1e-3
-    assert float(doubt.metres(jnp.array([0.0, 1.0]))) > 0.02
+    assert float(doubt.meters(jnp.array([0.0, 0.0]))) < 1e-3
+    assert float(doubt.meters(jnp.array([0.0, 1.0]))) > 0.02

@@ -15,18 +15,20 @@ from s2c2a.kinematics import (
 )
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ChainOptions
-from s2c2a.models.unknowns import Unknowns, moments_of_weights
+from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks
 
 given = eqx.filter_jit(
-    lambda model, unknowns, sensed, memory: model.given(unknowns, sensed, memory)
+    lambda model, disturbances, sensed, memory: model.given(
+        disturbances, sensed, memory
+    )
 )
 predict = eqx.filter_jit(lambda model, sensed, memory: model.predict(sensed, memory))
 
 
-def loaded(kilograms, modules=3) -> Unknowns:
-    return Unknowns(jnp.asarray(kilograms, jnp.float32), jnp.zeros((modules, 2)))
+def loaded(kilograms, modules=3) -> Disturbances:
+    return Disturbances(jnp.asarray(kilograms, jnp.float32), jnp.zeros((modules, 2)))
 
 
 def test_a_weight_beside_the_base_bends_a_module_by_its_lever():
@@ -69,7 +71,7 @@ def test_leans_are_bends_beside_those_that_are_expected():
         model.start(sensed),
         jnp.array([[0.05, 0.0], [0.0, 0.02], [0.0, 0.0]]),
     )
-    leant = given(model, Unknowns(jnp.zeros(()), leans), sensed, memory)
+    leant = given(model, Disturbances(jnp.zeros(()), leans), sensed, memory)
     bends = [
         bends_from_configurations(
             configurations_from_states(predict(model, sensed, one))

@@ -16,7 +16,7 @@ from s2c2a.kinematics import (
 from s2c2a.models import LocalOptions
 from s2c2a.models.chain_training import inputs_along
 from s2c2a.planning import BEST, Goal, Planner
-from s2c2a.planning.terms import Doubt
+from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
 
 SIZE = LocalOptions(
@@ -27,10 +27,10 @@ SIZE = LocalOptions(
     points=150,
     few=40,
 )
-FIT = FitOptions(most_epochs=3, epochs_per_call=3)
+FIT = FitOptions(max_epochs=3, epochs_per_call=3)
 
 
-def data_of(arm, seen=slice(None), seed=0) -> TrainingData:
+def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
     """Bends that wander, and an arm that bends by a crooked share of them; truth where it was seen."""
     random = np.random.default_rng(seed)
     bends = np.cumsum(random.normal(0, 0.06, (4, 150, arm.module_count, 2)), axis=1)
@@ -41,7 +41,7 @@ def data_of(arm, seen=slice(None), seed=0) -> TrainingData:
         jax.jit(states_from_bends)(jnp.asarray(true, jnp.float32), lengths)
     )
     known = np.full_like(states, np.nan)
-    known[..., seen] = states[..., seen]
+    known[..., observed] = states[..., observed]
     sensed = np.asarray(configurations_from_bends(jnp.asarray(bends, jnp.float32)))
     return TrainingData(
         arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), known
@@ -90,7 +90,7 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
             predict(trained.chain, now, memory), chained[step], atol=2e-5
         )
         # weights of the kernels are up to 30: single precision leaves hundredths of a
-        # millimetre of their sum
+        # millimeter of their sum
         np.testing.assert_allclose(
             predict(trained, now, memory), along[step], atol=1e-4
         )
@@ -150,7 +150,7 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     data = data_of(arm, seed=3)
     straight = trained.start(data.sensed[0, 0])
     expected = np.asarray(
-        trained.deviation(
+        trained.predictive_std(
             jnp.asarray(data.sensed[0, :40]),
             jax.tree.map(
                 lambda part: jnp.broadcast_to(part, (40, *part.shape)), straight
@@ -171,7 +171,8 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, traine
     """Half a radian about each axis was seen; the target asks for more than the limit."""
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
     bold = replace(
-        BEST, terms=tuple(term for term in BEST.terms if not isinstance(term, Doubt))
+        BEST,
+        terms=tuple(term for term in BEST.terms if not isinstance(term, Extrapolation)),
     )
     ends = []
     for options in (BEST, bold):
@@ -181,7 +182,7 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, traine
             plan = planner.plan(plan, plan.configurations, goal)
         ends.append(
             (
-                float(planner.expectation(plan).doubt),
+                float(planner.expectation(plan).extrapolation),
                 float(np.min(plan.configurations[:, 2])),
             )
         )
@@ -229,7 +230,7 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
         trained.weighed(share, weight, known) for weight in (0.0, 0.5, 1.0)
     )
     features, chained = (
-        jnp.zeros(len(trained.kernels.centre)),
+        jnp.zeros(len(trained.kernels.center)),
         jnp.ones((arm.module_count, 6)) / np.sqrt(3),
     )
     ends = [

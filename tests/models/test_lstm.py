@@ -138,14 +138,14 @@ def bend_plane(raw):
 )
 def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
     """The layout spelt out: at each moment the tip then, the action before, the target."""
-    model, wanted, history = a_tip_lstm(arm, layers=2), numbers(9, 3), a_history(arm)
-    centre, half = (
+    model, desired, history = a_tip_lstm(arm, layers=2), numbers(9, 3), a_history(arm)
+    center, half = (
         np.asarray(part)
-        for part in (model.position_scaling.centre, model.position_scaling.half_range)
+        for part in (model.position_scaling.center, model.position_scaling.half_range)
     )
     moments = [
         np.concatenate(
-            [(position - centre) / half, action.ravel(), (wanted - centre) / half]
+            [(position - center) / half, action.ravel(), (desired - center) / half]
         )
         for position, action in zip(*history, strict=True)
     ]
@@ -153,21 +153,21 @@ def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
         slow_lstm(model.network, moments).reshape(arm.module_count, arm.cable_count)
     )
     np.testing.assert_allclose(
-        run(model, wanted, history), expected, rtol=1e-5, atol=1e-6
+        run(model, desired, history), expected, rtol=1e-5, atol=1e-6
     )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
 def test_a_batch_through_a_tip_lstm_is_its_members_one_by_one(batch):
-    model, wanted, history = (
+    model, desired, history = (
         a_tip_lstm(TWIN),
         numbers(10, *batch, 3),
         a_history(TWIN, *batch),
     )
-    together = run(model, wanted, history)
+    together = run(model, desired, history)
     assert together.shape == (*batch, 3, 3)
     members = zip(
-        wanted.reshape(-1, 3),
+        desired.reshape(-1, 3),
         history.positions.reshape(-1, 5, 3),
         history.actions.reshape(-1, 5, 3, 3),
         strict=True,
@@ -188,7 +188,7 @@ def test_a_tip_lstm_takes_any_module_and_cable_count(make_arm, modules, cables):
 
 
 def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one_passes_them():
-    model, wanted, history = (
+    model, desired, history = (
         a_tip_lstm(SIMULATED),
         numbers(12, 50, 3),
         a_history(SIMULATED, 50),
@@ -198,7 +198,7 @@ def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one
     )
     layer = loud.sum_and_range
     limited, unlimited = (
-        np.asarray(layer.actions(answer(wanted, history)))
+        np.asarray(layer.actions(answer(desired, history)))
         for answer in (loud, loud.unlimited)
     )
     assert limited.min() >= -1e-4
@@ -208,9 +208,9 @@ def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one
 
 
 def test_training_cannot_move_the_scalings_of_a_tip_lstm():
-    model, wanted, history = a_tip_lstm(TWIN), numbers(13, 3), a_history(TWIN)
+    model, desired, history = a_tip_lstm(TWIN), numbers(13, 3), a_history(TWIN)
     gradient = eqx.filter_jit(
-        eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2))
+        eqx.filter_grad(lambda m: jnp.sum(held(m)(desired, history) ** 2))
     )(model)
     fixed = jax.tree.leaves((gradient.position_scaling, gradient.sum_and_range))
     assert all(not np.any(leaf) for leaf in fixed)

@@ -12,7 +12,7 @@ from s2c2a.sensing import estimator_for
 from s2c2a.training import FitOptions, TrainingData
 
 KEY = jax.random.key(1)
-FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
+FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_training_lowers_both_losses_of_both_networks(tiny_networks):
 def test_the_forward_models_percent_is_that_of_its_predictions(
     tiny_networks, forward_split, recording
 ):
-    """Full range over the whole recording, error over the held-out part, in metres."""
+    """Full range over the whole recording, error over the held-out part, in meters."""
     held_out = forward_split.test
     predicted = np.asarray(
         tiny_networks.c2s.predict(held_out.inputs["configurations"], ())
@@ -57,23 +57,23 @@ def test_the_forward_models_percent_is_that_of_its_predictions(
 
 
 def answers(c2a, samples) -> np.ndarray:
-    """Normalised actions of a controller, without noise on its history."""
+    """Normalized actions of a controller, without noise on its history."""
     past = np.moveaxis(
         np.asarray(
-            c2a.sum_and_range.normalised(np.moveaxis(samples.inputs["actions"], -2, 0))
+            c2a.sum_and_range.normalized(np.moveaxis(samples.inputs["actions"], -2, 0))
         ),
         0,
         -2,
     )
     return np.asarray(
-        c2a(samples.inputs["wanted"], History(samples.inputs["configurations"], past))
+        c2a(samples.inputs["desired"], History(samples.inputs["configurations"], past))
     )
 
 
 def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
     tiny_networks, control_split
 ):
-    """Whatever scaling the network uses: computed here from metres."""
+    """Whatever scaling the network uses: computed here from meters."""
     held_out, c2a = control_split.test, tiny_networks.c2a
     predicted = np.asarray(c2a.sum_and_range.actions(answers(c2a, held_out)))
     parts = (control_split.training, control_split.validation, control_split.test)
@@ -91,21 +91,21 @@ def test_training_leaves_the_scalings_as_the_data_set_them(
     configurations = forward_split.training.inputs["configurations"].reshape(-1, 3)
     scaling = tiny_networks.c2s.configuration_scaling
     np.testing.assert_allclose(
-        scaling.centre - scaling.half_range, configurations.min(axis=0), atol=1e-6
+        scaling.center - scaling.half_range, configurations.min(axis=0), atol=1e-6
     )
     np.testing.assert_allclose(
-        scaling.centre + scaling.half_range, configurations.max(axis=0), atol=1e-6
+        scaling.center + scaling.half_range, configurations.max(axis=0), atol=1e-6
     )
     expected = state_scaling(forward_split.training.targets)
     np.testing.assert_array_equal(
         tiny_networks.c2s.state_scaling.half_range, expected.half_range
     )
     np.testing.assert_array_equal(
-        tiny_networks.c2s.state_scaling.centre, expected.centre
+        tiny_networks.c2s.state_scaling.center, expected.center
     )
-    wanted = control_split.training.inputs["wanted"].reshape(-1, 3)
+    desired = control_split.training.inputs["desired"].reshape(-1, 3)
     half_ranges = tiny_networks.c2a.configuration_scaling.half_range
-    np.testing.assert_allclose(half_ranges, np.ptp(wanted, axis=0) / 2, atol=1e-6)
+    np.testing.assert_allclose(half_ranges, np.ptp(desired, axis=0) / 2, atol=1e-6)
     np.testing.assert_array_equal(
         tiny_networks.c2a.sum_and_range.neutral, np.zeros((3, 3))
     )
@@ -120,7 +120,7 @@ def test_positions_share_one_scale_half_the_widest_extent():
     )
     scaling = state_scaling(states)
     np.testing.assert_allclose(scaling.half_range, [0.3, 0.3, 0.3, 1, 1, 1])
-    np.testing.assert_allclose(scaling.centre, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
+    np.testing.assert_allclose(scaling.center, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
 
 
 def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
@@ -131,7 +131,7 @@ def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
     layer = noisy.network.sum_and_range
     calm = [
         np.mean(
-            (answers(noisy.network, samples) - layer.normalised(samples.targets)) ** 2
+            (answers(noisy.network, samples) - layer.normalized(samples.targets)) ** 2
         )
         for samples in (control_split.training, control_split.validation)
     ]

@@ -22,7 +22,7 @@ def numbers(seed, *shape):
 
 
 def affine(seed, features):
-    """A scaling of random centre and range."""
+    """A scaling of random center and range."""
     return Scaling(
         jnp.asarray(numbers(seed, features)),
         jnp.asarray(np.abs(numbers(seed + 1, features)) + 0.5),
@@ -156,10 +156,10 @@ def test_the_directions_of_a_layer_start_apart():
 def test_c2s_agrees_with_a_second_forward_pass():
     model, configurations = a_c2s(), numbers(8, 3, 3)
     into, out = model.configuration_scaling, model.state_scaling
-    scaled = (configurations - np.asarray(into.centre)) / np.asarray(into.half_range)
+    scaled = (configurations - np.asarray(into.center)) / np.asarray(into.half_range)
     states = slow_bilstm(model.network, scaled) * np.asarray(
         out.half_range
-    ) + np.asarray(out.centre)
+    ) + np.asarray(out.center)
     np.testing.assert_allclose(
         predict(model, configurations), states, rtol=1e-5, atol=1e-6
     )
@@ -195,20 +195,20 @@ def test_module_labels_follow_the_formula_as_printed(modules):
     np.testing.assert_allclose(module_labels(modules), by_hand, atol=1e-6)
 
 
-def slow_c2a(model, wanted, history, last_layer):
-    """Eq. (8) with the layout spelt out: wanted; C_t to C_t-3; A_t-1 to A_t-5; label."""
+def slow_c2a(model, desired, history, last_layer):
+    """Eq. (8) with the layout spelt out: desired; C_t to C_t-3; A_t-1 to A_t-5; label."""
     scaling = model.configuration_scaling
-    centre, half = np.asarray(scaling.centre), np.asarray(scaling.half_range)
+    center, half = np.asarray(scaling.center), np.asarray(scaling.half_range)
     rows = []
-    for module in range(len(wanted)):
+    for module in range(len(desired)):
         configurations = [
-            (history.configurations[module, age] - centre) / half for age in range(4)
+            (history.configurations[module, age] - center) / half for age in range(4)
         ]
         actions = [history.actions[module, age] for age in range(5)]
-        label = [2 * module / (len(wanted) - 1) - 1]
+        label = [2 * module / (len(desired) - 1) - 1]
         rows.append(
             np.concatenate(
-                [(wanted[module] - centre) / half, *configurations, *actions, label]
+                [(desired[module] - center) / half, *configurations, *actions, label]
             )
         )
     return last_layer(slow_bilstm(model.network, np.array(rows)))
@@ -231,24 +231,24 @@ def bend_plane(raw):
     ("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)]
 )
 def test_c2a_agrees_with_a_second_forward_pass(arm, last_layer):
-    model, wanted, history = a_c2a(arm), numbers(10, 3, 3), a_history(arm.cable_count)
-    expected = slow_c2a(model, wanted, history, last_layer)
+    model, desired, history = a_c2a(arm), numbers(10, 3, 3), a_history(arm.cable_count)
+    expected = slow_c2a(model, desired, history, last_layer)
     np.testing.assert_allclose(
-        run(model, wanted, history), expected, rtol=1e-5, atol=1e-6
+        run(model, desired, history), expected, rtol=1e-5, atol=1e-6
     )
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
 def test_a_batch_through_c2a_is_its_members_one_by_one(batch):
-    model, wanted, history = (
+    model, desired, history = (
         a_c2a(TWIN),
         numbers(11, *batch, 3, 3),
         a_history(3, *batch),
     )
-    together = run(model, wanted, history)
+    together = run(model, desired, history)
     assert together.shape == (*batch, 3, 3)
     members = zip(
-        wanted.reshape(-1, 3, 3),
+        desired.reshape(-1, 3, 3),
         history.configurations.reshape(-1, 3, 4, 3),
         history.actions.reshape(-1, 3, 5, 3),
         strict=True,
@@ -269,19 +269,19 @@ def test_c2a_takes_any_module_count(modules):
 
 
 def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
-    model, wanted = a_c2a(TWIN), numbers(15, 2, 3)
+    model, desired = a_c2a(TWIN), numbers(15, 2, 3)
     short = TWIN.model_copy(update={"modules": TWIN.modules[1:]})
     moved = model.for_arm(short)
     assert moved.network is model.network
     assert moved.configuration_scaling is model.configuration_scaling
-    actions = run(moved, wanted, a_history(3, modules=2))
+    actions = run(moved, desired, a_history(3, modules=2))
     assert moved.sum_and_range.actions(actions).shape == (2, 3)
 
 
 def test_training_cannot_move_the_scalings():
-    model, wanted, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
+    model, desired, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
     gradient = eqx.filter_jit(
-        eqx.filter_grad(lambda m: jnp.sum(held(m)(wanted, history) ** 2))
+        eqx.filter_grad(lambda m: jnp.sum(held(m)(desired, history) ** 2))
     )(model)
     fixed = jax.tree.leaves((gradient.configuration_scaling, gradient.sum_and_range))
     assert all(not np.any(leaf) for leaf in fixed)

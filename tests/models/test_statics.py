@@ -1,4 +1,4 @@
-"""Where a module with cables that only pull comes to rest: by hand for one, by minimisation for many."""
+"""Where a module with cables that only pull comes to rest: by hand for one, by minimization for many."""
 
 import jax
 import jax.numpy as jnp
@@ -35,9 +35,9 @@ def random_cases(seed, count, cables):
     random = np.random.default_rng(seed)
     angles = random.uniform(0, 6, (count, 1)) + 2 * np.pi * np.arange(cables) / cables
     matrices = cable_matrix(angles + random.normal(0, 0.1, (count, cables)))
-    wanted = np.einsum("mnk,mk->mn", matrices, random.normal(0, 0.5, (count, 2)))
+    desired = np.einsum("mnk,mk->mn", matrices, random.normal(0, 0.5, (count, 2)))
     return (
-        wanted + random.normal(0, 0.05, (count, cables)),
+        desired + random.normal(0, 0.05, (count, cables)),
         random.normal(0, 0.4, (count, 2)),
         matrices,
         np.exp(random.uniform(-0.7, 3.0, count)),
@@ -45,7 +45,7 @@ def random_cases(seed, count, cables):
     )
 
 
-def least_energy(displacements, moment, matrix, stiffness, tautness):
+def min_energy(displacements, moment, matrix, stiffness, tautness):
     """The bend of least 0.5 |b|^2 - m b + 0.5 kappa sum_i max(0, B_i b - w_i)^2."""
 
     def energy(bend):
@@ -103,7 +103,7 @@ def test_slack_cables_leave_the_moment_alone():
 @pytest.mark.parametrize("cables", range(3, 9))
 def test_at_rest_is_where_the_energy_is_least(cables):
     cases = random_cases(cables, 200, cables)
-    expected = [least_energy(*case) for case in zip(*cases, strict=True)]
+    expected = [min_energy(*case) for case in zip(*cases, strict=True)]
     np.testing.assert_allclose(at_rest(*cases), expected, atol=2e-4)
 
 

@@ -111,14 +111,16 @@ def test_three_even_cables_can_say_every_bend_up_to_the_full_one(
 ):
     """Eq. (10) undone by hand: tanh t = 4 A / 3 + c with c in the middle of what is left."""
     angles = even(3, offset)
-    wanted = (
+    desired = (
         cable_matrix(angles)
         @ [share * np.cos(direction), share * np.sin(direction)]
         / HEADROOM
     )
-    squashed = 4 / 3 * wanted - 2 / 3 * (wanted.max() + wanted.min())
+    squashed = 4 / 3 * desired - 2 / 3 * (desired.max() + desired.min())
     assert np.abs(squashed).max() < 0.95
-    np.testing.assert_allclose(applied(angles, np.arctanh(squashed)), wanted, atol=2e-6)
+    np.testing.assert_allclose(
+        applied(angles, np.arctanh(squashed)), desired, atol=2e-6
+    )
 
 
 @quick
@@ -173,7 +175,7 @@ def slow_four(raw):
 
 @pytest.mark.parametrize("actuation", ["displacement", "tension"])
 @pytest.mark.parametrize("angles", [even(3), even(4), (0.0, 100.0, 220.0)])
-def test_a_normalised_one_is_the_full_action_and_its_headroom(angles, actuation):
+def test_a_normalized_one_is_the_full_action_and_its_headroom(angles, actuation):
     arm = arm_of(angles, actuation)
     layer, geometry = SumAndRange.of(arm), ArmGeometry.of(arm)
     full = {"displacement": 0.03 * np.pi / 3, "tension": -12.0}[actuation]
@@ -187,13 +189,13 @@ def test_a_normalised_one_is_the_full_action_and_its_headroom(angles, actuation)
 
 
 @pytest.mark.parametrize("actuation", ["displacement", "tension"])
-def test_actions_come_back_from_their_normalisation(actuation):
+def test_actions_come_back_from_their_normalization(actuation):
     layer = SumAndRange.of(arm_of(even(5), actuation))
-    normalised = (
+    normalized = (
         np.random.default_rng(0).uniform(-1, 1, (2, 3, 1, 5)).astype(np.float32)
     )
     np.testing.assert_allclose(
-        layer.normalised(layer.actions(normalised)), normalised, atol=1e-5
+        layer.normalized(layer.actions(normalized)), normalized, atol=1e-5
     )
 
 
@@ -208,7 +210,7 @@ def test_a_batch_through_the_layer_is_its_members_one_by_one(cables):
 
 
 def test_limited_actions_are_what_the_arm_will_be_sent():
-    """With 12 N around 20 N a normalised 1 is 15 N, so 0.8 is the limit."""
+    """With 12 N around 20 N a normalized 1 is 15 N, so 0.8 is the limit."""
     layer = SumAndRange.of(arm_of(even(4), "tension"))
     limited = layer.limited(np.array([[1.0, -1.0, 0.5, -0.79]], np.float32))
     np.testing.assert_allclose(limited, [[0.8, -0.8, 0.5, -0.79]], atol=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.kinematics import PCCForwardModel, states_from_configurations
-from s2c2a.planning import BEST, NO_RESCUE, PAPER, BatchPlanner, Goal, Planner
+from s2c2a.planning import BEST, NO_FALLBACK, PAPER, BatchPlanner, Goal, Planner
 from s2c2a.planning.terms import Axes
 
 TWIN = load_arm("twin_arm")
@@ -54,26 +54,26 @@ def tips(configurations):
 
 
 def goals(**obstacles):
-    wanted = [Goal.of(3).with_position(target) for target in TARGETS]
-    return [goal.with_obstacles(**obstacles) if obstacles else goal for goal in wanted]
+    desired = [Goal.of(3).with_position(target) for target in TARGETS]
+    return [goal.with_obstacles(**obstacles) if obstacles else goal for goal in desired]
 
 
 @BOTH
 @pytest.mark.parametrize(
-    "obstacles", [{}, {"centres": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}]
+    "obstacles", [{}, {"centers": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}]
 )
 def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
     """Five, in chunks of four: the last chunk is filled up, and what fills it is thrown away."""
-    batch, planner, wanted, sensed = (
+    batch, planner, desired, sensed = (
         batch_of(options),
         Planner(*PARTS, options),
         goals(**obstacles),
         somewhere(5),
     )
-    many = batch.plan(batch.start(sensed), sensed, Goal.stacked(wanted))
+    many = batch.plan(batch.start(sensed), sensed, Goal.stacked(desired))
     each = [
         planner.plan(planner.start(one), one, goal).configurations
-        for one, goal in zip(sensed, wanted, strict=True)
+        for one, goal in zip(sensed, desired, strict=True)
     ]
     np.testing.assert_allclose(many.configurations, each, atol=2e-4)
 
@@ -81,10 +81,10 @@ def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
 @BOTH
 def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
     batch, planner, start = batch_of(options), Planner(*PARTS, options), somewhere(1)[0]
-    wanted = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
-    path = batch.path(start, Goal.stacked(wanted))
+    desired = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
+    path = batch.path(start, Goal.stacked(desired))
     plan, each = planner.start(start), []
-    for goal in wanted:
+    for goal in desired:
         plan = planner.plan(plan, plan.configurations, goal)
         each.append(plan.configurations)
     np.testing.assert_allclose(path.configurations, each, atol=1e-3)
@@ -106,17 +106,17 @@ def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
     goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
     # as starts are judged
     even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)
-    batch = batch_of(replace(BEST, rescue=NO_RESCUE, terms=even))
+    batch = batch_of(replace(BEST, fallback=NO_FALLBACK, terms=even))
     best = batch.best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
     assert best.value < 0.9 * best.values[0]
 
 
 def test_results_do_not_depend_on_threads():
-    wanted, sensed = Goal.stacked(goals()), somewhere(5)
+    desired, sensed = Goal.stacked(goals()), somewhere(5)
     answers = []
     for threads in (1, 3):
         batch = BatchPlanner(*PARTS, PAPER, chunk=2, threads=threads)
-        answers.append(batch.plan(batch.start(sensed), sensed, wanted).configurations)
+        answers.append(batch.plan(batch.start(sensed), sensed, desired).configurations)
     np.testing.assert_array_equal(*answers)
 
 

@@ -12,7 +12,7 @@ from s2c2a.kinematics import PCCForwardModel, states_from_bends
 from s2c2a.planning import Goal
 from s2c2a.planning.guides import (
     FAR,
-    NEIGHBOURS,
+    NEIGHBORS,
     SIDE,
     _ways_to,
     drawn_along,
@@ -67,15 +67,15 @@ def test_the_map_has_the_tips_of_its_bends(workspace):
     assert full == pytest.approx(np.deg2rad(47.0), abs=1e-6)
 
 
-def test_ways_lead_to_neighbours_and_never_out_of_the_disc_of_full_bend(workspace):
+def test_ways_lead_to_neighbors_and_never_out_of_the_disc_of_full_bend(workspace):
     ways, tips = np.asarray(workspace.ways), np.asarray(workspace.tips)
-    east = NEIGHBOURS.index((0, 1))
+    east = NEIGHBORS.index((0, 1))
     assert ways[east, 22, 30] == pytest.approx(
         np.linalg.norm(tips[22, 31] - tips[22, 30]), abs=1e-6
     )
     assert ways[east, 22, 44] == pytest.approx(FAR)
     assert (ways[:, 0, 0] == FAR).all()
-    back = NEIGHBOURS.index((0, -1))
+    back = NEIGHBORS.index((0, -1))
     np.testing.assert_allclose(ways[east, :, :-1], ways[back, :, 1:], atol=1e-6)
 
 
@@ -86,7 +86,7 @@ def test_lengths_of_ways_agree_with_dijkstra(workspace, seed):
     blocked = np.linalg.norm(tips - BETWEEN - random.normal(0, 0.03, 3), axis=-1) < 0.12
     to_go = np.asarray(ways_to(workspace, TARGET, jnp.asarray(blocked))[0])
     free = ~blocked & (np.asarray(workspace.ways).min(axis=0) < FAR)
-    pairs = [(node, node + step) for step in NEIGHBOURS for node in np.argwhere(free)]
+    pairs = [(node, node + step) for step in NEIGHBORS for node in np.argwhere(free)]
     inside = [
         (tuple(a), tuple(b))
         for a, b in pairs
@@ -139,8 +139,8 @@ def test_drawn_from_point_to_point_the_tip_arrives_outside_of_all_spheres(
         )
         way.append(tip)
     np.testing.assert_allclose(way[-1], TARGET, atol=1e-6)
-    for *centre, threshold in spheres:
-        assert np.linalg.norm(np.array(way) - centre, axis=-1).min() > threshold
+    for *center, threshold in spheres:
+        assert np.linalg.norm(np.array(way) - center, axis=-1).min() > threshold
     length = np.linalg.norm(np.diff(way, axis=0), axis=-1).sum()
     assert length < 2.5 * np.linalg.norm(TARGET - TIP)
 

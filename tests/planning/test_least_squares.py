@@ -12,7 +12,7 @@ from s2c2a.arm import load_arm
 from s2c2a.kinematics import (
     PCCForwardModel,
     bends_from_configurations,
-    centre_line,
+    center_line,
     configurations_from_bends,
     states_from_configurations,
 )
@@ -27,7 +27,7 @@ states_of = jax.jit(
     lambda configurations: states_from_configurations(configurations, LENGTHS)
 )
 lines_of = jax.jit(
-    lambda configurations: centre_line(
+    lambda configurations: center_line(
         states_from_configurations(configurations, LENGTHS), LENGTHS
     )
 )
@@ -182,7 +182,7 @@ def wild_goals(seed, count, modules=3):
 def test_the_circle_is_followed_within_a_millimetre(planner):
     task = task_named("circle", TWIN)
     errors = np.linalg.norm(
-        tips_of(drive(planner, task.goals)) - task.wanted_positions()[:, -1], axis=-1
+        tips_of(drive(planner, task.goals)) - task.desired_positions()[:, -1], axis=-1
     )
     assert errors.max() < 1e-3
 
@@ -191,11 +191,11 @@ def test_a_tilted_circle_is_followed_in_place_and_axis(planner):
     task = task_named("tilt-50", TWIN)
     states = np.asarray(states_of(drive(planner, task.goals)))[1:, -1]
     assert (
-        np.linalg.norm(states[:, :3] - task.wanted_positions()[:, -1], axis=-1).max()
+        np.linalg.norm(states[:, :3] - task.desired_positions()[:, -1], axis=-1).max()
         < 2e-3
     )
     assert np.linalg.norm(
-        states[:, 3:] - task.wanted_axes()[:, -1], axis=-1
+        states[:, 3:] - task.desired_axes()[:, -1], axis=-1
     ).max() < np.deg2rad(1.0)
 
 
@@ -267,7 +267,7 @@ def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     task = task_named(name, TWIN)
     tips = tips_of(drive(planner, task.goals))
     assert (
-        np.linalg.norm(tips[-10:] - task.wanted_positions()[-1, -1], axis=-1).max()
+        np.linalg.norm(tips[-10:] - task.desired_positions()[-1, -1], axis=-1).max()
         < 0.03
     )
     assert clearance(tips[:, None], task) > 0.0
@@ -285,14 +285,16 @@ def test_a_guarded_arm_goes_past_an_obstacle_with_all_its_points_outside(
 ):
     task = task_named("reach-1", TWIN)
     planned = drive(guarding_planner, task.goals)
-    assert np.linalg.norm(tips_of(planned)[-1] - task.wanted_positions()[-1, -1]) < 0.03
+    assert (
+        np.linalg.norm(tips_of(planned)[-1] - task.desired_positions()[-1, -1]) < 0.03
+    )
     assert clearance(np.asarray(lines_of(planned))[1:], task) > 0.0
 
 
 def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(planner):
-    centre = np.array([0.03, 0.02, 0.59])
-    goal = Goal.of(3, change_weight=0.5).with_obstacles([centre], [0.10])
-    distances = np.linalg.norm(tips_of(drive(planner, [goal] * 100)) - centre, axis=-1)
+    center = np.array([0.03, 0.02, 0.59])
+    goal = Goal.of(3, change_weight=0.5).with_obstacles([center], [0.10])
+    distances = np.linalg.norm(tips_of(drive(planner, [goal] * 100)) - center, axis=-1)
     assert distances[-10:].min() > 0.10
     assert np.ptp(distances[-10:]) < 1e-3
 

@@ -146,11 +146,11 @@ def test_the_paper_recipe_comes_within_four_centimetres_of_a_reachable_target(
 
 
 def test_an_axis_is_reached_too(fine_planner):
-    wanted = np.array([np.sin(0.8), 0.0, np.cos(0.8)])
-    goal = Goal.of(3, change_weight=0.0).with_axis(wanted)
+    desired = np.array([np.sin(0.8), 0.0, np.cos(0.8)])
+    goal = Goal.of(3, change_weight=0.0).with_axis(desired)
     planned = drive(fine_planner, [goal] * 100)
     assert (
-        angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], wanted)
+        angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], desired)
         < 0.5
     )
 

@@ -13,16 +13,16 @@ from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
 from s2c2a.planning import (
     BEST,
-    NO_RESCUE,
+    NO_FALLBACK,
     PAPER,
     BatchPlanner,
     Goal,
     Notes,
     Planner,
-    Rescue,
+    FallbackSearch,
 )
-from s2c2a.planning.rescue import LED, OTHER_START
-from s2c2a.programs import compilations
+from s2c2a.planning.fallback import LED, OTHER_START
+from s2c2a.compilation import compilations
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
@@ -81,7 +81,7 @@ def misled():
 
 
 def test_without_rescue_slopes_that_point_uphill_freeze_the_plan():
-    planner = Planner(TWIN, Uphill(MODEL), replace(BEST, rescue=NO_RESCUE))
+    planner = Planner(TWIN, Uphill(MODEL), replace(BEST, fallback=NO_FALLBACK))
     plans = planned(planner, ASIDE, 10)
     np.testing.assert_allclose(plans[-1].configurations, STRAIGHT, atol=1e-3)
     assert told(plans) == [0] * 11
@@ -151,7 +151,7 @@ def test_beside_obstacles_it_is_told_that_the_plan_stands():
 
 
 def test_the_paper_s_planner_is_left_alone():
-    assert PAPER.rescue == NO_RESCUE
+    assert PAPER.fallback == NO_FALLBACK
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_the_paper_s_planner_is_left_alone():
 )
 def test_numbers_that_cannot_be_are_refused(numbers):
     with pytest.raises(S2C2AError, match="asked for"):
-        Rescue(**numbers)
+        FallbackSearch(**numbers)
 
 
 def test_notes_keep_their_places():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.goals import MOST_OBSTACLES
+from s2c2a.goals import MAX_OBSTACLES
 from s2c2a.kinematics import (
     PCCForwardModel,
     configurations_from_bends,
@@ -26,9 +26,9 @@ TIP_ONLY, WHOLE_ARM = guarded_points(TWIN, "tip"), guarded_points(TWIN, "arm")
 SCALE = 0.46  # m: the paper's length scale, for an arm of 0.6 m
 UNIT, PULL = 0.4 * 0.6, 0.035 * 0.6
 RANDOM = np.random.default_rng(0)
-PREDICTED, WANTED = RANDOM.normal(size=(2, 3, 3)).astype(np.float32)
+PREDICTED, DESIRED = RANDOM.normal(size=(2, 3, 3)).astype(np.float32)
 WEIGHTS = np.array([0.5, 0.0, 2.0], np.float32)
-CENTRES = np.array([[0.1, 0.0, 0.6], [0.0, 0.3, 0.5], [0.0, 0.0, 0.0]], np.float32)
+CENTERS = np.array([[0.1, 0.0, 0.6], [0.0, 0.3, 0.5], [0.0, 0.0, 0.0]], np.float32)
 THRESHOLDS = np.array([0.2, 0.35, 0.0], np.float32)
 TIP = np.array([[0.02, 0.05, 0.55]], np.float32)
 MIDDLE = np.array([[-0.03, 0.1, 0.4]], np.float32)
@@ -70,13 +70,13 @@ def paid(term, tried, given):
     return jnp.sum(mu * norm(rows))
 
 
-def target_cost(positions, wanted=WANTED, weights=WEIGHTS):
-    goal = Goal.of(3)._replace(positions=wanted, position_weights=weights)
+def target_cost(positions, desired=DESIRED, weights=WEIGHTS):
+    goal = Goal.of(3)._replace(positions=desired, position_weights=weights)
     return paid(terms.Positions(unit=1.0), candidate(positions), situation(goal))
 
 
-def obstacle_cost(points, centres=CENTRES, thresholds=THRESHOLDS):
-    goal = Goal.of(3)._replace(obstacles=centres, thresholds=thresholds)
+def obstacle_cost(points, centers=CENTERS, thresholds=THRESHOLDS):
+    goal = Goal.of(3)._replace(obstacles=centers, thresholds=thresholds)
     return paid(terms.Repulsion(unit=1.0), candidate(points=points), situation(goal))
 
 
@@ -107,40 +107,40 @@ def differences(function, place, step=1e-6):
 def slow_target(predicted):
     return sum(
         w * np.sqrt(np.sum((d - p) ** 2))
-        for w, d, p in zip(WEIGHTS, WANTED, predicted, strict=True)
+        for w, d, p in zip(WEIGHTS, DESIRED, predicted, strict=True)
     )
 
 
 def slow_obstacles(points):
     pairs = [
-        (point, centre, r)
+        (point, center, r)
         for point in points
-        for centre, r in zip(CENTRES, THRESHOLDS, strict=True)
+        for center, r in zip(CENTERS, THRESHOLDS, strict=True)
         if r > 0
     ]
     distances = [
-        (np.sqrt(np.sum((centre - point) ** 2)), r) for point, centre, r in pairs
+        (np.sqrt(np.sum((center - point) ** 2)), r) for point, center, r in pairs
     ]
     return sum((d <= r) / d for d, r in distances)
 
 
 def test_a_target_costs_its_distance_times_its_weight():
     predicted = np.array([[3.0, 0.0, 0.0], [9.0, 9.0, 9.0], [0.0, 1.0, 1.0]])
-    wanted = np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.5]])
+    desired = np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.5]])
     assert float(
-        target_cost(predicted, wanted, np.array([2.0, 0.0, 10.0]))
+        target_cost(predicted, desired, np.array([2.0, 0.0, 10.0]))
     ) == pytest.approx(2 * 5 + 10 * 0.5)
 
 
 def test_the_gradient_of_a_target_is_the_slope_of_its_cost():
-    found = target_slope(PREDICTED, WANTED, WEIGHTS)
+    found = target_slope(PREDICTED, DESIRED, WEIGHTS)
     np.testing.assert_allclose(found, differences(slow_target, PREDICTED), atol=1e-5)
 
 
 def test_a_reached_target_pulls_nowhere():
-    gradient = target_slope(WANTED, WANTED, WEIGHTS)
+    gradient = target_slope(DESIRED, DESIRED, WEIGHTS)
     np.testing.assert_array_equal(gradient, np.zeros((3, 3)))
-    assert float(target_cost(WANTED, WANTED, WEIGHTS)) == 0.0
+    assert float(target_cost(DESIRED, DESIRED, WEIGHTS)) == 0.0
 
 
 @pytest.mark.parametrize("size", [1e-15, 1e-8, 1e-3, 1.0])
@@ -182,17 +182,17 @@ def test_an_obstacle_costs_on_its_threshold_too():
 
 
 def test_obstacles_add_up():
-    expected = 1 / np.linalg.norm(CENTRES[0] - TIP[0]) + 1 / np.linalg.norm(
-        CENTRES[1] - TIP[0]
+    expected = 1 / np.linalg.norm(CENTERS[0] - TIP[0]) + 1 / np.linalg.norm(
+        CENTERS[1] - TIP[0]
     )
-    assert float(obstacle_cost(TIP, CENTRES, THRESHOLDS)) == pytest.approx(
+    assert float(obstacle_cost(TIP, CENTERS, THRESHOLDS)) == pytest.approx(
         expected, rel=1e-5
     )
 
 
 def test_points_that_are_guarded_add_up():
-    both = float(obstacle_cost(np.concatenate([TIP, MIDDLE]), CENTRES, THRESHOLDS))
-    each = [float(obstacle_cost(point, CENTRES, THRESHOLDS)) for point in (TIP, MIDDLE)]
+    both = float(obstacle_cost(np.concatenate([TIP, MIDDLE]), CENTERS, THRESHOLDS))
+    each = [float(obstacle_cost(point, CENTERS, THRESHOLDS)) for point in (TIP, MIDDLE)]
     assert min(each) > 0
     assert both == pytest.approx(sum(each), rel=1e-6)
 
@@ -201,13 +201,13 @@ def test_points_that_are_guarded_add_up():
     "points", [TIP, np.concatenate([TIP, MIDDLE])], ids=["tip", "two points"]
 )
 def test_the_gradient_of_obstacles_is_the_slope_of_their_cost(points):
-    found = obstacle_slope(points, CENTRES, THRESHOLDS)
+    found = obstacle_slope(points, CENTERS, THRESHOLDS)
     np.testing.assert_allclose(
         found, differences(slow_obstacles, points), rtol=1e-4, atol=1e-4
     )
 
 
-def test_going_down_the_cost_of_an_obstacle_leads_away_from_its_centre():
+def test_going_down_the_cost_of_an_obstacle_leads_away_from_its_center():
     downhill = -np.asarray(
         obstacle_slope(np.array([[0.03, 0.04, 0.0]]), np.zeros((1, 3)), np.array([0.1]))
     )[0]
@@ -225,7 +225,7 @@ def test_the_gradient_in_the_middle_of_an_obstacle_is_finite(distance):
 
 
 def test_an_unused_obstacle_costs_nothing_even_in_its_middle():
-    unused = np.zeros((1, 3)), np.zeros((MOST_OBSTACLES, 3)), np.zeros(MOST_OBSTACLES)
+    unused = np.zeros((1, 3)), np.zeros((MAX_OBSTACLES, 3)), np.zeros(MAX_OBSTACLES)
     value, gradient = obstacle_cost(*unused), obstacle_slope(*unused)
     assert float(value) == 0.0
     np.testing.assert_array_equal(gradient, np.zeros((1, 3)))
@@ -238,12 +238,12 @@ def test_change_costs_the_norm_over_all_modules_together():
 
 
 def test_the_gradient_of_change_is_its_slope_and_zero_at_no_change():
-    found = change_slope(PREDICTED, WANTED)
+    found = change_slope(PREDICTED, DESIRED)
     expected = differences(
-        lambda place: np.sqrt(np.sum((place - WANTED) ** 2)), PREDICTED
+        lambda place: np.sqrt(np.sum((place - DESIRED) ** 2)), PREDICTED
     )
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    np.testing.assert_array_equal(change_slope(WANTED, WANTED), np.zeros((3, 3)))
+    np.testing.assert_array_equal(change_slope(DESIRED, DESIRED), np.zeros((3, 3)))
 
 
 def a_rich_goal():
@@ -284,7 +284,7 @@ def test_the_objective_is_the_weighted_sum_in_units_of_the_length_scale():
     assert float(found) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_guarded_arm_pays_for_every_point_of_its_centre_line():
+def test_a_guarded_arm_pays_for_every_point_of_its_center_line():
     goal = Goal.of(3).with_obstacles([[0.03, 0.0, 0.3]], [0.12], 0.4)
     distances = np.linalg.norm(
         np.asarray(WHOLE_ARM(MODEL.predict(BENT, ()))) - [0.03, 0.0, 0.3], axis=-1
@@ -329,7 +329,7 @@ def test_either_recipes_terms_serve_both_solvers(options):
 
 
 @pytest.mark.parametrize(
-    "goal", [Goal.of(3), Goal.of(3).with_obstacles(CENTRES[:2], THRESHOLDS[:2])]
+    "goal", [Goal.of(3), Goal.of(3).with_obstacles(CENTERS[:2], THRESHOLDS[:2])]
 )
 def test_room_for_few_obstacles_or_none_changes_nothing(goal):
     """Planning for many leaves out what is not in use."""
@@ -352,7 +352,7 @@ BLOCKS = {
     "shape": 6,
     "evenness": 4,
     "change": 6,
-    "doubt": 1,
+    "extrapolation": 1,
     "limit": 3,
     "obstacle": AT_HAND,
 }
@@ -430,13 +430,13 @@ def test_every_module_can_be_asked_for(residuals_at):
 
 
 def test_an_axis_is_missed_as_it_is(residuals_at):
-    wanted = np.array([0.6, 0.0, 0.8])
-    missed = residuals_at(NEXT, Goal.of(3).with_axis(wanted, weight=2.0))[
+    desired = np.array([0.6, 0.0, 0.8])
+    missed = residuals_at(NEXT, Goal.of(3).with_axis(desired, weight=2.0))[
         "axis"
     ].reshape(3, 3)
     np.testing.assert_allclose(
         missed[-1],
-        AXES_WEIGHT * np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - wanted),
+        AXES_WEIGHT * np.sqrt(2.0) * (state_of(NEXT)[-1, 3:] - desired),
         atol=1e-5,
     )
     assert not missed[:2].any()
@@ -460,8 +460,8 @@ def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(
 
 
 def test_doubt_costs_as_a_distance_of_the_tip_does():
-    doubtful = candidate()._replace(doubt=jnp.asarray(0.03))
-    mu, rows = terms.Doubt(weight=2.0, unit=0.5).residual(
+    doubtful = candidate()._replace(extrapolation=jnp.asarray(0.03))
+    mu, rows = terms.Extrapolation(weight=2.0, unit=0.5).residual(
         doubtful, situation(length=0.6)
     )
     np.testing.assert_allclose(mu * rows, [[2.0 * 0.03 / 0.3]], rtol=1e-6)
@@ -481,8 +481,8 @@ def test_a_bend_beyond_its_limit_costs_what_is_too_much(residuals_at):
 def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin(
     residuals_at, distance, depth
 ):
-    centre = state_of(LAST)[-1, :3] + np.array([0.0, distance, 0.0])
-    blocks = residuals_at(LAST, Goal.of(3).with_obstacles([centre], [0.05], weight=4.0))
+    center = state_of(LAST)[-1, :3] + np.array([0.0, distance, 0.0])
+    blocks = residuals_at(LAST, Goal.of(3).with_obstacles([center], [0.05], weight=4.0))
     np.testing.assert_allclose(
         blocks["obstacle"],
         [2.0 * 20.0 * depth / UNIT] + [0.0] * (AT_HAND - 1),
@@ -491,11 +491,9 @@ def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin
 
 
 def test_places_for_obstacles_that_are_not_in_use_cost_nothing(residuals_at):
-    """Even where the tip stands on their centre."""
+    """Even where the tip stands on their center."""
     goal = Goal.of(3)._replace(
-        obstacles=np.tile(state_of(LAST)[-1, :3], (MOST_OBSTACLES, 1)).astype(
-            np.float32
-        )
+        obstacles=np.tile(state_of(LAST)[-1, :3], (MAX_OBSTACLES, 1)).astype(np.float32)
     )
     assert not residuals_at(LAST, goal)["obstacle"].any()
 
@@ -503,15 +501,15 @@ def test_places_for_obstacles_that_are_not_in_use_cost_nothing(residuals_at):
 def test_of_many_obstacles_those_count_that_the_tip_is_deepest_in(residuals_at):
     """64 of them, all about the tip: a weight of one, and depths of 1 to 64 mm."""
     depths = 1e-3 * np.random.default_rng(0).permutation(
-        np.arange(1, MOST_OBSTACLES + 1)
+        np.arange(1, MAX_OBSTACLES + 1)
     )
-    away = np.random.default_rng(1).normal(size=(MOST_OBSTACLES, 3))
+    away = np.random.default_rng(1).normal(size=(MAX_OBSTACLES, 3))
     away *= 0.2 / np.linalg.norm(away, axis=-1, keepdims=True)
-    centres, thresholds = state_of(LAST)[-1, :3] + away, 0.2 - 0.04 * 0.6 + depths
-    found = residuals_at(LAST, Goal.of(3).with_obstacles(centres, thresholds))[
+    centers, thresholds = state_of(LAST)[-1, :3] + away, 0.2 - 0.04 * 0.6 + depths
+    found = residuals_at(LAST, Goal.of(3).with_obstacles(centers, thresholds))[
         "obstacle"
     ]
-    deepest = 1e-3 * np.arange(MOST_OBSTACLES, MOST_OBSTACLES - AT_HAND, -1)
+    deepest = 1e-3 * np.arange(MAX_OBSTACLES, MAX_OBSTACLES - AT_HAND, -1)
     np.testing.assert_allclose(found, 20.0 * deepest / UNIT, atol=1e-4)
 
 
@@ -550,7 +548,7 @@ def test_an_obstacle_beside_an_untargeted_tip_draws_nothing(residuals_at):
         np.testing.assert_allclose(block, 0.0, atol=1e-6, err_msg=name)
 
 
-def test_the_tip_alone_or_the_whole_centre_line_is_guarded():
+def test_the_tip_alone_or_the_whole_center_line_is_guarded():
     states = jnp.asarray(state_of(LAST))
     np.testing.assert_array_equal(TIP_ONLY(states), states[-1:, :3])
     points = np.asarray(guarded_points(TWIN, "arm")(states))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.arm.senses import Camera, Inertial, Senses
+from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot, check_robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
@@ -228,7 +228,9 @@ def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
 def test_a_camera_that_has_no_picture_in_most_readings_is_fine(twin):
     check_robot(
         SimulatedRobot(
-            twin.model_copy(update={"senses": Senses(imu=Inertial(), camera=Camera())})
+            twin.model_copy(
+                update={"sensors": Sensors(imu=Inertial(), camera=Camera())}
+            )
         )
     )
 

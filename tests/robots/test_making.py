@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Body, options_from
-from s2c2a.robots.making import robot_class
+from s2c2a.robots.factory import robot_class
 from s2c2a.robots.simulation import SimulatedRobot
 
 OWN = """
@@ -98,8 +98,8 @@ def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_m
 REFUSED = {
     "an option that it does not take": (
         "Own",
-        {"colour": "red"},
-        r"Own takes no option 'colour'; it takes port, baud",
+        {"color": "red"},
+        r"Own takes no option 'color'; it takes port, baud",
     ),
     "a word for a number": (
         "Own",
@@ -180,7 +180,7 @@ def test_a_body_of_another_package_is_found_by_its_entry_point(monkeypatch):
     def points(group, name):
         return [Point()] if (group, name) == ("s2c2a.robots", "theirs") else []
 
-    monkeypatch.setattr("s2c2a.extensions.entry_points", points)
+    monkeypatch.setattr("s2c2a.plugins.entry_points", points)
     assert robot_class("theirs") is SimulatedRobot
     with pytest.raises(S2C2AError, match="no robot 'others'"):
         robot_class("others")
@@ -191,7 +191,7 @@ def test_an_entry_point_that_fails_is_told_by_its_name(monkeypatch):
         def load(self):
             raise ImportError("libmotor.so is missing")
 
-    monkeypatch.setattr("s2c2a.extensions.entry_points", lambda group, name: [Point()])
+    monkeypatch.setattr("s2c2a.plugins.entry_points", lambda group, name: [Point()])
     with pytest.raises(
         S2C2AError,
         match=r"the robot 'theirs' cannot be loaded: ImportError: libmotor\.so is missing",

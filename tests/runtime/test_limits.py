@@ -56,39 +56,39 @@ def size_deg(change, geometry):
 
 def asked_madly(geometry, seed, count=40):
     """What a mad driver asks for: far, near, held for a while, along a limit, not finite."""
-    random, wanted = np.random.default_rng(seed), geometry.action_neutral
+    random, desired = np.random.default_rng(seed), geometry.action_neutral
     reach = np.abs(geometry.action_scale)[:, None]
     for _ in range(count):
         kind = random.integers(6)
         if kind == 0:
-            wanted = geometry.action_neutral + reach * random.normal(
-                scale=3.0, size=wanted.shape
+            desired = geometry.action_neutral + reach * random.normal(
+                scale=3.0, size=desired.shape
             )
         elif kind == 1:
-            wanted = wanted + reach * random.normal(scale=0.05, size=wanted.shape)
+            desired = desired + reach * random.normal(scale=0.05, size=desired.shape)
         elif kind == 2:
-            wanted = np.where(
-                random.random(wanted.shape) < 0.5,
+            desired = np.where(
+                random.random(desired.shape) < 0.5,
                 geometry.action_low,
                 geometry.action_high,
             )
         elif kind == 3:
-            wanted = np.where(
-                random.random(wanted.shape) < 0.3,
+            desired = np.where(
+                random.random(desired.shape) < 0.3,
                 random.choice([np.nan, np.inf, -np.inf]),
-                wanted,
+                desired,
             )
-        yield wanted
+        yield desired
 
 
-def followed(limits, wanted_ones):
+def followed(limits, desired_ones):
     """Commands from rest on, and the changes that they make."""
     last = before = limits.rest.copy()
     change = np.zeros_like(limits.rest)
     commands, changes = [last], [change]
-    for wanted in wanted_ones:
-        command = limits.limited(wanted, last, change, before)
-        last, change, before = command, command - last, wanted
+    for desired in desired_ones:
+        command = limits.limited(desired, last, change, before)
+        last, change, before = command, command - last, desired
         commands.append(last)
         changes.append(change)
     return np.array(commands), np.array(changes)
@@ -163,16 +163,16 @@ def test_what_is_held_is_arrived_at_on_the_straight_way_without_going_beyond(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)
-    wanted = np.random.default_rng(seed).uniform(
+    desired = np.random.default_rng(seed).uniform(
         geometry.action_low, geometry.action_high
     )
     turn = min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf)
     most = 3 + 2 * np.sqrt(300.0 / turn) + 150.0 / arm.step_limit_deg
-    commands, _ = followed(limits, [wanted] * int(most))
+    commands, _ = followed(limits, [desired] * int(most))
     np.testing.assert_allclose(
-        commands[-1], wanted, atol=1e-9 * np.abs(geometry.action_scale).max()
+        commands[-1], desired, atol=1e-9 * np.abs(geometry.action_scale).max()
     )
-    left = wanted - commands
+    left = desired - commands
     assert (
         np.diff(np.abs(left), axis=0) <= 1e-9 * np.abs(geometry.action_scale)[:, None]
     ).all()
@@ -198,12 +198,12 @@ def test_braking_from_a_full_run_stops_where_it_shall(make_arm):
 def test_what_is_no_number_asks_for_nothing(twin, nothing):
     limits = CommandLimits.of(twin)
     last = 0.3 * limits.geometry.action_high
-    wanted = np.full_like(last, nothing)
+    desired = np.full_like(last, nothing)
     np.testing.assert_array_equal(
-        limits.limited(wanted, last, np.zeros_like(last), wanted), last
+        limits.limited(desired, last, np.zeros_like(last), desired), last
     )
-    wanted[0] = limits.rest[0]
-    moved = limits.limited(wanted, last, np.zeros_like(last), wanted)
+    desired[0] = limits.rest[0]
+    moved = limits.limited(desired, last, np.zeros_like(last), desired)
     np.testing.assert_array_equal(moved[1:], last[1:])
     assert (np.abs(moved[0]) < last[0]).all()
 

@@ -109,7 +109,7 @@ def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(
         for (reading, _), step in zip(actor.steps, steps, strict=True)
     ] == [True] * 3
     assert [goal for _, goal in actor.steps] == goals
-    assert [step.told["planned"][0, 0] for step in steps] == [1.0, 2.0, 3.0]
+    assert [step.diagnostics["planned"][0, 0] for step in steps] == [1.0, 2.0, 3.0]
     assert [step.stage for step in steps] == [RUN] * 3
 
 
@@ -186,7 +186,7 @@ def test_after_a_short_fault_the_arm_goes_on_where_it_held(puppet, actor, clock)
     assert [step.stage for step in steps] == [RUN] * 4 + [HOLD] * 5 + [RUN] * 6
     assert {step.fault for step in steps[4:9]} == {"'cables' is not finite"}
     assert {step.fault for step in steps[9:]} == {""}
-    assert [len(step.told) for step in steps] == [1] * 4 + [0] * 5 + [1] * 6
+    assert [len(step.diagnostics) for step in steps] == [1] * 4 + [0] * 5 + [1] * 6
     np.testing.assert_array_equal(puppet.sent[4:9], [puppet.sent[3]] * 5)
     assert len(actor.starts) == 1
     assert sizes_of(puppet)[0].max() <= 1 + 1e-9

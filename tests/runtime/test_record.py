@@ -83,16 +83,16 @@ def test_what_was_asked_has_columns_only_where_anything_was(step, twin):
     ]
     episode = episode_of(steps, twin)
     np.testing.assert_allclose(
-        episode["wanted_positions"][0], [*NAN[:2], [0.1, 0.0, 0.5]], rtol=1e-6
+        episode["desired_positions"][0], [*NAN[:2], [0.1, 0.0, 0.5]], rtol=1e-6
     )
-    assert np.isnan(episode["wanted_positions"][1:]).all()
-    assert "wanted_axes" not in episode.columns
+    assert np.isnan(episode["desired_positions"][1:]).all()
+    assert "desired_axes" not in episode.columns
     np.testing.assert_allclose(
         episode["obstacles"][:, 0], [[0.3, 0.0, 0.4, 0.1], [0] * 4, [0] * 4], rtol=1e-6
     )
     assert (
         set(episode_of(steps[1:], twin).columns)
-        & {"wanted_positions", "wanted_axes", "obstacles"}
+        & {"desired_positions", "desired_axes", "obstacles"}
         == set()
     )
 

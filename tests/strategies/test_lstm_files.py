@@ -14,7 +14,7 @@ from s2c2a.training import FitOptions
 @pytest.fixture(scope="module")
 def trained(recording):
     return train_lstm_strategy(
-        recording, LSTMOptions(2, 8, FitOptions(most_epochs=5), 0.1), seed=3
+        recording, LSTMOptions(2, 8, FitOptions(max_epochs=5), 0.1), seed=3
     )
 
 
@@ -43,12 +43,12 @@ def rewrite(file, forged):
 
 def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     random = np.random.default_rng(0)
-    wanted, *past = (
+    desired, *past = (
         random.normal(size=(4, *shape)).astype(np.float32)
         for shape in ((3,), (5, 3), (5, 3, 3))
     )
     before, after = (
-        network(wanted, TipHistory(*past))
+        network(desired, TipHistory(*past))
         for network in (
             one.networks["LSTM"] for one in (trained, load_lstm(file, twin))
         )
@@ -107,7 +107,7 @@ def test_a_missing_file_is_refused(tmp_path):
     [
         "LSTM.network.bias_head",
         "LSTM.network.layers[1].weight_hidden",
-        "LSTM.position_scaling.centre",
+        "LSTM.position_scaling.center",
     ],
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):

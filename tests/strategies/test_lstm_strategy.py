@@ -22,13 +22,13 @@ from s2c2a.tasks import Task
 from s2c2a.training import FitOptions
 
 TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
-FROZEN = FitOptions(learning_rate=0.0, most_epochs=2, epochs_per_call=2)
+FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 
 @pytest.fixture(scope="module")
 def options() -> LSTMOptions:
     return LSTMOptions(
-        1, 8, FitOptions(learning_rate=1e-2, most_epochs=12, epochs_per_call=6), 0.05
+        1, 8, FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6), 0.05
     )
 
 
@@ -86,7 +86,7 @@ def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
         jax.jit(lambda value: 5 * value - 2)(np.float32(2))
         counted = sum(record.name.startswith("jax") for record in caplog.records)
         live(strategy, twin, goals * 3)
-        assert strategy.told()["sensed"].shape == (3, 3)
+        assert strategy.diagnostics()["sensed"].shape == (3, 3)
         assert counted > 0
         assert (
             sum(record.name.startswith("jax") for record in caplog.records) == counted
@@ -104,10 +104,10 @@ def answers(trained, samples) -> np.ndarray:
     """Actions [m or N] of the network, without noise on its history."""
     layer = trained.networks["LSTM"].sum_and_range
     history = TipHistory(
-        samples.inputs["positions"], layer.normalised(samples.inputs["actions"])
+        samples.inputs["positions"], layer.normalized(samples.inputs["actions"])
     )
     return np.asarray(
-        layer.actions(trained.networks["LSTM"](samples.inputs["wanted"], history))
+        layer.actions(trained.networks["LSTM"](samples.inputs["desired"], history))
     )
 
 
@@ -160,13 +160,13 @@ def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
 
 
 def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
-    wanted = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
+    desired = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
     scaling = trained.networks["LSTM"].position_scaling
     np.testing.assert_allclose(
-        scaling.half_range, np.ptp(wanted, axis=0) / 2, rtol=1e-4
+        scaling.half_range, np.ptp(desired, axis=0) / 2, rtol=1e-4
     )
     np.testing.assert_allclose(
-        scaling.centre, (wanted.min(axis=0) + wanted.max(axis=0)) / 2, atol=1e-6
+        scaling.center, (desired.min(axis=0) + desired.max(axis=0)) / 2, atol=1e-6
     )
 
 
@@ -212,7 +212,7 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, re
     samples = lstm_samples(
         tips[None], actions[None], ArmGeometry.of(arm).action_neutral
     ).training
-    samples.inputs["wanted"] = targets[: len(samples.targets)].astype(np.float32)
+    samples.inputs["desired"] = targets[: len(samples.targets)].astype(np.float32)
     span = np.ptp(actions, axis=0).max()
     assert span > 1e-3 * ArmGeometry.of(arm).action_high.max()
     np.testing.assert_allclose(
@@ -268,7 +268,7 @@ def test_a_run_does_not_depend_on_the_runs_before_it(strategy, twin):
     np.testing.assert_array_equal(live(strategy, twin, [TARGET] * 8)[0], first)
 
 
-def test_it_hears_the_wanted_tip_and_nothing_else_of_a_goal(strategy, twin):
+def test_it_hears_the_desired_tip_and_nothing_else_of_a_goal(strategy, twin):
     reading = SimulatedRobot(twin).open()
     more = (
         TARGET.with_axis([1, 0, 1])
@@ -293,11 +293,11 @@ def test_it_senses_what_is_true_and_plans_nothing(strategy, twin):
         )
     reading = robot.read()
     strategy.step(reading, TARGET)
-    sensed = strategy.told()["sensed"]
+    sensed = strategy.diagnostics()["sensed"]
     # states do not tell torsion
     np.testing.assert_allclose(sensed, reading["configurations"], atol=3e-3)
     assert np.abs(sensed[:, :2]).max() > 0.05
-    assert set(strategy.told()) == {"sensed"}
+    assert set(strategy.diagnostics()) == {"sensed"}
 
 
 def without_tip(reading: Reading) -> Reading:
@@ -347,7 +347,7 @@ def test_one_that_was_not_started_says_so(trained, twin):
     with pytest.raises(StrategyError, match="not started"):
         fresh.step(reading, TARGET)
     with pytest.raises(StrategyError, match="not started"):
-        fresh.told()
+        fresh.diagnostics()
 
 
 def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towards_a_target(
@@ -355,14 +355,14 @@ def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towa
 ):
     task = Task("hold", (TARGET,) * 40)
     done = rollout(SimulatedRobot(twin), strategy, task)
-    errors = position_errors(done.after("states"), task.wanted_positions())
+    errors = position_errors(done.after("states"), task.desired_positions())
     assert (done.options["strategy"], done.ran("sensed").shape) == ("lstm", (40, 3, 3))
     assert done.get("planned") is None
     assert errors[-10:].mean() < 0.8 * errors[0]
 
 
 def test_layers_units_are_those_that_bends_are_counted_in(twin):
-    """A normalised action on one bend direction stands for the headroom times the full bend."""
+    """A normalized action on one bend direction stands for the headroom times the full bend."""
     layer, geometry = SumAndRange.of(twin), ArmGeometry.of(twin)
     action = np.asarray(layer.actions(layer.matrices[..., 0]))
     degrees = bends_of(twin, action[None])[0, :, 0]

@@ -79,7 +79,7 @@ def synthetic(arm, gains) -> Recording:
 
 def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
     errors = position_errors(
-        circle_run.after("states"), circle_run.ran("wanted_positions")
+        circle_run.after("states"), circle_run.ran("desired_positions")
     )
     assert errors.mean() < 1.0
     assert errors.max() < 2.0
@@ -115,9 +115,11 @@ def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, ta
         np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
     )
     np.testing.assert_allclose(
-        np.linalg.norm(pcc.told()["planned"], axis=-1), 1.0, atol=1e-4
+        np.linalg.norm(pcc.diagnostics()["planned"], axis=-1), 1.0, atol=1e-4
     )
-    assert np.all(np.arccos(pcc.told()["planned"][:, 2]) <= geometry.bend_limits + 1e-3)
+    assert np.all(
+        np.arccos(pcc.diagnostics()["planned"][:, 2]) <= geometry.bend_limits + 1e-3
+    )
 
 
 def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_limit_and_no_faster(
@@ -126,11 +128,11 @@ def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_lim
     robot = SimulatedRobot(ideal)
     reading = robot.open()
     pcc.start(reading)
-    plans = [pcc.told()["planned"]]
+    plans = [pcc.diagnostics()["planned"]]
     for _ in range(60):
         robot.step(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
         reading = robot.read()
-        plans.append(pcc.told()["planned"])
+        plans.append(pcc.diagnostics()["planned"])
     turns = angles_deg(np.array(plans[:-1]), np.array(plans[1:]))
     assert 0.98 * ideal.step_limit_deg < turns.max() < 1.001 * ideal.step_limit_deg
     tip = reading["states"][-1, :3]

@@ -9,7 +9,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, LSTMOptions
-from s2c2a.parts import Own
+from s2c2a.components import Own
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
 from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
@@ -34,7 +34,7 @@ def test_the_recipe_that_the_page_shows_is_one(tmp_path):
     (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (tmp_path / "mine.toml").write_text(text)
     mine, best = load_recipe(tmp_path / "mine.toml"), RECIPES["best"]
-    assert (mine.episodes, mine.c2s.hidden, mine.c2s_fit.most_epochs) == (40, 32, 30)
+    assert (mine.episodes, mine.c2s.hidden, mine.c2s_fit.max_epochs) == (40, 32, 30)
     assert (mine.c2a_fit, len(mine.planner.terms)) == (
         best.c2a_fit,
         len(best.planner.terms),
@@ -92,8 +92,8 @@ def test_names_and_files_are_told_apart(tmp_path):
         (lambda text: text.replace('model = "local"', 'model = "bilstm"'), "layers"),
         (lambda text: "no recipe", "mine.toml: not valid TOML"),
         (
-            lambda text: "most_epochs = 5\n" + text,
-            "most_epochs: no such key here, though another table has one",
+            lambda text: "max_epochs = 5\n" + text,
+            "max_epochs: no such key here, though another table has one",
         ),
     ],
 )

@@ -25,7 +25,9 @@ def test_they_drive_the_circle(name, most):
     arm = load_arm(name)
     task = circle(arm)
     run = rollout(SimulatedRobot(arm), s2c2a_strategy(shipped_networks(arm)), task)
-    assert np.mean(position_errors(run.after("states"), task.wanted_positions())) < most
+    assert (
+        np.mean(position_errors(run.after("states"), task.desired_positions())) < most
+    )
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -47,7 +47,7 @@ def either(request):
 
 @pytest.fixture(scope="module")
 def simulated_pcc(simulated):
-    """PCC for the arm that senses its true configuration."""
+    """PCC for the arm that sensors its true configuration."""
     return pcc_strategy(simulated, PAPER)
 
 
@@ -81,8 +81,8 @@ def live(strategy, arm, goals, watched=True) -> np.ndarray:
     for goal in goals:
         actions.append(robot.step(strategy.step(seen(robot.read()), goal)))
         assert (
-            strategy.told()["sensed"].shape
-            == strategy.told()["planned"].shape
+            strategy.diagnostics()["sensed"].shape
+            == strategy.diagnostics()["planned"].shape
             == (3, 3)
         )
     return np.array(actions)
@@ -198,11 +198,11 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
     reading = robot.read()
     either.step(reading, REST)
     np.testing.assert_allclose(
-        either.told()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6
+        either.diagnostics()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6
     )
     assert (
         np.linalg.norm(
-            either.told()["sensed"] - reading["configurations"], axis=-1
+            either.diagnostics()["sensed"] - reading["configurations"], axis=-1
         ).max()
         > 0.02
     )
@@ -226,7 +226,8 @@ def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, 
 
 
 @pytest.mark.parametrize(
-    ("name", "watched"), [("trained", {}), ("best", {"load": (), "leans": (3, 2)})]
+    ("name", "watched"),
+    [("trained", {}), ("best", {"load": (), "bend_biases": (3, 2)})],
 )
 def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
     name, watched, twin, request
@@ -235,13 +236,13 @@ def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
     reading = SimulatedRobot(twin).open()
     either.start(reading)
     either.step(reading, REST)
-    told = {name: values.shape for name, values in either.told().items()}
+    told = {name: values.shape for name, values in either.diagnostics().items()}
     columns = {
         "sensed": (3, 3),
         "planned": (3, 3),
-        "expected": (3, 6),
-        "deviation": (3,),
-        "doubt": (),
+        "predicted": (3, 6),
+        "predictive_std": (3,),
+        "extrapolation": (),
     }
     columns |= {"rescued": (), "standing": ()}
     assert told == columns | watched
@@ -252,7 +253,7 @@ def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
     with pytest.raises(StrategyError, match="not started"):
         fresh.step(reading, REST)
     with pytest.raises(StrategyError, match="not started"):
-        fresh.told()
+        fresh.diagnostics()
 
 
 def test_training_on_a_recording_cut_short_is_refused(recording, tiny_recipe):
@@ -272,7 +273,7 @@ def test_training_without_true_states_is_refused(recording, tiny_recipe):
 def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe):
     nan = np.full_like(recording.episodes[0].sensor("cables"), np.nan)
     with pytest.raises(
-        RecordingError, match="lacks the configurations that its arm senses"
+        RecordingError, match="lacks the configurations that its arm sensors"
     ):
         train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
 
@@ -359,6 +360,6 @@ def test_what_a_plan_leads_to_is_what_the_forward_model_says(twin):
         strategy.start(reading)
         strategy.step(reading, Goal.of(3).with_position([0.2, 0.0, 0.5]))
     lengths = jnp.full(3, 0.2)
-    told = strategy.told()
+    told = strategy.diagnostics()
     states = states_from_configurations(jnp.asarray(told["planned"]), lengths)
-    np.testing.assert_allclose(told["expected"], states, atol=1e-6)
+    np.testing.assert_allclose(told["predicted"], states, atol=1e-6)

@@ -25,15 +25,15 @@ def outputs(networks, seed=0) -> list[np.ndarray]:
         random.normal(size=(5, 3, *shape)).astype(np.float32)
         for shape in ((3,), (4, 3), (5, 3))
     )
-    wanted, configurations, actions = shapes
+    desired, configurations, actions = shapes
 
     def predicted(c2s, sensed):
         return c2s.predict(sensed, c2s.observe(sensed, c2s.start(-sensed)))
 
     answer = eqx.filter_jit(
         lambda c2s, c2a: (
-            jax.vmap(predicted, in_axes=(None, 0))(c2s, wanted),
-            c2a(wanted, History(configurations, actions)),
+            jax.vmap(predicted, in_axes=(None, 0))(c2s, desired),
+            c2a(desired, History(configurations, actions)),
         )
     )
     return [np.asarray(values) for values in answer(networks.c2s, networks.c2a)]
@@ -268,7 +268,7 @@ WRONG_RECIPES = {
     "a correction of NaN": {"correction": float("nan")},
     "noise without end": {"history_noise": float("inf")},
     "a weight of NaN": {"axis_weights": [["hold-", float("nan")]]},
-    "a year of training": {"c2s_fit": {"most_epochs": 10**9}},
+    "a year of training": {"c2s_fit": {"max_epochs": 10**9}},
     "fewer than none": {"c2a": {"layers": 1, "hidden": -8}},
     "no iteration": {
         "planner": {"learning_rate": 0.02, "iterations": -1, "on_sphere": True}

@@ -124,7 +124,7 @@ def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(twin)
         [0.01 * 4 / 3, 0.03 * 4 / 3],
         rtol=1e-5,
     )
-    assert float(begun.doubt(straight)) < 0.01 * arm.length
+    assert float(begun.extrapolation(straight)) < 0.01 * arm.length
 
 
 def test_a_short_recording_makes_it_nearer(

@@ -13,7 +13,7 @@ from s2c2a.studies.circle import ARMS
 from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
-SHORT = FitOptions(most_epochs=25, patience=25)
+SHORT = FitOptions(max_epochs=25, patience=25)
 
 
 @pytest.fixture(scope="session")
@@ -54,14 +54,14 @@ def make_trace(drawn):
         label: str = "s2c2a", lag: float = 0.0, modules: int = 3, **changes
     ) -> Trace:
         around = 2 * np.pi * np.arange(200) / 200
-        wanted, states = (_states_round(around - late, modules) for late in (0.0, lag))
+        desired, states = (_states_round(around - late, modules) for late in (0.0, lag))
         positions, axes = np.full((2, 200, modules, 3), np.nan)
-        positions[:, -1], axes[:, -1] = wanted[:, -1, :3], wanted[:, -1, 3:]
+        positions[:, -1], axes[:, -1] = desired[:, -1, :3], desired[:, -1, 3:]
         values = {
             "times": 0.1 * np.arange(200),
             "states": states,
-            "wanted_positions": positions,
-            "wanted_axes": axes,
+            "desired_positions": positions,
+            "desired_axes": axes,
         }
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (200, 1, 1))
         return drawn(label, **{**values, "obstacles": obstacles, **changes})

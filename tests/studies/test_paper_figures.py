@@ -15,7 +15,7 @@ from s2c2a.studies.space_figures import (
     poses_figure,
 )
 from s2c2a.studies.time_figures import (
-    _azimuth_like_wanted,
+    _azimuth_like_desired,
     _nearest_obstacle,
     coordinates_figure,
     estimation_figure,
@@ -128,9 +128,9 @@ def test_runs_of_one_task_lie_over_each_other(traces, tmp_path):
 def test_runs_that_the_legend_cannot_tell_apart_are_refused(make_trace, tmp_path):
     twice = [make_trace(), make_trace()]
     for draw in (coordinates_figure, orientation_figure):
-        with pytest.raises(S2C2AError, match="several traces are labelled 's2c2a'"):
+        with pytest.raises(S2C2AError, match="several traces are labeled 's2c2a'"):
             draw(twice, tmp_path / "figure.png")
-    with pytest.raises(S2C2AError, match="several traces are labelled 's2c2a'"):
+    with pytest.raises(S2C2AError, match="several traces are labeled 's2c2a'"):
         obstacles_figure({"reach": twice}, tmp_path / "figure.png")
 
 
@@ -157,31 +157,31 @@ def test_angles_that_do_not_fit_together_are_refused(shapes, tmp_path):
         estimation_figure(*map(np.zeros, shapes), tmp_path / "figure.png")
 
 
-def test_a_true_azimuth_stays_within_half_a_turn_of_the_wanted_one_over_several_turns(
+def test_a_true_azimuth_stays_within_half_a_turn_of_the_desired_one_over_several_turns(
     make_trace,
 ):
     around = np.linspace(0, 6 * np.pi, 200)
-    wanted = np.stack(
+    desired = np.stack(
         [np.cos(around), np.sin(around), np.ones(200)], axis=-1
     ) / np.sqrt(2)
     states, axes = make_trace().states.copy(), np.full((200, 3, 3), np.nan)
-    states[:, -1, 3:], axes[:, -1] = wanted, wanted
-    azimuth = _azimuth_like_wanted(make_trace(states=states, wanted_axes=axes))
+    states[:, -1, 3:], axes[:, -1] = desired, desired
+    azimuth = _azimuth_like_desired(make_trace(states=states, desired_axes=axes))
     np.testing.assert_allclose(azimuth, np.rad2deg(around), atol=1e-6)
 
 
 def test_the_azimuth_of_an_upright_axis_is_left_out(make_trace):
     upright = np.zeros((200, 3, 6))
     upright[..., 5] = 1.0
-    assert np.isnan(_azimuth_like_wanted(make_trace(states=upright))).all()
+    assert np.isnan(_azimuth_like_desired(make_trace(states=upright))).all()
 
 
 def test_the_held_end_is_the_one_that_should_move_least_and_little(make_trace):
-    wanted = make_trace().wanted_positions.copy()
-    assert _held_place(wanted, 0.6) is None
-    wanted[:, 0] = [0.0, 0.0, 0.2]
-    np.testing.assert_array_equal(_held_place(wanted, 0.6), [0.0, 0.0, 0.2])
-    assert _held_place(np.full_like(wanted, np.nan), 0.6) is None
+    desired = make_trace().desired_positions.copy()
+    assert _held_place(desired, 0.6) is None
+    desired[:, 0] = [0.0, 0.0, 0.2]
+    np.testing.assert_array_equal(_held_place(desired, 0.6), [0.0, 0.0, 0.2])
+    assert _held_place(np.full_like(desired, np.nan), 0.6) is None
 
 
 def test_moments_are_spread_evenly_over_the_steps_that_are_there():

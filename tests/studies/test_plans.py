@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import PCCForwardModel
-from s2c2a.planning import BEST, NO_RESCUE, LeastSquares, Pull, Rescue
+from s2c2a.planning import BEST, NO_FALLBACK, LeastSquares, Pull, FallbackSearch
 from s2c2a.studies import plans as studied
 from s2c2a.studies.plans import KINDS, Held, drawn, held_against_long_search
 
@@ -54,8 +54,11 @@ def test_plans_are_good_that_come_near_the_long_search_or_move_by_a_whole_step()
 
 def test_most_plans_come_near_the_long_search_and_few_of_one_iteration_do():
     share = {}
-    for solver, rescue in ((LeastSquares(), Rescue()), (LeastSquares(1), NO_RESCUE)):
-        options = replace(BEST, solver=solver, guides=(Pull(),), rescue=rescue)
+    for solver, fallback in (
+        (LeastSquares(), FallbackSearch()),
+        (LeastSquares(1), NO_FALLBACK),
+    ):
+        options = replace(BEST, solver=solver, guides=(Pull(),), fallback=fallback)
         held = held_against_long_search(TWIN, MODEL, options, 16)
         assert all(
             np.isfinite(held[when].cost).all() for when in ("one step", "settled")

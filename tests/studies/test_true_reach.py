@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, Cable, drawn_arm, load_arm
+from s2c2a.arm import ArmGeometry, Cable, randomized_arm, load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.jobs import Cache, made
@@ -25,8 +25,8 @@ def quick(monkeypatch):
 
 @pytest.fixture(scope="module")
 def drawn():
-    """An arm with every flaw."""
-    return drawn_arm(TWIN, 3, 1.0)
+    """An arm with every mismatch."""
+    return randomized_arm(TWIN, 3, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def without_memory(arm):
         module.model_copy(
             update={
                 "cable": module.cable.model_copy(update={"play": 0.0, "friction": 0.0}),
-                "flaws": module.flaws.model_copy(update={"relaxing": (0.0, 0.0)}),
+                "mismatch": module.mismatch.model_copy(update={"relaxing": (0.0, 0.0)}),
             }
         )
         for module in arm.modules
@@ -132,13 +132,13 @@ def test_goals_within_reach_stay_and_others_are_put_where_the_arm_gets_nearest(
         task_named(name, drawn),
         made(ReachableTask(drawn, name), Cache(tmp_path)),
     )
-    before, after = asked.wanted_positions()[:, -1], moved.wanted_positions()[:, -1]
+    before, after = asked.desired_positions()[:, -1], moved.desired_positions()[:, -1]
     np.testing.assert_allclose(before[:20], np.tile(inside, (20, 1)), atol=1e-6)
     np.testing.assert_array_equal(after[:16], before[:16])
     assert 0.56 < after[-1, 2] < 0.6
     assert moved.name == asked.name
     assert len(moved.goals) == len(asked.goals)
-    assert np.isnan(moved.wanted_positions()[:, :-1]).all()
+    assert np.isnan(moved.desired_positions()[:, :-1]).all()
 
 
 def test_a_task_that_changed_is_searched_anew(drawn, tmp_path):
@@ -162,7 +162,7 @@ def test_held_targets_are_places_where_the_arm_was_and_those_beyond_are_not(
     assert len(inside.task.goals) == len(beyond.task.goals) == 4 * 50
     assert not inside.distances.any()
     assert beyond.distances.min() > 0.01
-    first = beyond.task.wanted_positions()[0, -1]
+    first = beyond.task.desired_positions()[0, -1]
     assert (
         np.linalg.norm(
             reach.nearest(Goal.of(3).with_position(first)).states[-1, POSITION] - first
@@ -171,13 +171,13 @@ def test_held_targets_are_places_where_the_arm_was_and_those_beyond_are_not(
     )
     shares = reach.random_shares(4, np.random.default_rng([4, 0]))
     np.testing.assert_allclose(
-        inside.task.wanted_positions()[::50, -1],
+        inside.task.desired_positions()[::50, -1],
         reach.states(shares)[:, -1, POSITION],
         atol=1e-6,
     )
     again = made(HeldTargets(drawn, 4), cache)
     np.testing.assert_array_equal(
-        again.task.wanted_positions(), inside.task.wanted_positions()
+        again.task.desired_positions(), inside.task.desired_positions()
     )
 
 

@@ -9,7 +9,7 @@ TWIN = load_arm("twin_arm")
 
 
 def tip_path(arm):
-    return circle(arm).wanted_positions()[:, -1]
+    return circle(arm).desired_positions()[:, -1]
 
 
 def with_rate(rate):
@@ -108,9 +108,9 @@ def test_a_slower_control_keeps_the_times():
 
 def test_the_circle_asks_the_tip_alone_and_no_axis():
     task = circle(TWIN)
-    assert np.isnan(task.wanted_positions()[:, :2]).all()
-    assert np.isfinite(task.wanted_positions()[:, 2]).all()
-    assert np.isnan(task.wanted_axes()).all()
+    assert np.isnan(task.desired_positions()[:, :2]).all()
+    assert np.isfinite(task.desired_positions()[:, 2]).all()
+    assert np.isnan(task.desired_axes()).all()
     assert task.obstacles().shape == (200, 0, 4)
 
 
@@ -123,7 +123,7 @@ def test_the_weights_are_the_protocol_s():
 def test_tasks_are_found_by_their_names():
     task = task_named("circle", TWIN)
     assert task.name == "circle"
-    np.testing.assert_array_equal(task.wanted_positions()[:, -1], tip_path(TWIN))
+    np.testing.assert_array_equal(task.desired_positions()[:, -1], tip_path(TWIN))
 
 
 def test_an_unknown_task_lists_the_known_ones():

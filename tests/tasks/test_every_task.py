@@ -45,13 +45,13 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
 
 
 @pytest.mark.parametrize("name", WITH_TARGET)
-def test_no_wanted_position_jumps(name):
+def test_no_desired_position_jumps(name):
     """Once around at 0.22 m in 160 steps is the fastest: 8.6 mm a step."""
-    wanted = task_named(name, TWIN).wanted_positions()
-    asked = np.isfinite(wanted[0, :, 0])
+    desired = task_named(name, TWIN).desired_positions()
+    asked = np.isfinite(desired[0, :, 0])
     rest = np.array([[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]])
     moves = np.linalg.norm(
-        np.diff(np.concatenate([rest[None], wanted]), axis=0), axis=-1
+        np.diff(np.concatenate([rest[None], desired]), axis=0), axis=-1
     )
     assert moves[:, asked].max() < 0.01
 
@@ -59,10 +59,10 @@ def test_no_wanted_position_jumps(name):
 @pytest.mark.parametrize("name", WITH_TARGET)
 def test_every_position_but_those_outside_is_within_reach(name):
     """To 0.1 cm, as the protocol has it; the target of `follow` goes out on purpose in its last 168 steps."""
-    wanted = task_named(name, ARM).wanted_positions()
-    steps = np.linspace(0, min(len(wanted), 698 - 168) - 1, 24).astype(int)
-    modules = np.flatnonzero(np.isfinite(wanted[0, :, 0]))
-    gaps = [reach_gaps(ARM, wanted[steps, module], int(module)) for module in modules]
+    desired = task_named(name, ARM).desired_positions()
+    steps = np.linspace(0, min(len(desired), 698 - 168) - 1, 24).astype(int)
+    modules = np.flatnonzero(np.isfinite(desired[0, :, 0]))
+    gaps = [reach_gaps(ARM, desired[steps, module], int(module)) for module in modules]
     assert np.max(gaps) < 0.001
 
 
@@ -90,8 +90,8 @@ def limited(values):
 
 
 def misses(task, step, lengths):
-    """How near positions [m] and orientations [deg] of a step come to what is wanted, by least squares over bends."""
-    positions, axes = task.wanted_positions()[step], task.wanted_axes()[step]
+    """How near positions [m] and orientations [deg] of a step come to what is desired, by least squares over bends."""
+    positions, axes = task.desired_positions()[step], task.desired_axes()[step]
     placed, pointed = np.isfinite(positions[:, 0]), np.isfinite(axes[:, 0])
 
     def gaps(values):
@@ -117,7 +117,7 @@ def misses(task, step, lengths):
 
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)
 @pytest.mark.parametrize("step", [19, 39, 104, 199])
-def test_all_that_is_wanted_at_once_is_within_reach_at_once(name, step):
+def test_all_that_is_desired_at_once_is_within_reach_at_once(name, step):
     """To 0.1 cm and 0.2 deg, as the protocol has it."""
     apart, turned = misses(task_named(name, ARM), step, [0.2, 0.2, 0.2])
     assert apart < 0.001

@@ -27,7 +27,7 @@ def task():
 
 @pytest.fixture(scope="module")
 def path(task):
-    return task.wanted_positions()[:, -1]
+    return task.desired_positions()[:, -1]
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_it_is_never_faster_than_eight_centimetres_a_second(path):
 def test_the_tip_counts_once_and_change_half(task):
     assert {tuple(goal.position_weights) for goal in task.goals} == {(0, 0, 1)}
     assert {float(goal.change_weight) for goal in task.goals} == {0.5}
-    assert np.isnan(task.wanted_axes()).all()
+    assert np.isnan(task.desired_axes()).all()
     assert task.obstacles().shape == (698, 0, 4)
 
 
@@ -127,7 +127,7 @@ def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
     path, inside
 ):
     double = task_named("follow", DOUBLE)
-    np.testing.assert_allclose(double.wanted_positions()[:, -1], 2 * path, atol=1e-6)
+    np.testing.assert_allclose(double.desired_positions()[:, -1], 2 * path, atol=1e-6)
     np.testing.assert_array_equal(double.scores[1].steps, inside)
 
 
@@ -135,6 +135,6 @@ def test_a_faster_control_keeps_the_times(path, monkeypatch):
     monkeypatch.setattr(
         "s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points))
     )
-    fast = task_named("follow", FAST).wanted_positions()[:, -1]
+    fast = task_named("follow", FAST).desired_positions()[:, -1]
     np.testing.assert_allclose(fast[1 : 2 * 530 : 2], path[:530], atol=1e-6)
     assert len(fast) == 100 + 960 + 107 + 40 + 107 + 80

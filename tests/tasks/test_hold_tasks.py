@@ -16,10 +16,10 @@ def arm_of(modules):
     return TWIN.model_copy(update={"modules": (TWIN.modules[0],) * modules})
 
 
-def wanted(name, module, arm=TWIN):
+def desired(name, module, arm=TWIN):
     """Positions and axes of a module's end."""
     task = task_named(name, arm)
-    return task.wanted_positions()[:, module], task.wanted_axes()[:, module]
+    return task.desired_positions()[:, module], task.desired_axes()[:, module]
 
 
 @pytest.mark.parametrize("name", HOLDS)
@@ -30,7 +30,7 @@ def test_a_hold_lasts_two_hundred_steps(name):
 
 
 def test_the_base_module_stays_where_it_is_at_rest():
-    positions, axes = wanted("hold-base", 0)
+    positions, axes = desired("hold-base", 0)
     np.testing.assert_allclose(positions, np.tile([0, 0, 0.2], (200, 1)), atol=1e-7)
     assert np.isnan(axes).all()
 
@@ -41,12 +41,12 @@ def test_the_base_module_stays_where_it_is_at_rest():
 )
 def test_over_a_held_base_the_tip_goes_once_around_anticlockwise(step, point):
     np.testing.assert_allclose(
-        wanted("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
+        desired("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
     )
 
 
 def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
-    tip = wanted("hold-base", -1)[0][:40]
+    tip = desired("hold-base", -1)[0][:40]
     np.testing.assert_allclose(tip[:, 0], 0.15 * np.arange(1, 41) / 40, atol=1e-7)
     np.testing.assert_array_equal(tip[:, 1], 0)
     assert np.all(np.diff(tip[:, 2]) < 0)
@@ -64,7 +64,7 @@ def test_a_held_base_counts_four_times_and_the_tip_once():
 def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(
     name, module, rest, height, tilt
 ):
-    positions, _ = wanted(name, module)
+    positions, _ = desired(name, module)
     shares = np.append(np.arange(1, 41) / 40, np.ones(160))
     np.testing.assert_array_equal(positions[:, :2], 0)
     np.testing.assert_allclose(
@@ -93,7 +93,7 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
         np.sin(angle) * np.sin(turned),
         np.cos(angle),
     ]
-    np.testing.assert_allclose(wanted(name, module)[1][step - 1], expected, atol=1e-6)
+    np.testing.assert_allclose(desired(name, module)[1][step - 1], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
@@ -137,7 +137,7 @@ def test_an_arm_with_too_few_modules_is_refused(name, modules):
 def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
     modules, middle
 ):
-    positions = task_named("hold-middle", arm_of(modules)).wanted_positions()
+    positions = task_named("hold-middle", arm_of(modules)).desired_positions()
     assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
     assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
 
@@ -151,9 +151,9 @@ def test_lengths_scale_with_the_arm_and_angles_do_not():
     for name in HOLDS:
         long, short = task_named(name, TWIN), task_named(name, half)
         np.testing.assert_allclose(
-            short.wanted_positions(), long.wanted_positions() / 2, atol=1e-6
+            short.desired_positions(), long.desired_positions() / 2, atol=1e-6
         )
-        np.testing.assert_array_equal(short.wanted_axes(), long.wanted_axes())
+        np.testing.assert_array_equal(short.desired_axes(), long.desired_axes())
 
 
 def test_a_faster_control_keeps_the_times():
@@ -161,8 +161,8 @@ def test_a_faster_control_keeps_the_times():
         fast = task_named(name, TWIN.model_copy(update={"control_rate": 20.0}))
         assert len(fast.goals) == 400
         np.testing.assert_allclose(
-            fast.wanted_positions()[1::2],
-            task_named(name, TWIN).wanted_positions(),
+            fast.desired_positions()[1::2],
+            task_named(name, TWIN).desired_positions(),
             atol=1e-6,
         )
 
@@ -174,8 +174,8 @@ def test_a_module_of_another_length_is_held_where_it_ends():
     ]
     arm = TWIN.model_copy(update={"modules": tuple(modules)})
     np.testing.assert_allclose(
-        wanted("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7
+        desired("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7
     )
     np.testing.assert_allclose(
-        wanted("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7
+        desired("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7
     )

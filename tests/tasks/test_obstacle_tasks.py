@@ -22,7 +22,7 @@ FAST = TWIN.model_copy(update={"control_rate": 20.0})
 
 
 def tips(task):
-    return task.wanted_positions()[:, -1]
+    return task.desired_positions()[:, -1]
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
@@ -120,8 +120,8 @@ def test_fleeing_takes_eleven_seconds_and_four_tenths():
 
 def test_fleeing_asks_for_nothing_but_little_change_and_room():
     task = task_named("flee", TWIN)
-    assert np.isnan(task.wanted_positions()).all()
-    assert np.isnan(task.wanted_axes()).all()
+    assert np.isnan(task.desired_positions()).all()
+    assert np.isnan(task.desired_axes()).all()
     assert {
         (float(goal.obstacle_weight), float(goal.change_weight)) for goal in task.goals
     } == {(1.0, 0.5)}

@@ -11,7 +11,7 @@ APPROACH = 40
 
 
 def tips(name, arm=TWIN):
-    return task_named(name, arm).wanted_positions()[:, -1]
+    return task_named(name, arm).desired_positions()[:, -1]
 
 
 @pytest.mark.parametrize(

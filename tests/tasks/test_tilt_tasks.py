@@ -1,4 +1,4 @@
-"""The circle with wanted orientations: targets worked by hand from docs/protocol.md."""
+"""The circle with desired orientations: targets worked by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ PLAIN = [name for name in TILTS if name not in TURNS]
 
 
 def tip_axes(name, arm=TWIN):
-    return task_named(name, arm).wanted_axes()[:, -1]
+    return task_named(name, arm).desired_axes()[:, -1]
 
 
 def angles_to_the_vertical(axes):
@@ -41,7 +41,7 @@ def test_the_tip_goes_the_way_of_the_circle(name):
     task = task_named(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
     np.testing.assert_array_equal(
-        task.wanted_positions(), circle(TWIN).wanted_positions()
+        task.desired_positions(), circle(TWIN).desired_positions()
     )
 
 
@@ -55,7 +55,7 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
 
 @pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
 def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
-    axes, tips = tip_axes(name), task_named(name, TWIN).wanted_positions()[:, -1]
+    axes, tips = tip_axes(name), task_named(name, TWIN).desired_positions()[:, -1]
     across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
     outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
     np.testing.assert_allclose(across, 0, atol=1e-6)

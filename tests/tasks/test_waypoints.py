@@ -33,7 +33,7 @@ def table(tmp_path):
 
 
 def tip_path(tracks, arm=TWIN):
-    return waypoints_task("mine", tracks, arm).wanted_positions()[:, -1]
+    return waypoints_task("mine", tracks, arm).desired_positions()[:, -1]
 
 
 def test_a_table_of_positions_is_a_track_of_the_tip(table):
@@ -114,12 +114,12 @@ def test_the_first_waypoint_holds_from_the_start_and_the_last_of_a_shorter_track
     late = table(
         "time,x,y,z,module\n1,0.1,0,0.58,-1\n2,0.2,0,0.55,-1\n0,0,0,0.2,0\n1,0.02,0,0.19,0\n"
     )
-    wanted = waypoints_task("late", load_waypoints(late), TWIN).wanted_positions()
+    desired = waypoints_task("late", load_waypoints(late), TWIN).desired_positions()
     np.testing.assert_allclose(
-        wanted[:10, 2], np.tile([0.1, 0, 0.58], (10, 1)), atol=1e-7
+        desired[:10, 2], np.tile([0.1, 0, 0.58], (10, 1)), atol=1e-7
     )
     np.testing.assert_allclose(
-        wanted[9:, 0], np.tile([0.02, 0, 0.19], (11, 1)), atol=1e-7
+        desired[9:, 0], np.tile([0.02, 0, 0.19], (11, 1)), atol=1e-7
     )
 
 
@@ -137,7 +137,7 @@ def test_one_waypoint_is_held_until_its_time(table):
 
 def test_axes_turn_from_one_waypoint_to_the_next(table):
     """Half-way between (0, 0, 1) and (0.6, 0, 0.8)."""
-    axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).wanted_axes()[
+    axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).desired_axes()[
         :, -1
     ]
     np.testing.assert_allclose(axes[9], np.array([0.3, 0, 0.9]) / 0.9**0.5, atol=1e-6)

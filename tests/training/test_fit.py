@@ -13,7 +13,7 @@ from s2c2a.training import FitOptions, Fixed, fit
 TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
 KEY = jax.random.key(0)
 QUICK = FitOptions(
-    learning_rate=0.01, batch_size=16, most_epochs=20, patience=100, epochs_per_call=5
+    learning_rate=0.01, batch_size=16, max_epochs=20, patience=100, epochs_per_call=5
 )
 
 
@@ -60,21 +60,21 @@ def test_both_losses_fall_with_every_epoch():
 
 def test_enough_epochs_find_the_answer():
     result = fitted(
-        with_options(most_epochs=300, epochs_per_call=100, learning_rate=0.03)
+        with_options(max_epochs=300, epochs_per_call=100, learning_rate=0.03)
     )
     np.testing.assert_allclose(result.network.weights, TRUE, atol=1e-3)
 
 
 def test_the_first_step_is_adams():
     """Adam's first step is the learning rate against the sign of the gradient, whatever its size."""
-    one_batch = with_options(batch_size=128, most_epochs=1, epochs_per_call=1)
+    one_batch = with_options(batch_size=128, max_epochs=1, epochs_per_call=1)
     np.testing.assert_allclose(
         fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4
     )
 
 
 def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
-    result = fitted(with_options(most_epochs=5))
+    result = fitted(with_options(max_epochs=5))
     assert squared(result.network, VALIDATION, None) == pytest.approx(
         result.curve[-1, 2], rel=1e-5
     )
@@ -87,7 +87,7 @@ def worse_later(model: Line, batch, key) -> Array:
 
 
 def test_it_returns_the_weights_of_the_best_validation_loss():
-    result = fitted(with_options(learning_rate=0.02, most_epochs=40), worse_later)
+    result = fitted(with_options(learning_rate=0.02, max_epochs=40), worse_later)
     best = result.curve[:, 2].min()
     assert result.curve[-1, 2] > 10 * best
     assert (result.network.weights[0, 0] - 0.5) ** 2 == pytest.approx(best, rel=1e-5)
@@ -96,7 +96,7 @@ def test_it_returns_the_weights_of_the_best_validation_loss():
 @pytest.mark.parametrize("patience", [1, 4, 9])
 def test_it_stops_when_validation_has_not_improved_for_so_many_epochs(patience):
     options = with_options(
-        learning_rate=0.02, most_epochs=400, patience=patience, epochs_per_call=1
+        learning_rate=0.02, max_epochs=400, patience=patience, epochs_per_call=1
     )
     curve = fitted(options, worse_later).curve
     assert len(curve) - (np.argmin(curve[:, 2]) + 1) == patience
@@ -107,12 +107,12 @@ def test_while_it_improves_patience_does_not_stop_it():
     assert len(fitted(with_options(patience=1, epochs_per_call=1)).curve) == 20
 
 
-@pytest.mark.parametrize(("most_epochs", "epochs_per_call"), [(10, 5), (1, 1), (7, 5)])
-def test_it_never_trains_longer_than_the_most_epochs(most_epochs, epochs_per_call):
+@pytest.mark.parametrize(("max_epochs", "epochs_per_call"), [(10, 5), (1, 1), (7, 5)])
+def test_it_never_trains_longer_than_the_most_epochs(max_epochs, epochs_per_call):
     curve = fitted(
-        with_options(most_epochs=most_epochs, epochs_per_call=epochs_per_call)
+        with_options(max_epochs=max_epochs, epochs_per_call=epochs_per_call)
     ).curve
-    assert len(curve) == most_epochs
+    assert len(curve) == max_epochs
 
 
 def test_the_same_key_gives_the_same_result():
@@ -129,7 +129,7 @@ def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
     """Every grouping ends at the same place on a clean line."""
     ends = [
         fitted(
-            with_options(most_epochs=200, epochs_per_call=calls, learning_rate=0.03)
+            with_options(max_epochs=200, epochs_per_call=calls, learning_rate=0.03)
         ).network.weights
         for calls in (10, 100)
     ]
@@ -139,7 +139,7 @@ def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
 def test_every_epoch_sees_every_sample_once():
     """With a rate of zero the mean training loss of an epoch is that of all samples."""
     curve = fitted(
-        with_options(learning_rate=0.0, most_epochs=3, epochs_per_call=3)
+        with_options(learning_rate=0.0, max_epochs=3, epochs_per_call=3)
     ).curve
     np.testing.assert_allclose(curve[:, 1], squared(BLANK, TRAINING, None), rtol=1e-5)
 
@@ -167,11 +167,11 @@ def test_an_interrupt_in_progress_stops_it():
 
 
 def test_what_is_no_floating_array_is_left_alone():
-    class Labelled(Line):
+    class Labeled(Line):
         count: Array
         name: str = eqx.field(static=True)
 
-    result = fitted(network=Labelled(jnp.zeros((2, 2)), jnp.arange(3), "line"))
+    result = fitted(network=Labeled(jnp.zeros((2, 2)), jnp.arange(3), "line"))
     np.testing.assert_array_equal(result.network.count, np.arange(3))
     assert result.network.name == "line"
 
@@ -225,8 +225,8 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     "wrong",
     [
         {"epochs_per_call": 0},
-        {"most_epochs": 0},
-        {"most_epochs": 10**9},
+        {"max_epochs": 0},
+        {"max_epochs": 10**9},
         {"batch_size": 0},
         {"learning_rate": -1.0},
         {"learning_rate": np.nan},

@@ -85,8 +85,8 @@ def make_trace(drawn):
         values = {
             "times": 0.1 * np.arange(STEPS),
             "states": states,
-            "wanted_positions": positions,
-            "wanted_axes": axes,
+            "desired_positions": positions,
+            "desired_axes": axes,
         }
         obstacles = np.tile([[0.16, 0.14, 0.30, 0.05]], (STEPS, 1, 1))
         return drawn(label, **{**values, "obstacles": obstacles, **changes})

@@ -59,7 +59,7 @@ def test_a_run_of_another_arm_is_refused_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_is_drawn_with_a_colour_for_each_module(make_trace, arm, tmp_path):
+def test_a_recording_is_drawn_with_a_color_for_each_module(make_trace, arm, tmp_path):
     assert is_png(recording_figure(make_trace().states, arm, tmp_path / "cloud.png"))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.viz import centre_line
+from s2c2a.viz import center_line
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 
 LENGTHS = np.full(3, 0.2)
@@ -45,13 +45,13 @@ def test_a_straight_module_is_a_cylinder_as_wide_as_its_cables_and_a_bit(straigh
 
 
 @pytest.mark.parametrize("bend", [0.01, 0.26, 1.4])
-def test_the_tubes_run_along_the_centre_line_and_keep_their_width(
+def test_the_tubes_run_along_the_center_line_and_keep_their_width(
     make_trace, arm, bend
 ):
     mesh, states = ArmMesh(arm), make_trace(bend=bend).states[30]
     rings = np.reshape(mesh.vertices(states)[:3], (3, BODY_ROWS, -1, 3))
     middles = rings.mean(axis=2)
-    line = centre_line(states, np.full(3, 0.2), BODY_ROWS - 1)
+    line = center_line(states, np.full(3, 0.2), BODY_ROWS - 1)
     np.testing.assert_allclose(middles[:, 1:].reshape(-1, 3), line[1:], atol=1e-12)
     widths = np.linalg.norm(rings - middles[:, :, None], axis=-1)
     np.testing.assert_allclose(widths, 1.12 * 0.027)
@@ -107,19 +107,19 @@ def test_the_outline_is_the_body_in_a_quarter_of_the_corners(make_trace, make_ar
         assert volume(outline, mesh.outline_faces) == pytest.approx(body, rel=0.06)
 
 
-def test_the_centre_line_starts_at_the_base_and_passes_through_every_module_end(
+def test_the_center_line_starts_at_the_base_and_passes_through_every_module_end(
     make_trace,
 ):
     states = make_trace().states
-    line = centre_line(states, LENGTHS, points_per_module=10)
+    line = center_line(states, LENGTHS, points_per_module=10)
     assert line.shape == (200, 31, 3)
     np.testing.assert_allclose(line[:, 0], 0.0)
     np.testing.assert_allclose(line[:, 10::10], states[..., :3], atol=1e-12)
 
 
-def test_the_centre_line_leaves_each_end_along_its_axis(make_trace):
+def test_the_center_line_leaves_each_end_along_its_axis(make_trace):
     states = make_trace().states[0]
-    line = centre_line(states, LENGTHS, points_per_module=2000)
+    line = center_line(states, LENGTHS, points_per_module=2000)
     steps = np.diff(line, axis=0)
     before = steps[1999::2000] / np.linalg.norm(
         steps[1999::2000], axis=-1, keepdims=True
@@ -130,16 +130,16 @@ def test_the_centre_line_leaves_each_end_along_its_axis(make_trace):
     )
 
 
-def test_a_straight_arm_has_a_straight_and_even_centre_line():
+def test_a_straight_arm_has_a_straight_and_even_center_line():
     states = np.array([[0, 0, z, 0, 0, 1] for z in (0.2, 0.4, 0.6)], dtype=float)
-    line = centre_line(states, LENGTHS, points_per_module=4)
+    line = center_line(states, LENGTHS, points_per_module=4)
     np.testing.assert_allclose(line[:, 2], np.linspace(0, 0.6, 13), atol=1e-12)
     np.testing.assert_allclose(line[:, :2], 0.0)
 
 
 def test_a_quarter_circle_is_drawn_within_a_hundredth_of_its_length():
     radius = 0.2 / (np.pi / 2)
-    line = centre_line(
+    line = center_line(
         np.array([[radius, 0, radius, 1, 0, 0]]), np.array([0.2]), points_per_module=50
     )
     distance = np.linalg.norm(line - [radius, 0, 0], axis=-1)

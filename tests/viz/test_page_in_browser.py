@@ -158,7 +158,7 @@ def test_the_page_says_where_the_mean_is_taken_and_nothing_overlaps(
 @pytest.mark.parametrize(
     ("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)]
 )
-def test_the_arm_is_seen_in_the_colours_of_its_modules(
+def test_the_arm_is_seen_in_the_colors_of_its_modules(
     chromium, page, tmp_path, size, stage_ends, least
 ):
     picture = tmp_path / "page.png"
@@ -171,7 +171,7 @@ def test_the_arm_is_seen_in_the_colours_of_its_modules(
         (blue, red, green),
     ):
         seen = np.sum((first - np.maximum(second, third) > 0.12) & (first > 0.25))
-        # pixels; a grey arm among coloured paths has too few of green or blue
+        # pixels; a gray arm among colored paths has too few of green or blue
         assert seen > least
 
 

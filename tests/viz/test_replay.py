@@ -82,14 +82,14 @@ def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(
     write_page, make_trace
 ):
     trace = make_trace()
-    wanted, states = trace.wanted_positions.copy(), trace.states.copy()
-    wanted[5:9], states[7] = np.nan, np.nan
-    data = data_of(write_page([make_trace(wanted_positions=wanted, states=states)]))[
+    desired, states = trace.desired_positions.copy(), trace.states.copy()
+    desired[5:9], states[7] = np.nan, np.nan
+    data = data_of(write_page([make_trace(desired_positions=desired, states=states)]))[
         "traces"
     ][0]
-    assert list(data["wanted"]) == ["2"]
+    assert list(data["desired"]) == ["2"]
     assert [
-        step for step, point in enumerate(data["wanted"]["2"]) if point is None
+        step for step, point in enumerate(data["desired"]["2"]) if point is None
     ] == [5, 6, 7, 8]
     assert [step for step, frames in enumerate(data["frames"]) if frames is None] == [7]
     assert [step for step, error in enumerate(data["errors"]) if error is None] == [
@@ -169,7 +169,7 @@ def test_a_recording_of_which_nothing_is_asked_makes_a_page(
 ):
     states = make_trace().states
     data = data_of(write_page([drawn("recorded", np.arange(200.0), states)]))
-    assert data["traces"][0]["wanted"] == {}
+    assert data["traces"][0]["desired"] == {}
     assert set(data["traces"][0]["errors"]) == {None}
 
 

@@ -23,18 +23,18 @@ def test_what_was_not_seen_cannot_be_drawn(make_trace, drawn):
 
 
 def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
-    wanted = np.full((200, 3, 3), np.nan)
-    wanted[:10, 1] = 0.1
-    trace = make_trace(wanted_positions=wanted)
+    desired = np.full((200, 3, 3), np.nan)
+    desired[:10, 1] = 0.1
+    trace = make_trace(desired_positions=desired)
     assert trace.followed_module == 1
     assert np.isfinite(trace.position_errors[:10]).all()
     assert np.isnan(trace.position_errors[10:]).all()
 
 
-def test_errors_are_distance_and_angle_from_what_is_wanted(drawn):
+def test_errors_are_distance_and_angle_from_what_is_desired(drawn):
     asked = {
-        "wanted_positions": [[[0.03, 0.04, 0.2]]],
-        "wanted_axes": [[[1.0, 0.0, 0.0]]],
+        "desired_positions": [[[0.03, 0.04, 0.2]]],
+        "desired_axes": [[[1.0, 0.0, 0.0]]],
     }
     trace = drawn("one", [0.0], [[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]], **asked)
     np.testing.assert_allclose(trace.position_errors, [0.05])
@@ -67,10 +67,10 @@ def test_a_trace_without_a_target_follows_the_last_module(make_trace, drawn):
 
 
 def test_the_pointing_module_is_the_outermost_whose_axis_is_asked_for(make_trace):
-    wanted = np.full((200, 3, 3), np.nan)
-    assert make_trace(wanted_axes=wanted).pointing_module == 2
-    wanted[5:, :2] = [0.0, 0.0, 1.0]
-    assert make_trace(wanted_axes=wanted).pointing_module == 1
+    desired = np.full((200, 3, 3), np.nan)
+    assert make_trace(desired_axes=desired).pointing_module == 2
+    desired[5:, :2] = [0.0, 0.0, 1.0]
+    assert make_trace(desired_axes=desired).pointing_module == 1
 
 
 def test_traces_of_another_arm_or_none_at_all_are_refused(make_arm, make_trace):

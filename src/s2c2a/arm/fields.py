@@ -19,7 +19,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from s2c2a.faults import EACH, ONE
+from s2c2a.validation import EACH, ONE
 
 
 def between(
@@ -106,6 +106,6 @@ class Frozen(BaseModel):
 
 
 def largest_gap_deg(angles_deg: Iterable[float]) -> float:
-    """Largest angle between neighbouring cables [deg]."""
+    """Largest angle between neighboring cables [deg]."""
     around = np.sort(np.mod(np.fromiter(angles_deg, float), 360.0))
     return float(np.max(np.diff(np.append(around, around[0] + 360.0))))

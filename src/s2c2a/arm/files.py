@@ -7,17 +7,17 @@ from pathlib import Path
 import tomli_w
 from pydantic import ValidationError
 
-from s2c2a.arm.flaws import Flaws
-from s2c2a.arm.senses import Camera, Flex, Inertial, Raw, Senses
+from s2c2a.arm.mismatch import Mismatch
+from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.faults import explained
+from s2c2a.validation import explained
 from s2c2a.files import read_text, save_whole, toml_in
 
 PRESETS = Path(__file__).parent / "presets"
 """Arms that come with the package; each is a plain arm file."""
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
-TABLES = ArmSpec, Module, Motor, Cable, Flaws, Senses, Inertial, Camera, Flex, Raw
+TABLES = ArmSpec, Module, Motor, Cable, Mismatch, Sensors, Inertial, Camera, Flex, Raw
 KEYS = tuple(name for table in TABLES for name in table.model_fields)
 
 

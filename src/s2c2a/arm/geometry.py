@@ -1,4 +1,4 @@
-"""What follows from an arm's description: numbers as arrays over its modules, and its centre line."""
+"""What follows from an arm's description: numbers as arrays over its modules, and its center line."""
 
 from dataclasses import dataclass
 from operator import attrgetter
@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm.spec import ArmSpec
-from s2c2a.spaces import AXIS, CENTRE_LINE_POINTS, POSITION
+from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
 
 
 def per_module(arm: ArmSpec, key: str) -> np.ndarray:
-    """What an arm file says of every module under a key such as `cable.play`, shape (modules, ...)."""
+    """What an arm file says of every module under a key such as `cable.backlash`, shape (modules, ...)."""
     return np.array([attrgetter(key)(module) for module in arm.modules])
 
 
@@ -36,7 +36,7 @@ def balanced_pull(
 ) -> Float[np.ndarray, " cables"]:
     """Positive tensions of mean one that do not bend the module; all ones where the cables are evenly spread.
 
-    They are t_i = exp(B_i q), where q minimises their sum: its gradient B^T t is then
+    They are t_i = exp(B_i q), where q minimizes their sum: its gradient B^T t is then
     zero. The minimum exists for cables that can bend every way, and damped Newton steps
     find it.
     """
@@ -66,7 +66,7 @@ class ArmGeometry:
 
     Attributes:
         lengths: module lengths [m], shape (modules,).
-        cable_radii: distance of cables from the centre line [m], shape (modules,).
+        cable_radii: distance of cables from the center line [m], shape (modules,).
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
         bend_limits: largest bend asked for [rad], shape (modules,).
@@ -158,15 +158,15 @@ def hermite_weights(
     )
 
 
-def centre_line(
+def center_line(
     states: Float[Any, "*batch modules 6"],
     lengths: Float[Any, " modules"],
-    points: int = CENTRE_LINE_POINTS,
+    points: int = CENTER_LINE_POINTS,
 ) -> Float[Any, "*batch points 3"]:
     """Points along the arm from base to tip, the last of each module at its end [m], base frame.
 
     Between two ends runs the cubic that has their positions and axes (Hermite), its
-    speed the module's length: within a millimetre of an arc of 0.2 m and 50 deg, and
+    speed the module's length: within a millimeter of an arc of 0.2 m and 50 deg, and
     exact for a straight module.
 
     Args:

@@ -4,13 +4,15 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from s2c2a.arm.senses import Senses
+from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.spec import ArmSpec
 
-_INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "flaws")}
-_SENSES = {f"senses.{name}": f"[senses.{name}]" for name in Senses.model_fields}
-_ROWS = {"modules": "[[modules]]", "senses.raw": "[[senses.raw]]"}
-_TABLES = {"": "", "motor": "[motor]", "senses": "[senses]"} | _SENSES | _ROWS | _INNER
+_INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "mismatch")}
+_SENSORS = {f"sensors.{name}": f"[sensors.{name}]" for name in Sensors.model_fields}
+_ROWS = {"modules": "[[modules]]", "sensors.raw": "[[sensors.raw]]"}
+_TABLES = (
+    {"": "", "motor": "[motor]", "sensors": "[sensors]"} | _SENSORS | _ROWS | _INNER
+)
 
 
 class Key(NamedTuple):

@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_gap_deg
-from s2c2a.arm.flaws import Flaws
-from s2c2a.arm.senses import Senses
+from s2c2a.arm.mismatch import Mismatch
+from s2c2a.arm.sensors import Sensors
 
-MOST_MODULES = 20
+MAX_MODULES = 20
 GRAVITY = 9.81  # m/s2
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
@@ -20,7 +20,7 @@ class Cable(Frozen):
     """How the cables of one module pass on what their motors do.
 
     Each cable pulls and never pushes. Between motor and module it loses motion in three
-    ways that can be mixed: play, capstan friction in its housing tube, creep of the
+    ways that can be mixed: backlash, capstan friction in its housing tube, creep of the
     material. All three are zero unless stated.
     """
 
@@ -36,9 +36,9 @@ class Cable(Frozen):
     stiffness: Number = between(
         50, 1e6, "N/m", "stiffness from motor to module end; softer the longer", 1e5
     )
-    play: Annotated[Numbers, Within(0, 0.02)] = Field(
+    backlash: Annotated[Numbers, Within(0, 0.02)] = Field(
         default=0.0,
-        description="half-width of the play between motor and module; displacement arms [m]",
+        description="half-width of the backlash between motor and module; displacement arms [m]",
     )
     friction: Number = between(
         0, 1, "1", "capstan friction coefficient of cable in tube", 0.0
@@ -58,22 +58,26 @@ class Cable(Frozen):
     )
     creep_time: Number = between(0.1, 3600, "s", "time constant of creep", 5.0)
 
-    def plays(self, count: int) -> tuple[float, ...]:
+    def backlashes(self, count: int) -> tuple[float, ...]:
         """Play of each of so many cables [m]."""
-        return self.play if isinstance(self.play, tuple) else (self.play,) * count
+        return (
+            self.backlash
+            if isinstance(self.backlash, tuple)
+            else (self.backlash,) * count
+        )
 
 
 class Module(Frozen):
     """One soft module; several in a row, base first, make the arm."""
 
-    unsaid: ClassVar[frozenset[str]] = frozenset(("flaws",))
+    unsaid: ClassVar[frozenset[str]] = frozenset(("mismatch",))
 
-    length: Number = between(0.005, 2, "m", "length of the centre line")
+    length: Number = between(0.005, 2, "m", "length of the center line")
     cable_radius: Number = between(
         0.0015,
         0.3,
         "m",
-        "distance of the cables from the centre line; at most the length",
+        "distance of the cables from the center line; at most the length",
     )
     cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
         min_length=3,
@@ -92,7 +96,7 @@ class Module(Frozen):
         0.05, 500, "N", "tension added at full bend; tension arms need it", None
     )
     cable: Cable = Cable()
-    flaws: Flaws = Flaws()
+    mismatch: Mismatch = Mismatch()
 
     @property
     def gj(self) -> float:
@@ -113,7 +117,7 @@ class Module(Frozen):
             )
         if self.cable_radius > self.length:
             raise ValueError(
-                f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in metres"
+                f"cable_radius {self.cable_radius} m exceeds length {self.length} m; both are in meters"
             )
         self._check_cables()
         return self
@@ -121,17 +125,17 @@ class Module(Frozen):
     def _check_cables(self):
         count = len(self.cable_angles_deg)
         for key, value in {
-            "cable.play": self.cable.play,
-            **self.flaws.per_cable(),
+            "cable.backlash": self.cable.backlash,
+            **self.mismatch.per_cable(),
         }.items():
             if isinstance(value, tuple) and len(value) != count:
                 raise ValueError(
                     f"{key} has {len(value)} numbers; give one for each of the {count} cables, or one"
                 )
-        true_angles = np.add(self.cable_angles_deg, self.flaws.angle_errors_deg)
+        true_angles = np.add(self.cable_angles_deg, self.mismatch.angle_errors_deg)
         if (gap := largest_gap_deg(true_angles)) >= 180.0:
             raise ValueError(
-                f"with flaws.angle_errors_deg the cables leave a gap of {gap:.0f} deg; make them smaller"
+                f"with mismatch.angle_errors_deg the cables leave a gap of {gap:.0f} deg; make them smaller"
             )
 
 
@@ -178,11 +182,11 @@ class Motor(Frozen):
 class ArmSpec(Frozen):
     """A modular soft arm: modules from base to tip, motors, mounting, limits.
 
-    Lengths in metres, masses in kilograms, forces in newtons; keys that end in `_deg`
+    Lengths in meters, masses in kilograms, forces in newtons; keys that end in `_deg`
     in degrees.
     """
 
-    unsaid: ClassVar[frozenset[str]] = frozenset(("senses",))
+    unsaid: ClassVar[frozenset[str]] = frozenset(("sensors",))
 
     name: str = Field(pattern=NAME, description="in tables, figures and names of files")
     description: str = Field("", description="a line about it")
@@ -225,10 +229,10 @@ class ArmSpec(Frozen):
         None,
     )
     motor: Motor = Motor()
-    senses: Senses = Senses()
+    sensors: Sensors = Sensors()
     modules: tuple[Module, ...] = Field(
         min_length=1,
-        max_length=MOST_MODULES,
+        max_length=MAX_MODULES,
         description="base first, all with as many cables",
     )
 
@@ -243,7 +247,7 @@ class ArmSpec(Frozen):
             self._check_tension_arm()
         elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
             raise ValueError(
-                f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; it is in metres a second"
+                f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; it is in meters a second"
             )
         return self
 
@@ -269,9 +273,9 @@ class ArmSpec(Frozen):
                 raise ValueError(
                     f"modules.{number}.tension_range is missing; a tension arm needs it [N]"
                 )
-            if any(module.cable.plays(self.cable_count)) or module.cable.creep:
+            if any(module.cable.backlashes(self.cable_count)) or module.cable.creep:
                 raise ValueError(
-                    f"modules.{number}.cable has play or creep, which act on displacement; "
+                    f"modules.{number}.cable has backlash or creep, which act on displacement; "
                     "a tension arm can only have friction"
                 )
             if module.cable.travel is not None:
@@ -283,16 +287,16 @@ class ArmSpec(Frozen):
                 "motor.homing_error acts on displacement; a tension arm needs no homing"
             )
 
-    def same_body(self, other: "ArmSpec") -> bool:
-        """Whether another arm is the same in all but name, description, and what it senses beside its motors."""
+    def same_mechanics(self, other: "ArmSpec") -> bool:
+        """Whether another arm is the same in all but name, description, and what it sensors beside its motors."""
         return not self.differences(other)
 
     def differences(self, other: "ArmSpec") -> list[str]:
-        """Keys in which another arm differs, name, description and senses beside its motors' aside."""
+        """Keys in which another arm differs, name, description and sensors beside its motors' aside."""
         aside: Any = {
             "name": True,
             "description": True,
-            "senses": True,
+            "sensors": True,
             "motor": {"current_noise", "current_friction"},
         }
         mine, others = (arm.model_dump(exclude=aside) for arm in (self, other))

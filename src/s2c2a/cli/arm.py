@@ -5,9 +5,17 @@ from pathlib import Path
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, Cable, Flaws, drawn_arm, file_keys, load_arm, save_arm
+from s2c2a.arm import (
+    ArmSpec,
+    Cable,
+    Mismatch,
+    randomized_arm,
+    file_keys,
+    load_arm,
+    save_arm,
+)
 from s2c2a.cli.console import Arm, File, print_table
-from s2c2a.cli.work import RobotName, RobotOptions, body_for
+from s2c2a.cli.execution import RobotName, RobotOptions, body_for
 
 app = SubcommandApp()
 robot_app = SubcommandApp()
@@ -77,15 +85,17 @@ def _cells(spec: ArmSpec, number: int) -> dict[str, str]:
         if spec.actuation == "displacement"
         else "-",
         "hysteresis": _hysteresis(module.cable),
-        "flaws": "none" if module.flaws == Flaws() else "yes",
+        "mismatch": "none" if module.mismatch == Mismatch() else "yes",
     }
 
 
 def _hysteresis(cable: Cable) -> str:
-    plays = cable.play if isinstance(cable.play, tuple) else (cable.play,)
-    widths = " ".join(f"{1e3 * play:g}" for play in plays)
+    backlashes = (
+        cable.backlash if isinstance(cable.backlash, tuple) else (cable.backlash,)
+    )
+    widths = " ".join(f"{1e3 * backlash:g}" for backlash in backlashes)
     said = {
-        "play": f"{widths} mm",
+        "backlash": f"{widths} mm",
         "friction": f"{cable.friction:g}",
         "creep": f"{cable.creep:g}",
     }
@@ -137,11 +147,11 @@ def random(
     out: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Draw an arm with the flaws of real arms, which only its simulated body knows of (docs/simulator.md).
+    """Draw an arm with the mismatch of real arms, which only its simulated body knows of (docs/simulator.md).
 
     Args:
         seed: of everything that is drawn.
-        strength: 1 for flaws as large as a careful builder's, 0.5 for half of that, 0
+        strength: 1 for mismatch as large as a careful builder's, 0.5 for half of that, 0
             for the base itself; at most 2.
         base: a preset or an arm file: modules, cables, and all that controllers are
             told.
@@ -150,7 +160,7 @@ def random(
     """
     from s2c2a.robots.simulation.modes import first_mode
 
-    drawn = drawn_arm(load_arm(base), seed, strength)
+    drawn = randomized_arm(load_arm(base), seed, strength)
     first_mode(drawn)  # refuses an arm that falls over
     written = out or Path(f"{drawn.name}.toml")
     save_arm(drawn, written, overwrite)
@@ -179,7 +189,7 @@ def check_body(
         robot_option: what the class takes.
         response: measure how the arm swings and how late it answers, instead: it is
             shaken for about a minute, every module by a tenth of its bend limit, slowly
-            at first, then faster (docs/senses.md).
+            at first, then faster (docs/sensors.md).
         weights: made by `s2c2a train`: what is expected follows from them, and the
             response is held against the margins of their loop.
         out: a file (.json) for what was found, with a figure beside it.

@@ -62,7 +62,7 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
     load = os.getloadavg()[0]
     if load > QUIET_LOAD:
         print(f"this machine is busy (load {load:.1f}): times will be too long")
-    asked = ASKED if spec.same_body(load_arm("twin_arm")) else {}
+    asked = ASKED if spec.same_mechanics(load_arm("twin_arm")) else {}
     figures = [
         *control_times(spec),
         *simulation_times(spec),
@@ -103,12 +103,12 @@ def control_times(arm: ArmSpec) -> Iterator[Figure]:
     goals = tasks.circle(arm).goals
     planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
     plan = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1)))
-    wanted = cycle(goals)
+    desired = cycle(goals)
 
     def next_plan() -> None:
         nonlocal plan
         plan = jax.block_until_ready(
-            planner.plan(plan, plan.configurations, next(wanted))
+            planner.plan(plan, plan.configurations, next(desired))
         )
 
     yield Figure("a plan", times_of(next_plan, REPEATS))

@@ -8,7 +8,7 @@ from typing import Literal
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
-from s2c2a.cli.work import Address, RobotName, RobotOptions, body_for, executor_for
+from s2c2a.cli.execution import Address, RobotName, RobotOptions, body_for, executor_for
 from s2c2a.errors import S2C2AError
 
 

@@ -7,7 +7,7 @@ import tyro
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
-from s2c2a.cli.work import executor_for
+from s2c2a.cli.execution import executor_for
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import save_whole
 
@@ -78,7 +78,7 @@ def identify(
     for one in (recorded, *others.values()):
         _check_alike(start, one.arm)
     options = identification.options_for(recorded, settling, rounds, fidelity)
-    unknowns = identification.unknowns_of(start, groups, moving=settling is None)
+    disturbances = identification.unknowns_of(start, groups, moving=settling is None)
     episodes = (
         recorded.episodes
         if settling is None
@@ -86,7 +86,7 @@ def identify(
     )
     with executor_for(jobs) as executor, progress_bar() as progress:
         found = identification.identify(
-            start, unknowns, episodes, options, executor, progress
+            start, disturbances, episodes, options, executor, progress
         )
     errors = identification.errors_of(
         found, {name: one.episodes for name, one in others.items()}
@@ -124,7 +124,7 @@ def _remark(recording: Path, errors: "dict[str, TipErrors]") -> str:
 
 def _in_words(of: str, errors: "TipErrors") -> str:
     numbers = [
-        1e3 * one for one in (errors.mean, errors.rms, errors.rms_centred, errors.most)
+        1e3 * one for one in (errors.mean, errors.rms, errors.rms_centered, errors.most)
     ]
     said = "tip error mean {:.1f} mm, rms {:.1f} ({:.1f} about its mean), 95 % below {:.1f}".format(
         *numbers

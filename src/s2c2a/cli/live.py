@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
-from s2c2a.cli.work import RobotName, RobotOptions, body_for, require
+from s2c2a.cli.execution import RobotName, RobotOptions, body_for, require
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:

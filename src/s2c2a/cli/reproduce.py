@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm, save_arm
-from s2c2a.cli import beyond
+from s2c2a.cli import experiments
 from s2c2a.cli.console import (
     Arm,
     FidelityName,
@@ -16,7 +16,7 @@ from s2c2a.cli.console import (
     print_table,
     progress_bar,
 )
-from s2c2a.cli.work import ALL_CORES, NEW_FOLDER, Folder, Work, making
+from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, making
 
 if TYPE_CHECKING:
     from s2c2a import strategies
@@ -122,8 +122,8 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
     print(save_across("ingredients", rows, place).read_text(encoding="utf-8"))
 
 
-app.command(name="unknown-arms")(beyond.unknown_arms)
-for _verb in (beyond.senses, beyond.loads, beyond.transfer, beyond.real, beyond.plans):
+app.command(name="randomised-arms")(experiments.randomized_arms)
+for _verb in (experiments.sensors, experiments.loads, experiments.transfer, experiments.real, experiments.plans):
     app.command(_verb)
 
 

@@ -15,8 +15,8 @@ from s2c2a.files import save_whole
 
 if TYPE_CHECKING:
     from s2c2a.estimation import Margins, Swing
-    from s2c2a.estimation.response import Response
-    from s2c2a.estimation.shaking import Shaken
+    from s2c2a.estimation.frequency_response import Response
+    from s2c2a.estimation.excitation import Shaken
     from s2c2a.robots import Robot
     from s2c2a.strategies import Recipe, TrainedNetworks
 
@@ -29,7 +29,7 @@ ROWS = (
     "delay [control steps]",
     "lost at a turn [deg]",
 )
-NO_SENSES = "no margins: nothing in the arm file says what comes of it (docs/senses.md), so no loop could swing"
+NO_SENSORS = "no margins: nothing in the arm file says what comes of it (docs/sensors.md), so no loop could swing"
 UNWATCHED = "no margins: plans of recipe '{}' take no notice of what comes of them"
 
 
@@ -59,7 +59,7 @@ class Knowledge:
     @property
     def frequency(self) -> float:
         """Of the first mode, without a load [Hz]."""
-        from s2c2a.estimation.swing import Body, modes, motion
+        from s2c2a.estimation.modal_model import Body, modes, motion
 
         period = self.arm.control_period
         return float(
@@ -68,7 +68,7 @@ class Knowledge:
 
     def tilts(self, shaken: "Shaken", towards: int) -> np.ndarray:
         """How the tip would have tilted in a chirp [rad]."""
-        from s2c2a.estimation.expected import (
+        from s2c2a.estimation.expected_response import (
             expected_tilts,
             rests_by_description,
             rests_by_model,
@@ -86,8 +86,8 @@ class Knowledge:
 
 def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> None:
     """Measure how a body answers, and say it beside what is expected."""
-    from s2c2a.estimation.response import response_of
-    from s2c2a.estimation.shaking import shaken, sight_of
+    from s2c2a.estimation.frequency_response import response_of
+    from s2c2a.estimation.excitation import shaken, sight_of
     from s2c2a.executors import compute_on_one_thread
     from s2c2a.strategies import load_strategy
 
@@ -102,7 +102,7 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
             lambda done, total: progress("shaking the arm", done, total),
         )
     seen = [told.tilts(towards) for towards in range(2)]
-    wanted = [known.tilts(told, towards) for towards in range(2)]
+    desired = [known.tilts(told, towards) for towards in range(2)]
     measured, expected = (
         [
             response_of(asked, came, arm.control_period, known.frequency)
@@ -110,14 +110,14 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         ]
         for pairs in (
             seen,
-            [(asked, came) for (asked, _), came in zip(seen, wanted, strict=True)],
+            [(asked, came) for (asked, _), came in zip(seen, desired, strict=True)],
         )
     )
     _print(arm, told.sight, measured, expected)
     found = _margins(known)
     print(found if isinstance(found, str) else verdict(measured, expected, found))
     if out is not None:
-        _keep(out, told, wanted, measured, expected, arm)
+        _keep(out, told, desired, measured, expected, arm)
 
 
 def _print(
@@ -134,7 +134,7 @@ def _print(
         *(
             f"{what} {towards}"
             for towards in TOWARDS
-            for what in ("towards", "expected")
+            for what in ("towards", "predicted")
         ),
     ]
     print_table(
@@ -171,7 +171,7 @@ def _margins(known: Knowledge) -> "Margins | str":
     if not known.networks.recipe.observes:
         return UNWATCHED.format(known.networks.recipe.name)
     observer = observer_of(known.networks)
-    return margins_of(known.arm, observer) if observer.senses else NO_SENSES
+    return margins_of(known.arm, observer) if observer.sensors else NO_SENSORS
 
 
 def verdict(
@@ -189,15 +189,15 @@ def verdict(
 def _keep(
     out: Path,
     told: "Shaken",
-    wanted: list[np.ndarray],
+    desired: list[np.ndarray],
     measured: "Sequence[Response]",
     expected: "Sequence[Response]",
     arm: ArmSpec,
 ) -> None:
-    from s2c2a.estimation.response import spectrum
+    from s2c2a.estimation.frequency_response import spectrum
     from s2c2a.viz.response import response_figure
 
-    both = {"measured": measured, "expected": expected}
+    both = {"measured": measured, "predicted": expected}
     rows = {
         name: dict(zip(TOWARDS, (kept(one) for one in ones), strict=True))
         for name, ones in both.items()
@@ -209,7 +209,8 @@ def _keep(
     for number, towards in enumerate(TOWARDS):
         asked, seen = told.tilts(number)
         spectra[towards] = [
-            spectrum(asked, came, arm.control_period) for came in (seen, wanted[number])
+            spectrum(asked, came, arm.control_period)
+            for came in (seen, desired[number])
         ]
     picture = response_figure(spectra, Path(f"{out}.png"), f"How {arm.name} answers")
     print(f"figure: {picture}")

@@ -14,7 +14,14 @@ from s2c2a.cli.console import (
     StrategyName,
     print_results,
 )
-from s2c2a.cli.work import ALL_CORES, RobotName, RobotOptions, Work, body_for, making
+from s2c2a.cli.execution import (
+    ALL_CORES,
+    RobotName,
+    RobotOptions,
+    Work,
+    body_for,
+    making,
+)
 
 if TYPE_CHECKING:
     from s2c2a import arm, jobs, robots, tasks
@@ -47,7 +54,7 @@ def run(
 
     Args:
         task: its name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...),
-            a file of waypoints (columns time, x, y, z and, where wanted, axis_x,
+            a file of waypoints (columns time, x, y, z and, where desired, axis_x,
             axis_y, axis_z, module) ending in .csv, or your own as file.py:function,
             which is given the arm.
         arm: a preset or an arm file.
@@ -71,7 +78,7 @@ def run(
         told: mass that the strategy is told hangs there [kg]; recipes that observe
             count on it.
         estimates: whether these find loads and leans from what is sensed beside
-            encoders (docs/senses.md).
+            encoders (docs/sensors.md).
         yields: force at the tip that is made up for at most where something leans on
             the arm [N]; beyond, it gives way.
         guard: what keeps out of obstacles: the tip, or the whole arm.

@@ -15,7 +15,7 @@ from s2c2a.cli.console import (
     print_table,
     progress_bar,
 )
-from s2c2a.cli.work import (
+from s2c2a.cli.execution import (
     ALL_CORES,
     RobotName,
     RobotOptions,
@@ -81,7 +81,7 @@ def sweep(
     from s2c2a import jobs, strategies
     from s2c2a.jobs import sweep as searching
     from s2c2a.jobs.run_folder import open_run_folder
-    from s2c2a.jobs.varying import varied_from
+    from s2c2a.jobs.search_space import varied_from
     from s2c2a.tasks import task_named
 
     spec = load_arm(arm)

@@ -74,7 +74,7 @@ def train(
         print(
             "how it swings does not show in this recording, and is taken from the description: margins are a guess"
         )
-    if chosen.observes and (observer := strategies.observer_of(networks)).senses:
+    if chosen.observes and (observer := strategies.observer_of(networks)).sensors:
         found = margins_of(networks.arm, observer)
         print(
             f"margins of the loop, with up to {CARRIED:g} of the arm's mass at its tip: {found}"

@@ -9,7 +9,7 @@ import tyro
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import ModelName
 from s2c2a.cli.live import Port, wait_for_interrupt
-from s2c2a.cli.work import require
+from s2c2a.cli.execution import require
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
@@ -91,7 +91,7 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     ]
     first = runs[0][0].arm
     if other := next(
-        (run.arm for run, _ in runs if not run.arm.same_body(first)), None
+        (run.arm for run, _ in runs if not run.arm.same_mechanics(first)), None
     ):
         raise S2C2AError(
             f"runs of '{first.name}' and of '{other.name}' cannot be shown as one; give those of one arm"

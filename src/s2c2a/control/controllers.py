@@ -20,7 +20,7 @@ Memory = Any  # a pytree of arrays
 
 
 class Controller(eqx.Module):
-    """A map from the wanted and the sensed configuration to an action, with a memory of its own."""
+    """A map from the desired and the sensed configuration to an action, with a memory of its own."""
 
     @abstractmethod
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
@@ -29,7 +29,7 @@ class Controller(eqx.Module):
     @abstractmethod
     def act(
         self,
-        wanted: Float[Array, "modules 3"],
+        desired: Float[Array, "modules 3"],
         sensed: Float[Array, "modules 3"],
         memory: Memory,
     ):
@@ -58,13 +58,13 @@ class InversePCC(Controller):
 
     def act(
         self,
-        wanted: Float[Array, "modules 3"],
+        desired: Float[Array, "modules 3"],
         sensed: Float[Array, "modules 3"],
         memory: Memory,
     ):
         """See `Controller`."""
         return self.pcc.actions(
-            bends_from_configurations(wanted) * self.gains[:, None]
+            bends_from_configurations(desired) * self.gains[:, None]
         ), memory
 
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
@@ -85,13 +85,13 @@ class NetworkController(Controller):
 
     def act(
         self,
-        wanted: Float[Array, "modules 3"],
+        desired: Float[Array, "modules 3"],
         sensed: Float[Array, "modules 3"],
         memory: History,
     ):
         """See `Controller`."""
         history = History(_push(memory.configurations, sensed), memory.actions)
-        action = self.network(wanted, history)
+        action = self.network(desired, history)
         next_history = History(history.configurations, _push(history.actions, action))
         return self.network.sum_and_range.actions(action), next_history
 
@@ -99,7 +99,7 @@ class NetworkController(Controller):
         """The history holds what was really sent."""
         return memory._replace(
             actions=memory.actions.at[:, 0].set(
-                self.network.sum_and_range.normalised(action)
+                self.network.sum_and_range.normalized(action)
             )
         )
 
@@ -109,17 +109,17 @@ class CorrectedMemory(NamedTuple):
 
     Attributes:
         inner: memory of the controller that is corrected.
-        wanted: bends wanted in the last step [rad], shape (modules, 2).
-        offset: added to what is wanted [rad], shape (modules, 2).
+        desired: bends desired in the last step [rad], shape (modules, 2).
+        offset: added to what is desired [rad], shape (modules, 2).
     """
 
     inner: Memory
-    wanted: Float[Array, "modules 2"]
+    desired: Float[Array, "modules 2"]
     offset: Float[Array, "modules 2"]
 
 
 class CorrectedController(Controller):
-    """Another controller, whose lasting errors are integrated and added to what is wanted of it.
+    """Another controller, whose lasting errors are integrated and added to what is desired of it.
 
     Attributes:
         inner: the controller.
@@ -138,14 +138,14 @@ class CorrectedController(Controller):
 
     def act(
         self,
-        wanted: Float[Array, "modules 3"],
+        desired: Float[Array, "modules 3"],
         sensed: Float[Array, "modules 3"],
         memory: CorrectedMemory,
     ):
         """See `Controller`."""
-        missed = memory.wanted - bends_from_configurations(sensed)
+        missed = memory.desired - bends_from_configurations(sensed)
         offset = limit_lengths(memory.offset + self.gain * missed, self.largest)
-        bends = bends_from_configurations(wanted)
+        bends = bends_from_configurations(desired)
         action, inner = self.inner.act(
             configurations_from_bends(bends + offset), sensed, memory.inner
         )

@@ -21,9 +21,9 @@ from s2c2a.robots import Robot
 from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
 from s2c2a.spaces import Actions, Reading, Stage
 
-MOST_EPISODES = 100_000
-MOST_SAMPLES = 100_000
-MOST_SEED = 2**63
+MAX_EPISODES = 100_000
+MAX_SAMPLES = 100_000
+MAX_SEED = 2**63
 STEP_LIMIT_DEG = 4.0  # of the arms that speeds were chosen on
 MakeRobot = Callable[[int], Robot]
 
@@ -54,13 +54,13 @@ class CollectOptions:
                 f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}"
             )
         if not (
-            1 <= self.episodes <= MOST_EPISODES and 1 <= self.samples <= MOST_SAMPLES
+            1 <= self.episodes <= MAX_EPISODES and 1 <= self.samples <= MAX_SAMPLES
         ):
             raise RecordingError(
                 f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive, and at most "
-                f"{MOST_EPISODES} and {MOST_SAMPLES}"
+                f"{MAX_EPISODES} and {MAX_SAMPLES}"
             )
-        if not 0 <= self.seed <= MOST_SEED or any(
+        if not 0 <= self.seed <= MAX_SEED or any(
             count % 1 for count in (self.episodes, self.samples, self.seed)
         ):
             raise RecordingError(
@@ -186,7 +186,7 @@ class Player:
     def sent(self, action: Actions) -> None:
         """It goes on with the next one."""
 
-    def told(self) -> dict:
+    def diagnostics(self) -> dict:
         """It makes nothing of what it reads."""
         return {}
 

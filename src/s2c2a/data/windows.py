@@ -199,7 +199,7 @@ def _windows_of(
     """Those of one stretch."""
     steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
     inputs = {
-        "wanted": sensed[steps + 1],
+        "desired": sensed[steps + 1],
         name: np.stack([sensed[steps - age] for age in sensed_ages], axis),
         "actions": np.stack([actions[steps - age] for age in action_ages], axis),
     }

@@ -26,9 +26,9 @@ LENGTH = 8
 CHECK = 8
 DIGEST = 16
 START = len(WORD) + LENGTH + CHECK
-MOST_BYTES = 500_000_000
-MOST_BLOCK = 150_000_000
-MOST_HEAD = 1_000_000
+MAX_BYTES = 500_000_000
+MAX_BLOCK = 150_000_000
+MAX_HEAD = 1_000_000
 
 
 def write_block(file: Any, content: bytes, before: bytes) -> bytes:
@@ -38,12 +38,12 @@ def write_block(file: Any, content: bytes, before: bytes) -> bytes:
         OSError: it, or the file, becomes larger than may be read again.
     """
     if (
-        len(content) > MOST_BLOCK
-        or file.tell() + START + len(content) + DIGEST > MOST_BYTES
+        len(content) > MAX_BLOCK
+        or file.tell() + START + len(content) + DIGEST > MAX_BYTES
     ):
         raise OSError(
             errno.EFBIG,
-            f"at most {MOST_BLOCK} bytes an episode and {MOST_BYTES} a file; take several files",
+            f"at most {MAX_BLOCK} bytes an episode and {MAX_BYTES} a file; take several files",
         )
     length = len(content).to_bytes(LENGTH, "little")
     digest = _digest(DIGEST, before, length, content)
@@ -82,7 +82,7 @@ def read_blocks(
             if begin:
                 return
             raise damaged(path, "it is cut off")
-        if count > (MOST_BLOCK if begin else MOST_HEAD):
+        if count > (MAX_BLOCK if begin else MAX_HEAD):
             raise damaged(path, f"a block of {count} bytes")
         content = file.read(count)
         before = _digest(DIGEST, before, length, content)
@@ -114,7 +114,7 @@ def opened_blocks(
         raise RecordingError(
             f"{path} cannot be opened: {error}; check its permissions"
         ) from error
-    if begin.startswith(WORD) and size <= MOST_BYTES:
+    if begin.startswith(WORD) and size <= MAX_BYTES:
         file.seek(0)
         return file
     file.close()
@@ -122,9 +122,9 @@ def opened_blocks(
         raise DamagedRecordingError(
             f"{path} was written by version 0.1; collect it again with `s2c2a collect`, the numbers are the same"
         )
-    if size > MOST_BYTES:
+    if size > MAX_BYTES:
         raise DamagedRecordingError(
-            f"{path} has {size} bytes; files of episodes have at most {MOST_BYTES}"
+            f"{path} has {size} bytes; files of episodes have at most {MAX_BYTES}"
         )
     raise DamagedRecordingError(
         f"{path} is no file of episodes, or its beginning is damaged; collect, run or import it anew"

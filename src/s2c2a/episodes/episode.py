@@ -12,7 +12,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.spaces import Stage
 
 SENSOR = "sensor."
-MOST_COLUMNS = 256
+MAX_COLUMNS = 256
 
 
 @dataclass(frozen=True, eq=False)  # arrays inside know no single answer to ==
@@ -30,16 +30,16 @@ class Episode:
     | `stage`                           | number of the stage (`spaces.Stage`)           |                       |
     | `sensed`, `planned`               | configurations                                 | (modules, 3)          |
     | `expected`                        | states that the plan leads to [m, 1]           | (modules, 6)          |
-    | `deviation`                       | how far off these must be expected to be [m]   | (modules,)            |
-    | `doubt`                           | of that, because nothing was learned there [m] |                       |
+    | `predictive_std`                       | how far off these must be expected to be [m]   | (modules,)            |
+    | `extrapolation`                           | of that, because nothing was learned there [m] |                       |
     | `rescued`                         | what took over from the plan, zero if nothing  |                       |
     | `standing`                        | one where it stood though its cost could fall  |                       |
     | `load`                            | that is believed to hang at the tip [kg]       |                       |
-    | `leans`                           | by which modules are believed to lean [rad]    | (modules, 2)          |
-    | `push`                            | force at the tip that leans stand for [N]      |                       |
-    | `left_out.NAME`                   | one where a sense was not believed             |                       |
-    | `wanted_positions`, `wanted_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
-    | `obstacles`                       | centres and thresholds [m]; 0: not there       | (obstacles, 4)        |
+    | `bend_biases`                           | by which modules are believed to lean [rad]    | (modules, 2)          |
+    | `external_force`                            | force at the tip that leans stand for [N]      |                       |
+    | `rejected.NAME`                   | one where a sense was not believed             |                       |
+    | `desired_positions`, `desired_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
+    | `obstacles`                       | centers and thresholds [m]; 0: not there       | (obstacles, 4)        |
     | `tick_time`                       | sense, plan and act together [s]               |                       |
 
     Attributes:
@@ -67,11 +67,11 @@ class Episode:
                 f"an episode needs {' and '.join(sorted(missing))}; it has {', '.join(columns)}"
             )
         if (
-            len(columns) > MOST_COLUMNS
+            len(columns) > MAX_COLUMNS
             or len({values.shape[:1] for values in columns.values()}) > 1
         ):
             raise RecordingError(
-                f"an episode's columns must have as many steps each, at most {MOST_COLUMNS} of them"
+                f"an episode's columns must have as many steps each, at most {MAX_COLUMNS} of them"
             )
         for name, shape in _known_shapes(self.arm, columns).items():
             if name in columns and columns[name].shape[1:] != shape:
@@ -193,19 +193,19 @@ def _known_shapes(
         "actions": cables,
         "stage": (),
         "tick_time": (),
-        "expected": states,
+        "predicted": states,
         "sensed": vectors,
     }
     known |= {
-        "deviation": (modules,),
-        "doubt": (),
+        "predictive_std": (modules,),
+        "extrapolation": (),
         "rescued": (),
         "standing": (),
         "load": (),
-        "leans": (modules, 2),
+        "bend_biases": (modules, 2),
         "push": (),
     }
-    known |= {"planned": vectors, "wanted_positions": vectors, "wanted_axes": vectors}
+    known |= {"planned": vectors, "desired_positions": vectors, "desired_axes": vectors}
     if "obstacles" in columns:
         # as many as there are
         known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)

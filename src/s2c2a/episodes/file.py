@@ -35,7 +35,7 @@ from s2c2a.files import written_whole
 ENDING = ".episodes"
 SCHEMA = 2
 # bytes of what is said of all episodes: it grows when it is read
-MOST_HEADERS = 10_000_000
+MAX_HEADERS = 10_000_000
 
 
 def save_episodes(
@@ -78,10 +78,10 @@ def load_episodes(path: str | os.PathLike) -> tuple[list[Episode], dict[str, Any
         said = 0
         for content, _ in blocks:
             said += int.from_bytes(content[:LENGTH], "little")
-            if said > MOST_HEADERS:
+            if said > MAX_HEADERS:
                 raise damaged(
                     path,
-                    f"what it says about its episodes has more than {MOST_HEADERS} bytes",
+                    f"what it says about its episodes has more than {MAX_HEADERS} bytes",
                 )
             episodes.append(_unpacked(content, arm, path))
     if count is not None and len(episodes) != count:

@@ -1,19 +1,19 @@
-"""What is known of an arm while it works: how it swings, what hangs at it, and where it is, from all that it senses."""
+"""What is known of an arm while it works: how it swings, what hangs at it, and where it is, from all that it sensors."""
 
 from s2c2a.estimation.gains import Gains, gains_of
-from s2c2a.estimation.learned import (
+from s2c2a.estimation.learned_sensors import (
     PREFIX,
     LearnedNumbers,
     LearnedSense,
-    learned_senses,
-    untrained_senses,
+    learned_sensors,
+    untrained_sensors,
 )
-from s2c2a.estimation.learning import Heard, learn_numbers
+from s2c2a.estimation.sensor_training import Heard, learn_numbers
 from s2c2a.estimation.listening import Listener
 from s2c2a.estimation.margins import Margins, margins_of, with_margins
 from s2c2a.estimation.observer import Belief, Observer
-from s2c2a.estimation.senses import Sense, senses_of
-from s2c2a.estimation.swing import Swing, identified_swing
+from s2c2a.estimation.sensors import Sense, sensors_of
+from s2c2a.estimation.modal_model import Swing, identified_swing
 
 __all__ = [
     "PREFIX",
@@ -30,9 +30,9 @@ __all__ = [
     "gains_of",
     "identified_swing",
     "learn_numbers",
-    "learned_senses",
+    "learned_sensors",
     "margins_of",
-    "senses_of",
-    "untrained_senses",
+    "sensors_of",
+    "untrained_sensors",
     "with_margins",
 ]

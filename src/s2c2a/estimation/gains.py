@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.estimation.swing import Body, Motion, Swing, motion
+from s2c2a.estimation.modal_model import Body, Motion, Swing, motion
 
 LOADS = np.array([0.0, 0.1, 0.2, 0.4, 0.8, 1.6])  # of the arm's own mass
 # of a bend that is asked for beside the plan, over one by which the arm is off, both as
@@ -28,7 +28,7 @@ class Gains(NamedTuple):
         inputs: B of each, shape (loads, states, bends).
         calming: what is asked for beside the plan, for bends and rates by which the arm
             is off, shape (loads, bends, states).
-        caution: what spreads of senses are multiplied by, so that the loop has its
+        caution: what spreads of sensors are multiplied by, so that the loop has its
             margins (`margins`), shape (loads,).
         forces: at the tip that would make modules lean so [N/rad], shape (3, bends).
     """

@@ -7,25 +7,25 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation.senses import Sense
+from s2c2a.estimation.sensors import Sense
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import Reading
 
 # m/s2 and rad/s; beyond any such sensor
-MOST_FORCE = 500.0
-MOST_RATE = 100.0
+MAX_FORCE = 500.0
+MAX_RATE = 100.0
 # s; over which forces tell which way is down, and what that needs at the start
 SMOOTHED = 1.0
 SETTLED = 4.0
 
 
 class Listener:
-    """Hears what senses say, reading by reading."""
+    """Hears what sensors say, reading by reading."""
 
-    def __init__(self, arm: ArmSpec, senses: tuple[Sense, ...]):
-        """For senses of an arm."""
+    def __init__(self, arm: ArmSpec, sensors: tuple[Sense, ...]):
+        """For sensors of an arm."""
         self._silent = {
-            name: value for sense in senses for name, value in sense.silent().items()
+            name: value for sense in sensors for name, value in sense.silent().items()
         }
         self._inertial = Inclinometer(arm) if "inclinations" in self._silent else None
         self.begin()
@@ -94,8 +94,8 @@ class Inclinometer:
             from vqf import VQF
         except ImportError as error:
             raise S2C2AError(
-                "inertial sensors need the package vqf; install it with `pip install 's2c2a[senses]'`, or leave "
-                "[senses.imu] out of the arm file"
+                "inertial sensors need the package vqf; install it with `pip install 's2c2a[sensors]'`, or leave "
+                "[sensors.imu] out of the arm file"
             ) from error
         self._new = VQF
         self._arm = arm
@@ -112,12 +112,12 @@ class Inclinometer:
         shape = None, self._arm.module_count, 3
         forces, turns = (
             numbers(reading.get(name), shape)
-            for name in ("accelerations", "turn_rates")
+            for name in ("accelerations", "angular_velocities")
         )
         if forces is None or turns is None or forces.shape != turns.shape:
             return None
         if not (
-            (np.abs(forces) < MOST_FORCE).all() and (np.abs(turns) < MOST_RATE).all()
+            (np.abs(forces) < MAX_FORCE).all() and (np.abs(turns) < MAX_RATE).all()
         ):
             return None  # the filter would never forget it
         if (bits := forces.tobytes()) == self._last:  # said before: nothing new

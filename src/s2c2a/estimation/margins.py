@@ -1,7 +1,7 @@
 """How much the loop bears: by how much more an arm may answer, and how much later, before it swings for ever.
 
 The loop of observer, plan and calming is linear for small motions about rest. Its
-margins are those of the worst load of the table (`gains.LOADS`), with all senses that
+margins are those of the worst load of the table (`gains.LOADS`), with all sensors that
 see the swing or the lean.
 """
 
@@ -16,16 +16,16 @@ from scipy.linalg import block_diag
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.gains import REACH, riccati
 from s2c2a.estimation.observer import Observer
-from s2c2a.estimation.senses import Shape
+from s2c2a.estimation.sensors import Shape
 from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.trunk import Trunk
 
 # what is looked for
-MOST_GAIN = 8.0
-MOST_DELAY = 8
+MAX_GAIN = 8.0
+MAX_DELAY = 8
 CAUTION = 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0
 CARRIED = 0.8  # of the arm's mass: loads that margins are promised for
-MOST_LATE = 64  # steps
+MAX_LATE = 64  # steps
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Margins:
 
     def __str__(self) -> str:
         """In words."""
-        most = "or more" if self.gain >= MOST_GAIN else ""
+        most = "or more" if self.gain >= MAX_GAIN else ""
         return f"it may answer {self.gain:.1f} times as much {most} and {self.delay} steps later".replace(
             "  ", " "
         )
@@ -84,7 +84,7 @@ def margins_of(arm: ArmSpec, observer: Observer) -> Margins:
     """Of an arm that is watched so; without any sense there is no loop, and nothing that could swing."""
     loops = [_loop(arm, observer, number) for number in _judged(observer)]
     if not loops:
-        return Margins(MOST_GAIN, MOST_DELAY)
+        return Margins(MAX_GAIN, MAX_DELAY)
     return Margins(min(map(_gain_margin, loops)), min(map(_delay_margin, loops)))
 
 
@@ -95,7 +95,7 @@ def with_margins(arm: ArmSpec, observer: Observer) -> Observer:
     it is as cautious as can be.
     """
     caution = np.asarray(observer.gains.caution, float).copy()
-    for number in range(len(caution)) if observer.senses else ():
+    for number in range(len(caution)) if observer.sensors else ():
         loop = _loop(arm, observer, number)
         enough = (
             factor
@@ -112,7 +112,7 @@ def _judged(observer: Observer) -> list[int]:
     within = np.asarray(observer.gains.loads) <= CARRIED * observer.mass
     return (
         [number for number, inside in enumerate(within) if inside]
-        if observer.senses
+        if observer.sensors
         else []
     )
 
@@ -143,19 +143,19 @@ def _loop(arm: ArmSpec, observer: Observer, number: int) -> _Loop:
         states,
         none,
     )
-    lagging = [sense.lagging(straight) for sense in observer.senses]
+    lagging = [sense.lagging(straight) for sense in observer.sensors]
     seen = [
         _off(sense, sense.silent(), shape._replace(lagging=lags))
-        for sense, lags in zip(observer.senses, lagging, strict=True)
+        for sense, lags in zip(observer.sensors, lagging, strict=True)
     ]
     late = [
-        min(int(np.ceil(sense.late)), MOST_LATE) if sense.slow else AT_ONCE
-        for sense in observer.senses
+        min(int(np.ceil(sense.late)), MAX_LATE) if sense.slow else AT_ONCE
+        for sense in observer.sensors
     ]
     caution = float(observer.gains.caution[number])
     zeros = [
         np.eye(len(off.numbers), len(sense.zeros.first))
-        for off, sense in zip(seen, observer.senses, strict=True)
+        for off, sense in zip(seen, observer.sensors, strict=True)
     ]
     return _Loop(
         steps=np.asarray(observer.gains.steps[number], float),
@@ -234,7 +234,7 @@ def _gain_margin(loop: _Loop) -> float:
     if not _stable(loop, filtering, 1.0, 0):
         return 0.0
     low = 1.0
-    high = MOST_GAIN
+    high = MAX_GAIN
     if _stable(loop, filtering, high, 0):
         return high
     while high - low > 0.05:
@@ -250,8 +250,8 @@ def _delay_margin(loop: _Loop) -> int:
     return next(
         (
             delay
-            for delay in range(MOST_DELAY)
+            for delay in range(MAX_DELAY)
             if not _stable(loop, filtering, 1.0, delay + 1)
         ),
-        MOST_DELAY,
+        MAX_DELAY,
     )

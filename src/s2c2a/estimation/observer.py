@@ -3,8 +3,8 @@
 Its state is a load at the tip, leans of the modules (bends beside those that are
 expected: offsets of homing, drift, a softened cable, a push), bends and their rates,
 and zeros of sensors. The forward model says where the arm would rest, the swing how it
-gets there, senses what of it is seen; encoders alone see nothing of it. What a forward
-model is told of loads and leans (`Unknowns`) lets planner and feasibility count on
+gets there, sensors what of it is seen; encoders alone see nothing of it. What a forward
+model is told of loads and leans (`Disturbances`) lets planner and feasibility count on
 them.
 
 A load as a state beside those of a model of motion is Bruder et al. 2020 (arXiv
@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.belief import Belief
 from s2c2a.estimation.gains import Gains
-from s2c2a.estimation.senses import Off, Said, Sense, Shape, Zeros
+from s2c2a.estimation.sensors import Off, Said, Sense, Shape, Zeros
 from s2c2a.kinematics import ForwardModel, bends_from_states, limit_lengths
 
 # before anything is sensed: of the arm's mass, and [rad]
@@ -38,9 +38,9 @@ LOADED_RATE = 0.06
 BEND_NOISE = 0.04
 TURN_NOISE = 1.0
 # of the arm's mass, and [rad]
-MOST_LOAD = 3.0
-MOST_LEAN = 0.4
-MOST_CALMING = 0.2  # rad; asked for beside the plan
+MAX_LOAD = 3.0
+MAX_LEAN = 0.4
+MAX_CALMING = 0.2  # rad; asked for beside the plan
 ABSURD = 1e6  # in any unit
 # standard deviations; and s
 STRANGE = 6.0
@@ -53,7 +53,7 @@ class Observer(eqx.Module):
 
     Attributes:
         gains: by load.
-        senses: what is seen of it beside encoders; none, and nothing is learned of it.
+        sensors: what is seen of it beside encoders; none, and nothing is learned of it.
         mass: of the arm [kg].
         period: of the control steps [s].
         estimates: whether load and leans are estimated, or stay as they are told.
@@ -62,7 +62,7 @@ class Observer(eqx.Module):
     """
 
     gains: Gains
-    senses: tuple[Sense, ...]
+    sensors: tuple[Sense, ...]
     mass: float = eqx.field(static=True)
     period: float = eqx.field(static=True)
     estimates: bool = eqx.field(static=True, default=True)
@@ -73,13 +73,13 @@ class Observer(eqx.Module):
         cls,
         arm: ArmSpec,
         gains: Gains,
-        senses: tuple[Sense, ...],
+        sensors: tuple[Sense, ...],
         estimates: bool = True,
         yields: float = np.inf,
     ) -> "Observer":
         """Of an arm."""
         mass = sum(module.mass for module in arm.modules)
-        return cls(gains, senses, mass, arm.control_period, estimates, yields)
+        return cls(gains, sensors, mass, arm.control_period, estimates, yields)
 
     @property
     def kept(self) -> float:
@@ -89,13 +89,13 @@ class Observer(eqx.Module):
     @property
     def calming(self) -> bool:
         """Whether anything is done against the swing: something must see it at once."""
-        return any(not sense.slow for sense in self.senses)
+        return any(not sense.slow for sense in self.sensors)
 
     @property
     def history(self) -> int:
         """How many steps are remembered, for what is told late."""
         return 3 + int(
-            max((sense.latest for sense in self.senses), default=0.0) / self.period
+            max((sense.latest for sense in self.sensors), default=0.0) / self.period
         )
 
     def start(
@@ -128,9 +128,9 @@ class Observer(eqx.Module):
             jnp.broadcast_to(part, (self.history, *part.shape))
             for part in (rests, states)
         )
-        quiet = jnp.zeros(len(self.senses))
+        quiet = jnp.zeros(len(self.sensors))
         found = jnp.zeros((self.history, *rests.shape))
-        lagging = tuple(sense.lagging(rests) for sense in self.senses)
+        lagging = tuple(sense.lagging(rests) for sense in self.sensors)
         return Belief(
             mean, covariance, none, rests, before, there, found, lagging, quiet, quiet
         )
@@ -154,7 +154,7 @@ class Observer(eqx.Module):
             planned: configurations that were planned in the last step.
             said: what sensors say; NaN where nothing.
         """
-        memory = model.given(belief.unknowns, sensed, memory)
+        memory = model.given(belief.disturbances, sensed, memory)
         expected, tensions, (rests, slopes) = self._rest(belief, model, memory, sensed)
         belief = self._moved(belief, rests, slopes)
         by_load = slopes[:, 0]
@@ -165,19 +165,19 @@ class Observer(eqx.Module):
             states_before=_pushed(belief.states_before, expected),
             found_before=_pushed(belief.found_before, self._found(belief, by_load)),
         )
-        for number, sense in enumerate(self.senses):
+        for number, sense in enumerate(self.sensors):
             since = self._found(belief, by_load) - belief.found_before
             past = belief.before, belief.states_before, since
             shape = Shape(
                 self._where(belief),
-                belief.unknowns.leans,
+                belief.disturbances.leans,
                 tensions,
                 *past,
                 belief.lagging[number],
             )
             belief = self._told(belief, number, sense, sense.off(said, shape), by_load)
         belief = self._within(belief)
-        memory = model.corrected(belief.unknowns, memory)
+        memory = model.corrected(belief.disturbances, memory)
         return self._calmed(
             belief, bends_from_states(model.predict(planned, memory))
         ), memory
@@ -186,7 +186,7 @@ class Observer(eqx.Module):
         """Where the arm would rest, and how its bends there change with load and leans."""
 
         def rest(load: Array) -> tuple[Array, tuple[Array, Array]]:
-            known = model.corrected(belief.unknowns._replace(load=load), memory)
+            known = model.corrected(belief.disturbances._replace(load=load), memory)
             states = model.predict(sensed, known)
             return bends_from_states(states), (states, model.tensions(sensed, known))
 
@@ -232,13 +232,13 @@ class Observer(eqx.Module):
         """Where those of a sense stand in the state."""
         begin, *counts = (
             1 + 3 * bends,
-            *(len(sense.zeros.first) for sense in self.senses),
+            *(len(sense.zeros.first) for sense in self.sensors),
         )
         begin += sum(counts[:number])
         return slice(begin, begin + counts[number])
 
     def _zeros(self) -> Zeros:
-        every = Zeros.none(), *(sense.zeros for sense in self.senses)
+        every = Zeros.none(), *(sense.zeros for sense in self.sensors)
         return Zeros(*(jnp.concatenate(part) for part in zip(*every, strict=True)))
 
     def _where(self, belief: Belief) -> Float[Array, "modules 2"]:
@@ -247,7 +247,7 @@ class Observer(eqx.Module):
 
     def _found(self, belief: Belief, by_load: Array) -> Float[Array, "modules 2"]:
         """What is known of bends at rest beside what encoders tell."""
-        return belief.unknowns.leans + (belief.mean[0] * by_load).reshape(-1, 2)
+        return belief.disturbances.leans + (belief.mean[0] * by_load).reshape(-1, 2)
 
     def _told(
         self, belief: Belief, number: int, sense: Sense, off: Off, by_load: Array
@@ -265,10 +265,10 @@ class Observer(eqx.Module):
         wrong = (jnp.maximum(strange, jnp.minimum(surprise, less)) > STRANGE) | (
             jnp.abs(unless).max() > off.most
         )
-        left_out = jnp.where(
-            wrong, LEFT_OUT_FOR, jnp.maximum(belief.left_out[number] - self.period, 0.0)
+        rejected = jnp.where(
+            wrong, LEFT_OUT_FOR, jnp.maximum(belief.rejected[number] - self.period, 0.0)
         )
-        believed = left_out <= 0.0
+        believed = rejected <= 0.0
         # the load may be another one now
         doubt = jnp.where((surprise > STRANGE) & believed, change, 0.0) ** 2
         covariance = belief.covariance.at[0, 0].add(doubt)
@@ -280,7 +280,7 @@ class Observer(eqx.Module):
             mean=mean,
             covariance=covariance,
             strange=belief.strange.at[number].set(strange),
-            left_out=belief.left_out.at[number].set(left_out),
+            rejected=belief.rejected.at[number].set(rejected),
         )
 
     def _against(
@@ -321,7 +321,7 @@ class Observer(eqx.Module):
             / (weighed @ hung + 1.0 / self.mass**2)
         )
         change = jnp.clip(
-            change, -belief.mean[0], MOST_LOAD * self.mass - belief.mean[0]
+            change, -belief.mean[0], MAX_LOAD * self.mass - belief.mean[0]
         )
         return change, numbers - hung * change
 
@@ -336,8 +336,8 @@ class Observer(eqx.Module):
         """Loads are none or more, and leans no more than can be."""
         bends = belief.calming.size
         mean = belief.mean
-        load = jnp.clip(mean[0], 0.0, MOST_LOAD * self.mass)
-        leans = limit_lengths(mean[1 : 1 + bends].reshape(-1, 2), MOST_LEAN).reshape(-1)
+        load = jnp.clip(mean[0], 0.0, MAX_LOAD * self.mass)
+        leans = limit_lengths(mean[1 : 1 + bends].reshape(-1, 2), MAX_LEAN).reshape(-1)
         leans = leans * jnp.minimum(
             1.0, self.yields / jnp.maximum(self.push(leans), 1e-9)
         )
@@ -358,7 +358,7 @@ class Observer(eqx.Module):
             [aimed.reshape(-1), rates]
         )
         asked = -(self.gains.at(belief.mean[0])[2] @ off).reshape(-1, 2)
-        return belief._replace(calming=limit_lengths(asked, MOST_CALMING), rests=aimed)
+        return belief._replace(calming=limit_lengths(asked, MAX_CALMING), rests=aimed)
 
 
 def _corrected(

@@ -1,6 +1,6 @@
 """Letting strategies work on tasks, and scoring them."""
 
-from s2c2a.evaluation.belief import belief_said, said_of_belief
+from s2c2a.evaluation.estimates import belief_said, said_of_belief
 from s2c2a.evaluation.metrics import (
     METRICS,
     Scored,

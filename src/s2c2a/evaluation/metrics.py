@@ -24,15 +24,15 @@ FAR = 0.08  # m beyond its threshold an obstacle is far
 RECOVERED = 3.0  # cm
 
 States = Float[np.ndarray, "steps modules 6"]
-Wanted = Float[np.ndarray, "steps modules 3"]
+Desired = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
 Of = Callable[[Episode, Task, Score], PerStep]
 
 
-def position_errors(states: States, wanted: Wanted, module: int = -1) -> PerStep:
+def position_errors(states: States, desired: Desired, module: int = -1) -> PerStep:
     """`position` [cm]: distance of a module's end to its target; NaN where there is none."""
     return 100.0 * np.linalg.norm(
-        states[:, module, POSITION] - wanted[:, module], axis=-1
+        states[:, module, POSITION] - desired[:, module], axis=-1
     )
 
 
@@ -41,22 +41,24 @@ def tilts_deg(axes: Float[np.ndarray, "steps 3"]) -> PerStep:
     return np.rad2deg(np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2]))
 
 
-def tilt_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
+def tilt_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:
     """`tilt` [deg]: error of the end axis' angle to the vertical; the paper's 'orientation error (z)'."""
-    return np.abs(tilts_deg(states[:, module, AXIS]) - tilts_deg(wanted[:, module]))
+    return np.abs(tilts_deg(states[:, module, AXIS]) - tilts_deg(desired[:, module]))
 
 
-def azimuth_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
+def azimuth_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:
     """`azimuth` [deg]: error of the end axis' direction in the x-y plane; the paper's 'orientation error (x)'."""
     true = states[:, module, AXIS]
-    asked = wanted[:, module]
+    asked = desired[:, module]
     turned = np.arctan2(true[:, 1], true[:, 0]) - np.arctan2(asked[:, 1], asked[:, 0])
     return np.abs(np.rad2deg((turned + np.pi) % (2 * np.pi) - np.pi))
 
 
-def orientation_errors_deg(states: States, wanted: Wanted, module: int = -1) -> PerStep:
-    """`orientation` [deg]: angle between wanted and true end axis."""
-    return angles_deg(states[:, module, AXIS], wanted[:, module])
+def orientation_errors_deg(
+    states: States, desired: Desired, module: int = -1
+) -> PerStep:
+    """`orientation` [deg]: angle between desired and true end axis."""
+    return angles_deg(states[:, module, AXIS], desired[:, module])
 
 
 def angles_deg(
@@ -72,18 +74,18 @@ def clearances(
     points: Float[np.ndarray, "steps *points 3"],
     obstacles: Float[np.ndarray, "steps obstacles 4"],
 ) -> PerStep:
-    """`clearance` [cm]: smallest distance of any point of a step to an obstacle's centre, less its threshold r.
+    """`clearance` [cm]: smallest distance of any point of a step to an obstacle's center, less its threshold r.
 
     Args:
         points: where the arm was in each step [m].
-        obstacles: centres and thresholds [m]; one whose threshold is zero is not there,
+        obstacles: centers and thresholds [m]; one whose threshold is zero is not there,
             and none leave infinite room.
     """
     flat = points.reshape(len(points), -1, 1, 3)
-    centres = obstacles[:, None, :, :3]
+    centers = obstacles[:, None, :, :3]
     thresholds = obstacles[:, None, :, 3]
     distances = np.where(
-        thresholds > 0, np.linalg.norm(flat - centres, axis=-1) - thresholds, np.inf
+        thresholds > 0, np.linalg.norm(flat - centers, axis=-1) - thresholds, np.inf
     )
     return 100.0 * distances.min(axis=(1, 2), initial=np.inf)
 
@@ -104,7 +106,7 @@ def stray(
 
     Args:
         tips: tip positions [m].
-        obstacles: centres and thresholds [m].
+        obstacles: centers and thresholds [m].
         far: how much more than its threshold an obstacle is away when it is far [m].
     """
     away = clearances(tips[:, None], obstacles) > 100.0 * far
@@ -232,9 +234,9 @@ def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
     return Scored(score, metric.unit, values, value, averaged=metric.summed_up is _mean)
 
 
-def _of_states(function, wanted: str) -> Of:
+def _of_states(function, desired: str) -> Of:
     return lambda episode, task, score: function(
-        episode.after("states"), getattr(task, wanted)(), score.module
+        episode.after("states"), getattr(task, desired)(), score.module
     )
 
 
@@ -247,10 +249,10 @@ def _tips(episode: Episode) -> Float[np.ndarray, "steps 3"]:
 
 
 def _lines(episode: Episode) -> Float[np.ndarray, "steps moments points 3"]:
-    """The true centre line between control steps too, the tip last; else the modules' ends, as one moment [m]."""
-    watched = "centre_line" in episode.sensors
+    """The true center line between control steps too, the tip last; else the modules' ends, as one moment [m]."""
+    watched = "center_line" in episode.sensors
     return (
-        episode.after("centre_line")
+        episode.after("center_line")
         if watched
         else episode.after("states")[:, None, :, POSITION]
     )
@@ -261,7 +263,7 @@ def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
 
     The score's steps are those whose target is within reach.
     """
-    errors = position_errors(episode.after("states"), task.wanted_positions())
+    errors = position_errors(episode.after("states"), task.desired_positions())
     period = float(np.diff(episode.times()[:2])[0])
     values = np.full(len(errors), np.nan)
     inside = np.ones(len(errors), bool) if score.steps is None else score.steps
@@ -277,14 +279,14 @@ def _last_mean(values: PerStep) -> float:
     return np.mean(values[-LAST_STEPS:])
 
 
-_position = _of_states(position_errors, "wanted_positions")
+_position = _of_states(position_errors, "desired_positions")
 
 METRICS = {
     "position": Metric("cm", _position),
     "constraint": Metric("cm", _position),
-    "tilt": Metric("deg", _of_states(tilt_errors_deg, "wanted_axes")),
-    "azimuth": Metric("deg", _of_states(azimuth_errors_deg, "wanted_axes")),
-    "orientation": Metric("deg", _of_states(orientation_errors_deg, "wanted_axes")),
+    "tilt": Metric("deg", _of_states(tilt_errors_deg, "desired_axes")),
+    "azimuth": Metric("deg", _of_states(azimuth_errors_deg, "desired_axes")),
+    "orientation": Metric("deg", _of_states(orientation_errors_deg, "desired_axes")),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean, rises=True),
     "clearance": Metric(

@@ -18,7 +18,7 @@ from s2c2a.files import read_text, save_whole, written_whole
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.spaces import POSITION
 
-MOST_BYTES = 20_000_000
+MAX_BYTES = 20_000_000
 WORTH_A_WORD = 0.01  # of the arm's length
 WHOLE_STEP = 0.98  # of the step limit: plans are kept in single precision
 _ESCAPED = str.maketrans(
@@ -79,20 +79,20 @@ def pair(mean: float, spread: float | None) -> str:
 
 
 def said_of_plans(episode: Episode) -> str:
-    """How often plans were rescued, stood although their cost could fall (`planning.rescue`), doubtful, or held back.
+    """How often plans were rescued, stood although their cost could fall (`planning.fallback`), doubtful, or held back.
 
     Held back are those that end a whole step from the last one and still far from what
-    is wanted.
+    is desired.
     """
     least = {
         "rescued": 0.0,
         "standing": 0.0,
-        "doubt": WORTH_A_WORD * episode.arm.length,
+        "extrapolation": WORTH_A_WORD * episode.arm.length,
     }
     said = {
         "was rescued": "rescued",
         "stood although its cost could fall": "standing",
-        "was at the edge of what the data show, or beyond,": "doubt",
+        "was at the edge of what the data show, or beyond,": "extrapolation",
     }
     counts = {
         word: int(np.nansum(episode.ran(name) > least[name]))
@@ -110,8 +110,8 @@ def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
     """Steps that went as far as they may, and whose ends are not where they shall be; none where nobody planned."""
     if not {
         "planned",
-        "expected",
-        "wanted_positions",
+        "predicted",
+        "desired_positions",
     } <= episode.columns.keys() or not len(episode.running):
         return np.zeros(0, dtype=bool)
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
@@ -119,7 +119,7 @@ def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
         axis=-1
     )
     missed = np.linalg.norm(
-        episode.ran("expected")[..., POSITION] - episode.ran("wanted_positions"),
+        episode.ran("predicted")[..., POSITION] - episode.ran("desired_positions"),
         axis=-1,
     )
     far = (
@@ -144,7 +144,7 @@ def load_rows(path: str | Path) -> list[Row]:
         S2C2AError: it is no list of rows.
     """
     try:
-        return TypeAdapter(list[Row]).validate_json(read_text(path, most=MOST_BYTES))
+        return TypeAdapter(list[Row]).validate_json(read_text(path, most=MAX_BYTES))
     except (S2C2AError, ValidationError) as error:
         raise S2C2AError(
             f"{path} holds no result rows: {error}; make the table again"

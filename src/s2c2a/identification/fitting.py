@@ -38,7 +38,7 @@ from s2c2a.spaces import States
 
 STEP = 0.02  # spreads: finite differences
 USUAL_WAY = FitOptions()
-LEAST_VARIANCE = 1e-12  # a recording of the simulation itself leaves nothing
+MIN_VARIANCE = 1e-12  # a recording of the simulation itself leaves nothing
 ENOUGH = 1e-4  # relative change of the sum, or of the coordinates, at which it ends
 
 
@@ -255,5 +255,5 @@ def variance_of(problem: Problem, left: Float[np.ndarray, " seen"]) -> float:
             * (1 + alike)
             / (1 - alike)
         ),
-        LEAST_VARIANCE,
+        MIN_VARIANCE,
     )

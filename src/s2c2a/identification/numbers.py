@@ -46,21 +46,21 @@ class Kind:
 KINDS = (
     Kind("stiffness", "modules.*.bending_stiffness", 0.7, 0.0005, 50, ratio=True),
     # of its logarithm
-    Kind("axes", "modules.*.flaws.stiffness_ratio.*", 0.2, -2.3, 2.3),
-    Kind("hardening", "modules.*.flaws.hardening", 0.3, 0, 5),
+    Kind("axes", "modules.*.mismatch.stiffness_ratio.*", 0.2, -2.3, 2.3),
+    Kind("hardening", "modules.*.mismatch.hardening", 0.3, 0, 5),
     Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
     Kind("cables", "modules.*.pretension", 20.0, 0, 500),
     Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -3600, 3600),
     Kind("routing", "modules.*.cable_radius", 0.2, 0.0015, 0.3, ratio=True),
     Kind("routing", "modules.*.length", 0.2, 0.005, 2, ratio=True),
-    Kind("routing", "modules.*.flaws.coupling", 0.3, 0, 1),
-    Kind("radii", "modules.*.flaws.radius_errors.*", 0.1, -0.5, 0.5),
-    Kind("play", "modules.*.cable.play.*", 0.0005, 0, 0.02),
+    Kind("routing", "modules.*.mismatch.coupling", 0.3, 0, 1),
+    Kind("radii", "modules.*.mismatch.radius_errors.*", 0.1, -0.5, 0.5),
+    Kind("backlash", "modules.*.cable.backlash.*", 0.0005, 0, 0.02),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
     Kind("mass", "modules.*.mass", 0.5, 0.0005, 10, ratio=True),
-    Kind("rest", "modules.*.flaws.rest_bend_deg.*", 5.0, -90, 90),
-    Kind("shortening", "modules.*.flaws.axial_stiffness", 1.5, 10, 1e7, ratio=True),
+    Kind("rest", "modules.*.mismatch.rest_bend_deg.*", 5.0, -90, 90),
+    Kind("shortening", "modules.*.mismatch.axial_stiffness", 1.5, 10, 1e7, ratio=True),
     Kind(
         "damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True
     ),
@@ -128,7 +128,7 @@ class Unknown:
 
     @property
     def name(self) -> str:
-        """Such as `modules.0.cable.play`."""
+        """Such as `modules.0.cable.backlash`."""
         return ".".join(map(str, self.path))
 
     def value(self, coordinate: float) -> float:
@@ -158,9 +158,9 @@ def stated_for(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
         return arm
     table = arm.model_dump(mode="json")
     for module, written in zip(arm.modules, table["modules"], strict=True):
-        if module.flaws.axial_stiffness is None:
+        if module.mismatch.axial_stiffness is None:
             stiff = HARDLY_SHORTER * module.bending_stiffness / module.cable_radius**2
-            written["flaws"] = written.get("flaws", {}) | {
+            written["mismatch"] = written.get("mismatch", {}) | {
                 "axial_stiffness": float(np.clip(stiff, 10, 1e7))
             }
     return ArmSpec.model_validate(table)
@@ -211,7 +211,7 @@ def _shows(arm: ArmSpec, unknown: Unknown) -> bool:
         and unknown.path[-1] != "friction"
     ):
         return False
-    if unknown.kind.group == "play" and arm.actuation == "tension":
+    if unknown.kind.group == "backlash" and arm.actuation == "tension":
         return False
     if unknown.kind.group == "mass" and not any(arm.gravity_direction):
         return False
@@ -243,13 +243,13 @@ def _table_of(arm: ArmSpec) -> dict[str, Any]:
     for module in table["modules"]:
         cables = len(module["cable_angles_deg"])
         for part, key in (
-            (module["cable"], "play"),
-            (module["flaws"], "radius_errors"),
+            (module["cable"], "backlash"),
+            (module["mismatch"], "radius_errors"),
         ):
             part[key] = list(np.broadcast_to(part[key], cables).astype(float))
         for one in TURNED:
-            module["flaws"][one.size] = one.vector(
-                module["flaws"][one.size], module["flaws"][one.direction]
+            module["mismatch"][one.size] = one.vector(
+                module["mismatch"][one.size], module["mismatch"][one.direction]
             )
     return table
 
@@ -257,12 +257,12 @@ def _table_of(arm: ArmSpec) -> dict[str, Any]:
 def _as_written(table: dict[str, Any]) -> dict[str, Any]:
     """As an arm file has it; one number where all cables have the same."""
     for module in table["modules"]:
-        flaws = module["flaws"]
+        mismatch = module["mismatch"]
         for one in TURNED:
-            flaws[one.size], flaws[one.direction] = one.size_and_direction(
-                flaws[one.size]
+            mismatch[one.size], mismatch[one.direction] = one.size_and_direction(
+                mismatch[one.size]
             )
-        for part, key in ((module["cable"], "play"), (flaws, "radius_errors")):
+        for part, key in ((module["cable"], "backlash"), (mismatch, "radius_errors")):
             part[key] = part[key] if len(set(part[key])) > 1 else part[key][0]
     return table
 

@@ -12,8 +12,8 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import States
 
 # m, of arm files
-LEAST_TRAVEL = 0.0001
-MOST_TRAVEL = 2.0
+MIN_TRAVEL = 0.0001
+MAX_TRAVEL = 2.0
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def _reaching(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
     farthest = np.nanmax(np.abs(np.concatenate(sent)), axis=(0, 2))
     modules = []
     for module, travel in zip(
-        arm.modules, np.clip(farthest, LEAST_TRAVEL, MOST_TRAVEL), strict=True
+        arm.modules, np.clip(farthest, MIN_TRAVEL, MAX_TRAVEL), strict=True
     ):
         cable = module.cable.model_copy(
             update={"travel": float(max(travel, module.cable.travel or 0.0))}

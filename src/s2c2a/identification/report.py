@@ -25,14 +25,14 @@ class TipErrors:
         rows: how many.
         mean: of the distances.
         rms: of the distances.
-        rms_centred: the same, after the mean difference is taken out.
+        rms_centered: the same, after the mean difference is taken out.
         most: 95 % are below.
     """
 
     rows: int
     mean: float
     rms: float
-    rms_centred: float
+    rms_centered: float
     most: float
 
 
@@ -58,12 +58,12 @@ def tip_errors(
         return None
     tip = apart[:, seen[-1]]
     tip = tip[np.isfinite(tip).all(axis=-1)]
-    far, centred = (
+    far, centered = (
         np.linalg.norm(one, axis=-1) for one in (tip, tip - tip.mean(axis=0))
     )
-    rms, rms_centred = (float(np.sqrt(np.mean(one**2))) for one in (far, centred))
+    rms, rms_centered = (float(np.sqrt(np.mean(one**2))) for one in (far, centered))
     return TipErrors(
-        len(tip), float(far.mean()), rms, rms_centred, float(np.percentile(far, 95))
+        len(tip), float(far.mean()), rms, rms_centered, float(np.percentile(far, 95))
     )
 
 

@@ -20,7 +20,7 @@ from s2c2a.jobs.artifacts import (
     NetworksArtifact,
     RecordingArtifact,
 )
-from s2c2a.jobs.begun import BegunNetworks
+from s2c2a.jobs.transfer import BegunNetworks
 from s2c2a.jobs.job import (
     SIMULATED_FAST,
     STRATEGIES,
@@ -30,7 +30,7 @@ from s2c2a.jobs.job import (
     checked_seeds,
     jobs_for,
 )
-from s2c2a.jobs.making import (
+from s2c2a.jobs.execution import (
     Make,
     check_robots,
     in_groups,

@@ -216,7 +216,7 @@ def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, An
     """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing or the arm is not the preset."""
     pair = PRINTED.get((task, arm.name, strategy), {}).get(metric)
     if pair is None or (
-        arm.name in preset_names() and not arm.same_body(load_arm(arm.name))
+        arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name))
     ):
         return {}
     return {"paper_mean": pair[0], "paper_std": pair[1]}

@@ -23,8 +23,8 @@ from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
 from s2c2a.jobs.artifacts import Cache, NetworksArtifact
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
-from s2c2a.jobs.making import Make, in_groups, made, try_all
-from s2c2a.jobs.varying import Value, Varied, value_at, with_values
+from s2c2a.jobs.execution import Make, in_groups, made, try_all
+from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
 from s2c2a.strategies import Recipe, save_recipe, save_strategy
 from s2c2a.tasks import Task

@@ -1,6 +1,6 @@
 """Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
 
-from s2c2a.arm.geometry import centre_line
+from s2c2a.arm.geometry import center_line
 from s2c2a.kinematics.bends import (
     bends_from_configurations,
     configurations_from_bends,

@@ -72,8 +72,8 @@ class PCC(eqx.Module):
         self, bends: Float[Array, "*batch modules 2"]
     ) -> Float[Array, "*batch modules cables"]:
         """Actions [m or N] that hold bends [rad], within the arm's limits."""
-        wanted = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
-        return jnp.clip(wanted, self.low, self.high)
+        desired = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
+        return jnp.clip(desired, self.low, self.high)
 
 
 Memory = Any  # a pytree of arrays; () for a model that remembers nothing
@@ -91,18 +91,18 @@ class ForwardModel(eqx.Module):
         """Memory after one more sensed configuration."""
 
     def given(
-        self, unknowns: Any, sensed: Float[Array, "modules 3"], memory: Memory
+        self, disturbances: Any, sensed: Float[Array, "modules 3"], memory: Memory
     ) -> Memory:
         """Memory of a model that is told, in every step, what came about since its recording; most take no notice.
 
         Args:
-            unknowns: `models.unknowns.Unknowns`.
+            disturbances: `models.disturbances.Disturbances`.
             sensed: configurations, now.
             memory: before.
         """
         return memory
 
-    def corrected(self, unknowns: Any, memory: Memory) -> Memory:
+    def corrected(self, disturbances: Any, memory: Memory) -> Memory:
         """After `given`, within the same step: memory of a model that is told a little otherwise; goes with `given`."""
         return memory
 
@@ -136,7 +136,7 @@ class ForwardModel(eqx.Module):
         """
         return self
 
-    def deviation(
+    def predictive_std(
         self, configurations: Float[Array, "*batch modules 3"], memory: Memory
     ) -> Array:
         """Distance of ends from where they are said to be that must be expected [m], shape (*batch, modules).
@@ -145,7 +145,7 @@ class ForwardModel(eqx.Module):
         """
         return jnp.zeros(configurations.shape[:-1])
 
-    def doubt(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
+    def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """How much of that is because nothing was learned near there [m], shape (*batch); zero among the data."""
         return jnp.zeros(configurations.shape[:-2])
 

@@ -23,7 +23,7 @@ from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
 from s2c2a.planning import Guard
-from s2c2a.programs import compilations
+from s2c2a.compilation import compilations
 from s2c2a.robots import Body, Robot
 from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
 from s2c2a.spaces import POSITION, Stage
@@ -221,10 +221,10 @@ class ArmControl(Control):
             if step.stage is Stage.RUN and step.goal is not None
             else self._nothing
         )
-        self._expected = step.told.get(
-            "expected", self._expected if step.told else states
+        self._expected = step.diagnostics.get(
+            "predicted", self._expected if step.diagnostics else states
         )
-        deviation = float(np.ravel(step.told.get("deviation", np.nan))[-1])
+        deviation = float(np.ravel(step.diagnostics.get("predictive_std", np.nan))[-1])
         where = (
             np.array(states),
             np.array(self._expected),

@@ -35,7 +35,7 @@ from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.messages import MOST_BYTES, is_sound
+from s2c2a.live.messages import MAX_BYTES, is_sound
 
 HOST = "127.0.0.1"
 LOCAL = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII)
@@ -43,12 +43,12 @@ ONCE = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP = "/stop"
 STOP_HEADER = "S2C2A-Stop"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
-MOST_CONNECTIONS = 16
+MAX_CONNECTIONS = 16
 # so many messages of one browser in so many s; dragging sends 20 in one, as turning
 # does
 BURST = 200
 WITHIN = 2.0
-MOST_REFUSED = 20  # messages of unknown form, then the connection is closed
+MAX_REFUSED = 20  # messages of unknown form, then the connection is closed
 CLOSE_PATIENCE = 0.3  # s
 TRIED_PORTS = 50
 REFUSALS = {"twice": 400, "host": 403, "origin": 403, "full": 503, "path": 404}
@@ -59,7 +59,7 @@ _QUIET = logging.getLogger("s2c2a.gate")
 _QUIET.setLevel(logging.CRITICAL)
 _BOTH_WAYS: dict[str, Any] = {"compression": None, "close_timeout": CLOSE_PATIENCE}
 _TO_BROWSERS: dict[str, Any] = {
-    "max_size": MOST_BYTES,
+    "max_size": MAX_BYTES,
     "max_queue": 8,
     "logger": _QUIET,
 } | _BOTH_WAYS
@@ -206,7 +206,7 @@ class Gate:
             "origin": headers.get("Origin") != f"http://{host}"
             if websocket
             else stops and STOP_HEADER not in headers,
-            "full": websocket and self._open >= MOST_CONNECTIONS,
+            "full": websocket and self._open >= MAX_CONNECTIONS,
             "path": not (websocket or stops or path in ("/", "/index.html")),
         }
         return next((reason for reason in true if true[reason]), "")
@@ -245,7 +245,7 @@ class Gate:
                 fault = "flood" if flood else "form"
                 self.refused[fault] += 1
                 nonsense += 1
-                if flood or nonsense > MOST_REFUSED:
+                if flood or nonsense > MAX_REFUSED:
                     return await _show_out(browser, SHOWN_OUT[fault])
 
 

@@ -35,7 +35,7 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
         axis_weights=np.float32(factors.axis) * goal.axis_weights,
         change_weight=np.float32(factors.change) * goal.change_weight,
     )
-    added = [(*one.centre, one.threshold) for one in request.obstacles]
+    added = [(*one.center, one.threshold) for one in request.obstacles]
     spheres = np.reshape([*goal.obstacles_in_use(), *added], (-1, 4))
     return goal.with_obstacles(
         spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight)
@@ -44,7 +44,7 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
 
 def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
     """How far the tip is from where the goal wants it, and least from a threshold [m]; NaN and infinite without."""
-    error = float(np.linalg.norm(tip - goal.wanted_positions()[-1]))
+    error = float(np.linalg.norm(tip - goal.desired_positions()[-1]))
     return error, float(
         clearances(tip[None, None], goal.obstacles_in_use()[None])[0]
     ) / 100.0

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias, TypeGuard
 import msgspec
 from msgspec.msgpack import Decoder
 
-MOST_BYTES = 16_384
+MAX_BYTES = 16_384
 # neither infinite nor NaN
 Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 Pair: TypeAlias = tuple[Number, Number]
@@ -68,7 +68,7 @@ _DECODER: Decoder = Decoder(
 def is_sound(message: str | bytes) -> TypeGuard[bytes]:
     """Whether a browser's message may pass."""
     with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
-        if isinstance(message, bytes) and len(message) <= MOST_BYTES:
+        if isinstance(message, bytes) and len(message) <= MAX_BYTES:
             _DECODER.decode(message)
             return True
     return False

@@ -24,7 +24,7 @@ from s2c2a.spaces import POSITION, Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
-LEAST_GAP = 0.005  # m; a target less far out of reach is within it
+MIN_GAP = 0.005  # m; a target less far out of reach is within it
 PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
 
 
@@ -145,7 +145,7 @@ class LivePage(Window):
             self._control.ask(
                 obstacles=(
                     *own[:number],
-                    replace(own[number], centre=where),
+                    replace(own[number], center=where),
                     *own[number + 1 :],
                 )
             )
@@ -180,12 +180,12 @@ class LivePage(Window):
         self.frames += 1
 
     def _draw_trails(self, latest: Snapshot) -> None:
-        self._trail.append(np.array([latest.states[-1, POSITION], _wanted(latest)[0]]))
+        self._trail.append(np.array([latest.states[-1, POSITION], _desired(latest)[0]]))
         points = (
             np.array(self._trail) if self.session.view[TRAILS] else np.zeros((0, 2, 3))
         )
         self.scene.draw_trail("real", points[:, 0])
-        self.scene.draw_trail("wanted", points[:, 1])
+        self.scene.draw_trail("desired", points[:, 1])
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Between the last two states, as far as time has come; it stands where nothing comes any more."""
@@ -207,7 +207,7 @@ class LivePage(Window):
         axis = request.axis
         spheres = np.zeros((0, 4))
         if request.task is not None and goal is not None:
-            position, axis = _wanted(latest)
+            position, axis = _desired(latest)
             spheres = goal.obstacles_in_use()
             # the driver's come after the task's
             spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]
@@ -251,12 +251,12 @@ class LivePage(Window):
             and not latest.finished,
             "task finished": latest.finished,
             "recording": self._recorder.running,
-            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > LEAST_GAP,
+            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > MIN_GAP,
             "nothing watches this arm: drawn as its model expects it": "states"
             not in latest.step.reading.sensors,
             f"**{latest.fault}**": latest.fault,
         }
-        believed = belief_said(latest.step.told)
+        believed = belief_said(latest.step.diagnostics)
         return "\n\n".join(
             [
                 head,
@@ -266,9 +266,9 @@ class LivePage(Window):
         )
 
 
-def _wanted(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
+def _desired(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
     """Position and axis that are asked of the tip; NaN where they are not."""
     goal = snapshot.step.goal
     if goal is None:
         return np.full((2, 3), np.nan)
-    return np.array([goal.wanted_positions()[-1], goal.wanted_axes()[-1]], float)
+    return np.array([goal.desired_positions()[-1], goal.desired_axes()[-1]], float)

@@ -15,7 +15,7 @@ from viser import ClientHandle, GuiButtonHandle, GuiSliderHandle, Icon
 from s2c2a.errors import S2C2AError
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import (
-    MOST_OBSTACLES,
+    MAX_OBSTACLES,
     SPEED,
     WEIGHTS,
     Knob,
@@ -191,8 +191,8 @@ class Panel:
         def put() -> None:
             """Clear of the tip, as far from whoever looks from where the page begins, each on another side."""
             own = control.request.obstacles
-            if len(own) >= MOST_OBSTACLES:
-                return self._tell(f"{MOST_OBSTACLES} obstacles are the most")
+            if len(own) >= MAX_OBSTACLES:
+                return self._tell(f"{MAX_OBSTACLES} obstacles are the most")
             away = BESIDE * size * (1 + len(own) // 2) * (-1) ** len(own)
             place = point(
                 self._latest.states[-1, POSITION]

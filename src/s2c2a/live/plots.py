@@ -9,11 +9,11 @@ from viser import GuiApi, GuiUplotHandle, uplot
 from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
 from s2c2a.spaces import AXIS
-from s2c2a.viz.colours import MUTED, REAL, TARGET, module_colours
+from s2c2a.viz.colors import MUTED, REAL, TARGET, module_colors
 
 SHOWN = 20.0  # s
 HEIGHT = 124  # pixels
-MOST_NAMED = 6  # modules whose names are written under a chart
+MAX_NAMED = 6  # modules whose names are written under a chart
 
 
 class Plots:
@@ -25,12 +25,12 @@ class Plots:
             maxlen=round(SHOWN * arm.control_rate)
         )
         modules = {
-            f"module {k + 1}": colour
-            for k, colour in enumerate(module_colours(arm.module_count))
+            f"module {k + 1}": color
+            for k, color in enumerate(module_colors(arm.module_count))
         }
         cables = {
-            f"{name}, {k + 1}": colour
-            for name, colour in modules.items()
+            f"{name}, {k + 1}": color
+            for name, color in modules.items()
             for k in range(arm.cable_count)
         }
         unit, self._scale = unit_of_cables(arm)
@@ -40,12 +40,12 @@ class Plots:
                 gui,
                 title,
                 lines,
-                legend=lines is modules and len(modules) <= MOST_NAMED,
+                legend=lines is modules and len(modules) <= MAX_NAMED,
                 across=across,
             )
             for title, lines in (
                 ("tip from its target [cm]", {"error": TARGET}),
-                ("the model may be off by [cm]", {"deviation": MUTED}),
+                ("the model may be off by [cm]", {"predictive_std": MUTED}),
                 ("clearance of the tip [cm]", {"clearance": MUTED}),
                 ("bend of the modules [deg]", modules),
                 (f"cables [{unit}]", cables),
@@ -104,7 +104,7 @@ def add_chart(
     Args:
         gui: of the panel.
         title: above it.
-        lines: the colour of each, by name.
+        lines: the color of each, by name.
         values: what is along, then every line's; empty unless stated.
         label: of what is along.
         legend: whether the lines' names are shown.

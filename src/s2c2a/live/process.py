@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 
 ENDED = "the control process has ended; start again"
 MISSED = "the control process does not answer"
-MOST_MISSED = 1.5  # s, and two control periods, without a snapshot
+MAX_MISSED = 1.5  # s, and two control periods, without a snapshot
 # s after which Python lets another thread go on: the control thread gets its turn soon
 TURN = 0.0005
-MOST_WAITING = 1000  # snapshots that nobody has fetched yet
+MAX_WAITING = 1000  # snapshots that nobody has fetched yet
 # s between the page's signs of life, and without any until the arm is stopped
 HEARTBEAT = 0.25
 SILENCE = 1.5
@@ -161,7 +161,7 @@ class ControlProcess(Control):
         return (
             MISSED
             if self._latest is not None
-            and quiet > MOST_MISSED + 2 * self.arm.control_period
+            and quiet > MAX_MISSED + 2 * self.arm.control_period
             else ""
         )
 
@@ -219,7 +219,7 @@ def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         signal.signal(vars(signal)[name], signal.SIG_IGN)
     sys.setswitchinterval(TURN)
     compute_on_one_thread()
-    said: queue.Queue[Any] = queue.Queue(MOST_WAITING)
+    said: queue.Queue[Any] = queue.Queue(MAX_WAITING)
     passing = threading.Thread(
         target=_pass_on, args=(said, pipe), name="snapshots", daemon=True
     )

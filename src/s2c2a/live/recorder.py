@@ -15,7 +15,7 @@ from s2c2a.runtime import episode_of
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page
 
-MOST_STEPS = 36_000  # an hour at 10 Hz
+MAX_STEPS = 36_000  # an hour at 10 Hz
 
 
 class Recorder:
@@ -83,7 +83,7 @@ class Recorder:
         return folder
 
     def _keep(self, snapshot: Snapshot) -> None:
-        if len(self._kept) < MOST_STEPS and (
+        if len(self._kept) < MAX_STEPS and (
             not self._kept or snapshot.step.number > self._kept[-1].step.number
         ):
             self._kept.append(snapshot)

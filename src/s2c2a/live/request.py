@@ -11,16 +11,16 @@ from s2c2a.arm import ArmSpec
 
 Point = tuple[float, float, float]
 
-MOST_OBSTACLES = 8
+MAX_OBSTACLES = 8
 SPEEDS = (0.1, 4.0)
 FACTORS = (0.0, 10.0)
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A sphere to keep out of: centre and threshold r [m], base frame."""
+    """A sphere to keep out of: center and threshold r [m], base frame."""
 
-    centre: Point
+    center: Point
     threshold: float
 
 
@@ -43,8 +43,8 @@ class Request:
     Attributes:
         driven: whether somebody drives; if not, the arm is stopped.
         stopped: whether the driver stopped it.
-        target: wanted tip [m], base frame, or None for nothing wanted.
-        axis: wanted end axis, or None for any.
+        target: desired tip [m], base frame, or None for nothing desired.
+        axis: desired end axis, or None for any.
         task: name of the task that is played instead of the target, or None.
         playing: whether the task goes on.
         speed: of the task; one is the protocol's.
@@ -133,7 +133,7 @@ class RequestLimits:
             # where there is one
             "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],
             "obstacles": lambda value: tuple(
-                self._obstacle(one) for one in tuple(value)[:MOST_OBSTACLES]
+                self._obstacle(one) for one in tuple(value)[:MAX_OBSTACLES]
             ),
             "weights": lambda value: Weights(*_sound(value, *FACTORS, shape=(4,))),
             "push": lambda value: point(_sound(value, -self.push, self.push, (3,))),
@@ -141,7 +141,7 @@ class RequestLimits:
 
     def _obstacle(self, value: Any) -> Obstacle:
         return Obstacle(
-            self._inside(value.centre), _sound(value.threshold, 0.01, self.reach / 4)
+            self._inside(value.center), _sound(value.threshold, 0.01, self.reach / 4)
         )
 
     def _inside(self, value: Any) -> Point:

@@ -15,7 +15,7 @@ from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import (
-    MOST_OBSTACLES,
+    MAX_OBSTACLES,
     Obstacle,
     Point,
     Request,
@@ -24,14 +24,14 @@ from s2c2a.live.request import (
 )
 from s2c2a.live.snapshot import straight
 from s2c2a.spaces import POSITION, States
-from s2c2a.viz.colours import (
+from s2c2a.viz.colors import (
     GRID,
     GRID_STRONG,
     INK,
     OBSTACLE,
     REAL,
     TARGET,
-    module_colours,
+    module_colors,
     rgb,
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
@@ -46,7 +46,7 @@ SAFE = OBSTACLE
 NEAR = "#f0a000"
 INSIDE = "#d62728"
 NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer than that
-PALE = 0.6  # how much of the workspace's colours is white
+PALE = 0.6  # how much of the workspace's colors is white
 BALL = 0.042  # radius of the target in parts of the arm's length
 ARROW = 0.22  # length of the target's axis, the same
 LINE = 0.0012  # half the width of a grid's line, the same
@@ -54,8 +54,8 @@ TRAIL_THICK = 0.004
 TRAIL_POINTS = 90
 SUN = (1.0, -1.4, 2.0)
 
-Wanted = Sequence[float] | np.ndarray | None
-"""A place or direction; None or NaN where nothing is wanted."""
+Desired = Sequence[float] | np.ndarray | None
+"""A place or direction; None or NaN where nothing is desired."""
 Spheres = Float[np.ndarray, "obstacles 4"]
 Dragged = Callable[[int, Point], None]
 """Told who dragged (a client's number) and where to."""
@@ -84,7 +84,7 @@ class ArmScene:
                     f"/arm/{number}",
                     corners,
                     piece.faces,
-                    piece.colour,
+                    piece.color,
                     flat_shading=flat,
                 )
             )
@@ -96,19 +96,19 @@ class ArmScene:
         self._ghost = _mesh(
             scene, "/ghost", outline, faces, GHOST, opacity=0.22, visible=False
         )
-        colours = {"real": REAL, "wanted": TARGET, "axis": TARGET, "push": FAR_TARGET}
+        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "push": FAR_TARGET}
         corners = np.zeros((TRAIL_POINTS * THREAD_SIDES, 3))
         faces = tube_faces(1, TRAIL_POINTS, THREAD_SIDES)
         line = partial(_mesh, scene, vertices=corners, faces=faces, visible=False)
         self._threads = {
-            name: line(name=f"/trails/{name}", colour=colour)
-            for name, colour in colours.items()
+            name: line(name=f"/trails/{name}", color=color)
+            for name, color in colors.items()
         }
         self._target = _ball(scene, "/target", BALL * self._size, TARGET)
         self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
         self._payload = _ball(scene, "/payload", 1.0, INK)
         self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center")
-        numbers = range(MOST_OBSTACLES)
+        numbers = range(MAX_OBSTACLES)
         names = ("/obstacles", "/task_obstacles")
         self._spheres, self._asked = (
             [_Sphere(scene, f"{name}/{k}", self._level) for k in numbers]
@@ -137,8 +137,8 @@ class ArmScene:
         if states is not None and self._ghost.visible:
             self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states))
 
-    def draw_target(self, position: Wanted, axis: Wanted, gap: float = 0.0) -> None:
-        """Show what is wanted of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
+    def draw_target(self, position: Desired, axis: Desired, gap: float = 0.0) -> None:
+        """Show what is desired of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
         place = _known(position)
         direction = _known(axis)
         self._target.visible = place is not None
@@ -178,16 +178,16 @@ class ArmScene:
     def draw_obstacles(
         self, own: Sequence[Obstacle], asked: Spheres, tip: Float[np.ndarray, "3"]
     ) -> None:
-        """Show the driver's obstacles and the task's (centres, thresholds [m]), coloured by how near the tip is."""
+        """Show the driver's obstacles and the task's (centers, thresholds [m]), colored by how near the tip is."""
         others = [
-            Obstacle(point(row[:3]), float(row[3])) for row in asked[:MOST_OBSTACLES]
+            Obstacle(point(row[:3]), float(row[3])) for row in asked[:MAX_OBSTACLES]
         ]
         for spheres, obstacles in ((self._spheres, own), (self._asked, others)):
             for sphere, obstacle in zip_longest(spheres, obstacles):
                 sphere.draw(obstacle, tip)
 
     def draw_trail(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
-        """Show the way of the `real` or the `wanted` tip since it was last NaN."""
+        """Show the way of the `real` or the `desired` tip since it was last NaN."""
         gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
         self._lay(name, *points[gaps[-1] + 1 if len(gaps) else 0 :])
 
@@ -196,16 +196,14 @@ class ArmScene:
         points: Sequence[Float[np.ndarray, "points 3"]]
         | Float[np.ndarray, "modules points 3"],
     ) -> None:
-        """Show where the modules' ends can be, in the modules' colours; nothing of a module without points."""
+        """Show where the modules' ends can be, in the modules' colors; nothing of a module without points."""
         size = 0.004 * self._size
-        for number, (cloud, colour) in enumerate(
-            zip(points, module_colours(len(points)), strict=True)
+        for number, (cloud, color) in enumerate(
+            zip(points, module_colors(len(points)), strict=True)
         ):
             if not len(cloud):
                 continue
-            pale = np.array(
-                [int(value + PALE * (255 - value)) for value in rgb(colour)]
-            )
+            pale = np.array([int(value + PALE * (255 - value)) for value in rgb(color)])
             self._scene.add_point_cloud(
                 f"/workspace/{number}",
                 cloud,
@@ -243,8 +241,10 @@ class ArmScene:
         self._threads[name].vertices = threads(line[None], TRAIL_THICK * self._size)
 
 
-def _known(wanted: Wanted) -> np.ndarray | None:
-    return None if wanted is None or not np.isfinite(wanted).all() else np.array(wanted)
+def _known(desired: Desired) -> np.ndarray | None:
+    return (
+        None if desired is None or not np.isfinite(desired).all() else np.array(desired)
+    )
 
 
 class _Sphere:
@@ -263,20 +263,20 @@ class _Sphere:
         if obstacle is None:
             return
         size = obstacle.threshold
-        room = float(np.linalg.norm(np.subtract(tip, obstacle.centre))) - size
+        room = float(np.linalg.norm(np.subtract(tip, obstacle.center))) - size
         self.threshold.color = rgb(
             INSIDE if room < 0 else NEAR if room < NEAR_BY else SAFE
         )
-        self._core.position = self.threshold.position = obstacle.centre
+        self._core.position = self.threshold.position = obstacle.center
         self._core.scale, self.threshold.scale = 0.3 * size, size
         self._shadow.position, self._shadow.scale = (
-            (*obstacle.centre[:2], self._level or 0.0),
+            (*obstacle.center[:2], self._level or 0.0),
             (size, size, 0.001),
         )
 
 
 def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
-    """Tell where the centre of a ball is dragged to: it keeps its offset from the point where it was grabbed."""
+    """Tell where the center of a ball is dragged to: it keeps its offset from the point where it was grabbed."""
     offsets: dict[int, np.ndarray] = {}
 
     @handle.on_drag
@@ -295,17 +295,17 @@ def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
 
 
 def _ball(
-    scene: SceneApi, name: str, radius: float, colour: str, **looks: Any
+    scene: SceneApi, name: str, radius: float, color: str, **looks: Any
 ) -> IcosphereHandle:
     return scene.add_icosphere(
-        name, radius, color=rgb(colour), **{"visible": False, **looks}
+        name, radius, color=rgb(color), **{"visible": False, **looks}
     )
 
 
 def _mesh(
-    scene: SceneApi, name: str, vertices, faces, colour: str, **looks: Any
+    scene: SceneApi, name: str, vertices, faces, color: str, **looks: Any
 ) -> MeshHandle:
-    return scene.add_mesh_simple(name, vertices, faces, color=rgb(colour), **looks)
+    return scene.add_mesh_simple(name, vertices, faces, color=rgb(color), **looks)
 
 
 def _lay_ground(scene: SceneApi, arm: ArmSpec) -> Surroundings:
@@ -361,7 +361,7 @@ def _lay_floor(
 ) -> None:
     """Lines of two triangles: a shader's grid costs a browser without a graphics card a sixth of its time."""
     in_middle = np.abs(grid.sum(axis=1)[:, :2]).max(axis=-1) < half
-    for name, lines, colour in (
+    for name, lines, color in (
         ("fine", grid[~in_middle], GRID),
         ("strong", grid[in_middle], GRID_STRONG),
     ):
@@ -378,7 +378,7 @@ def _lay_floor(
             f"/floor/{name}",
             corners,
             faces.reshape(-1, 3),
-            colour,
+            color,
             flat_shading=True,
             side="double",
         )

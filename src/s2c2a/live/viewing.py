@@ -17,9 +17,9 @@ from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
-from s2c2a.viz.partial import completed
+from s2c2a.viz.reconstruction import completed
 
-MOST_POINTS = 1500  # of a recording's cloud, a module
+MAX_POINTS = 1500  # of a recording's cloud, a module
 CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}
 
 
@@ -111,7 +111,7 @@ def _some_known(
     """Of those that were seen, so many that they can be drawn."""
     known = points[np.isfinite(points).all(axis=1)]
     return known[
-        np.linspace(0, len(known) - 1, min(len(known), MOST_POINTS)).astype(int)
+        np.linspace(0, len(known) - 1, min(len(known), MAX_POINTS)).astype(int)
     ]
 
 
@@ -178,11 +178,11 @@ def _draw_moment(
         states,
     )
     scene.draw_target(
-        trace.wanted_path[step], trace.wanted_axes[step, trace.pointing_module]
+        trace.desired_path[step], trace.desired_axes[step, trace.pointing_module]
     )
     scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])
     scene.draw_trail("real", trace.followed_path[: step + 1])
-    scene.draw_trail("wanted", trace.wanted_path)
+    scene.draw_trail("desired", trace.desired_path)
     error = trace.position_errors[step]
     return f"**{trace.label}**" + (
         f" · {100 * error:.2f} cm from the target" if np.isfinite(error) else ""

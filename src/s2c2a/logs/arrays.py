@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from s2c2a.logs.errors import MOST_BYTES, MOST_COLUMNS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 COMPRESSED = 15  # kind of a packed element in a MAT file
@@ -24,9 +24,9 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
     try:
         with zipfile.ZipFile(path) as file:
             sizes = [entry.file_size for entry in file.infolist()]
-            if sum(sizes) > MOST_BYTES or len(sizes) > MOST_COLUMNS:
+            if sum(sizes) > MAX_BYTES or len(sizes) > MAX_COLUMNS:
                 raise LogError(
-                    f"{path} unpacks to {sum(sizes)} bytes; at most {MOST_BYTES} are read"
+                    f"{path} unpacks to {sum(sizes)} bytes; at most {MAX_BYTES} are read"
                 )
         with np.load(path, allow_pickle=False) as arrays:
             return _columns({name: arrays[name] for name in arrays.files})
@@ -76,13 +76,13 @@ def _check_mat(file: BinaryIO, path: str | os.PathLike) -> None:
             f"{path} is no MAT file of version 5; save it with -v7 in MATLAB"
         )
     order = "little" if head[126:128] == b"IM" else "big"
-    left = MOST_BYTES
+    left = MAX_BYTES
     while len(tag := file.read(8)) == 8:
         kind, size = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))  # type: ignore[arg-type]
         left -= _unpacked_size(file, size, left) if kind == COMPRESSED else size
         if left < 0:
             raise LogError(
-                f"{path} unpacks to more than {MOST_BYTES} bytes; take a part of it"
+                f"{path} unpacks to more than {MAX_BYTES} bytes; take a part of it"
             )
         if kind != COMPRESSED:
             file.seek(size, os.SEEK_CUR)
@@ -118,9 +118,9 @@ def _columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
             columns[name] = array
             continue
         flat = array.reshape(len(array), -1) if array.ndim else array.reshape(1, 1)
-        if len(columns) + flat.shape[1] > MOST_COLUMNS:
+        if len(columns) + flat.shape[1] > MAX_COLUMNS:
             raise LogError(
-                f"'{name}' has {flat.shape[1]} columns, at most {MOST_COLUMNS} are read; rows are moments"
+                f"'{name}' has {flat.shape[1]} columns, at most {MAX_COLUMNS} are read; rows are moments"
             )
         columns |= {
             f"{name}.{number}": flat[:, number] for number in range(flat.shape[1])

@@ -16,7 +16,7 @@ from s2c2a.logs.tendons import Guess, Wiring
 
 STIFFNESS = 0.2  # of the arm over that of its cables, before anything is known
 # ways of making modules that are fitted, for each idea of what the cables do
-MOST_TRIED = 4
+MAX_TRIED = 4
 # a cost above so many times another one after the first rounds is not followed
 HOPELESS = 1.3
 UNEVEN_DEG = 60.0  # more than an even gap between cables: as unlikely as twice the cost
@@ -88,7 +88,7 @@ def found_cables(
             f"no {told.arm.modules} modules can be made of {len(told.drives)} drives: each needs as many cables, and "
             "no gap of 179 deg; say module and positive of each drive in the map"
         )
-    best = sorted(trials, key=lambda trial: trial[0].cost)[:MOST_TRIED]
+    best = sorted(trials, key=lambda trial: trial[0].cost)[:MAX_TRIED]
     further = [
         (fitted(few, fit.guess, fit.wiring, TRIAL), motors) for fit, motors in best
     ]
@@ -107,7 +107,7 @@ def _trials(
     )
     tried = set()
     for effects in _effects_of(seen, told):
-        for modules, signs in likely_groups(effects, seen.columns, told, MOST_TRIED):
+        for modules, signs in likely_groups(effects, seen.columns, told, MAX_TRIED):
             if (modules.tobytes(), signs.tobytes()) in tried:
                 continue
             tried.add((modules.tobytes(), signs.tobytes()))
@@ -226,7 +226,7 @@ def _exchanged(
 
 
 def _exchanges(fit: Fit, motors: Motors, told: LogMap) -> Iterator[np.ndarray]:
-    """Neighbouring modules exchanged, then motors of neighbouring modules that pull alike; what is stated stays."""
+    """Neighboring modules exchanged, then motors of neighboring modules that pull alike; what is stated stays."""
     modules = motors.modules
     angles = fit.guess.angles
     stays = np.array([drive.module is not None for drive in told.drives])

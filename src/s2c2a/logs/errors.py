@@ -2,9 +2,9 @@
 
 from s2c2a.errors import S2C2AError
 
-MOST_BYTES = 400_000_000
-MOST_ROWS = 2_000_000
-MOST_COLUMNS = 4096
+MAX_BYTES = 400_000_000
+MAX_ROWS = 2_000_000
+MAX_COLUMNS = 4096
 """Of a log: bytes when unpacked, rows, columns."""
 
 

@@ -68,7 +68,7 @@ def fitted(
         first: where to begin, and what stays likely.
         wiring: which motor pulls what.
         rounds: of the search.
-        errors: whether standard deviations are wanted.
+        errors: whether standard deviations are desired.
     """
     from scipy.optimize import least_squares
 

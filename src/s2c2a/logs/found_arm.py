@@ -16,11 +16,11 @@ from s2c2a.logs.map import KnownArm, LogMap
 from s2c2a.logs.tendons import Guess
 
 MARGIN_DEG = 5.0
-LEAST_STEP = 1e-3  # rad; less is no step
+MIN_STEP = 1e-3  # rad; less is no step
 STEPS_DEG = (0.1, 20.0)
 """Step limits that a log can ask for: poses that were gone to at random are no reason
 to go there in one step."""
-MOST_OFF_DEG = 60.0
+MAX_OFF_DEG = 60.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def matched(layout: Layout, arm: ArmSpec, turned: bool) -> Layout:
     ]
     best = int(np.argmin([one.var() for one in apart]))
     more = apart[best].mean() if turned else 0.0
-    if (worst := float(np.abs(apart[best] - more).max())) > MOST_OFF_DEG:
+    if (worst := float(np.abs(apart[best] - more).max())) > MAX_OFF_DEG:
         raise LogError(
             f"cables of '{arm.name}' stand up to {worst:.0f} deg from those found; check its angles"
         )
@@ -160,7 +160,7 @@ def arm_text(
     source = f" ({told.source.name})" if told.source.name else ""
     limits = _most_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
     steps = np.concatenate([np.diff(part, axis=0) for part in bends])
-    moved = np.linalg.norm(steps, axis=-1).max(axis=-1) > LEAST_STEP
+    moved = np.linalg.norm(steps, axis=-1).max(axis=-1) > MIN_STEP
     step = _most_deg(steps[moved] if moved.any() else steps, 0.99).max()
     lines = [
         f"# Found in a log{source}: ends of the model are {1e3 * residual:.1f} mm (rms) from those seen.",

@@ -90,10 +90,10 @@ def _along(
     if told.frame.base or positions.shape[1] > 1:
         way = np.median(tip, axis=0) - inner
         return way / np.linalg.norm(way)
-    centred = tip - tip.mean(axis=0)
-    z = np.linalg.svd(centred, full_matrices=False)[2][2]
-    height = centred @ z
-    across = np.sum(centred**2, axis=1) - (centred @ z) ** 2
+    centered = tip - tip.mean(axis=0)
+    z = np.linalg.svd(centered, full_matrices=False)[2][2]
+    height = centered @ z
+    across = np.sum(centered**2, axis=1) - (centered @ z) ** 2
     return -z if np.cov(height, across)[0, 1] > 0 else z
 
 

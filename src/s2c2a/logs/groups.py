@@ -9,8 +9,8 @@ from jaxtyping import Float
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.logs.map import LogMap
 
-MOST_GROUPINGS = 20_000
-OPEN = 179.0  # deg between neighbouring cables: such a module cannot bend every way
+MAX_GROUPINGS = 20_000
+OPEN = 179.0  # deg between neighboring cables: such a module cannot bend every way
 # what a gap of a whole turn more than even weighs, against a factor e in how far motors
 # go
 UNEVEN = 5.0
@@ -40,7 +40,7 @@ def likely_groups(
     scored: list[
         tuple[float, int, tuple[Grouping, list[int], list[Sequence[int]]]]
     ] = []
-    for grouping in islice(_groupings(told), MOST_GROUPINGS):
+    for grouping in islice(_groupings(told), MAX_GROUPINGS):
         ways = [_best_way(group, effects[:, -1], reach, told) for group in grouping]
         if all(way is not None for way in ways):
             cost = sum(way[0] for way in ways if way) + sum(

@@ -27,7 +27,7 @@ from s2c2a.logs.tables import Asked, read_table
 from s2c2a.logs.tendons import Guess, turned
 from s2c2a.spaces import POSITION
 
-MOST_FITTED = 200  # rows that the fit takes, evenly spread
+MAX_FITTED = 200  # rows that the fit takes, evenly spread
 FREE = 3.0
 # times the arm's length from its base: not even where a camera was moved
 FURTHEST = 10.0
@@ -86,7 +86,7 @@ def import_logs(
     parts, rows, broken = _parts(paths, told)
     seen, frame = _seen(parts, told)
     fit, motors, doubts = found_cables(
-        seen, thinned(seen, MOST_FITTED), _start(frame, told), told
+        seen, thinned(seen, MAX_FITTED), _start(frame, told), told
     )
     layout = layout_of(fit, motors, told)
     bends, states = predicted_states(fit.guess, fit.wiring, seen.columns, seen.tension)

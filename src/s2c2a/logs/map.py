@@ -5,19 +5,19 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from s2c2a.arm.spec import MOST_MODULES, NAME, Number
+from s2c2a.arm.spec import MAX_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
-from s2c2a.faults import explained
+from s2c2a.validation import explained
 from s2c2a.files import read_text, toml_in
 from s2c2a.logs.errors import LogError
 
 LONGEST = 300
 HEADING = "{count} fault(s) in the map (drives, ends and modules count from 0)"
-MOST_CABLES = 8 * MOST_MODULES
+MAX_CABLES = 8 * MAX_MODULES
 SIGNED_AXIS = r"^[+-]?[xyz]$"
 Column = Annotated[str, Field(min_length=1, max_length=200)]
 Three = tuple[Number, Number, Number]
-Part = Annotated[int, Field(ge=0, lt=MOST_MODULES)]
+Part = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
 
 
 class Frozen(BaseModel):
@@ -36,7 +36,7 @@ class Source(Frozen):
         default="", max_length=LONGEST, description="where the log can be had"
     )
     commit: str = Field(default="", max_length=LONGEST, description="its version there")
-    licence: str = Field(
+    license: str = Field(
         default="", max_length=LONGEST, description="under which it may be used"
     )
 
@@ -241,7 +241,7 @@ class Frame(Frozen):
         description="its direction that shall be x of the base frame; one across the arm if none",
     )
     base: Three | None = Field(
-        default=None, description="where the base is in it, in metres; found if none"
+        default=None, description="where the base is in it, in meters; found if none"
     )
 
 
@@ -250,7 +250,7 @@ class KnownArm(Frozen):
 
     name: str = Field(pattern=NAME, description="of the arm")
     description: str = Field("", description="a line about it")
-    modules: int = Field(ge=1, le=MOST_MODULES, description="how many")
+    modules: int = Field(ge=1, le=MAX_MODULES, description="how many")
     control_rate: Number = Field(
         ge=0.5, le=1000, description="control steps a second [Hz]"
     )
@@ -264,7 +264,7 @@ class KnownArm(Frozen):
         None,
         ge=0.0015,
         le=0.3,
-        description="distance of cables from the centre line; found if none [m]",
+        description="distance of cables from the center line; found if none [m]",
     )
     pulley_radius: Number | None = Field(
         None, ge=0.0005, le=0.2, description="of the motors; for ticks and angles [m]"
@@ -303,8 +303,8 @@ class LogMap(Frozen):
     rows: Rows = Field(description="how rows follow each other")
     join: Join | None = None
     arm: KnownArm
-    drives: tuple[Drive, ...] = Field(min_length=1, max_length=MOST_CABLES)
-    ends: tuple[End, ...] = Field(min_length=1, max_length=MOST_MODULES)
+    drives: tuple[Drive, ...] = Field(min_length=1, max_length=MAX_CABLES)
+    ends: tuple[End, ...] = Field(min_length=1, max_length=MAX_MODULES)
     frame: Frame = Frame()
 
     @model_validator(mode="after")

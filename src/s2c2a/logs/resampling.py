@@ -101,9 +101,9 @@ def _resampled(part: Session, period: float, limit: float) -> Session:
 def interpolated(
     time: np.ndarray, values: np.ndarray, moments: np.ndarray, limit: float
 ) -> np.ndarray:
-    """Values at other moments, on straight lines between neighbours; NaN where those are further apart than a limit.
+    """Values at other moments, on straight lines between neighbors; NaN where those are further apart than a limit.
 
-    Each channel has its own neighbours: one that was not seen for a moment does not
+    Each channel has its own neighbors: one that was not seen for a moment does not
     hide the others.
     """
     flat = values.reshape(len(values), -1)

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.map import MOST_CABLES, Column, Frozen, LogMap, Three
+from s2c2a.logs.map import MAX_CABLES, Column, Frozen, LogMap, Three
 from s2c2a.logs.session import factor_of
 from s2c2a.logs.tables import listed
 
@@ -21,7 +21,7 @@ KEY = "rig"
 # share of the rows that are compared with another recording: those whose cables stood
 # nearest to its own
 NEAREST = 0.1
-Drive = Annotated[int, Field(ge=0, lt=MOST_CABLES)]
+Drive = Annotated[int, Field(ge=0, lt=MAX_CABLES)]
 
 
 class Rig(Frozen):
@@ -29,7 +29,7 @@ class Rig(Frozen):
 
     Attributes:
         names: of the drives: their columns.
-        scales: what turned these columns into metres or newtons.
+        scales: what turned these columns into meters or newtons.
         drive: number of the drive on each cable, by module and cable.
         factor: displacement [m], positive where the cable gets longer, or tension [N],
             for a unit of the drive.
@@ -37,10 +37,10 @@ class Rig(Frozen):
         axes: x, y and z of the arm's base frame there.
     """
 
-    names: tuple[Column, ...] = Field(max_length=MOST_CABLES)
-    scales: tuple[float, ...] = Field(max_length=MOST_CABLES)
-    drive: tuple[tuple[Drive, ...], ...] = Field(max_length=MOST_CABLES)
-    factor: tuple[tuple[float, ...], ...] = Field(max_length=MOST_CABLES)
+    names: tuple[Column, ...] = Field(max_length=MAX_CABLES)
+    scales: tuple[float, ...] = Field(max_length=MAX_CABLES)
+    drive: tuple[tuple[Drive, ...], ...] = Field(max_length=MAX_CABLES)
+    factor: tuple[tuple[float, ...], ...] = Field(max_length=MAX_CABLES)
     base: Three
     axes: tuple[Three, Three, Three]
 
@@ -95,7 +95,7 @@ class Rig(Frozen):
         check_arm(arm, told)
         _check_alike("the drives", listed(names), listed(rig.names))
         for name, now, then in zip(names, _scales(told), rig.scales, strict=True):
-            _check_alike(f"what turns '{name}' into metres or newtons", now, then)
+            _check_alike(f"what turns '{name}' into meters or newtons", now, then)
         if np.shape(rig.drive) != (arm.module_count, arm.cable_count):
             raise LogError(
                 f"that recording's rig is not one of '{arm.name}'; import its logs anew, without --like"

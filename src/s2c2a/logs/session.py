@@ -11,7 +11,7 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.map import Drive, End, LogMap, Three
 from s2c2a.logs.tables import Table, listed
 
-METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 
 
@@ -74,7 +74,7 @@ def session_of(tables: Sequence[Table], told: LogMap) -> Session:
         _of_drives(table, told, "commanded"),
         _of_drives(table, told, "measured"),
         np.stack(
-            [_vectors(table, end.position) * METRES[end.unit] for end in told.ends],
+            [_vectors(table, end.position) * METERS[end.unit] for end in told.ends],
             axis=1,
         ),
         np.stack([_axis(table, end) for end in told.ends], axis=1),
@@ -134,9 +134,9 @@ def _joined(tables: Sequence[Table], key: str) -> Table:
     )
 
 
-def _places(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _places(keys: np.ndarray, desired: np.ndarray) -> np.ndarray:
     order = np.argsort(keys)
-    return order[np.searchsorted(keys, wanted, sorter=order)]
+    return order[np.searchsorted(keys, desired, sorter=order)]
 
 
 def _of_drives(table: Table, told: LogMap, which: str) -> np.ndarray:
@@ -152,7 +152,7 @@ def _of_drives(table: Table, told: LogMap, which: str) -> np.ndarray:
 
 
 def factor_of(drive: Drive, told: LogMap) -> float:
-    """What turns a drive's column into metres or newtons; 1 for one in free units."""
+    """What turns a drive's column into meters or newtons; 1 for one in free units."""
     radius = told.arm.pulley_radius or 0.0
     turns = {
         "turns": 2 * np.pi,

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.logs.arrays import read_mat, read_npz
-from s2c2a.logs.errors import MOST_BYTES, MOST_COLUMNS, MOST_ROWS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 
 BLANK = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}
 CHUNK = 5000
 LONGEST_CELL = 400
-MOST_SHOWN = 12
+MAX_SHOWN = 12
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Asked:
-    """What is wanted of a file.
+    """What is desired of a file.
 
     Attributes:
         numbers: columns that hold numbers.
@@ -132,8 +132,8 @@ def _check_found(
 
 def listed(names: Collection[str]) -> str:
     """The first of many names."""
-    shown = ", ".join(name[:40] for name in islice(names, MOST_SHOWN))
-    return shown + (", ..." if len(names) > MOST_SHOWN else "") or "none"
+    shown = ", ".join(name[:40] for name in islice(names, MAX_SHOWN))
+    return shown + (", ..." if len(names) > MAX_SHOWN else "") or "none"
 
 
 def _of_text(path: str | os.PathLike, asked: Asked) -> Table:
@@ -156,10 +156,10 @@ def _text(path: str | os.PathLike) -> str:
     with open(path, "rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
     with gzip.open(path, "rb") if packed else open(path, "rb") as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
+        content = file.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
         raise LogError(
-            f"{path} has more than {MOST_BYTES} bytes of text; take a part of it, or fewer columns"
+            f"{path} has more than {MAX_BYTES} bytes of text; take a part of it, or fewer columns"
         )
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16")
@@ -200,9 +200,9 @@ class _Rows:
         )
         if first is None:
             raise LogError(f"{self._path} holds nothing")
-        if len(first) > MOST_COLUMNS:
+        if len(first) > MAX_COLUMNS:
             raise LogError(
-                f"{self._path} has {len(first)} columns, at most {MOST_COLUMNS} are read"
+                f"{self._path} has {len(first)} columns, at most {MAX_COLUMNS} are read"
             )
         names = [cell.strip() for cell in first]
         if all(self._number(name) is not None for name in names):
@@ -228,10 +228,10 @@ class _Rows:
             name: place for place, name in enumerate(names) if name in self._asked.words
         }
         _check_found(self._path, {*numbers, *words}, names)
-        wanted = {place: self._number for place in numbers.values()}
+        desired = {place: self._number for place in numbers.values()}
         read = [
-            np.array([self._row(row, names, wanted) for row in first], float).reshape(
-                -1, len(wanted)
+            np.array([self._row(row, names, desired) for row in first], float).reshape(
+                -1, len(desired)
             )
         ]
         said: list[list[str]] = [
@@ -243,8 +243,8 @@ class _Rows:
             whole = [
                 (line, row) for line, row in chunk if row and any(map(str.strip, row))
             ]
-            values = [self._row(row, names, wanted, line) for line, row in whole]
-            read.append(np.array(values, float).reshape(-1, len(wanted)))
+            values = [self._row(row, names, desired, line) for line, row in whole]
+            read.append(np.array(values, float).reshape(-1, len(desired)))
             said += [
                 [
                     row[place].strip() if place < len(row) else ""
@@ -252,9 +252,9 @@ class _Rows:
                 ]
                 for _, row in whole
             ]
-            if sum(map(len, read)) > MOST_ROWS:
+            if sum(map(len, read)) > MAX_ROWS:
                 raise LogError(
-                    f"{self._path} has more than {MOST_ROWS} rows; take a part of it"
+                    f"{self._path} has more than {MAX_ROWS} rows; take a part of it"
                 )
         columns = np.concatenate(read).T
         labels = {
@@ -272,12 +272,12 @@ class _Rows:
         self,
         row: list[str],
         names: list[str],
-        wanted: Mapping[int, Callable],
+        desired: Mapping[int, Callable],
         line: int = 1,
     ) -> list[float]:
         values = []
         fault = ""
-        for place, number in wanted.items():
+        for place, number in desired.items():
             value = number(row[place]) if place < len(row) else None
             if value is None:
                 got = (

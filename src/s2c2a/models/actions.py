@@ -29,7 +29,7 @@ class History(NamedTuple):
 
     Attributes:
         configurations: C_t to C_{t-3} as sensed, shape (*batch, modules, 4, 3).
-        actions: A_{t-1} to A_{t-5}, normalised, shape (*batch, modules, 5, cables).
+        actions: A_{t-1} to A_{t-5}, normalized, shape (*batch, modules, 5, cables).
     """
 
     configurations: Float[Array, "*batch modules 4 3"]
@@ -46,8 +46,8 @@ class C2A(eqx.Module):
 
     Attributes:
         network: the biLSTM NN_C2A'.
-        configuration_scaling: of wanted and sensed configurations.
-        sum_and_range: the last layer, and the normalisation of actions.
+        configuration_scaling: of desired and sensed configurations.
+        sum_and_range: the last layer, and the normalization of actions.
     """
 
     network: BiLSTM
@@ -59,12 +59,12 @@ class C2A(eqx.Module):
         return replace(self, sum_and_range=SumAndRange.of(arm))
 
     def __call__(
-        self, wanted: Float[Array, "*batch modules 3"], history: History
+        self, desired: Float[Array, "*batch modules 3"], history: History
     ) -> Actions:
-        """Normalised actions, within the arm's limits, that shall lead to the wanted configurations in one step."""
-        batch = wanted.shape[:-1]
+        """Normalized actions, within the arm's limits, that shall lead to the desired configurations in one step."""
+        batch = desired.shape[:-1]
         parts = [
-            self.configuration_scaling.forward(wanted),
+            self.configuration_scaling.forward(desired),
             self.configuration_scaling.forward(history.configurations).reshape(
                 *batch, -1
             ),
@@ -98,7 +98,7 @@ class C2AOptions(Size):
         Args:
             data: to learn from.
             history_noise: standard deviation of the noise on past actions in training,
-                normalised.
+                normalized.
             fit: how to train.
             key: for weights, order and noise.
             progress: told epoch, most epochs, validation loss.
@@ -113,7 +113,7 @@ class C2AOptions(Size):
             ArmGeometry.of(data.arm).action_neutral,
             data.lengths,
         )
-        scaling = Scaling.of(split.training.inputs["wanted"])
+        scaling = Scaling.of(split.training.inputs["desired"])
         model = replace(
             self.untrained(data.arm, network_key), configuration_scaling=scaling
         )
@@ -123,7 +123,7 @@ class C2AOptions(Size):
 
 
 def _configurations_in(model: C2A, batch: Batch) -> Array:
-    return model(batch["wanted"], History(batch["configurations"], batch["actions"]))
+    return model(batch["desired"], History(batch["configurations"], batch["actions"]))
 
 
 class TipHistory(NamedTuple):
@@ -131,7 +131,7 @@ class TipHistory(NamedTuple):
 
     Attributes:
         positions: tip positions p_{t-4} to p_t [m], base frame, shape (*batch, 5, 3).
-        actions: A_{t-5} to A_{t-1}, normalised, shape (*batch, 5, modules, cables).
+        actions: A_{t-5} to A_{t-1}, normalized, shape (*batch, 5, modules, cables).
     """
 
     positions: Float[Array, "*batch 5 3"]
@@ -142,12 +142,12 @@ class TipLSTM(eqx.Module):
     """The LSTM of the comparison (Chen et al. 2025, sec. IV-A2), with its scaling: from tip positions to actions.
 
     Every moment's features are the tip position then, the action taken just before, and
-    the wanted tip position.
+    the desired tip position.
 
     Attributes:
         network: the LSTM.
-        position_scaling: of wanted and past tip positions.
-        sum_and_range: the last layer, and the normalisation of actions.
+        position_scaling: of desired and past tip positions.
+        sum_and_range: the last layer, and the normalization of actions.
     """
 
     network: LSTM
@@ -155,20 +155,20 @@ class TipLSTM(eqx.Module):
     sum_and_range: SumAndRange
 
     def __call__(
-        self, wanted: Float[Array, "*batch 3"], history: TipHistory
+        self, desired: Float[Array, "*batch 3"], history: TipHistory
     ) -> Actions:
-        """Normalised actions, within the arm's limits, that shall lead the tip to the wanted position in one step."""
-        return self.sum_and_range.limited(self.unlimited(wanted, history))
+        """Normalized actions, within the arm's limits, that shall lead the tip to the desired position in one step."""
+        return self.sum_and_range.limited(self.unlimited(desired, history))
 
     def unlimited(
-        self, wanted: Float[Array, "*batch 3"], history: TipHistory
+        self, desired: Float[Array, "*batch 3"], history: TipHistory
     ) -> Actions:
         """The same on the bend directions, before the arm's limits cut anything off."""
         scaling = self.position_scaling
         layer = self.sum_and_range
         moments = history.positions.shape[:-1]
         target = jnp.broadcast_to(
-            scaling.forward(wanted)[..., None, :], history.positions.shape
+            scaling.forward(desired)[..., None, :], history.positions.shape
         )
         parts = [
             scaling.forward(history.positions),
@@ -177,7 +177,7 @@ class TipLSTM(eqx.Module):
         ]
         raw = self.network(jnp.concatenate(parts, axis=-1))
         # (*batch, modules, cables)
-        return layer(raw.reshape(*wanted.shape[:-1], *layer.neutral.shape))
+        return layer(raw.reshape(*desired.shape[:-1], *layer.neutral.shape))
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class LSTMOptions(Size):
         layers: of the network.
         hidden: hidden states of each layer.
         fit: how it is trained.
-        history_noise: on past actions in training, normalised.
+        history_noise: on past actions in training, normalized.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -231,7 +231,7 @@ class LSTMOptions(Size):
         """
         network_key, fit_key = jax.random.split(key)
         split = lstm_samples(tips, actions, ArmGeometry.of(arm).action_neutral)
-        scaling = Scaling.of(split.training.inputs["wanted"])
+        scaling = Scaling.of(split.training.inputs["desired"])
         model = replace(self.untrained(arm, network_key), position_scaling=scaling)
         return _trained(
             model, _tips_in, split, 1, self.history_noise, self.fit, fit_key, progress
@@ -239,7 +239,7 @@ class LSTMOptions(Size):
 
 
 def _tips_in(model: TipLSTM, batch: Batch) -> Array:
-    return model(batch["wanted"], TipHistory(batch["positions"], batch["actions"]))
+    return model(batch["desired"], TipHistory(batch["positions"], batch["actions"]))
 
 
 Learner = TypeVar("Learner", C2A, TipLSTM)

@@ -188,16 +188,16 @@ def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
 
 
 def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
-    """Positions about their centre by half their widest extent, axes as they are.
+    """Positions about their center by half their widest extent, axes as they are.
 
     x, y and z have one scale [m], so that spheres stay spheres.
     """
     positions = states[..., :3].reshape(-1, 3)
     low = np.nanmin(positions, axis=0)
     high = np.nanmax(positions, axis=0)
-    centre = (low + high) / 2
+    center = (low + high) / 2
     half = [float((high - low).max() / 2)] * 3 + [1.0] * 3
     return Scaling(
-        jnp.array([*centre, 0.0, 0.0, 0.0], dtype=jnp.float32),
+        jnp.array([*center, 0.0, 0.0, 0.0], dtype=jnp.float32),
         jnp.array(half, dtype=jnp.float32),
     )

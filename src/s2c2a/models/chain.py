@@ -1,6 +1,6 @@
 """The forward model of the `best` recipe: cables with memory, modules at rest, arcs in a row, and what they leave out.
 
-From the wanted configuration to what the cables carry over (`Hysteresis`), from there
+From the desired configuration to what the cables carry over (`Hysteresis`), from there
 to the bends at which modules come to rest (`bend_at_rest`), from bends to states along
 the chain of arcs. A small network adds what this leaves out: moments of gravity, bends
 and end points that arcs do not have.
@@ -21,7 +21,7 @@ from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.cables import Hysteresis, HysteresisMemory
 from s2c2a.models.statics import Equilibrium, Rest
 from s2c2a.models.trunk import Trunk
-from s2c2a.models.unknowns import Unknowns, moments_of_weights
+from s2c2a.models.disturbances import Disturbances, moments_of_weights
 
 BEND_UNIT = 0.5  # rad; inputs of the network are about one
 # rad; an output of one
@@ -37,7 +37,7 @@ class ChainMemory(NamedTuple):
 
     Attributes:
         cables: what the sensors' past left behind.
-        unknowns: what came about since the recording.
+        disturbances: what came about since the recording.
         hung: moments of what hangs at the tip, where the arm was of late [rad], shape
             (modules, 2). They hardly change within a step, and are worked out once in
             each.
@@ -45,7 +45,7 @@ class ChainMemory(NamedTuple):
     """
 
     cables: HysteresisMemory
-    unknowns: Unknowns
+    disturbances: Disturbances
     hung: Float[Array, "modules 2"]
     each: Float[Array, "modules 2"]
 
@@ -92,7 +92,7 @@ class ChainC2S(ForwardModel):
         modules = len(self.body.lengths)
         cables = self.hysteresis.start(self.body.displacements(sensed))
         none = jnp.zeros((modules, 2))
-        return ChainMemory(cables, Unknowns.none(modules), none, none)
+        return ChainMemory(cables, Disturbances.none(modules), none, none)
 
     def observe(
         self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory
@@ -106,19 +106,19 @@ class ChainC2S(ForwardModel):
 
     def given(
         self,
-        unknowns: Unknowns,
+        disturbances: Disturbances,
         sensed: Float[Array, "*batch modules 3"],
         memory: ChainMemory,
     ) -> ChainMemory:
         """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(sensed), memory)
-        hung, each = self._hung(unknowns.load, inputs, memory.hung)
-        return memory._replace(unknowns=unknowns, hung=hung, each=each)
+        hung, each = self._hung(disturbances.load, inputs, memory.hung)
+        return memory._replace(disturbances=disturbances, hung=hung, each=each)
 
-    def corrected(self, unknowns: Unknowns, memory: ChainMemory) -> ChainMemory:
+    def corrected(self, disturbances: Disturbances, memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
-        more = (unknowns.load - memory.unknowns.load) * memory.each
-        return memory._replace(unknowns=unknowns, hung=memory.hung + more)
+        more = (disturbances.load - memory.disturbances.load) * memory.each
+        return memory._replace(disturbances=disturbances, hung=memory.hung + more)
 
     def predict(
         self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
@@ -151,9 +151,9 @@ class ChainC2S(ForwardModel):
         ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
         if memory is None:
             return states_from_arcs(bends, lengths, ends)
-        force = memory.unknowns.load * self.body.gravity
+        force = memory.disturbances.load * self.body.gravity
         return states_from_arcs(
-            bends + memory.unknowns.leans, lengths, ends, force, self.body.gives
+            bends + memory.disturbances.leans, lengths, ends, force, self.body.gives
         )
 
     def tensions(

@@ -29,12 +29,12 @@ NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
 AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
 DELAY = 0.1  # s; time constant of the filter for it
-MOST_CREEP = 0.5  # of a filter's weight before training
+MAX_CREEP = 0.5  # of a filter's weight before training
 PULL = 3e-3
 """Of a model that began elsewhere towards where it began, for a squared change of one
 beside squared errors."""
 REHEARSED = FitOptions(
-    learning_rate=2e-3, most_epochs=20, patience=20, epochs_per_call=10, decay=True
+    learning_rate=2e-3, max_epochs=20, patience=20, epochs_per_call=10, decay=True
 )
 """How a new network learns what weights do."""
 
@@ -327,7 +327,7 @@ def _fitted(
     count = own.shape[-1]
     low = np.full(columns.shape[1], -np.inf)
     low[:plays] = 0.0
-    low[plays:count] = -MOST_CREEP
+    low[plays:count] = -MAX_CREEP
     return lsq_linear(
         columns.astype(float), true[:, module].reshape(-1).astype(float), (low, np.inf)
     ).x[:count]

@@ -3,7 +3,7 @@
 Regression with a Matern kernel whose length differs from feature to feature, beside a
 linear part that goes on where there are no data, on a fixed number of points that stand
 for all (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, secs.
-4.2, 5.4 and 8.3.3: subset of regressors). Lengths maximise the likelihood of some of
+4.2, 5.4 and 8.3.3: subset of regressors). Lengths maximize the likelihood of some of
 the samples; the rest is linear algebra.
 """
 
@@ -25,20 +25,20 @@ SAMPLES_OF_LIKELIHOOD = 700
 # of Adam, on logarithms
 STEPS = 60
 LEARNING_RATE = 0.1
-LEAST_NOISE = 1e-4  # of the targets' variance
+MIN_NOISE = 1e-4  # of the targets' variance
 FIRST_LINEAR = 0.05  # standard deviation of slopes before anything is seen
 FIRST_NOISE = 0.01
-LEAST_SAMPLES = 100
+MIN_SAMPLES = 100
 
 
 class Kernels(Fixed):
     """A function of features that was fitted once.
 
     Attributes:
-        centre: of the features, shape (features,).
+        center: of the features, shape (features,).
         rates: one over the length of each feature; zero where it says nothing, shape
             (features,).
-        points: centred and scaled features that stand for all samples, shape (points,
+        points: centered and scaled features that stand for all samples, shape (points,
             features).
         weights: of the kernel at each point, shape (points, outputs).
         slopes: of the linear part in scaled features, shape (features, outputs).
@@ -46,7 +46,7 @@ class Kernels(Fixed):
         speaks: one, or zero where it says nothing.
     """
 
-    centre: Float[Array, " features"]
+    center: Float[Array, " features"]
     rates: Float[Array, " features"]
     points: Float[Array, "points features"]
     weights: Float[Array, "points outputs"]
@@ -81,7 +81,7 @@ class Kernels(Fixed):
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch features"]:
         """As distances are taken."""
-        return (features - self.centre) * self.rates
+        return (features - self.center) * self.rates
 
     def __call__(
         self, features: Float[Array, "*batch features"]
@@ -137,19 +137,19 @@ def fitted_kernels(
     x = features[whole].astype(np.float64)
     y = targets[whole][:, known].astype(np.float64)
     outputs = targets.shape[1]
-    if len(x) < LEAST_SAMPLES or not known.any():
+    if len(x) < MIN_SAMPLES or not known.any():
         return Kernels.silent(features.shape[1], outputs, count)
-    centre = x.mean(axis=0)
+    center = x.mean(axis=0)
     width = x.std(axis=0)
     mean = y.mean(axis=0)
     spread = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
     rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
     chosen = np.random.default_rng(seed).permutation(len(x))[:SAMPLES_OF_LIKELIHOOD]
-    scaled = (x - centre) * rates
+    scaled = (x - center) * rates
     found = _lengths(scaled[chosen], (y[chosen] - mean) / spread, kinds)
     rates = rates * found.rates
     return _in_units(
-        _solved(x, (y - mean) / spread, centre, rates, found, count),
+        _solved(x, (y - mean) / spread, center, rates, found, count),
         mean,
         spread,
         known,
@@ -175,26 +175,26 @@ def _lengths(x: np.ndarray, y: np.ndarray, kinds: np.ndarray) -> _Found:
         "linear": jnp.asarray(2.0 * np.log(FIRST_LINEAR)),
         "noise": jnp.asarray(np.log(FIRST_NOISE)),
     }
-    optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
+    optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
     best = _likeliest(
-        begun, *(jnp.asarray(part, jnp.float32) for part in (x, y, kinds)), optimiser
+        begun, *(jnp.asarray(part, jnp.float32) for part in (x, y, kinds)), optimizer
     )
     rates = np.exp(np.asarray(best["all"] + kinds @ best["kinds"], np.float64))
     kernel, linear, noise = (
         float(jnp.exp(best[name])) for name in ("kernel", "linear", "noise")
     )
-    return _Found(rates, kernel, linear, noise + LEAST_NOISE)
+    return _Found(rates, kernel, linear, noise + MIN_NOISE)
 
 
 @partial(jax.jit, static_argnums=4)
-def _likeliest(begun: dict, x: Array, y: Array, kinds: Array, optimiser: Any) -> dict:
+def _likeliest(begun: dict, x: Array, y: Array, kinds: Array, optimizer: Any) -> dict:
     def step(carry, _):
         numbers, state = carry
         gradient = jax.grad(_unlikelihood)(numbers, x, y, kinds)
-        updates, state = optimiser.update(gradient, state)
+        updates, state = optimizer.update(gradient, state)
         return (optax.apply_updates(numbers, updates), state), None
 
-    return jax.lax.scan(step, (begun, optimiser.init(begun)), None, STEPS)[0][0]
+    return jax.lax.scan(step, (begun, optimizer.init(begun)), None, STEPS)[0][0]
 
 
 def _unlikelihood(numbers: dict, x: Array, y: Array, kinds: Array) -> Array:
@@ -204,7 +204,7 @@ def _unlikelihood(numbers: dict, x: Array, y: Array, kinds: Array) -> Array:
         jnp.exp(numbers["kernel"]) * matern(place, place)
         + jnp.exp(numbers["linear"]) * x @ x.T
     )
-    noise = jnp.exp(numbers["noise"]) + LEAST_NOISE
+    noise = jnp.exp(numbers["noise"]) + MIN_NOISE
     root = jnp.linalg.cholesky(covariance + (noise + 1e-5) * jnp.eye(len(x)))
     explained = jax.scipy.linalg.solve_triangular(root, y, lower=True)
     return jnp.sum(explained**2) / (2.0 * y.size) + jnp.sum(
@@ -226,9 +226,9 @@ def _in_units(
     return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant), kernels, parts)
 
 
-def _solved(x, y, centre, rates, found: _Found, count: int) -> Kernels:
+def _solved(x, y, center, rates, found: _Found, count: int) -> Kernels:
     """Weights of evenly drawn points, and slopes, that all samples ask for."""
-    place = (x - centre) * rates
+    place = (x - center) * rates
     points = place[np.unique(np.linspace(0, len(place) - 1, count).astype(int))]
     slope = np.sqrt(found.linear / found.kernel) / np.where(rates > 0, found.rates, 1.0)
     scale = np.where(rates > 0, slope, 0.0)
@@ -246,5 +246,5 @@ def _solved(x, y, centre, rates, found: _Found, count: int) -> Kernels:
     kernel_weights = np.zeros((count, y.shape[1]))
     kernel_weights[: len(points)] = weights[: len(points)]
     slopes = scale[:, None] * weights[len(points) :]
-    numbers = centre, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), 1.0
+    numbers = center, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), 1.0
     return Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers))

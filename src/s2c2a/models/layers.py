@@ -12,10 +12,10 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Samples, Split
 from s2c2a.training.fit import Fixed, FromArm, check_limits
 
-MOST_UNROLLED = 8  # modules
+MAX_UNROLLED = 8  # modules
 
 HEADROOM = 1.25
-"""Normalised actions are in units of the full action times this.
+"""Normalized actions are in units of the full action times this.
 
 Eq. (10) reaches 0.87 of the full bend in its worst direction, and its tanh reaches one
 only at infinity; without room the network could not say some of the bends that its own
@@ -24,9 +24,9 @@ data hold.
 
 
 class Scaling(Fixed):
-    """An affine map that takes `centre - half_range` to -1 and `centre + half_range` to 1, for each feature."""
+    """An affine map that takes `center - half_range` to -1 and `center + half_range` to 1, for each feature."""
 
-    centre: Float[Array, " features"]
+    center: Float[Array, " features"]
     half_range: Float[Array, " features"]
 
     @classmethod
@@ -50,13 +50,13 @@ class Scaling(Fixed):
         self, values: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch features"]:
         """To [-1, 1]."""
-        return (values - self.centre) / self.half_range
+        return (values - self.center) / self.half_range
 
     def back(
         self, values: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch features"]:
         """From [-1, 1]."""
-        return values * self.half_range + self.centre
+        return values * self.half_range + self.center
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Direction(eqx.Module):
     ) -> Array:
         """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
         driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
-        if inputs.shape[-2] > MOST_UNROLLED:
+        if inputs.shape[-2] > MAX_UNROLLED:
             return self._rolled(driven, reverse)
         order = range(inputs.shape[-2])
         outputs = {}
@@ -241,7 +241,7 @@ class SumAndRange(FromArm):
         matrices: B of every module, shape (modules, cables, 2).
         pseudo_inverses: of B, shape (modules, 2, cables).
         neutral: action at rest [m or N], shape (modules, cables).
-        unit: action [m or N] of a normalised 1, shape (modules, 1).
+        unit: action [m or N] of a normalized 1, shape (modules, 1).
         low: least action, shape (modules, cables).
         high: largest action, shape (modules, cables).
         evenly_three: whether eq. (10) applies.
@@ -279,48 +279,48 @@ class SumAndRange(FromArm):
     def __call__(
         self, raw: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions."""
+        """Normalized actions."""
         if self.evenly_three:
             squashed = jnp.tanh(raw)
             return (3.0 * squashed - jnp.sum(squashed, axis=-1, keepdims=True)) / 4.0
-        wanted = jnp.einsum("mkc,...mc->...mk", self.pseudo_inverses, raw)
-        return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(wanted))
+        desired = jnp.einsum("mkc,...mc->...mk", self.pseudo_inverses, raw)
+        return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(desired))
 
-    def normalised(
+    def normalized(
         self, actions: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Actions [m or N] to normalised ones."""
+        """Actions [m or N] to normalized ones."""
         return (actions - self.neutral) / self.unit
 
     def actions(
-        self, normalised: Float[Array, "*batch modules cables"]
+        self, normalized: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions to [m or N]."""
-        return self.neutral + normalised * self.unit
+        """Normalized actions to [m or N]."""
+        return self.neutral + normalized * self.unit
 
     def limited(
-        self, normalised: Float[Array, "*batch modules cables"]
+        self, normalized: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Normalised actions within the arm's limits: what will really be sent."""
-        return self.normalised(jnp.clip(self.actions(normalised), self.low, self.high))
+        """Normalized actions within the arm's limits: what will really be sent."""
+        return self.normalized(jnp.clip(self.actions(normalized), self.low, self.high))
 
     def scaled(self, split: Split, ages: int) -> Split:
-        """Samples with all actions normalised, those taken and past ones, which grow older along the axis `ages`."""
+        """Samples with all actions normalized, those taken and past ones, which grow older along the axis `ages`."""
 
-        def normalised(samples: Samples) -> Samples:
-            past = self.normalised(
+        def normalized(samples: Samples) -> Samples:
+            past = self.normalized(
                 jnp.moveaxis(jnp.asarray(samples.inputs["actions"]), ages, 0)
             )
             inputs = samples.inputs | {
                 "actions": np.asarray(jnp.moveaxis(past, 0, ages))
             }
             return Samples(
-                inputs, np.asarray(self.normalised(jnp.asarray(samples.targets)))
+                inputs, np.asarray(self.normalized(jnp.asarray(samples.targets)))
             )
 
         return Split(
             *(
-                normalised(part)
+                normalized(part)
                 for part in (split.training, split.validation, split.test)
             )
         )

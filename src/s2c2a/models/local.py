@@ -20,10 +20,10 @@ from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
 from s2c2a.models.chain import ChainC2S, ChainMemory
 from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
-from s2c2a.models.doubt import Known, known_from
+from s2c2a.models.uncertainty import Known, known_from
 from s2c2a.models.kernels import Kernels, fitted_kernels
 from s2c2a.models.transfer import babbled, same_places
-from s2c2a.models.unknowns import Unknowns
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
@@ -31,7 +31,7 @@ from s2c2a.training.trained import Trained, TrainingData, tried
 UNIT = 0.4
 AXIS_UNIT = 1.0
 FULL_BEND = 0.82  # rad; what `play_widths` are said for
-LEAST_REACH = 1e-3  # rad; of an arm that hardly moved
+MIN_REACH = 1e-3  # rad; of an arm that hardly moved
 NEARBY = 0.2  # rad; how far slopes are believed
 EVERY_OTHER = slice(1, None, 2)  # of the plays
 SHARES = 0.0, 0.5, 1.0  # of the chain, which local models are fitted beside
@@ -85,16 +85,16 @@ class LocalC2S(ForwardModel):
 
     def given(
         self,
-        unknowns: Unknowns,
+        disturbances: Disturbances,
         sensed: Float[Array, "*batch modules 3"],
         memory: ChainMemory,
     ) -> ChainMemory:
         """See `ForwardModel`."""
-        return self.chain.given(unknowns, sensed, memory)
+        return self.chain.given(disturbances, sensed, memory)
 
-    def corrected(self, unknowns: Unknowns, memory: ChainMemory) -> ChainMemory:
+    def corrected(self, disturbances: Disturbances, memory: ChainMemory) -> ChainMemory:
         """See `ForwardModel`."""
-        return self.chain.corrected(unknowns, memory)
+        return self.chain.corrected(disturbances, memory)
 
     def tensions(
         self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
@@ -165,15 +165,17 @@ class LocalC2S(ForwardModel):
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.features(self.chain.inputs(moved, memory))
 
-    def deviation(
+    def predictive_std(
         self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
     ) -> Array:
         """See `ForwardModel`."""
-        return jnp.hypot(self.known.usual_error, self.doubt(configurations)[..., None])
+        return jnp.hypot(
+            self.known.usual_error, self.extrapolation(configurations)[..., None]
+        )
 
-    def doubt(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
+    def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """See `ForwardModel`."""
-        return self.known.metres(
+        return self.known.meters(
             self.place(self.chain.body.displacements(configurations))
         )
 
@@ -404,9 +406,9 @@ class LocalOptions(ChainOptions):
 def _reach(data: TrainingData) -> float:
     """The largest displacement over the cable radius, or bend [rad]: plays are in parts of what the arm moves by."""
     if data.displacements is not None:
-        return max(float(np.abs(data.displacements).max()), LEAST_REACH)
+        return max(float(np.abs(data.displacements).max()), MIN_REACH)
     return max(
-        float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0))), LEAST_REACH
+        float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0))), MIN_REACH
     )
 
 

@@ -5,7 +5,7 @@ from hashlib import blake2b
 from pathlib import Path
 
 from s2c2a.errors import ForeignCodeError, StrategyError
-from s2c2a.extensions import found
+from s2c2a.plugins import found
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
 
 MODELS: dict[str, type[ForwardOptions]] = {

@@ -6,10 +6,10 @@ stiffness, kappa = k r^2 L / EI, the bend beta at rest solves
 
     beta + kappa sum_i B_i max(0, B_i beta - a_i / r + tau) = m
 
-with m the moment of everything else (gravity, neighbours) and tau what a cable is taut
+with m the moment of everything else (gravity, neighbors) and tau what a cable is taut
 by at rest.
 
-Cables pull on more than their own module. The centre line gets shorter with all that
+Cables pull on more than their own module. The center line gets shorter with all that
 runs through it, so that every cable further out is let go by as much; and where cables
 of outer modules run beside the axis of an inner one, its bend takes of their way, and
 their pull bends it. Both are brought together with the bends, a little at a time.
@@ -186,25 +186,25 @@ def bend_at_rest(
             would not find that they matter later.
         start: bends nearly at rest, if they are known.
     """
-    wanted = displacements - tautness[:, None]
-    every = jnp.broadcast_to(stiffness[:, None], wanted.shape)
+    desired = displacements - tautness[:, None]
+    every = jnp.broadcast_to(stiffness[:, None], desired.shape)
     if engaged:
         matrices, stiffness = jax.lax.stop_gradient((matrices, stiffness))
-    linear = _solve(every, wanted, moments, matrices)
+    linear = _solve(every, desired, moments, matrices)
     begun, iterations = (linear, ITERATIONS) if start is None else (start, NEARLY)
     stretched = _stretched(
-        *jax.lax.stop_gradient((begun, wanted, moments, matrices, stiffness)),
+        *jax.lax.stop_gradient((begun, desired, moments, matrices, stiffness)),
         iterations,
     )
-    bends = _solve(stretched * stiffness[:, None], wanted, moments, matrices)
+    bends = _solve(stretched * stiffness[:, None], desired, moments, matrices)
     return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
 
 
-def _stretched(bends, wanted, moments, matrices, stiffness, iterations: int) -> Array:
+def _stretched(bends, desired, moments, matrices, stiffness, iterations: int) -> Array:
     """Which cables pull at rest: Newton's steps, each shortened to the share with the least energy."""
 
     def stretches(bends):
-        return jnp.einsum("mnk,...mk->...mn", matrices, bends) - wanted
+        return jnp.einsum("mnk,...mk->...mn", matrices, bends) - desired
 
     def energy(bends):
         pulled = stiffness * jnp.sum(jnp.maximum(stretches(bends), 0.0) ** 2, axis=-1)
@@ -215,7 +215,10 @@ def _stretched(bends, wanted, moments, matrices, stiffness, iterations: int) -> 
     def on(_, bends):
         step = (
             _solve(
-                (stretches(bends) > 0.0) * stiffness[:, None], wanted, moments, matrices
+                (stretches(bends) > 0.0) * stiffness[:, None],
+                desired,
+                moments,
+                matrices,
             )
             - bends
         )
@@ -226,12 +229,12 @@ def _stretched(bends, wanted, moments, matrices, stiffness, iterations: int) -> 
     return stretches(jax.lax.fori_loop(0, iterations, on, bends)) > 0.0
 
 
-def _solve(pulls, wanted, moments, matrices) -> Array:
+def _solve(pulls, desired, moments, matrices) -> Array:
     """(I + sum_i p_i B_i B_i^T) beta = m + sum_i p_i B_i w_i, two by two."""
     x = matrices[..., 0]
     y = matrices[..., 1]
     xx, xy, yy = (jnp.sum(pulls * part, axis=-1) for part in (x * x, x * y, y * y))
-    right = moments + jnp.einsum("mnk,...mn->...mk", matrices, pulls * wanted)
+    right = moments + jnp.einsum("mnk,...mn->...mk", matrices, pulls * desired)
     first = right[..., 0]
     second = right[..., 1]
     determinant = (1.0 + xx) * (1.0 + yy) - xy**2

@@ -22,7 +22,7 @@ from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.cables import Hysteresis
 from s2c2a.models.chain import ChainC2S, ChainMemory
 from s2c2a.models.statics import Equilibrium
-from s2c2a.models.unknowns import Unknowns, moments_of_weights
+from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.training.trained import TrainingData
 
 SUNK = 30  # times that weights and the shape under them are brought together
@@ -54,7 +54,7 @@ def carried_over(
 
 
 def same_places(old: int, new: int) -> Float[np.ndarray, "new old"]:
-    """What of each old module a new one takes: that at the same part of the way from first to last, or its neighbours'.
+    """What of each old module a new one takes: that at the same part of the way from first to last, or its neighbors'.
 
     Rows sum up to one.
     """
@@ -121,8 +121,9 @@ def under_weights(
 
         hung = jax.lax.fori_loop(0, SUNK, deeper, jnp.zeros((modules, 2)))
         return chain.states(
-            inputs, ChainMemory(None, Unknowns.none(modules), hung, hung)
-        )  # type: ignore[arg-type]
+            inputs,
+            ChainMemory(None, Disturbances.none(modules), hung, hung),  # type: ignore[arg-type]
+        )
 
     return jax.lax.map(sunk, inputs, batch_size=256)
 

@@ -21,7 +21,7 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel
 from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
 from s2c2a.planning.terms import Numbers
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 
 CHUNK = 64
 

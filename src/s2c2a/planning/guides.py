@@ -20,9 +20,9 @@ from jaxtyping import Array, Bool, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel, configurations_from_bends, limit_lengths
-from s2c2a.parts import Kind, Part
+from s2c2a.components import Kind, Part
 from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points, norm
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.spaces import POSITION
 
 SIDE = 45  # nodes along the grid
@@ -30,7 +30,7 @@ SWEEPS = 64
 STEPS_AHEAD = 4  # nodes
 NEAR = 0.1  # of the arm's length: how far off the map the tip may be
 LOOKAHEAD = 0.1  # of the arm's length, along a way round
-NEIGHBOURS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
+NEIGHBORS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
 SAMPLES = 16  # on the straight way
 SHAPE_STEP_DEG = 2.0  # of every module and step, towards a node of the map
 
@@ -85,7 +85,7 @@ class WorkspaceMap(NamedTuple):
         bends: of every node [rad], shape (side, side, modules, 2).
         tips: tip of every node [m], shape (side, side, 3).
         points: guarded points of every node [m], shape (side, side, points, 3).
-        ways: length of the tip's way to each of eight neighbours [m]; far where there
+        ways: length of the tip's way to each of eight neighbors [m]; far where there
             is none, shape (8, side, side).
     """
 
@@ -93,7 +93,7 @@ class WorkspaceMap(NamedTuple):
     bends: Float[Array, "side side modules 2"]
     tips: Float[Array, "side side 3"]
     points: Float[Array, "side side points 3"]
-    ways: Float[Array, "neighbours side side"]
+    ways: Float[Array, "neighbors side side"]
 
 
 class Drawn(NamedTuple):
@@ -102,7 +102,7 @@ class Drawn(NamedTuple):
     Attributes:
         position: [m], shape (3,).
         bends: of the node there [rad], shape (modules, 2).
-        on_the_map: one where the way goes along the map, so that bends are wanted too:
+        on_the_map: one where the way goes along the map, so that bends are desired too:
             from another shape that reaches as far, the next node can be out of reach by
             small steps; else zero.
     """
@@ -197,7 +197,7 @@ def _mapped(
         bends,
         tips,
         points,
-        jnp.stack([way(step) for step in NEIGHBOURS]),
+        jnp.stack([way(step) for step in NEIGHBORS]),
     )
 
 
@@ -253,12 +253,12 @@ class _Spheres(NamedTuple):
     """Obstacles with their margins.
 
     Attributes:
-        centres: [m], shape (obstacles, 3).
+        centers: [m], shape (obstacles, 3).
         reach: radius [m], not positive where there is no obstacle, shape (obstacles,).
         used: how many of the array have to be looked at.
     """
 
-    centres: Float[Array, "obstacles 3"]
+    centers: Float[Array, "obstacles 3"]
     reach: Float[Array, " obstacles"]
     used: Array
 
@@ -276,7 +276,7 @@ class _Spheres(NamedTuple):
         """Whether any of a place's points lies within any of them; time goes with the number in use."""
 
         def one_more(number, met):
-            squared = jnp.sum((points - self.centres[number]) ** 2, axis=-1)
+            squared = jnp.sum((points - self.centers[number]) ** 2, axis=-1)
             return met | (squared < self.reach[number] ** 2).any(axis=-1)
 
         return jax.lax.fori_loop(
@@ -287,15 +287,15 @@ class _Spheres(NamedTuple):
 def _ways_to(
     workspace: WorkspaceMap, target, blocked: Bool[Array, "side side"]
 ) -> tuple[Nodes, Array]:
-    """Length of every node's way to the free node nearest to the target, and which neighbour comes next on it."""
+    """Length of every node's way to the free node nearest to the target, and which neighbor comes next on it."""
     missing = jnp.linalg.norm(workspace.tips - target, axis=-1)
     off = blocked | (workspace.ways.min(axis=0) >= FAR)
     apart = jnp.where(off, FAR, missing)
     first = jnp.where(apart == apart.min(), missing, FAR)
 
-    def onward(to_go: Nodes) -> Float[Array, "neighbours side side"]:
+    def onward(to_go: Nodes) -> Float[Array, "neighbors side side"]:
         return workspace.ways + jnp.stack(
-            [_shifted(to_go, step, FAR) for step in NEIGHBOURS]
+            [_shifted(to_go, step, FAR) for step in NEIGHBORS]
         )
 
     def sweep(_, to_go: Nodes) -> Nodes:
@@ -304,14 +304,14 @@ def _ways_to(
     to_go = jax.lax.fori_loop(0, SWEEPS, sweep, first)
     # the last one stays
     following = jnp.where(
-        first < FAR, len(NEIGHBOURS), jnp.argmin(onward(to_go), axis=0)
+        first < FAR, len(NEIGHBORS), jnp.argmin(onward(to_go), axis=0)
     )
     return to_go, following
 
 
 def _ahead(workspace: WorkspaceMap, tip, start, following) -> tuple[Array, Array]:
     """The first node of the way that is so far from the tip, or the last one looked at."""
-    steps = jnp.array([*NEIGHBOURS, (0, 0)])
+    steps = jnp.array([*NEIGHBORS, (0, 0)])
 
     def on(_, node):
         near = (
@@ -337,7 +337,7 @@ def _straight_is_blocked(
 
 
 def _shifted(values: Array, step: tuple[int, int], beyond) -> Array:
-    """Values of the neighbour that lies one step on; `beyond` outside the grid."""
+    """Values of the neighbor that lies one step on; `beyond` outside the grid."""
     padded = jnp.pad(
         values, [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)], constant_values=beyond
     )

@@ -23,10 +23,10 @@ from s2c2a.kinematics import (
     configurations_from_bends,
 )
 from s2c2a.kinematics.pcc import Memory
-from s2c2a.parts import Own
+from s2c2a.components import Own
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
-from s2c2a.planning.rescue import NO_RESCUE, RESCUES, Rescue, Search
+from s2c2a.planning.fallback import NO_FALLBACK, FALLBACKS, FallbackSearch, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
@@ -38,7 +38,7 @@ from s2c2a.planning.terms import (
     Situation,
     Term,
 )
-from s2c2a.programs import compiled, where_finite
+from s2c2a.compilation import compiled, where_finite
 
 AXES_WEIGHT = 0.5
 """Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where
@@ -51,7 +51,9 @@ sec. II-D)."""
 AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
 AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
 AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
-AnyRescue = Annotated[Rescue | Own, SkipValidation, BeforeValidator(RESCUES.read)]
+AnyFallback = Annotated[
+    FallbackSearch | Own, SkipValidation, BeforeValidator(FALLBACKS.read)
+]
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class PlannerOptions:
             (`ForwardModel.for_planning`), or the true ones.
         on_sphere: whether configurations are kept at unit length and within the bend
             limits. Those sensed under sensing coupling are not of unit length.
-        rescue: what takes over where a plan stands although its cost could fall.
+        fallback: what takes over where a plan stands although its cost could fall.
         guard: what keeps out of obstacles.
         own_code: whether parts by name may be files and modules; never in a strategy
             file, which may be a stranger's.
@@ -79,7 +81,7 @@ class PlannerOptions:
     guides: tuple[AnyGuide, ...] = ()
     engaged_slopes: bool = False
     on_sphere: bool = True
-    rescue: AnyRescue = NO_RESCUE
+    fallback: AnyFallback = NO_FALLBACK
     guard: Guard = "tip"
     own_code: bool = field(default=True, compare=False)
 
@@ -88,8 +90,10 @@ class PlannerOptions:
         if not self.terms:
             raise S2C2AError("a planner without terms asked for; give at least one")
 
-    def made(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], Rescue]:
-        """Solver, terms, guides and rescue; those asked for by name are found.
+    def made(
+        self,
+    ) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], FallbackSearch]:
+        """Solver, terms, guides and fallback; those asked for by name are found.
 
         Raises:
             S2C2AError: one is not found, may not be imported, or does not take its
@@ -97,8 +101,8 @@ class PlannerOptions:
         """
         terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
         guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
-        rescue = RESCUES.made(self.rescue, self.own_code)
-        return SOLVERS.made(self.solver, self.own_code), terms, guides, rescue
+        fallback = FALLBACKS.made(self.fallback, self.own_code)
+        return SOLVERS.made(self.solver, self.own_code), terms, guides, fallback
 
 
 PAPER = PlannerOptions(
@@ -110,14 +114,14 @@ PAPER = PlannerOptions(
         terms.Change(),
     ),
 )
-_WANTED = terms.Positions(), terms.Axes(AXES_WEIGHT), terms.Shape(), terms.Evenness()
-_KEPT = terms.BendChange(), terms.Doubt(), terms.Limits(), terms.Obstacles()
+_DESIRED = terms.Positions(), terms.Axes(AXES_WEIGHT), terms.Shape(), terms.Evenness()
+_KEPT = terms.BendChange(), terms.Extrapolation(), terms.Limits(), terms.Obstacles()
 BEST = PlannerOptions(
     LeastSquares(),
-    _WANTED + _KEPT,
+    _DESIRED + _KEPT,
     (Detour(), Pull()),
     engaged_slopes=True,
-    rescue=Rescue(),
+    fallback=FallbackSearch(),
 )
 
 
@@ -142,12 +146,12 @@ class Expectation(NamedTuple):
         states: [m, 1], shape (modules, 6), base frame.
         deviation: distance of ends from there that must be expected [m], shape
             (modules,); zero if not known.
-        doubt: how much of it is because nothing was learned near there [m].
+        extrapolation: how much of it is because nothing was learned near there [m].
     """
 
     states: Float[Array, "modules 6"]
     deviation: Float[Array, " modules"]
-    doubt: Float[Array, ""]
+    extrapolation: Float[Array, ""]
 
 
 class Step(NamedTuple):
@@ -159,7 +163,7 @@ class Step(NamedTuple):
         solver: finds configurations.
         terms: what they are judged by.
         guides: what may change the goal before.
-        rescue: what takes over where a plan stands.
+        fallback: what takes over where a plan stands.
         prepared: what each guide knows of the arm.
         options: how else to plan.
     """
@@ -169,7 +173,7 @@ class Step(NamedTuple):
     solver: Solver
     terms: tuple[Term, ...]
     guides: tuple[Guide, ...]
-    rescue: Rescue
+    fallback: FallbackSearch
     prepared: tuple[Any, ...]
     options: PlannerOptions
 
@@ -180,9 +184,9 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a part that they name is not found.
         """
-        solver, terms, guides, rescue = options.made()
+        solver, terms, guides, fallback = options.made()
         prepared = tuple(guide.prepared(arm, model, options.guard) for guide in guides)
-        return cls(arm, model, solver, terms, guides, rescue, prepared, options)
+        return cls(arm, model, solver, terms, guides, fallback, prepared, options)
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
@@ -197,8 +201,8 @@ class Step(NamedTuple):
         where = plan.configurations, plan.memory
         return Expectation(
             self.model.predict(*where),
-            self.model.deviation(*where),
-            self.model.doubt(where[0]),
+            self.model.predictive_std(*where),
+            self.model.extrapolation(where[0]),
         )
 
     def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
@@ -207,11 +211,11 @@ class Step(NamedTuple):
         problem = self.problem(plan.configurations, memory, goal)
         following = problem.within_limits(self.solver.solve(problem))
         search = plan.search
-        if self.rescue.starts:
+        if self.fallback.starts:
             true = problem._replace(
                 look=self._look(plan.configurations, memory, engaged=False)
             )
-            bends, search = self.rescue.over(
+            bends, search = self.fallback.over(
                 true, goal, bends_from_configurations(following), search
             )
             other = problem.within_limits(configurations_from_bends(bends))
@@ -257,7 +261,7 @@ class Step(NamedTuple):
                 bends,
                 states,
                 guarded(states),
-                model.doubt(configurations),
+                model.extrapolation(configurations),
             )
 
         return look

@@ -25,7 +25,7 @@ from s2c2a.kinematics import (
     limit_lengths,
     states_from_bends,
 )
-from s2c2a.parts import Kind, Part
+from s2c2a.components import Kind, Part
 from s2c2a.planning.terms import (
     Bends,
     Candidate,
@@ -78,7 +78,7 @@ def solve_least_squares(
     iterations: Int[Array, ""] | int,
     enough: float = 0.0,
 ) -> tuple[Float[Array, "*variables"], Float[Array, ""]]:
-    """Minimise the sum of squared residuals near a start.
+    """Minimize the sum of squared residuals near a start.
 
     Each iteration solves (J^T J + lambda I) step = -J^T r, projects, and keeps the step
     only where the sum falls; lambda shrinks after a kept step and grows after a refused
@@ -97,7 +97,7 @@ def solve_least_squares(
     """
     directions = jnp.eye(start.size)
 
-    def linearised(point):
+    def linearized(point):
         def along(direction):
             return jax.jvp(residuals, (point,), (direction.reshape(start.shape),))
 
@@ -109,7 +109,7 @@ def solve_least_squares(
             step.curvature + step.damping * directions, step.gradient
         )
         point = project(step.point - change.reshape(start.shape))
-        values, slopes = linearised(point)
+        values, slopes = linearized(point)
         cost = jnp.sum(values**2)
         better = cost < step.cost
         damping = jnp.clip(
@@ -188,7 +188,7 @@ class Problem(NamedTuple):
         """The same for another goal."""
         return self._replace(situation=self.situation._replace(goal=goal))
 
-    def within_limits(self, wanted: Configurations) -> Configurations:
+    def within_limits(self, desired: Configurations) -> Configurations:
         """Bends within their limits, and no further than a step from the last ones.
 
         The angle between two configurations is never more than the distance of their
@@ -197,9 +197,9 @@ class Problem(NamedTuple):
         situation = self.situation
         if not situation.on_sphere:
             last = situation.last.configurations
-            return last + limit_lengths(wanted - last, situation.longest_step)
+            return last + limit_lengths(desired - last, situation.longest_step)
         allowed = limit_lengths(
-            bends_from_configurations(wanted), situation.bend_limits
+            bends_from_configurations(desired), situation.bend_limits
         )
         return configurations_from_bends(self.within_step(allowed))
 
@@ -238,19 +238,19 @@ class Adam(Solver):
 
     def solve(self, problem: Problem) -> Configurations:
         """See `Solver`."""
-        optimiser = optax.adam(self.learning_rate)
+        optimizer = optax.adam(self.learning_rate)
         gradient = jax.grad(problem.sum_of_norms)
         on_sphere = problem.situation.on_sphere
         start = problem.situation.last.configurations
 
         def iterate(_, carry):
             configurations, state = carry
-            updates, state = optimiser.update(gradient(configurations), state)
+            updates, state = optimizer.update(gradient(configurations), state)
             moved = configurations + updates
             return moved / norm(moved)[:, None] if on_sphere else moved, state
 
         return jax.lax.fori_loop(
-            0, self.iterations, iterate, (start, optimiser.init(start))
+            0, self.iterations, iterate, (start, optimizer.init(start))
         )[0]
 
 
@@ -282,14 +282,14 @@ SOLVERS = Kind.of("solver", Solver, Adam, LeastSquares)
 def reach_gaps(
     arm: ArmSpec, positions: Float[np.ndarray, "points 3"], module: int = -1
 ) -> Float[np.ndarray, " points"]:
-    """Distance from wanted positions to the nearest end that the arm can bring a module to [m].
+    """Distance from desired positions to the nearest end that the arm can bring a module to [m].
 
     The arm is taken as constant-curvature arcs within its bend limits, so a true arm
     differs a little at the edge.
 
     Args:
         arm: the arm.
-        positions: wanted positions [m], base frame.
+        positions: desired positions [m], base frame.
         module: whose end shall go there.
 
     Raises:

@@ -23,16 +23,16 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import Goal
-from s2c2a.kinematics import centre_line
+from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import squared_norm
-from s2c2a.parts import Kind, Part
+from s2c2a.components import Kind, Part
 from s2c2a.spaces import AXIS, POSITION
 
 Numbers = Array | np.ndarray  # NumPy outside the planner, traced inside
 Configurations = Float[Array, "modules 3"]
 Bends = Float[Array, "modules 2"]
 Guard = Literal["tip", "arm"]
-"""What keeps out of obstacles: the tip, as in the paper, or five centre-line points of
+"""What keeps out of obstacles: the tip, as in the paper, or five center-line points of
 every module."""
 
 
@@ -44,14 +44,14 @@ class Candidate(NamedTuple):
         bends: the same as bends [rad], shape (modules, 2), module frames.
         states: predicted [m, 1], shape (modules, 6), base frame.
         points: that keep out of obstacles [m], shape (points, 3), base frame.
-        doubt: how far off ends may be because nothing was learned near there [m].
+        extrapolation: how far off ends may be because nothing was learned near there [m].
     """
 
     configurations: Configurations
     bends: Bends
     states: Float[Array, "modules 6"]
     points: Float[Array, "points 3"]
-    doubt: Float[Array, ""]
+    extrapolation: Float[Array, ""]
 
 
 class Situation(NamedTuple):
@@ -82,11 +82,11 @@ class Situation(NamedTuple):
 def guarded_points(
     arm: ArmSpec, guard: Guard
 ) -> Callable[[Float[Array, "modules 6"]], Float[Array, "points 3"]]:
-    """States -> positions [m]: the tip alone (Chen et al. 2025, eq. (5)), or the whole arm's centre line."""
+    """States -> positions [m]: the tip alone (Chen et al. 2025, eq. (5)), or the whole arm's center line."""
     if guard == "tip":
         return lambda states: states[-1:, POSITION]
     lengths = jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32)
-    return lambda states: centre_line(states, lengths)
+    return lambda states: center_line(states, lengths)
 
 
 def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
@@ -102,7 +102,7 @@ def largest_bend(bends: Bends) -> Float[Array, ""]:
 
 
 OBSTACLES_AT_HAND = 4  # of every guarded point
-NEAREST = 1e-3  # units from an obstacle's centre, where 1 / d ends
+NEAREST = 1e-3  # units from an obstacle's center, where 1 / d ends
 FAR = 1e6  # m
 Weights = Float[Numbers, "*groups"] | float
 Residual = tuple[Weights, Float[Array, "*groups axes"]]
@@ -138,7 +138,7 @@ class Positions(Term):
 
 @dataclass(frozen=True)
 class Axes(Term):
-    """End axes as wanted: mu_o of the goal, L_o (Chen et al. 2025, eq. (4)).
+    """End axes as desired: mu_o of the goal, L_o (Chen et al. 2025, eq. (4)).
 
     Attributes:
         weight: beside positions.
@@ -181,7 +181,7 @@ class Obstacles(Term):
     """How far guarded points are within thresholds and a margin: mu_ob of the goal.
 
     Of every point, those count that it is deepest in or nearest to: points move a few
-    centimetres in a step, and the work of a step hardly grows with the number of
+    centimeters in a step, and the work of a step hardly grows with the number of
     obstacles.
 
     Attributes:
@@ -261,7 +261,7 @@ class Shape(Term):
 
 @dataclass(frozen=True)
 class Evenness(Term):
-    """Neighbouring modules bent alike: of all shapes that serve, one that the data hold.
+    """Neighboring modules bent alike: of all shapes that serve, one that the data hold.
 
     Modules beyond the last of which something is asked stay as they are, for what they
     do moves the others.
@@ -285,7 +285,7 @@ class Evenness(Term):
 
 
 @dataclass(frozen=True)
-class Doubt(Term):
+class Extrapolation(Term):
     """How far off ends may be where the forward model learned nothing: it stops short of what it does not know.
 
     Attributes:
@@ -298,7 +298,7 @@ class Doubt(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """In units, shape (1, 1)."""
-        return 1.0, self.weight * candidate.doubt.reshape(1, 1) / (
+        return 1.0, self.weight * candidate.extrapolation.reshape(1, 1) / (
             self.unit * situation.length
         )
 
@@ -332,6 +332,6 @@ TERMS = Kind.of(
     BendChange,
     Shape,
     Evenness,
-    Doubt,
+    Extrapolation,
     Limits,
 )

@@ -88,7 +88,11 @@ def _check_named(robot: Robot, geometry: ArmGeometry) -> str:
         "states": (modules, 6),
         "configurations": (modules, 3),
     }
-    shapes |= {"tensions": (modules, cables), "seen": (modules, 3), "seen_age": ()}
+    shapes |= {
+        "tensions": (modules, cables),
+        "camera_positions": (modules, 3),
+        "camera_age": (),
+    }
     reading = robot.read()
     for name, shape in shapes.items():
         values = reading.get(name)
@@ -136,12 +140,12 @@ def _check_moves(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
     first = robot.read()
-    wanted = 2 * robot.arm.control_period
-    _let_pass(robot, wanted)
+    desired = 2 * robot.arm.control_period
+    _let_pass(robot, desired)
     passed = robot.read().time - first.time
     _expect(
-        abs(passed - wanted) < 0.5 * wanted,
-        f"in {wanted:.3f} s, its clock went on by {passed:.3f} s",
+        abs(passed - desired) < 0.5 * desired,
+        f"in {desired:.3f} s, its clock went on by {passed:.3f} s",
     )
     return "its clock goes on"
 

@@ -61,21 +61,21 @@ class CommandLimits:
         return self.geometry.action_neutral
 
     def limited(
-        self, wanted: Actions, last: Actions, change: Actions, before: Actions
+        self, desired: Actions, last: Actions, change: Actions, before: Actions
     ) -> Actions:
-        """The command nearest to what is wanted that the limits allow, and from which they can go on to be kept.
+        """The command nearest to what is desired that the limits allow, and from which they can go on to be kept.
 
-        What is wanted moves, as a plan does, or stands, and is then arrived at without
+        What is desired moves, as a plan does, or stands, and is then arrived at without
         going beyond it.
 
         Args:
-            wanted: finite or not; what is not finite asks for nothing [m or N], shape
+            desired: finite or not; what is not finite asks for nothing [m or N], shape
                 (modules, cables).
             last: the last command, within its limits.
             change: that it made.
-            before: what was wanted in the last step, finite or not.
+            before: what was desired in the last step, finite or not.
         """
-        within = self._in_range(np.where(np.isfinite(wanted), wanted, last))
+        within = self._in_range(np.where(np.isfinite(desired), desired, last))
         way = within - last
         moved = within - np.where(np.isfinite(before), before, within)
         behind = way - moved
@@ -134,7 +134,7 @@ class CommandLimits:
         return inside.all(axis=-1, keepdims=True)
 
     def _changed(self, move: Actions, last: Actions, change: Actions) -> Actions:
-        """The command after a change as near to a wanted one as acceleration allows; else it brakes."""
+        """The command after a change as near to a desired one as acceleration allows; else it brakes."""
         turned = change + self._shortened(move - change, self.turn)
         braked = change - self._shortened(change, self.turn)
         return self._in_range(

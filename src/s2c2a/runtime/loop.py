@@ -50,7 +50,7 @@ class Driver(Protocol):
     def sent(self, action: Actions) -> None:
         """Told where another action was sent in place of the last one, since a limit did not allow it."""
 
-    def told(self) -> Mapping[str, np.ndarray]:
+    def diagnostics(self) -> Mapping[str, np.ndarray]:
         """What it made of the last step, by the names of an episode's columns, such as `planned`."""
 
 
@@ -181,18 +181,18 @@ class Loop:
             if fault or self.phase.stage is not Stage.FAULT:
                 self.fault = fault or (self.fault if self.phase.spoiled else "")
             began = time.perf_counter()
-            wanted = self._wanted(
+            desired = self._desired(
                 reading, ask, fault, starts=before.stage in (Stage.IDLE, Stage.START)
             )
             tick_time = time.perf_counter() - began
-            sent = self._send(wanted)
+            sent = self._send(desired)
             active = self.phase.stage in (Stage.RUN, Stage.HOLD) and not fault
             if (
                 active
-                and not self._limits.sizes(self._command - wanted).max() <= ALLOWED
+                and not self._limits.sizes(self._command - desired).max() <= ALLOWED
             ):
                 self.driver.sent(self._command)
-            told = dict(self.driver.told()) if active else {}
+            told = dict(self.driver.diagnostics()) if active else {}
         except BaseException as error:
             self.stop(error)
             raise
@@ -279,7 +279,7 @@ class Loop:
             (self._limits.sizes(self._command - self._limits.rest) < AT_REST).all()
         )
 
-    def _wanted(self, reading: Reading, ask: Ask, fault: str, starts: bool) -> Actions:
+    def _desired(self, reading: Reading, ask: Ask, fault: str, starts: bool) -> Actions:
         """The command that the stage asks for, before its limits."""
         stage = self.phase.stage
         if stage is Stage.RELEASE:
@@ -296,14 +296,14 @@ class Loop:
         self._before = self._command
         return self._limits.towards_rest(self._command, self._change)
 
-    def _send(self, wanted: Actions) -> Actions:
+    def _send(self, desired: Actions) -> Actions:
         """Send a command within its limits, and let the body's own time pass; what was really sent."""
         command = self._limits.limited(
-            wanted, self._command, self._change, self._before
+            desired, self._command, self._change, self._before
         )
         self._change = command - self._command
         self._command = command
-        self._before = wanted
+        self._before = desired
         sent = np.asarray(self._robot.send(command), dtype=float)
         self._robot.advance(self.arm.control_period)
         return sent

@@ -26,7 +26,7 @@ class Step:
         reading: before the action.
         goal: that was asked for, if the arm ran or held.
         action: as really sent [m or N].
-        told: by what drives it, by column.
+        diagnostics: by what drives it, by column.
         tick_time: sense, plan and act together [s].
         late: how much too late it began [s].
         fault: what was wrong, in words.
@@ -38,7 +38,7 @@ class Step:
     reading: Reading
     goal: Goal | None
     action: Actions
-    told: Mapping[str, np.ndarray] = field(default_factory=dict)
+    diagnostics: Mapping[str, np.ndarray] = field(default_factory=dict)
     tick_time: float = 0.0
     late: float = 0.0
     fault: str = ""
@@ -65,8 +65,8 @@ def episode_of(steps: Sequence[Step], arm: ArmSpec, **options: Any) -> Episode:
     }
     for name in dict.fromkeys(name for step in steps for name in step.reading.sensors):
         columns[SENSOR + name] = _filled([step.reading.get(name) for step in steps])
-    for name in dict.fromkeys(name for step in steps for name in step.told):
-        columns[name] = _filled([step.told.get(name) for step in steps])
+    for name in dict.fromkeys(name for step in steps for name in step.diagnostics):
+        columns[name] = _filled([step.diagnostics.get(name) for step in steps])
     faults = sorted({step.fault for step in steps if step.fault})
     said = options | ({"faults": faults} if faults else {})
     return Episode(arm, columns | _asked([_goal(step, arm) for step in steps]), said)
@@ -117,8 +117,8 @@ def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
     """Columns of what was asked: only those in which anything was."""
     every = Goal.stacked(goals)
     columns = {
-        "wanted_positions": every.wanted_positions(),
-        "wanted_axes": every.wanted_axes(),
+        "desired_positions": every.desired_positions(),
+        "desired_axes": every.desired_axes(),
         "obstacles": every.obstacles_in_use(),
     }
     return {

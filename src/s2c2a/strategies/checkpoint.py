@@ -31,9 +31,9 @@ SCHEMA = 2
 METADATA = "s2c2a"
 DIGEST = "digest"
 NO_DIGEST = "0" * 64
-MOST_BYTES = 200_000_000
-MOST_HEADER = 2_000_000
-MOST_ARRAYS = 10_000
+MAX_BYTES = 200_000_000
+MAX_HEADER = 2_000_000
+MAX_ARRAYS = 10_000
 LARGEST = 1e6
 """Of any number in the arrays; trained ones are about one, scalings below a hundred."""
 
@@ -113,7 +113,7 @@ def read(path: str | os.PathLike, kind: str) -> tuple[Metadata, Arrays]:
         metadata = Metadata.model_validate(written)
         if digest != _digest(content.replace(digest.encode(), NO_DIGEST.encode(), 1)):
             raise StrategyError("what it holds does not fit its digest")
-        if metadata.kind != kind or arrays > MOST_ARRAYS:
+        if metadata.kind != kind or arrays > MAX_ARRAYS:
             raise StrategyError(
                 f"it holds {arrays} arrays of the kind '{metadata.kind}', not '{kind}'"
             )
@@ -139,20 +139,20 @@ def _content(path: str | os.PathLike) -> bytes:
         raise StrategyError(f"no strategy at {path}; train one with `s2c2a train`")
     try:
         with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise StrategyError(f"{path} cannot be read: {error}") from error
-    if len(content) > MOST_BYTES:
+    if len(content) > MAX_BYTES:
         raise StrategyError(
-            f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB and no strategy file; choose another"
+            f"{path} is larger than {MAX_BYTES / 1e6:.0f} MB and no strategy file; choose another"
         )
     return content
 
 
 def _header_bytes(content: bytes) -> int:
     count = int.from_bytes(content[:8], "little")
-    if count > MOST_HEADER:
-        raise StrategyError(f"its header has {count} bytes, more than {MOST_HEADER}")
+    if count > MAX_HEADER:
+        raise StrategyError(f"its header has {count} bytes, more than {MAX_HEADER}")
     return count
 
 

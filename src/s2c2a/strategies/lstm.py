@@ -19,7 +19,7 @@ from s2c2a.kinematics import configurations_from_states, limit_lengths
 from s2c2a.models.actions import LSTMOptions, TipHistory, TipLSTM
 from s2c2a.models.layers import HEADROOM
 from s2c2a.planning import Goal
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Reading
 from s2c2a.strategies.strategy import started
 from s2c2a.strategies.trained import TrainedNetworks
@@ -59,7 +59,7 @@ def train_lstm_strategy(
 class LSTMStrategy:
     """A trained LSTM at work; it has the doors of `Strategy`.
 
-    It hears a goal's wanted tip position and nothing else of it. The bends that its
+    It hears a goal's desired tip position and nothing else of it. The bends that its
     actions stand for change by at most the arm's step limit, as every plan does.
     Nothing compiles after it is built.
 
@@ -97,7 +97,7 @@ class LSTMStrategy:
 
         Args:
             reading: the latest, with true states.
-            goal: with the wanted tip position after the action.
+            goal: with the desired tip position after the action.
 
         Raises:
             StrategyError: it was not started, the reading holds no true states, or the
@@ -108,15 +108,15 @@ class LSTMStrategy:
         """
         last = started(self._memory, "call start(reading) with the arm at rest first")
         states = _states(reading)
-        wanted = _wanted_tip(goal)
+        desired = _desired_tip(goal)
         self._sensed = self._sense(states)
-        action, self._memory = self._act(states[-1, POSITION], wanted, last)
+        action, self._memory = self._act(states[-1, POSITION], desired, last)
         return np.asarray(action, dtype=np.float64)
 
     def sent(self, action: Actions) -> None:
         """The next step begins from what it asked for."""
 
-    def told(self) -> dict[str, np.ndarray]:
+    def diagnostics(self) -> dict[str, np.ndarray]:
         """What it sensed, configurations of shape (modules, 3); it plans none.
 
         Raises:
@@ -148,7 +148,7 @@ class _Policy(eqx.Module):
 
     Attributes:
         network: the trained LSTM.
-        bend_units: bend [rad] that a normalised action of one on the bend directions
+        bend_units: bend [rad] that a normalized action of one on the bend directions
             stands for, shape (modules, 1).
         longest_step: largest change of a module's bend in one step [rad].
     """
@@ -177,16 +177,16 @@ class _Policy(eqx.Module):
         return _Memory(history, jnp.zeros((len(neutral), 2)))
 
     def act(
-        self, tip: Float[Array, "3"], wanted: Float[Array, "3"], memory: _Memory
+        self, tip: Float[Array, "3"], desired: Float[Array, "3"], memory: _Memory
     ) -> tuple[Array, _Memory]:
         """The action [m or N], shape (modules, cables), and the memory after it."""
         layer = self.network.sum_and_range
         history = TipHistory(
             _push(memory.history.positions, tip), memory.history.actions
         )
-        normalised = self.network.unlimited(wanted, history)
+        normalized = self.network.unlimited(desired, history)
         change = (
-            jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalised)
+            jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalized)
             * self.bend_units
             - memory.bends
         )
@@ -215,11 +215,11 @@ def _states(reading: Reading) -> np.ndarray:
     return np.asarray(states, np.float32)
 
 
-def _wanted_tip(goal: Goal) -> np.ndarray:
-    """The wanted tip position [m], refused where none is asked for."""
-    wanted = np.asarray(goal.positions[-1], np.float32)
-    if not (goal.position_weights[-1] > 0 and np.isfinite(wanted).all()):
+def _desired_tip(goal: Goal) -> np.ndarray:
+    """The desired tip position [m], refused where none is asked for."""
+    desired = np.asarray(goal.positions[-1], np.float32)
+    if not (goal.position_weights[-1] > 0 and np.isfinite(desired).all()):
         raise StrategyError(
             "the LSTM follows tip positions and this goal holds none; add one with `with_position`"
         )
-    return wanted
+    return desired

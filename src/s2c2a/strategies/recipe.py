@@ -15,13 +15,13 @@ from jaxtyping import PRNGKeyArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.senses import Senses
+from s2c2a.arm.sensors import Sensors
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
-from s2c2a.data.collecting import MOST_EPISODES
+from s2c2a.data.collecting import MAX_EPISODES
 from s2c2a.errors import S2C2AError, StrategyError
-from s2c2a.estimation import Swing, untrained_senses
-from s2c2a.faults import explained
+from s2c2a.estimation import Swing, untrained_sensors
+from s2c2a.validation import explained
 from s2c2a.files import read_text, save_whole, toml_in
 from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS, code_of, model_named, name_of
@@ -47,7 +47,7 @@ class Recipe:
         c2a: the controller.
         c2s_fit: how the forward model is trained.
         c2a_fit: how the controller is trained.
-        history_noise: on past actions while the controller is trained, normalised.
+        history_noise: on past actions while the controller is trained, normalized.
         planner: how to plan.
         babbling: how data explore the arm (`data.babbling.BABBLING`).
         speeds: of their motion, as parts of the full bend per step, slowest and
@@ -86,7 +86,7 @@ class Recipe:
         limits = {
             "history_noise": (0, 1000),
             "speeds": (0, 10),
-            "episodes": (1, MOST_EPISODES),
+            "episodes": (1, MAX_EPISODES),
             "correction": (0, 10),
         }
         check_limits(self, StrategyError, **limits)
@@ -138,7 +138,7 @@ class Recipe:
             "C2A": self.c2a.untrained(felt, key),
         }
         return networks | (
-            {"swing": Swing.nominal()} | untrained_senses(arm, key)
+            {"swing": Swing.nominal()} | untrained_sensors(arm, key)
             if self.observes
             else {}
         )
@@ -159,13 +159,13 @@ class Recipe:
         )
         sensing = "encoders" if arm.sensing == "true" else arm.sensing
         return arm.model_copy(
-            update={"sensing": sensing, "senses": Senses(), "motor": motor}
+            update={"sensing": sensing, "sensors": Sensors(), "motor": motor}
         )
 
     def learned_on(self, arm: ArmSpec) -> ArmSpec:
         """The arm as networks are trained for it: as plans are made, and with sensors that have to be learned."""
         return (
-            self.felt(arm).model_copy(update={"senses": arm.senses.learned})
+            self.felt(arm).model_copy(update={"sensors": arm.sensors.learned})
             if self.observes
             else arm
         )
@@ -192,7 +192,7 @@ def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 _DECAYING = FitOptions(
-    learning_rate=2e-3, most_epochs=60, patience=60, epochs_per_call=10, decay=True
+    learning_rate=2e-3, max_epochs=60, patience=60, epochs_per_call=10, decay=True
 )
 
 _BEST = Recipe(

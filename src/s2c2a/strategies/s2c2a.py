@@ -27,8 +27,8 @@ from s2c2a.estimation import (
     gains_of,
     identified_swing,
     learn_numbers,
-    learned_senses,
-    senses_of,
+    learned_sensors,
+    sensors_of,
     with_margins,
 )
 from s2c2a.kinematics import ForwardModel, bends_from_states
@@ -40,14 +40,14 @@ from s2c2a.strategies.transfer import check_same_training, longer, transferred
 from s2c2a.training import Trained, TrainingData
 
 FOLDER = resources.files("s2c2a.strategies").joinpath("weights")
-MOST_TOLD = 50.0  # kg
+MAX_TOLD = 50.0  # kg
 TOGETHER = 0.05
 """Of all motion of the cables; less is noise."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What is known of an arm, and what is done with what it senses beside its encoders.
+    """What is known of an arm, and what is done with what it sensors beside its encoders.
 
     Attributes:
         load: at its tip, as far as it is told [kg].
@@ -63,9 +63,9 @@ class Watched:
 
     def __post_init__(self):
         """Refuse loads that are none."""
-        if not 0.0 <= self.load < MOST_TOLD:
+        if not 0.0 <= self.load < MAX_TOLD:
             raise StrategyError(
-                f"a load of {self.load} kg was told; say one from 0 to {MOST_TOLD:g} kg"
+                f"a load of {self.load} kg was told; say one from 0 to {MAX_TOLD:g} kg"
             )
         if self.yields is not None and not self.yields >= 0.0:
             raise StrategyError(
@@ -74,7 +74,7 @@ class Watched:
 
 
 WATCHED = Watched()
-SENSES = 2  # of what is drawn from a seed
+SENSORS = 2  # of what is drawn from a seed
 NetworkProgress = Callable[[str, int, int, float], None]
 
 
@@ -103,9 +103,9 @@ def train_s2c2a(
     """
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-    senses_key = jax.random.fold_in(jax.random.key(seed), SENSES)
+    sensors_key = jax.random.fold_in(jax.random.key(seed), SENSORS)
     # first: they may be too few to learn
-    senses = _senses(recording, senses_key, progress) if recipe.observes else {}
+    sensors = _sensors(recording, sensors_key, progress) if recipe.observes else {}
     told = _named(progress, "C2S"), _named(progress, "C2A")
     if start is not None:
         check_same_training(start, recipe)
@@ -114,14 +114,14 @@ def train_s2c2a(
             begun.c2s, data, longer(recipe.c2s_fit), c2s_key, told[0]
         )
         # motors and swing are no other ones
-        return begun.with_trained({"C2S": forward, **senses}, recipe)
+        return begun.with_trained({"C2S": forward, **sensors}, recipe)
     forward = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, told[0])
     control = recipe.c2a.train(
         data, recipe.history_noise, recipe.c2a_fit, c2a_key, told[1]
     )
     networks: dict[str, Trained] = {"C2S": forward, "C2A": control}
     if recipe.observes:
-        networks |= {"swing": _swing(data, recipe, forward.network), **senses}
+        networks |= {"swing": _swing(data, recipe, forward.network), **sensors}
     return TrainedNetworks.of(recording.arm, recipe, seed, networks)
 
 
@@ -140,14 +140,14 @@ def _swing(data: TrainingData, recipe: Recipe, model: ForwardModel) -> Trained[S
     )
 
 
-def _senses(
+def _sensors(
     recording: Recording, key: PRNGKeyArray, progress: NetworkProgress
 ) -> dict[str, Trained]:
     """What sensors of its arm say of bends, by name; of those that are in the recording, and as they should be."""
     bends = np.asarray(
         bends_from_states(jnp.asarray(recording.sensor("states"), jnp.float32))
     )
-    shapes = recording.arm.senses.learned_shapes(recording.arm.module_count)
+    shapes = recording.arm.sensors.learned_shapes(recording.arm.module_count)
     learned = {}
     for name in (one for one in shapes if one in recording.sensors):
         said = recording.sensor(name)
@@ -163,7 +163,7 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
 
     Raises:
         RecordingError: episodes are missing, or the recording holds no true states, or
-            not what its arm senses.
+            not what its arm sensors.
     """
     recording.check_complete()
     states = recording.sensor("states")
@@ -174,7 +174,7 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
     sensed = recipe.estimator(recording.arm).sensed(recording.readings())
     if not np.isfinite(sensed).all():
         raise RecordingError(
-            "this recording lacks the configurations that its arm senses; was something not watched?"
+            "this recording lacks the configurations that its arm sensors; was something not watched?"
         )
     together = moved_together(recording, recipe.felt(recording.arm))
     return TrainingData(
@@ -211,7 +211,7 @@ def s2c2a_strategy(
     Args:
         networks: of an arm.
         guard: what keeps out of obstacles.
-        watched: what is known of the arm, and what is done with what it senses.
+        watched: what is known of the arm, and what is done with what it sensors.
     """
     arm = networks.arm
     recipe = networks.recipe
@@ -230,17 +230,17 @@ def observer_of(
 ) -> Observer:
     """What watches an arm with trained networks at work."""
     arm = networks.arm
-    senses = (
-        *senses_of(arm, networks.c2s.cable_stiffnesses()),
-        *learned_senses(arm, networks.networks),
+    sensors = (
+        *sensors_of(arm, networks.c2s.cable_stiffnesses()),
+        *learned_sensors(arm, networks.networks),
     )
-    if not senses:
+    if not sensors:
         return Observer.of(arm, Gains.none(), (), estimates=watched.estimates)
     gains = gains_of(arm, networks.networks.get("swing", Swing.nominal()))
     observer = Observer.of(
         arm,
         gains,
-        senses,
+        sensors,
         estimates=watched.estimates,
         yields=np.inf if watched.yields is None else watched.yields,
     )
@@ -274,7 +274,7 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
     for file in sorted(FOLDER.iterdir(), key=lambda one: one.name):
         if file.name.endswith(".safetensors"):
             with resources.as_file(file) as path:
-                if arm_of_strategy(path).same_body(arm):
+                if arm_of_strategy(path).same_mechanics(arm):
                     networks = load_strategy(path)
                     return replace(
                         networks, arm=arm, recipe=recipe_named(networks.recipe.name)

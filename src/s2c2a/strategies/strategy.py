@@ -24,7 +24,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
 )
 from s2c2a.planning import Goal, Notes, Plan, Planner, PlannerOptions
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.runtime import Driver
 from s2c2a.sensing import EncoderEstimator, Estimator
 from s2c2a.spaces import Actions, Reading
@@ -94,11 +94,11 @@ class Strategy:
 
     @cached_property
     def margins(self) -> Margins | None:
-        """Of the loop of what it senses beside its encoders; None where there is none. Takes a moment, once."""
+        """Of the loop of what it sensors beside its encoders; None where there is none. Takes a moment, once."""
         observer = self._watch.observer if self._watch is not None else None
         return (
             margins_of(self.arm, observer)
-            if observer is not None and observer.senses
+            if observer is not None and observer.sensors
             else None
         )
 
@@ -131,14 +131,14 @@ class Strategy:
         """An action was sent in place of the last one, which a limit did not allow."""
         self._memory = self._after(np.asarray(action, np.float32), self._memory)
 
-    def told(self) -> dict[str, np.ndarray]:
+    def diagnostics(self) -> dict[str, np.ndarray]:
         """What it sensed, planned and expects, by column of an episode.
 
         The latest configurations, sensed and planned, of shape (modules, 3), module
         frames; the states [m, 1] that the plan is expected to lead to, of shape
         (modules, 6), base frame, how far off ends must be expected to be [m], of shape
         (modules,), and how much of that is because nothing was learned there; what took
-        over where the plan would have stood (`planning.rescue`), and whether it stands
+        over where the plan would have stood (`planning.fallback`), and whether it stands
         although its cost could fall.
 
         Raises:
@@ -146,10 +146,10 @@ class Strategy:
         """
         plan = started(self._plan, "it has planned nothing yet")
         found = self._planner.expectation(plan)
-        expected = {"expected": np.asarray(found.states, dtype=float)}
+        expected = {"predicted": np.asarray(found.states, dtype=float)}
         expected |= {
-            "deviation": np.asarray(found.deviation),
-            "doubt": np.asarray(found.doubt),
+            "predictive_std": np.asarray(found.deviation),
+            "extrapolation": np.asarray(found.extrapolation),
         }
         notes = Notes(*np.asarray(plan.search.numbers))
         search = {
@@ -160,7 +160,7 @@ class Strategy:
             "sensed": np.asarray(self._sensed),
             "planned": np.asarray(plan.configurations),
         }
-        watched = self._watch.told() if self._watch is not None else {}
+        watched = self._watch.diagnostics() if self._watch is not None else {}
         return shapes | expected | search | watched
 
     def _sensed_in(self, reading: Reading):
@@ -207,13 +207,15 @@ class Strategy:
             started(self._plan, ""), sensed, Goal.of(self.arm.module_count), known
         )
         self.sent(cables)
-        self.told()
+        self.diagnostics()
         self._plan = None
 
 
-def _acted(controller: Controller, wanted: Sensed, beside, sensed: Sensed, memory: Any):
+def _acted(
+    controller: Controller, desired: Sensed, beside, sensed: Sensed, memory: Any
+):
     """What a controller does for what is planned, and bends that are asked for beside it [rad]."""
-    asked = configurations_from_bends(bends_from_configurations(wanted) + beside)
+    asked = configurations_from_bends(bends_from_configurations(desired) + beside)
     return controller.act(asked, sensed, memory)
 
 

@@ -191,7 +191,7 @@ def _load(
 ) -> TrainedNetworks[Options]:
     metadata, arrays = read(path, kind)
     trained_for = _arm(metadata, path)
-    if arm is not None and not arm.same_body(trained_for):
+    if arm is not None and not arm.same_mechanics(trained_for):
         raise StrategyError(
             f"{path} was trained for '{trained_for.name}', which differs from '{arm.name}' in "
             f"{', '.join(arm.differences(trained_for))}; train one for this arm with `s2c2a train`"

@@ -1,4 +1,4 @@
-"""Networks of one arm for another of the same make: other drawn flaws, other numbers, other module counts."""
+"""Networks of one arm for another of the same make: other drawn mismatch, other numbers, other module counts."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -53,14 +53,15 @@ def transferred(
     forward = recipe.c2s.carried(networks.c2s, old, new, babbling, key)
     carried = {**networks.networks, "C2S": forward, "C2A": networks.c2a.for_arm(new)}
     kept, percent, curves = (
-        _without_senses(table) for table in (carried, networks.percent, networks.curves)
+        _without_sensors(table)
+        for table in (carried, networks.percent, networks.curves)
     )
     return replace(
         networks, arm=arm, seed=seed, networks=kept, percent=percent, curves=curves
     )
 
 
-def _without_senses(table: Mapping[str, Any]) -> dict[str, Any]:
+def _without_sensors(table: Mapping[str, Any]) -> dict[str, Any]:
     """Sensors that had to be learned are another arm's own."""
     return {name: value for name, value in table.items() if not name.startswith(PREFIX)}
 
@@ -68,7 +69,7 @@ def _without_senses(table: Mapping[str, Any]) -> dict[str, Any]:
 def longer(fit: FitOptions) -> FitOptions:
     """A short recording has few batches in an epoch: more of them."""
     return replace(
-        fit, most_epochs=LONGER * fit.most_epochs, patience=LONGER * fit.patience
+        fit, max_epochs=LONGER * fit.max_epochs, patience=LONGER * fit.patience
     )
 
 
@@ -85,7 +86,7 @@ def check_alike(old: ArmSpec, new: ArmSpec) -> None:
 
 
 def check_same_training(networks: TrainedNetworks[Recipe], recipe: Recipe) -> None:
-    """Raise StrategyError where networks have other shapes, or were made for other senses, than a recipe's."""
+    """Raise StrategyError where networks have other shapes, or were made for other sensors, than a recipe's."""
     theirs = networks.recipe
     ours = recipe
     parts = ("c2s", "c2a", "directions", "observes")

@@ -10,7 +10,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.estimation import Belief, Listener, Observer
 from s2c2a.kinematics import ForwardModel
 from s2c2a.planning import Plan, Planner
-from s2c2a.programs import compiled, where_finite
+from s2c2a.compilation import compiled, where_finite
 from s2c2a.spaces import Reading
 
 NOTHING = np.zeros((), np.float32)
@@ -28,7 +28,7 @@ class Watch:
         """For the plans of one planner."""
         self.observer = observer
         self._load = np.float32(load)
-        self._listener = Listener(arm, observer.senses)
+        self._listener = Listener(arm, observer.sensors)
         self._forces = np.asarray(observer.gains.forces, float)
         self._start = compiled(_started, planner.model, observer)
         self._update = compiled(_updated, planner.model, observer)
@@ -45,27 +45,27 @@ class Watch:
         self, plan: Plan, sensed: Float[Array, "modules 3"], reading: Reading
     ) -> tuple[Plan, Array | np.ndarray]:
         """A plan that counts on what one more reading says, and bends to ask for beside what is planned [rad]."""
-        if self.observer.senses:
+        if self.observer.sensors:
             plan, self._belief = self._update(
                 plan, self._belief, sensed, self._listener.heard(reading)
             )
         elif self._load > 0.0:
             plan = self._count_on(plan, self._belief, sensed)
-        return plan, self._belief.calming if self.observer.senses else NOTHING
+        return plan, self._belief.calming if self.observer.sensors else NOTHING
 
-    def told(self) -> dict[str, np.ndarray]:
-        """Load [kg], leans [rad], the push they stand for [N], senses that are left out, by column of an episode."""
+    def diagnostics(self) -> dict[str, np.ndarray]:
+        """Load [kg], leans [rad], the push they stand for [N], sensors that are left out, by column of an episode."""
         belief: Belief = self._belief
-        load, leans = (np.asarray(part, float) for part in belief.unknowns)
-        told: dict[str, Any] = {"load": load, "leans": leans}
-        if self.observer.senses:
+        load, leans = (np.asarray(part, float) for part in belief.disturbances)
+        told: dict[str, Any] = {"load": load, "bend_biases": leans}
+        if self.observer.sensors:
             told["push"] = np.linalg.norm(self._forces @ leans.reshape(-1))
-        left_out = {
-            f"left_out.{sense.name}": belief.left_out[k] > 0
-            for k, sense in enumerate(self.observer.senses)
+        rejected = {
+            f"rejected.{sense.name}": belief.rejected[k] > 0
+            for k, sense in enumerate(self.observer.sensors)
         }
         return told | {
-            name: np.asarray(value, float) for name, value in left_out.items()
+            name: np.asarray(value, float) for name, value in rejected.items()
         }
 
 
@@ -74,9 +74,14 @@ def _started(
 ) -> tuple[Plan, Belief]:
     configurations = plan.configurations
     memory = plan.memory
-    unknowns = observer.start(model.predict(configurations, memory), load).unknowns
+    disturbances = observer.start(
+        model.predict(configurations, memory), load
+    ).disturbances
     memory = jax.lax.fori_loop(
-        0, FIRST, lambda _, known: model.given(unknowns, configurations, known), memory
+        0,
+        FIRST,
+        lambda _, known: model.given(disturbances, configurations, known),
+        memory,
     )
     return plan._replace(memory=memory), observer.start(
         model.predict(configurations, memory), load
@@ -103,4 +108,4 @@ def _counting_on(
     model: ForwardModel, plan: Plan, belief: Belief, sensed: Array
 ) -> Plan:
     """A plan that counts on what is believed, where the arm is now."""
-    return plan._replace(memory=model.given(belief.unknowns, sensed, plan.memory))
+    return plan._replace(memory=model.given(belief.disturbances, sensed, plan.memory))

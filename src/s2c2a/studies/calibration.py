@@ -80,7 +80,7 @@ def measure(
         task = task_named("circle", arm)
         run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
         values[PCC_CIRCLE.quantity] = float(
-            position_errors(run.after("states"), task.wanted_positions()).mean()
+            position_errors(run.after("states"), task.desired_positions()).mean()
         )
     if with_network:
         values[C2S_ERROR.quantity] = train_s2c2a(
@@ -123,7 +123,7 @@ def check_comparable(arm: ArmSpec) -> None:
     """Raise ArmError where the paper's arm has nothing to be compared with."""
     if arm.module_count != len(ESTIMATION) or arm.sensing != "encoders":
         raise ArmError(
-            f"{arm.name} has {arm.module_count} modules and senses by '{arm.sensing}'; the paper's arm has "
+            f"{arm.name} has {arm.module_count} modules and sensors by '{arm.sensing}'; the paper's arm has "
             f"{len(ESTIMATION)} and encoders, so only such an arm can be calibrated to it"
         )
 
@@ -193,7 +193,7 @@ def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
         cable["stiffness"] = _digits(cable["stiffness"] * softer)
         cable |= {
             kind: _digits(np.multiply(cable[kind], more))
-            for kind in ("play", "friction", "creep")
+            for kind in ("backlash", "friction", "creep")
         }
     return ArmSpec.model_validate(description)
 

@@ -14,7 +14,7 @@ from s2c2a.control import NetworkController
 from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.robots import Body
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
@@ -111,7 +111,7 @@ def track_circle(
     """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
 
     Returns:
-        Angles between wanted and sensed configurations [deg].
+        Angles between desired and sensed configurations [deg].
     """
     arm = networks.arm
     controller = NetworkController(networks.c2a)
@@ -119,11 +119,11 @@ def track_circle(
     sense = _sense(felt)
     act = compiled(NetworkController.act, controller)
     errors = []
-    wanted = recorded_reference(felt, speed, networks.seed, steps)
+    desired = recorded_reference(felt, speed, networks.seed, steps)
     with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
         sensed = sense(robot.read())
         memory = controller.start(jnp.asarray(sensed))
-        for configuration in wanted:
+        for configuration in desired:
             action, memory = act(configuration, sensed, memory)
             robot.step(np.asarray(action, dtype=np.float64))
             sensed = sense(robot.read())

@@ -28,7 +28,7 @@ from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares
 from s2c2a.planning.terms import Bends, Numbers, largest_bend
-from s2c2a.programs import compiled
+from s2c2a.compilation import compiled
 from s2c2a.strategies import TrainedNetworks
 
 KINDS = ("tip", "tip and axis", "middle and tip", "anywhere")

@@ -128,10 +128,10 @@ def _ridge(x: np.ndarray, y: np.ndarray, width: float, ridge: float) -> Any:
     whole = np.isfinite(y[:, np.isfinite(y).any(axis=0)]).all(axis=1)
     x = x[whole]
     y = y[whole]
-    centre = x.mean(axis=0)
+    center = x.mean(axis=0)
     scale = np.maximum(x.std(axis=0), 1e-6)
     mean = y.mean(axis=0)
-    points = (x - centre) / scale
+    points = (x - center) / scale
     length = width * np.sqrt(x.shape[1])
 
     def near(values: np.ndarray) -> np.ndarray:
@@ -141,7 +141,7 @@ def _ridge(x: np.ndarray, y: np.ndarray, width: float, ridge: float) -> Any:
         return np.exp(-squared / (2.0 * length**2))
 
     weights = np.linalg.solve(near(points) + ridge * np.eye(len(points)), y - mean)
-    return lambda values: near((values - centre) / scale) @ weights + mean
+    return lambda values: near((values - center) / scale) @ weights + mean
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.viz import centre_line, charts
+from s2c2a.viz import center_line, charts
 from s2c2a.viz.charts import FRONT, padded_limits, seen
-from s2c2a.viz.colours import INK, POINTING, WANTED, colours_by_label, module_colours
+from s2c2a.viz.colors import INK, POINTING, DESIRED, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace, check_some, check_told_apart
 
-MOST_COLUMNS = 4
+MAX_COLUMNS = 4
 AXES_SHOWN = 16
 # length of an end axis that lies flat, as a share of the path's width
 AXIS_SHARE = 0.22
@@ -37,7 +37,7 @@ def _panels_figure(
         S2C2AError: nothing is named, or the file cannot be written.
     """
     check_some(named)
-    bands = -(-len(named) // MOST_COLUMNS)
+    bands = -(-len(named) // MAX_COLUMNS)
     columns = -(-len(named) // bands)
     rows = len(views)
     figure = charts.new_figure(max(3.6 * columns, 5.0), 0.5 + height * rows * bands)
@@ -52,7 +52,7 @@ def _panels_figure(
 
 
 def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Path:
-    """Draw wanted and true paths from above, and where the end axis points (figure 10 of the paper).
+    """Draw desired and true paths from above, and where the end axis points (figure 10 of the paper).
 
     A short line from the path is the end axis at that moment as seen from above: the
     longer, the flatter the axis lies.
@@ -64,13 +64,13 @@ def plan_view_figure(named_traces: Mapping[str, Trace], path: str | Path) -> Pat
     Raises:
         S2C2AError: no trace, or the file cannot be written.
     """
-    colours = colours_by_label(trace.label for trace in named_traces.values())
+    colors = colors_by_label(trace.label for trace in named_traces.values())
 
     def draw(axes: Axes, trace: Trace, view: View) -> None:
-        charts.draw_wanted(axes, trace.wanted_path, view)
+        charts.draw_desired(axes, trace.desired_path, view)
         axes.plot(
             *seen(trace.followed_path, view),
-            color=colours[trace.label],
+            color=colors[trace.label],
             linewidth=1.4,
             label=trace.label,
         )
@@ -126,42 +126,44 @@ def _whole_in_sight(
 
 
 def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
-    """The arm at moments when all of it was seen, a colour and a dot at the end for each module."""
+    """The arm at moments when all of it was seen, a color and a dot at the end for each module."""
     whole = np.isfinite(trace.states).all(axis=(1, 2))
     if not whole.any():
         charts.say_nothing_here(axes, "the arm was never seen")
         return
     arm = trace.episode.arm
     lengths = np.array([module.length for module in arm.modules])
-    lines = centre_line(
+    lines = center_line(
         trace.states[_even(whole, POSES_SHOWN)], lengths, POINTS_PER_MODULE
     )
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
-        for module, colour in enumerate(module_colours(arm.module_count)):
+        for module, color in enumerate(module_colors(arm.module_count)):
             part = line[
                 module * POINTS_PER_MODULE : (module + 1) * POINTS_PER_MODULE + 1
             ]
-            axes.plot(*seen(part, view), color=colour, linewidth=2.2, alpha=alpha)
+            axes.plot(*seen(part, view), color=color, linewidth=2.2, alpha=alpha)
             axes.plot(
                 *seen(part[-1], view),
                 "o",
-                color=colour,
+                color=color,
                 markersize=4.5,
                 alpha=alpha,
                 markeredgewidth=0,
             )
-            axes.plot([], [], color=colour, linewidth=2.2, label=f"module {module + 1}")
-    held = _held_place(trace.wanted_positions, arm.length)
+            axes.plot([], [], color=color, linewidth=2.2, label=f"module {module + 1}")
+    held = _held_place(trace.desired_positions, arm.length)
     if held is not None:
         charts.draw_ring(axes, held, view, 15, "held end")
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
 
 
 def _held_place(
-    wanted: Float[np.ndarray, "time modules 3"], length: float
+    desired: Float[np.ndarray, "time modules 3"], length: float
 ) -> Float[np.ndarray, " 3"] | None:
-    """Last wanted place of the end that should move least, if that is little."""
-    asked = [path[np.isfinite(path).all(axis=-1)] for path in np.moveaxis(wanted, 1, 0)]
+    """Last desired place of the end that should move least, if that is little."""
+    asked = [
+        path[np.isfinite(path).all(axis=-1)] for path in np.moveaxis(desired, 1, 0)
+    ]
     asked = [path for path in asked if len(path)]
     widths = [np.ptp(path, axis=0).max() for path in asked]
     if not widths or min(widths) > HELD_WITHIN * length:
@@ -203,31 +205,31 @@ def obstacles_figure(
     for runs in tasks.values():
         check_told_apart(runs)
     every = [trace for runs in tasks.values() for trace in runs]
-    colours = colours_by_label(trace.label for trace in every)
+    colors = colors_by_label(trace.label for trace in every)
     spheres = [trace.spheres(0) for trace in every]
     shown = [
         one[:, POSITION] + side * one[:, 3:] for one in spheres for side in (-1, 1)
     ]
     shown += [
-        path for trace in every for path in (trace.followed_path, trace.wanted_path)
+        path for trace in every for path in (trace.followed_path, trace.desired_path)
     ]
 
     def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
         charts.draw_obstacles(axes, runs[0].spheres(0), view)
-        wanted = runs[0].wanted_path
-        places = wanted[np.isfinite(wanted).all(axis=-1)]
+        desired = runs[0].desired_path
+        places = desired[np.isfinite(desired).all(axis=-1)]
         if len(places):
             axes.plot(
-                *seen(wanted, view),
-                color=WANTED,
+                *seen(desired, view),
+                color=DESIRED,
                 lw=1.2,
                 ls=(0, (4, 2)),
                 alpha=0.75,
-                label="wanted",
+                label="desired",
             )
             charts.draw_ring(axes, places[-1], view, 12, "target")
         for place, trace in enumerate(runs):
-            charts.draw_run(axes, trace, colours, view, FRONT - 3 * place)
+            charts.draw_run(axes, trace, colors, view, FRONT - 3 * place)
         _whole_in_sight(axes, shown, view)
         if axes is axes.figure.axes[0]:
             charts.name_ends(axes)

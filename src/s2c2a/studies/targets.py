@@ -50,7 +50,7 @@ class _Found(Artifact[Made]):
     """What a search on an arm's body found.
 
     Attributes:
-        arm: with its flaws.
+        arm: with its mismatch.
     """
 
     kind = "targets"

@@ -22,7 +22,7 @@ from s2c2a.viz.charts import (
     save_figure,
     seen,
 )
-from s2c2a.viz.colours import WANTED, colours_by_label
+from s2c2a.viz.colors import DESIRED, colors_by_label
 from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
 from s2c2a.viz.trace import Trace, check_told_apart, standing
@@ -30,7 +30,7 @@ from s2c2a.viz.trace import Trace, check_told_apart, standing
 SENSED = "#2b9a4b"
 # an axis nearer to the vertical than this has no azimuth worth drawing
 UPRIGHT_DEG = 3.0
-LEAST_SPAN_DEG = 4.0
+MIN_SPAN_DEG = 4.0
 
 
 def estimation_figure(
@@ -64,7 +64,7 @@ def estimation_figure(
     axes = new_axes(
         figure, figure.add_gridspec(1, 1)[0], "time [s]", "bending angle [deg]"
     )
-    axes.plot(times, true_deg, color=WANTED, linewidth=1.7, label="true")
+    axes.plot(times, true_deg, color=DESIRED, linewidth=1.7, label="true")
     off = np.abs(sensed_deg - true_deg)[np.isfinite(sensed_deg - true_deg)]
     said = (
         f"sensed   {off.mean():.1f}° off on average, {off.max():.1f}° at most"
@@ -94,7 +94,7 @@ def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:
 
 
 def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
-    """Draw tilt and azimuth [deg] of the end axis over time, wanted and true (figure 8 of the paper).
+    """Draw tilt and azimuth [deg] of the end axis over time, desired and true (figure 8 of the paper).
 
     Tilt is the angle to the z axis of the base frame, azimuth the angle from x to the
     axis as seen from above; it is left out within 3 deg of the vertical.
@@ -110,13 +110,13 @@ def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     figure = _stacked(4.8, ["tilt [deg]", "azimuth [deg]"])
     tilts, azimuths = figure.axes
     module = traces[0].pointing_module
-    wanted = tilts_deg(traces[0].wanted_axes[:, module])
+    desired = tilts_deg(traces[0].desired_axes[:, module])
     _draw_angles(
-        tilts, traces, wanted, lambda trace: tilts_deg(trace.states[:, module, AXIS])
+        tilts, traces, desired, lambda trace: tilts_deg(trace.states[:, module, AXIS])
     )
     # 30, 45 or 90 deg
     azimuths.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 3, 4.5, 9, 10]))
-    _draw_angles(azimuths, traces, _wanted_azimuth(traces[0]), _azimuth_like_wanted)
+    _draw_angles(azimuths, traces, _desired_azimuth(traces[0]), _azimuth_like_desired)
     return save_figure(figure, path)
 
 
@@ -128,18 +128,18 @@ def _stacked(height: float, labels: Sequence[str]) -> Figure:
 
 
 def _draw_angles(
-    axes: Axes, traces: Sequence[Trace], wanted: np.ndarray, angles: Callable
+    axes: Axes, traces: Sequence[Trace], desired: np.ndarray, angles: Callable
 ) -> None:
     """Angles [deg] over time; the first trace in front."""
     charts.draw_over_time(
-        axes, traces, wanted, angles, _named_axis_error, LEAST_SPAN_DEG
+        axes, traces, desired, angles, _named_axis_error, MIN_SPAN_DEG
     )
-    if not any(np.isfinite(one).any() for one in (wanted, *map(angles, traces))):
+    if not any(np.isfinite(one).any() for one in (desired, *map(angles, traces))):
         charts.say_nothing_here(axes, "nothing to see: upright all the time")
 
 
 def _named_axis_error(trace: Trace) -> str:
-    """Label with mean and standard deviation of the angle between wanted and true axis."""
+    """Label with mean and standard deviation of the angle between desired and true axis."""
     return charts.named(trace.label, np.rad2deg(trace.axis_errors), "°", 1)
 
 
@@ -151,14 +151,14 @@ def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Series:
     )
 
 
-def _azimuth_like_wanted(trace: Trace) -> Series:
-    """The true azimuth, in whichever turn is nearest to the wanted one; broken where it would leap across the chart."""
-    wanted = _wanted_azimuth(trace)
-    known = np.isfinite(wanted)
+def _azimuth_like_desired(trace: Trace) -> Series:
+    """The true azimuth, in whichever turn is nearest to the desired one; broken where it would leap across the chart."""
+    desired = _desired_azimuth(trace)
+    known = np.isfinite(desired)
     near = (
-        np.interp(trace.times, trace.times[known], wanted[known])
+        np.interp(trace.times, trace.times[known], desired[known])
         if known.any()
-        else np.zeros_like(wanted)
+        else np.zeros_like(desired)
     )
     azimuth = _azimuth_deg(trace.states[:, trace.pointing_module, AXIS])
     azimuth = near + (azimuth - near + 180.0) % 360.0 - 180.0
@@ -166,9 +166,9 @@ def _azimuth_like_wanted(trace: Trace) -> Series:
     return np.where(leaps, np.nan, azimuth)
 
 
-def _wanted_azimuth(trace: Trace) -> Series:
+def _desired_azimuth(trace: Trace) -> Series:
     """Without leaps of a whole turn, across gaps too."""
-    azimuth = _azimuth_deg(trace.wanted_axes[:, trace.pointing_module])
+    azimuth = _azimuth_deg(trace.desired_axes[:, trace.pointing_module])
     known = np.isfinite(azimuth)
     azimuth[known] = np.unwrap(azimuth[known], period=360.0)
     return azimuth
@@ -189,41 +189,41 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     """
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
-    colours = colours_by_label([flee.label, follow.label])
+    colors = colors_by_label([flee.label, follow.label])
     flight = new_axes(figure, grid[0, 0], "time [s]", "distance to the obstacle [cm]")
     chase = new_axes(figure, grid[1, 0], "time [s]", "distance to the target [cm]")
     views = [charts.view_axes(figure, grid[row, 1], ABOVE) for row in range(2)]
     headlines = ("flee", "follow", "flee, from above", "follow, from above")
     for axes, words in zip((flight, chase, *views), headlines, strict=True):
         charts.headline(axes, words)
-    _draw_flight(flight, flee, colours)
-    charts.draw_errors(chase, [follow], colours, lambda trace: trace.label)
+    _draw_flight(flight, flee, colors)
+    charts.draw_errors(chase, [follow], colors, lambda trace: trace.label)
     chase.margins(x=0.01)
     charts.draw_obstacles(
         views[0], flee.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2))
     )
     charts.draw_obstacles(views[0], flee.spheres(-1), ABOVE)
-    centres = np.where(
+    centers = np.where(
         standing(flee.obstacles)[..., None], flee.obstacles[..., POSITION], np.nan
     )
-    for centre in np.moveaxis(centres, 1, 0):
+    for center in np.moveaxis(centers, 1, 0):
         views[0].plot(
-            *seen(centre, ABOVE),
+            *seen(center, ABOVE),
             color=OBSTACLE,
             linewidth=1.2,
             linestyle=(0, (1, 1.5)),
             label="obstacle",
         )
-        charts.draw_ends(views[0], centre, ABOVE, OBSTACLE, order=3)
-    charts.draw_wanted(views[1], follow.wanted_path, ABOVE)
+        charts.draw_ends(views[0], center, ABOVE, OBSTACLE, order=3)
+    charts.draw_desired(views[1], follow.desired_path, ABOVE)
     for axes, trace in zip(views, (flee, follow), strict=True):
-        charts.draw_run(axes, trace, colours, ABOVE)
+        charts.draw_run(axes, trace, colors, ABOVE)
     charts.name_ends(views[1])
     figure.align_ylabels([flight, chase])
     return save_figure(figure, path)
 
 
-def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
+def _draw_flight(axes: Axes, trace: Trace, colors: charts.Colors) -> None:
     """Distance to the obstacle whose threshold is nearest, and that threshold."""
     distances, thresholds = _nearest_obstacle(trace)
     if not np.isfinite(distances).any():
@@ -232,7 +232,7 @@ def _draw_flight(axes: Axes, trace: Trace, colours: charts.Colours) -> None:
     axes.plot(
         trace.times,
         100 * distances,
-        color=colours[trace.label],
+        color=colors[trace.label],
         linewidth=1.5,
         zorder=FRONT,
     )

@@ -1,4 +1,4 @@
-"""What networks of one arm are worth to another of the same make: other flaws, and other module counts.
+"""What networks of one arm are worth to another of the same make: other mismatch, and other module counts.
 
 Arms are drawn; each learns from a whole recording, from a short one, and from a short
 one and the networks of another. Recordings are of arms when they are young, runs of the
@@ -10,13 +10,13 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 
 from s2c2a import jobs
-from s2c2a.arm import ArmSpec, drawn_arm
+from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row
 from s2c2a.models.transfer import same_places
 from s2c2a.strategies import recipe_named
-from s2c2a.studies.unknown_arms import AGED, over_arms
+from s2c2a.studies.randomized_arms import AGED, over_arms
 
 EXPERIMENT = "transfer"
 BEST = recipe_named("best")
@@ -33,11 +33,11 @@ class Transfer:
     """What is tried.
 
     Attributes:
-        base: whose flaws are drawn.
+        base: whose mismatch are drawn.
         drawn: seeds of arms, each of which begins from the networks of the next.
         counts: of modules, of arms that are learned from, and that begin.
         halves: seeds of arms of either count.
-        strength: of flaws.
+        strength: of mismatch.
         tasks: names.
         samples: of a short recording.
         seed: of data, training and start.
@@ -69,16 +69,19 @@ class Transfer:
 
     def pairs(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """Arms that begin, and whose networks they begin from."""
-        drawn = [drawn_arm(self.base, seed, self.strength) for seed in self.drawn]
+        drawn = [randomized_arm(self.base, seed, self.strength) for seed in self.drawn]
         return list(zip(drawn, drawn[1:] + drawn[:1], strict=True))
 
     def longer(self) -> list[tuple[ArmSpec, ArmSpec]]:
         """The same of other module counts."""
         old, new = (of_halves(self.base, count) for count in self.counts)
         return [
-            tuple(drawn_arm(one, seed, self.strength) for one in (new, old))
+            (
+                randomized_arm(new, seed, self.strength),
+                randomized_arm(old, seed, self.strength),
+            )
             for seed in self.halves
-        ]  # type: ignore[misc]
+        ]
 
 
 def of_halves(arm: ArmSpec, count: int) -> ArmSpec:

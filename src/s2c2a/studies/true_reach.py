@@ -1,7 +1,7 @@
-"""What an arm really reaches, searched on its own simulated body at rest, flaws and age and all (docs/protocol.md).
+"""What an arm really reaches, searched on its own simulated body at rest, mismatch and age and all (docs/protocol.md).
 
 What depends on the past is left out: the arm is taken as one that follows its motors at
-once. In its place the motors' range is made smaller by as much as play, friction and
+once. In its place the motors' range is made smaller by as much as backlash, friction and
 homing can take of it.
 """
 
@@ -65,7 +65,7 @@ class TrueReach:
     """Searches an arm's resting shapes.
 
     Args:
-        arm: with its flaws.
+        arm: with its mismatch.
         seed: of the actions that searches begin from.
         aged: how far the arm has drifted.
     """
@@ -74,7 +74,7 @@ class TrueReach:
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
         self._seed = seed
-        self._kept = 1.0 - aged * per_module(arm, "flaws.drift")[:, None]
+        self._kept = 1.0 - aged * per_module(arm, "mismatch.drift")[:, None]
         self.most = usable_shares(arm)
         self._model = build_model(_without_memory(arm), FIDELITIES["fast"])
         self._model.opt.timestep = TIME_STEP
@@ -230,7 +230,7 @@ def usable_shares(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
     )
     rubbed = pulls * np.expm1(wrap) / per_module(arm, "cable.stiffness")
     lost = (
-        per_cable(arm, "cable.play").max(axis=-1)
+        per_cable(arm, "cable.backlash").max(axis=-1)
         + HOMING * arm.motor.homing_error
         + rubbed
     )

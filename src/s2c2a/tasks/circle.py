@@ -25,7 +25,7 @@ modules that it takes."""
 
 
 def circle_path(length: float, control_rate: float) -> Path:
-    """Wanted tip positions [m], base frame: out along the arc of equal bends, then once around, anticlockwise.
+    """Desired tip positions [m], base frame: out along the arc of equal bends, then once around, anticlockwise.
 
     Args:
         length: of the arm [m].

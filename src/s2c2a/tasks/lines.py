@@ -13,7 +13,7 @@ from s2c2a.planning import Goal, reach_gaps
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
 Obstacle = tuple[float, float, float, float]
-"""Centre and threshold r [m], for an arm of 0.6 m."""
+"""Center and threshold r [m], for an arm of 0.6 m."""
 
 # m, m/s, s
 TARGET = (0.30, 0.0, 0.49)
@@ -83,8 +83,8 @@ def flee(arm: ArmSpec) -> Task:
         pieces += [straight(before, after, SPEED, rate), still(after, wait, rate)]
     rest = Goal.of(arm.module_count)
     goals = (
-        rest.with_obstacles(centre[None], [scale * FLEE_RADIUS])
-        for centre in scale * np.concatenate(pieces)
+        rest.with_obstacles(center[None], [scale * FLEE_RADIUS])
+        for center in scale * np.concatenate(pieces)
     )
     return Task(
         "flee", tuple(goals), (*CLEARANCES, Score("stillness"), Score("path length"))

@@ -85,11 +85,11 @@ def path(arm: ArmSpec, name: str) -> Task:
     steps = max(1, round(time * arm.control_rate))
     begin = points(np.zeros(1))[0]
     along = points(np.arange(1, steps + 1) / steps)
-    wanted = np.concatenate(
+    desired = np.concatenate(
         [way_out(begin / PAPER_LENGTH, arm.control_rate) * PAPER_LENGTH, along]
     )
     return Task.along(
-        name, arm.length / PAPER_LENGTH * wanted, Goal.of(arm.module_count)
+        name, arm.length / PAPER_LENGTH * desired, Goal.of(arm.module_count)
     )
 
 

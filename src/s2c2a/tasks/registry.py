@@ -6,7 +6,7 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.extensions import found
+from s2c2a.plugins import found
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path

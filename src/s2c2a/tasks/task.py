@@ -65,14 +65,14 @@ class Task:
         )
         return self if factor == 1.0 else replace(self, goals=tuple(goals))
 
-    def wanted_positions(self) -> Float[np.ndarray, "steps modules 3"]:
-        """Wanted module ends [m], base frame; NaN where nothing is asked."""
-        return Goal.stacked(self.goals).wanted_positions()
+    def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
+        """Desired module ends [m], base frame; NaN where nothing is asked."""
+        return Goal.stacked(self.goals).desired_positions()
 
-    def wanted_axes(self) -> Float[np.ndarray, "steps modules 3"]:
-        """Wanted end axes, base frame; NaN where nothing is asked."""
-        return Goal.stacked(self.goals).wanted_axes()
+    def desired_axes(self) -> Float[np.ndarray, "steps modules 3"]:
+        """Desired end axes, base frame; NaN where nothing is asked."""
+        return Goal.stacked(self.goals).desired_axes()
 
     def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
-        """Centres and thresholds of the obstacles in use [m], base frame."""
+        """Centers and thresholds of the obstacles in use [m], base frame."""
         return Goal.stacked(self.goals).obstacles_in_use()

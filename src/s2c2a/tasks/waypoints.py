@@ -1,4 +1,4 @@
-"""A user's own path as a table: `time,x,y,z` and, where wanted, `axis_x,axis_y,axis_z` and `module`."""
+"""A user's own path as a table: `time,x,y,z` and, where desired, `axis_x,axis_y,axis_z` and `module`."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.spec import MOST_MODULES
+from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import TargetError
 from s2c2a.files import read_text
 from s2c2a.goals import LARGEST
@@ -25,8 +25,8 @@ AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 FAR = 0.01  # of the arm's length: gaps below it are not worth a word
 LONGEST_STEPS = 1_000_000
-MOST_LINES = 1_000_000
-MOST_BYTES = 150_000_000
+MAX_LINES = 1_000_000
+MAX_BYTES = 150_000_000
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
         )
     modules = table.pop("module", np.full_like(table["time"], -1))
     named = list(dict.fromkeys(modules.tolist()))
-    if len(named) > 2 * MOST_MODULES:
+    if len(named) > 2 * MAX_MODULES:
         raise TargetError(
-            f"{path} names {len(named)} modules; an arm has at most {MOST_MODULES}"
+            f"{path} names {len(named)} modules; an arm has at most {MAX_MODULES}"
         )
     return [
         _track(
@@ -109,10 +109,10 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     )
     scores: list[Score] = []
     for track in tracks:
-        wanted = _between(times, track.times, track.positions)
+        desired = _between(times, track.times, track.positions)
         # refused as any other goal would be
-        every = every.with_position(_extremes(wanted)[0], 1.0, track.module)
-        positions[:, track.module] = wanted
+        every = every.with_position(_extremes(desired)[0], 1.0, track.module)
+        positions[:, track.module] = desired
         scores.append(Score("position", track.module))
         if track.axes is not None:
             towards = _between(times, track.times, track.axes)
@@ -147,23 +147,23 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         )
     try:
         lines = csv.reader(
-            io.StringIO(read_text(path, TargetError, MOST_BYTES), newline=""),
+            io.StringIO(read_text(path, TargetError, MAX_BYTES), newline=""),
             skipinitialspace=True,
         )
         columns = [name.strip() for name in next(lines, ())]
         _check_columns(path, columns)
         rows = islice(
             (_numbers(path, lines.line_num, row, columns) for row in lines if row),
-            MOST_LINES + 1,
+            MAX_LINES + 1,
         )
         numbers = np.array(list(rows)).reshape(-1, len(columns))
     except csv.Error as error:
         raise TargetError(
             f"{path} cannot be read as a table of text: {error}"
         ) from error
-    if len(numbers) > MOST_LINES:
+    if len(numbers) > MAX_LINES:
         raise TargetError(
-            f"{path} has more than {MOST_LINES} lines; give fewer waypoints, the way between is straight"
+            f"{path} has more than {MAX_LINES} lines; give fewer waypoints, the way between is straight"
         )
     return dict(zip(columns, numbers.T, strict=True))
 

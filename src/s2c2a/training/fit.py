@@ -38,7 +38,7 @@ class FitOptions:
     Attributes:
         learning_rate: of Adam.
         batch_size: samples in a step.
-        most_epochs: stop here at the latest.
+        max_epochs: stop here at the latest.
         patience: stop after so many epochs without a better validation loss; looked at
             between calls.
         epochs_per_call: epochs inside one compiled call; progress and interrupts come
@@ -49,7 +49,7 @@ class FitOptions:
 
     learning_rate: float = 1e-3
     batch_size: int = 64
-    most_epochs: int = 100
+    max_epochs: int = 100
     patience: int = 15
     epochs_per_call: int = 5
     decay: bool = False
@@ -58,7 +58,7 @@ class FitOptions:
         """Refuse what cannot be trained with."""
         counts = {
             name: (1, MOST)
-            for name in ("batch_size", "most_epochs", "patience", "epochs_per_call")
+            for name in ("batch_size", "max_epochs", "patience", "epochs_per_call")
         }
         check_limits(self, learning_rate=(0, 10), **counts)
 
@@ -80,7 +80,7 @@ class _Progress(NamedTuple):
     """What training carries from epoch to epoch."""
 
     weights: Array
-    optimiser: Array
+    optimizer: Array
     best_weights: Array
     best_loss: Float[Array, ""]
 
@@ -117,18 +117,18 @@ def fit(
             f"{samples} training samples, fewer than one batch of {options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
-    optimiser = optax.adam(_learning_rate(options, samples))
+    optimizer = optax.adam(_learning_rate(options, samples))
     run = _compiled_epochs(
         lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k),
-        optimiser,
+        optimizer,
         samples,
         options,
     )
-    state = _Progress(weights, optimiser.init(weights), weights, jnp.array(jnp.inf))
+    state = _Progress(weights, optimizer.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
-        epochs = min(options.epochs_per_call, options.most_epochs - len(curve))
+        epochs = min(options.epochs_per_call, options.max_epochs - len(curve))
         state, rows = run(
             state, training, validation, jax.random.split(call_key, epochs)
         )
@@ -138,7 +138,7 @@ def fit(
             raise TrainingError(
                 f"the loss is not finite after {done}; lower the learning rate, check the data"
             )
-        progress(len(curve), options.most_epochs, float(state.best_loss))
+        progress(len(curve), options.max_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
 
@@ -147,18 +147,18 @@ def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
     if not options.decay:
         return options.learning_rate
     return optax.cosine_decay_schedule(
-        options.learning_rate, options.most_epochs * (samples // options.batch_size)
+        options.learning_rate, options.max_epochs * (samples // options.batch_size)
     )
 
 
-def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
+def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
     """(state, training, validation, keys) -> (state, losses), an epoch for every key, in one call."""
 
     def step(carry, picked):
         (weights, state) = carry
         (batch, key) = picked
         value, gradient = jax.value_and_grad(loss)(weights, batch, key)
-        updates, state = optimiser.update(gradient, state)
+        updates, state = optimizer.update(gradient, state)
         return (optax.apply_updates(weights, updates), state), value
 
     def epoch(carry, key, training, validation):
@@ -170,7 +170,7 @@ def _compiled_epochs(loss, optimiser, samples: int, options: FitOptions):
         shuffled = jax.tree.map(lambda values: values[order], training)
         steps = (shuffled, jax.random.split(loss_key, batches))
         (weights, state), losses = jax.lax.scan(
-            step, (carry.weights, carry.optimiser), steps
+            step, (carry.weights, carry.optimizer), steps
         )
         held_out = loss(weights, validation, None)
         better = held_out < carry.best_loss
@@ -192,7 +192,7 @@ def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
     if not curve:
         return False
     since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))
-    return since_best >= options.patience or len(curve) >= options.most_epochs
+    return since_best >= options.patience or len(curve) >= options.max_epochs
 
 
 class Fixed(eqx.Module):
@@ -221,7 +221,7 @@ def _is_fixed(part) -> bool:
     return isinstance(part, Fixed)
 
 
-MOST_VALUES = 100
+MAX_VALUES = 100
 """Of one option that has several."""
 
 
@@ -241,9 +241,9 @@ def check_limits(
     for name, (low, high) in limits.items():
         value = getattr(options, name)
         values = value if isinstance(value, tuple) else (value,)
-        if len(values) > MOST_VALUES:
+        if len(values) > MAX_VALUES:
             raise error(
-                f"{len(values)} values of {name} were asked for; take {MOST_VALUES} at most"
+                f"{len(values)} values of {name} were asked for; take {MAX_VALUES} at most"
             )
         if not all(low <= one <= high for one in values):  # NaN is neither
             raise error(f"{name} = {value} was asked for; take {low:g} to {high:g}")

@@ -7,7 +7,7 @@ first figure is asked for, not before.
 
 from importlib import import_module
 
-from s2c2a.viz.mesh import centre_line
+from s2c2a.viz.mesh import center_line
 from s2c2a.viz.replay import replay_page
 from s2c2a.viz.trace import Trace
 

@@ -18,7 +18,7 @@ from matplotlib.patches import Circle, Polygon
 
 from s2c2a.arm import ArmSpec, Module
 from s2c2a.viz.charts import draw_arrow, save_figure
-from s2c2a.viz.colours import FAINT, INK, MUTED, module_colours
+from s2c2a.viz.colors import FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mounting import SIDE, Mounting
 
 DISC_WIDTH = 1.15  # share of the cable radius
@@ -68,7 +68,7 @@ class SideView:
     Attributes:
         side: which axis of the base frame runs across the arm, 0 for x, 1 for y.
         ways: across and along the arm on paper, as columns of signs.
-        per_inch: metres in an inch.
+        per_inch: meters in an inch.
         origin: where the base is.
     """
 
@@ -181,7 +181,7 @@ def _write_heading(figure: Figure, arm: ArmSpec) -> None:
             MUTED,
         ),
     ]
-    for row, (text, size, weight, colour) in enumerate(
+    for row, (text, size, weight, color) in enumerate(
         line for line in lines if line[0]
     ):
         place = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
@@ -191,7 +191,7 @@ def _write_heading(figure: Figure, arm: ArmSpec) -> None:
             text,
             fontsize=size,
             fontweight=weight,
-            color=colour,
+            color=color,
             parse_math=False,
         )
 
@@ -242,10 +242,10 @@ def _draw_table(
     )
     rows = np.empty(arm.module_count)
     rows[order] = spread(middles[order], ROW_GAP, height)
-    for place, (module, colour) in enumerate(
-        zip(arm.modules, module_colours(arm.module_count), strict=True)
+    for place, (module, color) in enumerate(
+        zip(arm.modules, module_colors(arm.module_count), strict=True)
     ):
-        axes.plot(COLUMNS + 0.05, rows[place], "o", color=colour, markersize=4)
+        axes.plot(COLUMNS + 0.05, rows[place], "o", color=color, markersize=4)
         if view.upright:
             edge = (
                 view.origin[0] + DISC_WIDTH * module.cable_radius / view.per_inch + 0.08
@@ -254,7 +254,7 @@ def _draw_table(
             axes.plot(
                 x,
                 [middles[place]] * 2 + [rows[place]] * 2,
-                color=colour,
+                color=color,
                 linewidth=0.8,
                 alpha=0.8,
             )
@@ -288,9 +288,9 @@ def _draw_cross_section(
     """Draw a section seen from the tip towards the base: x to the right, y up, cables numbered from 1."""
     axes.set(xlim=(-2.1, 2.1), ylim=(-1.95, 2.85), aspect="equal")
     first = arm.modules[numbers[0] - 1]
-    colour = module_colours(arm.module_count)[numbers[0] - 1]
+    color = module_colors(arm.module_count)[numbers[0] - 1]
     axes.add_patch(
-        Circle((0, 0), BODY, facecolor=colour + "1f", edgecolor=colour, linewidth=1.4)
+        Circle((0, 0), BODY, facecolor=color + "1f", edgecolor=color, linewidth=1.4)
     )
     axes.add_patch(
         Circle(
@@ -320,7 +320,7 @@ def _draw_cross_section(
             x,
             y,
             "o",
-            color=colour,
+            color=color,
             markersize=13,
             markeredgecolor="white",
             markeredgewidth=1,
@@ -366,7 +366,7 @@ def _drawn_axes(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
 
 
 def _across(arm: ArmSpec) -> float:
-    """Metres that the widest module and its numbers need across."""
+    """Meters that the widest module and its numbers need across."""
     return ROOM_ACROSS * max(module.cable_radius for module in arm.modules)
 
 
@@ -378,16 +378,16 @@ def _module_ends(arm: ArmSpec) -> Float[np.ndarray, " ends"]:
 def _draw_side(axes: Axes, arm: ArmSpec, view: SideView) -> None:
     """Draw the straight arm with its cables, and number its boundaries [mm]."""
     ends = _module_ends(arm)
-    for module, low, high, colour in zip(
-        arm.modules, ends, ends[1:], module_colours(arm.module_count), strict=False
+    for module, low, high, color in zip(
+        arm.modules, ends, ends[1:], module_colors(arm.module_count), strict=False
     ):
         radius = module.cable_radius
         quarter = 90.0 * view.side
-        _box(axes, view, (low, high), radius, colour + "38")
+        _box(axes, view, (low, high), radius, color + "38")
         for angle in np.deg2rad(np.subtract(module.cable_angles_deg, quarter)):
             axes.plot(
                 *view.at([low, high], radius * np.cos(angle)).T,
-                color=colour,
+                color=color,
                 linewidth=1.2,
             )
         plate = view.at(high, DISC_WIDTH * radius * np.array([-1, 1]))
@@ -403,10 +403,10 @@ def _draw_side(axes: Axes, arm: ArmSpec, view: SideView) -> None:
 
 
 def _box(
-    axes: Axes, view: SideView, heights: tuple[float, float], half: float, colour: str
+    axes: Axes, view: SideView, heights: tuple[float, float], half: float, color: str
 ) -> None:
     corners = view.at(np.repeat(heights, 2), half * np.array([-1, 1, 1, -1]))
-    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+    axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none"))
 
 
 def _number_boundaries(

@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import FAINT, INK, MUTED, WANTED, colours_by_label
+from s2c2a.viz.colors import FAINT, INK, MUTED, DESIRED, colors_by_label
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace
 
@@ -23,18 +23,18 @@ FIGURE_FORMATS = ("png", "pdf", "svg")
 DOTS_PER_INCH = 160
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
 FRONT = 50  # drawing order of the first trace, the one in front
-WANTED_LINE: dict[str, Any] = {"color": WANTED, "linewidth": 2.6, "alpha": 0.75}
+DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
 OBSTACLE = "#6b6f86"
 NOT_COUNTED = "#e6eaf0"
 STANDING = 1e-6  # m; a target that moves less stands still
-LEAST_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
+MIN_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
 # inches, in a legend
 HANDLE_WIDTH = 0.6
 LETTER_WIDTH = 0.066
 
 Series = Float[np.ndarray, " time"]
-Colours = Mapping[str, str]
-"""Label of a trace -> its colour."""
+Colors = Mapping[str, str]
+"""Label of a trace -> its color."""
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -85,7 +85,7 @@ def view_axes(
     view: View,
     backward: tuple[bool, bool] = (False, False),
 ) -> Axes:
-    """Axes in metres, at equal scale in both directions; what runs backward grows to the left or downward."""
+    """Axes in meters, at equal scale in both directions; what runs backward grows to the left or downward."""
     right, up = ("xyz"[coordinate] for coordinate in view)
     axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
     axes.set_aspect("equal", adjustable="datalim")
@@ -96,17 +96,17 @@ def view_axes(
 
 
 def padded_limits(
-    values: np.ndarray, least_span: float = LEAST_SPAN
+    values: np.ndarray, min_span: float = MIN_SPAN
 ) -> tuple[float, float]:
     """Limits with some room around all finite values, never closer together than the least span."""
     finite = values[np.isfinite(values)]
     low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
     middle = (low + high) / 2
-    half = max(high - low, least_span) / 2
+    half = max(high - low, min_span) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
-def draw_arrow(axes: Axes, start, end, colour: str, width: float, head: float) -> None:
+def draw_arrow(axes: Axes, start, end, color: str, width: float, head: float) -> None:
     """A straight arrow, or a line where its head has no size [points]."""
     look = {
         "arrowstyle": "-|>" if head else "-",
@@ -118,7 +118,7 @@ def draw_arrow(axes: Axes, start, end, colour: str, width: float, head: float) -
         "",
         xy=tuple(end),
         xytext=tuple(start),
-        arrowprops={"color": colour, "lw": width, **look},
+        arrowprops={"color": color, "lw": width, **look},
         zorder=3,
     )
 
@@ -189,17 +189,17 @@ def seen(points: Float[np.ndarray, "*batch features"], view: View) -> tuple[Any,
     return points[..., view[0]], points[..., view[1]]
 
 
-def draw_wanted(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> None:
+def draw_desired(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> None:
     """A line for a path, a disc for a place, nothing where nothing is asked."""
     finite = path[np.isfinite(path).all(axis=-1)]
     if len(finite):
         stands = np.ptp(finite, axis=0).max() < STANDING
         axes.plot(
             *seen(path, view),
-            label="wanted",
+            label="desired",
             marker="o" if stands else "",
             markersize=9,
-            **WANTED_LINE,
+            **DESIRED_LINE,
         )
 
 
@@ -221,34 +221,34 @@ def draw_ends(
     axes: Axes,
     path: Float[np.ndarray, "time 3"],
     view: View,
-    colour: str,
+    color: str,
     order: float = FRONT,
 ) -> None:
     """A hollow disc where a path begins, a full one where it ends."""
     places = path[np.isfinite(path).all(axis=-1)]
     for place, fill in zip(
-        places[[0, -1]] if len(places) else (), ("white", colour), strict=False
+        places[[0, -1]] if len(places) else (), ("white", color), strict=False
     ):
         axes.plot(
             *seen(place, view),
             "o",
             markersize=5.5,
-            color=colour,
+            color=color,
             markerfacecolor=fill,
             zorder=order + 1,
         )
 
 
 def draw_run(
-    axes: Axes, trace: Trace, colours: Colours, view: View, order: float = FRONT
+    axes: Axes, trace: Trace, colors: Colors, view: View, order: float = FRONT
 ) -> None:
     """Path of the followed end, with its start and end."""
     path = trace.followed_path
-    colour = colours[trace.label]
+    color = colors[trace.label]
     axes.plot(
-        *seen(path, view), color=colour, linewidth=1.5, zorder=order, label=trace.label
+        *seen(path, view), color=color, linewidth=1.5, zorder=order, label=trace.label
     )
-    draw_ends(axes, path, view, colour, order)
+    draw_ends(axes, path, view, color, order)
 
 
 def name_ends(axes: Axes) -> None:
@@ -272,8 +272,8 @@ def draw_ring(
     """A ring round where an end should be, as wide as so many points."""
     look: dict[str, Any] = {
         "markersize": size,
-        "markerfacecolor": WANTED + "38",
-        "markeredgecolor": WANTED,
+        "markerfacecolor": DESIRED + "38",
+        "markeredgecolor": DESIRED,
     }
     axes.plot(*seen(place, view), "o", linestyle="none", label=label, **look)
 
@@ -296,14 +296,14 @@ def named_error(trace: Trace) -> str:
 def draw_lines(
     axes: Axes,
     traces: Sequence[Trace],
-    colours: Colours,
+    colors: Colors,
     shown: Callable,
     name=named_error,
 ) -> None:
     """A line for each trace, the first in front; `shown` says its x and y, `name` its label."""
     for place, trace in enumerate(traces):
         look: dict[str, Any] = {
-            "color": colours[trace.label],
+            "color": colors[trace.label],
             "linewidth": 1.4,
             "zorder": FRONT - place,
         }
@@ -313,33 +313,33 @@ def draw_lines(
 def draw_over_time(
     axes: Axes,
     traces: Sequence[Trace],
-    wanted: Series,
+    desired: Series,
     values: Callable,
     name=named_error,
-    least_span=LEAST_SPAN,
+    min_span=MIN_SPAN,
 ) -> None:
-    """What each trace did over time, its `values`, and below it what was wanted of the first; all of it in sight."""
+    """What each trace did over time, its `values`, and below it what was desired of the first; all of it in sight."""
     axes.plot(
         traces[0].times,
-        wanted,
-        label="wanted" if np.isfinite(wanted).any() else None,
-        **WANTED_LINE,
+        desired,
+        label="desired" if np.isfinite(desired).any() else None,
+        **DESIRED_LINE,
     )
-    colours = colours_by_label(trace.label for trace in traces)
-    draw_lines(axes, traces, colours, lambda trace: (trace.times, values(trace)), name)
+    colors = colors_by_label(trace.label for trace in traces)
+    draw_lines(axes, traces, colors, lambda trace: (trace.times, values(trace)), name)
     axes.set_ylim(
-        *padded_limits(np.concatenate([wanted, *map(values, traces)]), least_span)
+        *padded_limits(np.concatenate([desired, *map(values, traces)]), min_span)
     )
 
 
 def draw_errors(
-    axes: Axes, traces: Sequence[Trace], colours: Colours, name=named_error
+    axes: Axes, traces: Sequence[Trace], colors: Colors, name=named_error
 ) -> None:
-    """Distance from what is wanted [cm] over time; steps that do not count in its mean are shaded."""
+    """Distance from what is desired [cm] over time; steps that do not count in its mean are shaded."""
     draw_lines(
         axes,
         traces,
-        colours,
+        colors,
         lambda trace: (trace.times, 100 * trace.position_errors),
         name,
     )

@@ -13,7 +13,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.viz import charts
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
-from s2c2a.viz.colours import INK, MUTED, WANTED, colours_by_label, module_colours
+from s2c2a.viz.colors import INK, MUTED, DESIRED, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
@@ -39,7 +39,7 @@ def run_figure(
 ) -> Path:
     """Draw where the followed module's end was and should have been, seen along each axis and from above.
 
-    Wanted is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm]
+    Desired is red, s2c2a blue, PCC green as in figure 6 of the paper; the error [cm]
     runs along the same time axis.
 
     Args:
@@ -54,7 +54,7 @@ def run_figure(
     check_same_arm(traces, arm)
     figure = new_figure(11.0, 6.6)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
-    colours = colours_by_label(trace.label for trace in traces)
+    colors = colors_by_label(trace.label for trace in traces)
     over_time = charts.new_time_axes(
         figure, grid, [*(f"{name} [m]" for name in "xyz"), "error [cm]"]
     )
@@ -62,10 +62,10 @@ def run_figure(
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(over_time[:3]):
         draw_coordinate(axes, traces, axis)
-    charts.draw_errors(over_time[3], traces, colours)
-    charts.draw_wanted(above, traces[0].wanted_path, view)
+    charts.draw_errors(over_time[3], traces, colors)
+    charts.draw_desired(above, traces[0].desired_path, view)
     charts.draw_lines(
-        above, traces, colours, lambda trace: seen(trace.followed_path, view)
+        above, traces, colors, lambda trace: seen(trace.followed_path, view)
     )
     charts.draw_obstacles(above, traces[0].spheres(0), view)
     above.plot(0, 0, "+", color=INK, markersize=9, linestyle="none", label="base")
@@ -82,7 +82,7 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
     charts.draw_over_time(
         axes,
         traces,
-        traces[0].wanted_path[:, axis],
+        traces[0].desired_path[:, axis],
         lambda trace: trace.followed_path[:, axis],
     )
 
@@ -90,7 +90,7 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
 def recording_figure(
     states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path
 ) -> Path:
-    """Draw the workspace that a recording covers, a colour for each module (figure 3 of the paper).
+    """Draw the workspace that a recording covers, a color for each module (figure 3 of the paper).
 
     Args:
         states: end positions [m] and end axes, shape (samples, modules, 6), base frame.
@@ -115,9 +115,9 @@ def recording_figure(
         axes = charts.view_axes(figure, place, near, backward)
         count = states.shape[1]
         # inner ones in front, for their clouds are small
-        for module, colour in enumerate(module_colours(count)):
+        for module, color in enumerate(module_colors(count)):
             look = {
-                "color": colour,
+                "color": color,
                 "zorder": 2 + count - module,
                 "label": f"module {module + 1}",
                 **CLOUD,
@@ -144,20 +144,20 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
         raise S2C2AError("there is no learning curve to draw; give at least one")
     figure = new_figure(7.6, 4.6)
     axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
-    for name, colour in colours_by_label(tables).items():
+    for name, color in colors_by_label(tables).items():
         epochs, train, validation = tables[name].T
         axes.plot(
-            epochs, train, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8
+            epochs, train, color=color, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8
         )
         best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
         axes.plot(
             epochs,
             validation,
-            color=colour,
+            color=color,
             linewidth=1.7,
             label=f"{name}   least {validation[best]:.3g}",
         )
-        axes.plot(epochs[best], validation[best], "o", color=colour, markersize=4.5)
+        axes.plot(epochs[best], validation[best], "o", color=color, markersize=4.5)
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
@@ -230,6 +230,6 @@ def trials_figure(
 
 def _dots(axes: Axes, places: np.ndarray, scores: np.ndarray, best: int) -> None:
     axes.plot(places, scores, color=INK, **DOT)
-    axes.plot(places[best], scores[best], "o", color=WANTED, markersize=7)
+    axes.plot(places[best], scores[best], "o", color=DESIRED, markersize=7)
     if scores.min() > 0 and scores.max() > 20 * scores.min():
         axes.set_yscale("log")

@@ -1,4 +1,4 @@
-"""The arm's surface: tubes along the centre line, from States alone; the same for films and pages.
+"""The arm's surface: tubes along the center line, from States alone; the same for films and pages.
 
 A tube is a run of sections; a section is an outline in a plane across the arm. Where a
 section is follows from the frames at the base and at the modules' ends by weights that
@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import centre_line as line_to_tip
+from s2c2a.arm.geometry import center_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
-from s2c2a.viz.colours import BASE, DISC, darker, module_colours
+from s2c2a.viz.colors import BASE, DISC, darker, module_colors
 
 AROUND = 20
 BODY_ROWS = 9  # sections of a module
@@ -28,7 +28,7 @@ BODY = 1.12
 # radius and half height of a disc as shares of the body's radius
 DISC_WIDE = 1.16
 DISC_HALF = 0.14
-# the cables' distance from the centre line and their radius, the same
+# the cables' distance from the center line and their radius, the same
 CABLE_OFF = 1.03
 CABLE_THICK = 0.04
 # see `Piece`, the same
@@ -64,10 +64,10 @@ def frames_of(states: States) -> Frames:
     return frames
 
 
-def centre_line(
+def center_line(
     states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
 ) -> Float[np.ndarray, "*batch points 3"]:
-    """The arm's centre line [m] with the base as its first point, base frame; for drawing, not for kinematics.
+    """The arm's center line [m] with the base as its first point, base frame; for drawing, not for kinematics.
 
     Args:
         states: end positions [m] and end axes, shape (*batch, modules, 6), base frame.
@@ -81,11 +81,11 @@ def centre_line(
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """What is drawn in one colour and may move in one.
+    """What is drawn in one color and may move in one.
 
     Attributes:
         name: what it is: module, cables, discs, tip or base.
-        colour: of it.
+        color: of it.
         tubes: first and last but one row in `ArmMesh.sections` of each tube that it
             consists of.
         outlines: x and y in parts of a section's radius, counterclockwise seen from the
@@ -95,7 +95,7 @@ class Piece:
     """
 
     name: str
-    colour: str
+    color: str
     tubes: Sequence[tuple[int, int]]
     outlines: Float[np.ndarray, "strands around 2"]
     lift: float = 0.0
@@ -132,7 +132,7 @@ class ArmMesh:
 
     def __init__(self, arm: ArmSpec):
         """The surface of an arm."""
-        colours = module_colours(arm.module_count)
+        colors = module_colors(arm.module_count)
         count = arm.module_count
         lengths = ArmGeometry.of(arm).lengths
         radii = BODY * ArmGeometry.of(arm).cable_radii
@@ -150,11 +150,11 @@ class ArmMesh:
         tubes = list(pairwise(np.cumsum([0, *map(len, runs)]).tolist()))
         eyes = [_cable_outlines(module.cable_angles_deg) for module in arm.modules]
         self.pieces = (
-            *(Piece("module", colours[k], [tubes[k]], _CIRCLE) for k in range(count)),
+            *(Piece("module", colors[k], [tubes[k]], _CIRCLE) for k in range(count)),
             *(
                 Piece(
                     "cables",
-                    darker(colours[k]),
+                    darker(colors[k]),
                     [tubes[k]],
                     eyes[k],
                     CABLE_LIFT * radii[k],
@@ -181,13 +181,13 @@ class ArmMesh:
         ends = np.concatenate(
             [frames[module][:, [0, 3]], frames[module + 1][:, [0, 3]]], axis=1
         )
-        centres = np.einsum("sk,skx->sx", self.sections[:, 1:5], ends)
+        centers = np.einsum("sk,skx->sx", self.sections[:, 1:5], ends)
         z, x = (
             unit((1 - share) * frames[module, axis] + share * frames[module + 1, axis])
             for axis in (3, 1)
         )
         axes = self.sections[:, 6, None, None] * np.stack([x, np.cross(z, x)], axis=1)
-        return [_corners(piece, centres, axes) for piece in self.pieces]
+        return [_corners(piece, centers, axes) for piece in self.pieces]
 
     def outline(self, vertices: Sequence[Vertices]) -> Vertices:
         """The whole body in one, for ghosts and shadows: base to tip, with a quarter of the corners."""
@@ -275,10 +275,10 @@ def _sections(module: int, length: float, places) -> Float[np.ndarray, "sections
     )
 
 
-def _corners(piece: Piece, centres: np.ndarray, axes: np.ndarray) -> Vertices:
+def _corners(piece: Piece, centers: np.ndarray, axes: np.ndarray) -> Vertices:
     tubes = (slice(*tube) for tube in piece.tubes)
     every = [
-        (centres[tube, None] + piece.outlines[:, None] @ axes[tube]).reshape(-1, 3)
+        (centers[tube, None] + piece.outlines[:, None] @ axes[tube]).reshape(-1, 3)
         for tube in tubes
     ]
     return np.concatenate(every)

@@ -1,7 +1,7 @@
 """A page that replays runs: one file, opened in any browser, without a network; `page/run.js` reads what is in it.
 
-Lengths travel as whole tenths of a millimetre, unit vectors as whole ten-thousandths,
-errors as whole micrometres and microradians, their mean in metres; NaN travels as null.
+Lengths travel as whole tenths of a millimeter, unit vectors as whole ten-thousandths,
+errors as whole micrometres and microradians, their mean in meters; NaN travels as null.
 """
 
 import html
@@ -15,14 +15,14 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import (
+from s2c2a.viz.colors import (
     GRID,
     GRID_STRONG,
     INK,
     OBSTACLE,
     TARGET,
-    colours_by_label,
-    module_colours,
+    colors_by_label,
+    module_colors,
 )
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
@@ -41,8 +41,8 @@ SCRIPTS = (
     "player",
     "main",
 )
-PER_UNIT = 10_000  # whole numbers in a metre, or in the length of a unit vector
-# whole numbers in a metre or radian of error; finer, for they are shown to 0.01 cm
+PER_UNIT = 10_000  # whole numbers in a meter, or in the length of a unit vector
+# whole numbers in a meter or radian of error; finer, for they are shown to 0.01 cm
 PER_ERROR = 1_000_000
 
 
@@ -71,13 +71,13 @@ def replay_page(
     """
     check_same_arm(traces, arm)
     mesh = ArmMesh(arm)
-    modules = module_colours(arm.module_count)
-    colours = colours_by_label(trace.label for trace in traces)
+    modules = module_colors(arm.module_count)
+    colors = colors_by_label(trace.label for trace in traces)
     data = {
         "title": title,
         "summary": [[str(name), str(value)] for name, value in (summary or {}).items()],
-        "colours": {
-            "wanted": TARGET,
+        "colors": {
+            "desired": TARGET,
             "obstacle": OBSTACLE,
             "grid": GRID,
             "strong": GRID_STRONG,
@@ -86,7 +86,7 @@ def replay_page(
         "arm": {
             "name": arm.name,
             "lengths": [module.length for module in arm.modules],
-            "colours": modules,
+            "colors": modules,
         },
         "mesh": {
             "sections": mesh.sections,
@@ -94,7 +94,7 @@ def replay_page(
             "pieces": mesh.pieces,
         },
         "surroundings": vars(Surroundings.of(arm)),
-        "traces": [_trace_data(trace, colours[trace.label]) for trace in traces],
+        "traces": [_trace_data(trace, colors[trace.label]) for trace in traces],
     }
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
     page = Template(_part("replay.html")).substitute(
@@ -115,7 +115,7 @@ def _part(name: str) -> str:
 
 
 def _plain(value):
-    """Arrays as lists to a hundredth of a millimetre, and what is made of plain values as those."""
+    """Arrays as lists to a hundredth of a millimeter, and what is made of plain values as those."""
     return (
         value.round(5).tolist()
         if isinstance(value, np.ndarray | np.generic)
@@ -123,18 +123,18 @@ def _plain(value):
     )
 
 
-def _trace_data(trace: Trace, colour: str) -> dict:
+def _trace_data(trace: Trace, color: str) -> dict:
     frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
     obstacles = trace.obstacles
     return {
         "label": trace.label,
-        "colour": colour,
+        "color": color,
         "followed": trace.followed_module,
         "times": trace.times.round(4).tolist(),
         # (time, modules * 9): position, x axis, z axis
         "frames": _points(frames.reshape(trace.times.size, -1)),
-        "wanted": _asked(trace.wanted_positions),
-        "axes": _asked(trace.wanted_axes),
+        "desired": _asked(trace.desired_positions),
+        "axes": _asked(trace.desired_axes),
         "obstacles": _whole(
             obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles
         ),
@@ -149,10 +149,12 @@ def _trace_data(trace: Trace, colour: str) -> dict:
     }
 
 
-def _asked(wanted: np.ndarray) -> dict[str, list]:
+def _asked(desired: np.ndarray) -> dict[str, list]:
     """For each module of which something is asked, its points over time, null where nothing is."""
-    asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
-    return {str(module): _points(wanted[:, module]) for module in np.flatnonzero(asked)}
+    asked = np.isfinite(desired).all(axis=-1).any(axis=0)
+    return {
+        str(module): _points(desired[:, module]) for module in np.flatnonzero(asked)
+    }
 
 
 def _points(values: np.ndarray) -> list:

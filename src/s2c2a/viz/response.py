@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure
-from s2c2a.viz.colours import colours_by_label
+from s2c2a.viz.colors import colors_by_label
 
 Spectrum = tuple[Float[np.ndarray, " bands"], Complex[np.ndarray, " bands"]]
 TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
@@ -33,7 +33,7 @@ def response_figure(
     grid = figure.add_gridspec(2, 1)
     gain = new_axes(figure, grid[0], "frequency [Hz]", "gain")
     phase = new_axes(figure, grid[1], "frequency [Hz]", "phase [deg]", sharex=gain)
-    for towards, colour in colours_by_label(spectra).items():
+    for towards, color in colors_by_label(spectra).items():
         measured, expected = spectra[towards]
         _draw(
             gain,
@@ -41,7 +41,7 @@ def response_figure(
             measured,
             marker="o",
             linestyle="none",
-            color=colour,
+            color=color,
             label=f"towards {towards}, measured",
         )
         _draw(
@@ -49,7 +49,7 @@ def response_figure(
             phase,
             expected,
             linewidth=1.6,
-            color=colour,
+            color=color,
             alpha=0.7,
             label=f"towards {towards}, expected",
         )

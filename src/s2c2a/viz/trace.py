@@ -17,7 +17,7 @@ from s2c2a.spaces import AXIS, POSITION
 class Trace:
     """Where an arm was after each action of an episode's run, and what was asked then; base frame.
 
-    States may hold NaN where a real arm was not seen; wanted values are NaN where
+    States may hold NaN where a real arm was not seen; desired values are NaN where
     nothing is asked of that module.
 
     Attributes:
@@ -59,18 +59,18 @@ class Trace:
         return self.episode.sensor("states")[self._read]
 
     @cached_property
-    def wanted_positions(self) -> Float[np.ndarray, "time modules 3"]:
+    def desired_positions(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should be [m], or NaN."""
-        return self._asked("wanted_positions", self.episode.arm.module_count, 3)
+        return self._asked("desired_positions", self.episode.arm.module_count, 3)
 
     @cached_property
-    def wanted_axes(self) -> Float[np.ndarray, "time modules 3"]:
+    def desired_axes(self) -> Float[np.ndarray, "time modules 3"]:
         """Where module ends should point, unit vectors, or NaN."""
-        return self._asked("wanted_axes", self.episode.arm.module_count, 3)
+        return self._asked("desired_axes", self.episode.arm.module_count, 3)
 
     @cached_property
     def obstacles(self) -> Float[np.ndarray, "time obstacles 4"]:
-        """Centre and radius of spheres [m]; a radius that is not positive or a NaN says that there is none."""
+        """Center and radius of spheres [m]; a radius that is not positive or a NaN says that there is none."""
         return self._asked("obstacles", 0, 4)
 
     @property
@@ -90,12 +90,12 @@ class Trace:
     @property
     def followed_module(self) -> int:
         """Outermost module whose position is asked for, counted from 0; the last one where none is."""
-        return _outermost_asked(self.wanted_positions)
+        return _outermost_asked(self.desired_positions)
 
     @property
     def pointing_module(self) -> int:
         """Outermost module whose axis is asked for, counted from 0; the last one where none is."""
-        return _outermost_asked(self.wanted_axes)
+        return _outermost_asked(self.desired_axes)
 
     @property
     def followed_path(self) -> Float[np.ndarray, "time 3"]:
@@ -103,19 +103,19 @@ class Trace:
         return self.states[:, self.followed_module, POSITION]
 
     @property
-    def wanted_path(self) -> Float[np.ndarray, "time 3"]:
-        """Wanted positions of the followed module's end [m], or NaN."""
-        return self.wanted_positions[:, self.followed_module]
+    def desired_path(self) -> Float[np.ndarray, "time 3"]:
+        """Desired positions of the followed module's end [m], or NaN."""
+        return self.desired_positions[:, self.followed_module]
 
     def spheres(self, step: int) -> Float[np.ndarray, "spheres 4"]:
-        """Centre and radius of the obstacles that are there at a step [m]."""
+        """Center and radius of the obstacles that are there at a step [m]."""
         obstacles = self.obstacles[step]
         return obstacles[standing(obstacles)]
 
     @property
     def position_errors(self) -> Float[np.ndarray, " time"]:
         """Distance of the followed module's end from where it should be [m], or NaN."""
-        return np.linalg.norm(self.followed_path - self.wanted_path, axis=-1)
+        return np.linalg.norm(self.followed_path - self.desired_path, axis=-1)
 
     @property
     def _counted(self) -> Bool[np.ndarray, " time"]:
@@ -142,11 +142,11 @@ class Trace:
 
     @property
     def axis_errors(self) -> Float[np.ndarray, " time"]:
-        """Angle between end axis and wanted axis [rad] of the pointing module, or NaN."""
+        """Angle between end axis and desired axis [rad] of the pointing module, or NaN."""
         real = self.states[:, self.pointing_module, AXIS]
-        wanted = self.wanted_axes[:, self.pointing_module]
-        across = np.linalg.norm(np.cross(real, wanted), axis=-1)
-        return np.arctan2(across, np.sum(real * wanted, axis=-1))
+        desired = self.desired_axes[:, self.pointing_module]
+        across = np.linalg.norm(np.cross(real, desired), axis=-1)
+        return np.arctan2(across, np.sum(real * desired, axis=-1))
 
 
 def standing(obstacles: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
@@ -154,10 +154,10 @@ def standing(obstacles: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
     return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., 3] > 0)
 
 
-def _outermost_asked(wanted: np.ndarray) -> int:
+def _outermost_asked(desired: np.ndarray) -> int:
     """Last module of which something is asked at some time, or the last one of all."""
-    asked = np.isfinite(wanted).all(axis=-1).any(axis=0)
-    return int(np.flatnonzero(asked)[-1]) if asked.any() else wanted.shape[1] - 1
+    asked = np.isfinite(desired).all(axis=-1).any(axis=0)
+    return int(np.flatnonzero(asked)[-1]) if asked.any() else desired.shape[1] - 1
 
 
 def check_some(traces: Collection) -> None:
@@ -181,7 +181,7 @@ def check_told_apart(traces: Collection[Trace]) -> None:
     twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
     if twice:
         raise S2C2AError(
-            f"several traces are labelled '{twice[0]}'; give each a label of its own, for the legend"
+            f"several traces are labeled '{twice[0]}'; give each a label of its own, for the legend"
         )
 
 

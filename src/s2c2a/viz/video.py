@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
-from s2c2a.viz.colours import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
+from s2c2a.viz.colors import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
 from s2c2a.viz.mesh import ArmMesh, unit
 from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
@@ -22,14 +22,14 @@ from s2c2a.viz.trace import Trace, check_same_arm
 # pixels, and how much finer it is painted
 SIZE = (480, 400)
 FINER = 2
-MOST_FRAMES = 120
-COLOURS = 64
+MAX_FRAMES = 120
+COLORS = 64
 # in parts of the arm's length
 EYE = (1.9, -2.0, 1.25)
 TOWARDS = (0.0, 0.0, 0.48)
 SCALE = 1.65  # heights of the picture that one arm's length fills at its distance
 LIGHT = np.array([0.35, -0.55, 0.76])
-ARROW = 0.15  # length of a wanted axis in parts of the arm's length
+ARROW = 0.15  # length of a desired axis in parts of the arm's length
 BACKGROUND = "#ffffff"
 BALL = "#dde1e8"
 
@@ -51,7 +51,7 @@ def save_video(
     """
     check_same_arm([trace], arm)
     ending = ending or ("mp4" if shutil.which("ffmpeg") else "gif")
-    steps = range(0, trace.times.size, max(1, -(-trace.times.size // MOST_FRAMES)))
+    steps = range(0, trace.times.size, max(1, -(-trace.times.size // MAX_FRAMES)))
     seconds = float(trace.times[-1] - trace.times[0]) / max(len(steps) - 1, 1) or 0.1
     studio = Studio(arm)
     write = _write_mp4 if ending == "mp4" else _write_gif
@@ -85,22 +85,22 @@ class Studio:
         canvas = Image.new("RGB", (FINER * SIZE[0], FINER * SIZE[1]), BACKGROUND)
         self._paint = ImageDraw.Draw(canvas)
         self._paint_ground()
-        self._line(trace.wanted_path, TARGET)
+        self._line(trace.desired_path, TARGET)
         self._line(trace.followed_path[: step + 1], REAL)
-        for *centre, radius in trace.spheres(step):
+        for *center, radius in trace.spheres(step):
             self._dot(
-                np.array(centre),
-                self._scale * radius / self.places(np.array(centre))[2] / FINER,
+                np.array(center),
+                self._scale * radius / self.places(np.array(center))[2] / FINER,
                 BALL,
                 OBSTACLE,
             )
         if np.isfinite(trace.states[step]).all():
             self._paint_arm(trace.states[step])
-        axis = trace.wanted_axes[step, trace.pointing_module]
-        end = trace.wanted_path[step]
+        axis = trace.desired_axes[step, trace.pointing_module]
+        end = trace.desired_path[step]
         self._line(np.stack([end, end + ARROW * self._size * axis]), TARGET)
-        for size, colour in ((8, BACKGROUND), (6, TARGET)):
-            self._dot(end, size, colour, INK)
+        for size, color in ((8, BACKGROUND), (6, TARGET)):
+            self._dot(end, size, color, INK)
         said = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
         self._paint.text((16, FINER * SIZE[1] - 44), said, MUTED, font_size=26)
         return canvas.resize(SIZE, Image.Resampling.LANCZOS)
@@ -138,7 +138,7 @@ class Studio:
             [np.full(len(faces), piece.lift) for piece, faces in triangles]
         )
         shades = np.concatenate(
-            [self._lit(faces, piece.colour) for piece, faces in triangles]
+            [self._lit(faces, piece.color) for piece, faces in triangles]
         )
         places = self.places(np.concatenate([faces for _, faces in triangles]))
         for number in np.argsort(lifts - places[..., 2].mean(axis=1)):
@@ -149,26 +149,24 @@ class Studio:
                     tuple(shades[number]),
                 )
 
-    def _lit(
-        self, triangles: Float[np.ndarray, "faces 3 3"], colour: str
-    ) -> np.ndarray:
-        """Colours of faces in soft light from above."""
+    def _lit(self, triangles: Float[np.ndarray, "faces 3 3"], color: str) -> np.ndarray:
+        """Colors of faces in soft light from above."""
         normals = unit(
             np.cross(
                 triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
             )
         )
         bright = 0.68 + 0.36 * np.clip(normals @ self._light, 0.0, 1.0)
-        return np.clip(bright[:, None] * rgb(colour), 0, 255).astype(int)
+        return np.clip(bright[:, None] * rgb(color), 0, 255).astype(int)
 
     def _line(
-        self, points: Float[np.ndarray, "points 3"], colour: str, width: int = 2 * FINER
+        self, points: Float[np.ndarray, "points 3"], color: str, width: int = 2 * FINER
     ) -> None:
         known = points[np.isfinite(points).all(axis=-1)]
         if len(known) > 1:
             self._paint.line(
                 [tuple(place[:2]) for place in self.places(known)],
-                colour,
+                color,
                 width,
                 joint="curve",
             )
@@ -192,7 +190,7 @@ class Studio:
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
     first, *others = (
-        frame.quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames
+        frame.quantize(COLORS, dither=Image.Dither.NONE) for frame in frames
     )
     content = BytesIO()
     pause = round(1000 * seconds)

@@ -69,16 +69,16 @@ def test_play_makes_a_loop_twice_its_half_width_wide(transmission):
         [0.0, 0.0, 4.0, 4.0, 4.0, 3.0, -4.0, -4.0, -4.0, -3.0, 4.0, 1.0]
     )
     np.testing.assert_allclose(
-        drive(transmission(play=1e-3), targets), expected, atol=1e-15
+        drive(transmission(backlash=1e-3), targets), expected, atol=1e-15
     )
 
 
 def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(
     transmission,
 ):
-    up, _, down, _ = drive(transmission(play=0.7e-3), [0.0, 0.01, 0.0, -0.01])
+    up, _, down, _ = drive(transmission(backlash=0.7e-3), [0.0, 0.01, 0.0, -0.01])
     assert (down - up, up) == pytest.approx((0.7e-3, 0.0))
-    loop = drive(transmission(play=0.7e-3), [0.01, 0.0, -0.01, 0.0])
+    loop = drive(transmission(backlash=0.7e-3), [0.01, 0.0, -0.01, 0.0])
     assert loop[1] - loop[3] == pytest.approx(2 * 0.7e-3)
 
 
@@ -86,20 +86,20 @@ def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(
 def test_play_does_not_depend_on_the_physics_step(transmission, steps):
     targets = np.random.default_rng(3).uniform(-4e-3, 4e-3, 40)
     coarse, fine = (
-        drive(transmission(play=1e-3), targets, count) for count in (steps, 20)
+        drive(transmission(backlash=1e-3), targets, count) for count in (steps, 20)
     )
     np.testing.assert_allclose(coarse, fine, atol=1e-15)
 
 
 def test_play_of_the_whole_path_is_the_play_of_its_pieces(transmission):
-    whole, pieces = transmission(play=1e-3), transmission(play=1e-3)
+    whole, pieces = transmission(backlash=1e-3), transmission(backlash=1e-3)
     drive(whole, [6e-3, -2e-3])
     drive(pieces, [1e-3, 2.5e-3, 6e-3, 5e-3, 1e-3, -2e-3])
     np.testing.assert_allclose(whole.transmitted, pieces.transmitted, atol=1e-15)
 
 
 def test_the_felt_path_never_leaves_the_band_around_the_motors(transmission):
-    random, losing = np.random.default_rng(0), transmission(play=1e-3)
+    random, losing = np.random.default_rng(0), transmission(backlash=1e-3)
     targets = random.uniform(-5e-3, 5e-3, 60)
     assert np.max(np.abs(drive(losing, targets) - targets)) == pytest.approx(
         1e-3, rel=1e-9
@@ -121,14 +121,14 @@ def test_the_capstan_band_is_the_stretch_of_what_friction_holds(transmission):
     )
 
 
-def test_the_capstan_band_grows_with_tension_and_adds_to_play(transmission):
+def test_the_capstan_band_grows_with_tension_and_adds_to_backlash(transmission):
     friction = {"friction": 0.2, "stiffness": 3000.0}
     one, two = (
         half_width(transmission(**friction), tension) for tension in (5.0, 10.0)
     )
     assert one > 1e-4
     assert two == pytest.approx(2 * one)
-    assert half_width(transmission(play=1e-3, **friction), 5.0) == pytest.approx(
+    assert half_width(transmission(backlash=1e-3, **friction), 5.0) == pytest.approx(
         one + 1e-3
     )
     assert half_width(transmission(**friction), 0.0) == pytest.approx(0.0)
@@ -197,13 +197,13 @@ def test_after_a_release_creep_recovers(transmission):
 def test_play_keeps_what_creep_takes_back_within_its_band(transmission):
     """The motor is at 10 mm early in the step and stays; creep then takes less than the band: nothing moves back.
 
-    Creep makes the path turn back within a step, so play is no longer a clip of where
+    Creep makes the path turn back within a step, so backlash is no longer a clip of where
     the step began.
     """
     times = 0.005 * np.arange(1, 21)
     out = np.where(times <= 0.01, times / 0.01, 1.0)[:, None, None] * np.full(
         (1, 3), 0.01
     )
-    losing = transmission(play=1e-3, creep=0.3, creep_time=1.0)
+    losing = transmission(backlash=1e-3, creep=0.3, creep_time=1.0)
     felt = losing.pass_on(out, times, SLACK, STRAIGHT)[:, 0, 0]
     assert np.min(np.diff(felt)) >= 0

@@ -116,11 +116,11 @@ def test_readings_know_the_true_configuration_of_each_module_in_its_own_frame(ma
 
 def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
     bends = []
-    for play in (0.0, 0.001):
+    for backlash in (0.0, 0.001):
         arm = make_arm(
             1,
             3,
-            {"cable": Cable(stiffness=1e4, play=play)},
+            {"cable": Cable(stiffness=1e4, backlash=backlash)},
             gravity_direction=(0, 0, 0),
         )
         with SimulatedRobot(arm) as robot:
@@ -201,15 +201,22 @@ def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(
     make_arm,
 ):
     opened = {}
-    for play in (0.0, 0.001):
+    for backlash in (0.0, 0.001):
         arm = make_arm(
-            2, 3, {"cable": Cable(stiffness=1e4, play=play), "bending_stiffness": 0.3}
+            2,
+            3,
+            {
+                "cable": Cable(stiffness=1e4, backlash=backlash),
+                "bending_stiffness": 0.3,
+            },
         )
         for seed in (0, 1):
             robot = SimulatedRobot(arm, seed=seed, jitter=0.1)
-            opened[play, seed] = robot.open()["states"]
+            opened[backlash, seed] = robot.open()["states"]
             robot.step(np.zeros((2, 3)))
-            np.testing.assert_allclose(robot.states(), opened[play, seed], atol=1e-4)
+            np.testing.assert_allclose(
+                robot.states(), opened[backlash, seed], atol=1e-4
+            )
     straight = [[0, 0, 0.2, 0, 0, 1], [0, 0, 0.4, 0, 0, 1]]
     np.testing.assert_allclose(opened[0.0, 0], straight, atol=1e-4)
     assert np.linalg.norm(opened[0.001, 0] - straight) > 1e-3

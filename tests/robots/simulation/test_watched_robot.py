@@ -1,4 +1,4 @@
-"""What a watched robot tells of its centre line, and that watching changes nothing."""
+"""What a watched robot tells of its center line, and that watching changes nothing."""
 
 from itertools import pairwise
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.kinematics import centre_line
+from s2c2a.kinematics import center_line
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
 STEPS = 4
@@ -44,16 +44,16 @@ def test_watching_changes_nothing(both):
         np.testing.assert_array_equal(one["states"], other["states"])
 
 
-def test_an_unwatched_robot_tells_no_centre_line(both):
+def test_an_unwatched_robot_tells_no_center_line(both):
     _, (_, readings) = both
-    assert [reading.get("centre_line") for reading in readings] == [None] * (STEPS + 1)
+    assert [reading.get("center_line") for reading in readings] == [None] * (STEPS + 1)
 
 
 def test_a_watched_robot_tells_five_points_a_module_at_every_physics_step(both):
     """At the start of every physics step, and at the end of the last."""
     (robot, readings), _ = both
     moments = round(0.1 / robot.model.opt.timestep) + 1
-    assert [reading["centre_line"].shape for reading in readings] == [
+    assert [reading["center_line"].shape for reading in readings] == [
         (moments, 15, 3)
     ] * (STEPS + 1)
 
@@ -61,7 +61,7 @@ def test_a_watched_robot_tells_five_points_a_module_at_every_physics_step(both):
 def test_the_newest_moment_ends_at_the_ends_that_states_tell(both):
     (_, readings), _ = both
     for reading in readings:
-        newest = reading["centre_line"][-1]
+        newest = reading["center_line"][-1]
         np.testing.assert_array_equal(newest[-1], reading["states"][-1, :3])
         np.testing.assert_allclose(newest[4::5], reading["states"][:, :3], atol=1e-12)
 
@@ -70,13 +70,13 @@ def test_the_oldest_moment_is_the_newest_of_the_reading_before(both):
     (_, readings), _ = both
     for before, after in pairwise(readings):
         np.testing.assert_allclose(
-            after["centre_line"][0], before["centre_line"][-1], atol=1e-12
+            after["center_line"][0], before["center_line"][-1], atol=1e-12
         )
 
 
 def test_the_arm_moves_from_moment_to_moment_and_never_jumps(both):
     (_, readings), _ = both
-    tips = np.concatenate([reading["centre_line"][:-1, -1] for reading in readings[1:]])
+    tips = np.concatenate([reading["center_line"][:-1, -1] for reading in readings[1:]])
     moves = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
     assert np.median(moves) > 1e-5
     assert moves.max() < 0.02
@@ -86,7 +86,7 @@ def test_points_come_from_base_to_tip_a_fifth_of_a_module_apart(both):
     (_, readings), _ = both
     for reading in readings:
         line = np.concatenate(
-            [np.zeros((len(reading["centre_line"]), 1, 3)), reading["centre_line"]],
+            [np.zeros((len(reading["center_line"]), 1, 3)), reading["center_line"]],
             axis=1,
         )
         np.testing.assert_allclose(
@@ -105,13 +105,13 @@ def test_watching_changes_no_bit_of_the_physics(both):
         )
 
 
-def test_the_centre_line_from_states_is_near_the_watched_one(both):
+def test_the_center_line_from_states_is_near_the_watched_one(both):
     """Two ways to the same line, on arms in motion."""
     (robot, readings), _ = both
     lengths = ArmGeometry.of(robot.arm).lengths.astype(np.float32)
     for reading in readings:
-        guessed = centre_line(reading["states"].astype(np.float32), lengths)
-        np.testing.assert_allclose(guessed, reading["centre_line"][-1], atol=0.005)
+        guessed = center_line(reading["states"].astype(np.float32), lengths)
+        np.testing.assert_allclose(guessed, reading["center_line"][-1], atol=0.005)
 
 
 def test_an_arm_of_another_size_is_watched_all_the_same(make_arm):
@@ -119,7 +119,7 @@ def test_an_arm_of_another_size_is_watched_all_the_same(make_arm):
         make_arm(5, 4, {"bending_stiffness": 0.5}), watched=True
     ) as robot:
         robot.step(np.zeros((5, 4)))
-        line = robot.read()["centre_line"]
+        line = robot.read()["center_line"]
     assert line.shape[1:] == (25, 3)
     np.testing.assert_allclose(
         line[-1], [[0, 0, 0.04 * point] for point in range(1, 26)], atol=1e-6

@@ -13,11 +13,11 @@ from scipy.linalg import eigh
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.robots.simulation.flawed_module import FlawedModule, passed_shares
-from s2c2a.spaces import CENTRE_LINE_POINTS
+from s2c2a.robots.simulation.mismatched_module import MismatchedModule, passed_shares
+from s2c2a.spaces import CENTER_LINE_POINTS
 
 _ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
-_MOST_TENSION = 1e6  # N
+_MAX_TENSION = 1e6  # N
 # of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the
 # time
 _TOLERANCE = 1e-6
@@ -30,7 +30,7 @@ class Fidelity:
     Attributes:
         name: the word a user types.
         segments: rigid segments a module, a multiple of five: five points of each
-            centre line are watched.
+            center line are watched.
         torsion: whether modules can twist about their own axis.
         routed_cables: cables led through points in space (true), or acting on the
             joints alone (false: faster).
@@ -87,14 +87,14 @@ def build_model(
         arm: the description.
         fidelity: how finely to cut.
         payload: mass at the tip [kg].
-        watched: whether sensors say where the points of the centre line are.
+        watched: whether sensors say where the points of the center line are.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     _set_options(spec, arm)
     _add_chain(spec, arm, fidelity, payload, watched)
     _add_cables(spec, arm, fidelity)
-    if arm.senses.imu is not None:
+    if arm.sensors.imu is not None:
         _add_inertial_sensors(spec, arm.module_count)
     model = spec.compile()
     _choose_steps(model, arm, fidelity)
@@ -116,7 +116,9 @@ def _choose_steps(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> No
         return
     step = time_step(arm, fidelity.explicit_time_step)
     if _springs_allow(
-        model, step, 1.0 + 3.0 * max(module.flaws.hardening for module in arm.modules)
+        model,
+        step,
+        1.0 + 3.0 * max(module.mismatch.hardening for module in arm.modules),
     ):
         model.opt.timestep, model.opt.integrator = (
             step,
@@ -167,7 +169,7 @@ def joint_name(module: int, segment: int, axis: str) -> str:
 
 
 def slide_name(module: int) -> str:
-    """Name of the joint by which a module's centre line shortens."""
+    """Name of the joint by which a module's center line shortens."""
     return f"slide_{module}"
 
 
@@ -183,7 +185,7 @@ def _add_chain(
     # distance from the body's origin to the end of what is built
     body = spec.worldbody
     reached = 0.0
-    modules = [FlawedModule.of(module) for module in arm.modules]
+    modules = [MismatchedModule.of(module) for module in arm.modules]
     halves = [
         (module, module.described.length / fidelity.segments / 2) for module in modules
     ]
@@ -202,9 +204,9 @@ def _add_chain(
             _add_cable_sites(body, arm, modules, (number, segment + 1), half)
             if (
                 watched
-                and (segment + 1) % (fidelity.segments // CENTRE_LINE_POINTS) == 0
+                and (segment + 1) % (fidelity.segments // CENTER_LINE_POINTS) == 0
             ):
-                _add_watched_point(spec, body, f"centre_{number}_{segment}", half)
+                _add_watched_point(spec, body, f"center_{number}_{segment}", half)
             reached = half
         body.add_site(name=f"end_{number}", pos=(0, 0, half))
 
@@ -229,12 +231,12 @@ def _add_inertial_sensors(spec: mujoco.MjSpec, modules: int) -> None:
         )
 
 
-def _add_slide(body, module: FlawedModule, number: int) -> None:
+def _add_slide(body, module: MismatchedModule, number: int) -> None:
     """One for a module that shortens: in its middle it moves the end within 0.2 mm of as many as there are segments."""
     described = module.described
-    if described.flaws.axial_stiffness is None:
+    if described.mismatch.axial_stiffness is None:
         return
-    stiffness = described.flaws.axial_stiffness / described.length
+    stiffness = described.mismatch.axial_stiffness / described.length
     body.add_joint(
         name=slide_name(number),
         type=mujoco.mjtJoint.mjJNT_SLIDE,
@@ -245,7 +247,7 @@ def _add_slide(body, module: FlawedModule, number: int) -> None:
 
 
 def _add_joints(
-    body, module: FlawedModule, number: int, segment: int, fidelity: Fidelity
+    body, module: MismatchedModule, number: int, segment: int, fidelity: Fidelity
 ) -> None:
     length = module.described.length / fidelity.segments
     damping_time = module.described.damping_time
@@ -272,11 +274,11 @@ def _add_joints(
 
 def _set_inertia(
     body,
-    own: tuple[FlawedModule, float],
-    following: tuple[FlawedModule, float] | None,
+    own: tuple[MismatchedModule, float],
+    following: tuple[MismatchedModule, float] | None,
     payload: float,
 ) -> None:
-    """Mass, centre and inertia of two half segments (thin solid cylinders), at the tip of one and a point mass."""
+    """Mass, center and inertia of two half segments (thin solid cylinders), at the tip of one and a point mass."""
     half = own[1]
     pieces = [
         (
@@ -293,11 +295,11 @@ def _set_inertia(
     if following is None:
         pieces.append((payload, half, 0.0, 0.0))
     masses, starts, lengths, radii = np.array(pieces).T
-    centres = starts + lengths / 2
-    centre = masses @ centres / masses.sum()
-    across = np.sum(masses * (lengths**2 / 12 + radii**2 / 4 + (centres - centre) ** 2))
+    centers = starts + lengths / 2
+    center = masses @ centers / masses.sum()
+    across = np.sum(masses * (lengths**2 / 12 + radii**2 / 4 + (centers - center) ** 2))
     body.mass = masses.sum()
-    body.ipos = (0, 0, centre)
+    body.ipos = (0, 0, center)
     body.inertia = (across, across, np.sum(masses * radii**2 / 2))
     body.explicitinertial = True
 
@@ -305,7 +307,7 @@ def _set_inertia(
 def _add_cable_sites(
     body,
     arm: ArmSpec,
-    modules: list[FlawedModule],
+    modules: list[MismatchedModule],
     place: tuple[int, int],
     height: float,
 ) -> None:
@@ -324,7 +326,7 @@ def _eye(owner: int, cable: int, place: tuple[int, int]) -> str:
 
 def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
     geometry = ArmGeometry.of(arm)
-    modules = [FlawedModule.of(module) for module in arm.modules]
+    modules = [MismatchedModule.of(module) for module in arm.modules]
     for owner, cable in np.ndindex(geometry.pretensions.shape):
         tendon = spec.add_tendon(name=f"cable_{owner}_{cable}")
         shares = passed_shares(arm, owner)
@@ -358,15 +360,15 @@ def _lead_along_joints(
 ) -> None:
     """A constant lever arm about every hinge that the cable passes, and the whole way of every slide."""
     for number, share in passed_shares(arm, owner).items():
-        levers = FlawedModule.of(arm.modules[owner]).levers_about(
-            FlawedModule.of(arm.modules[number]).axes
+        levers = MismatchedModule.of(arm.modules[owner]).levers_about(
+            MismatchedModule.of(arm.modules[number]).axes
         )[cable]
         for segment in range(segments):
             for axis, lever in (("y", levers[1]), ("x", levers[0])):
                 tendon.wrap_joint(
                     joint_name(number, segment, axis), float(share * lever)
                 )
-        if arm.modules[number].flaws.axial_stiffness is not None:
+        if arm.modules[number].mismatch.axial_stiffness is not None:
             tendon.wrap_joint(slide_name(number), 1.0)
 
 
@@ -374,7 +376,7 @@ def _add_pull(spec: mujoco.MjSpec, name: str, viscous_friction: float):
     """An actuator that only pulls, with a commanded tension less friction against its motion."""
     pull = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     pull.forcelimited = True
-    pull.forcerange = (-_MOST_TENSION, 0.0)
+    pull.forcerange = (-_MAX_TENSION, 0.0)
     pull.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     pull.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     pull.gainprm[0] = -1.0

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.senses import Flex
+from s2c2a.arm.sensors import Flex
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import States
 
@@ -19,7 +19,7 @@ class FlexStrips:
 
     A strip at angle a of a module with bend b is bent by u = b_x cos a + b_y sin a, and
     takes in a little of other modules' bends. It says g v (1 + c v) + z, with a gain g
-    and a curve c of its own, a zero z that wanders, and v, which follows u with play,
+    and a curve c of its own, a zero z that wanders, and v, which follows u with backlash,
     for strips creep in what they are glued to.
     """
 
@@ -58,7 +58,7 @@ class FlexStrips:
         self._zeros = self._zeros + part.drift * np.sqrt(seconds / MINUTE) * drawn[0]
         self._noise = part.noise * drawn[1]
 
-    def told(self) -> dict[str, np.ndarray]:
+    def read(self) -> dict[str, np.ndarray]:
         """In a reading [rad, nominal]."""
         said = self._gains * self._followed * (1.0 + self._curves * self._followed)
         return {"flex": said + self._zeros + self._noise}

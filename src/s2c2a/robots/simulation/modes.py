@@ -13,7 +13,7 @@ GROWTH = 1e-6  # 1/s; what is less is rounding
 def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
     """Natural frequency [Hz] and damping ratio of the slowest bending mode about the straight arm.
 
-    From the eigenvalues of MuJoCo's linearised transition over one physics step.
+    From the eigenvalues of MuJoCo's linearized transition over one physics step.
     Friction between motor and module is not part of it: the cables hold still.
 
     Raises:

@@ -30,8 +30,8 @@ class Relaxation:
         modules = [
             module_of_joint(model.joint(joint).name) for joint in range(model.njnt)
         ]
-        self._parts = per_module(arm, "flaws.relaxing")[modules]
-        self._times = per_module(arm, "flaws.relaxation_times")[modules]
+        self._parts = per_module(arm, "mismatch.relaxing")[modules]
+        self._times = per_module(arm, "mismatch.relaxation_times")[modules]
         self.rests = model.qpos_spring.copy()
         self.used_to = np.zeros_like(self._parts)
 

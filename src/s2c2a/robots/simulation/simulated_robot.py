@@ -9,10 +9,10 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
-from s2c2a.robots.simulation.beside import Beside, Currents, sensed_beside
+from s2c2a.robots.simulation.extra_sensors import Beside, Currents, sensed_beside
 from s2c2a.robots.simulation.chain import build_model, fidelity_named
-from s2c2a.robots.simulation.declared import declared_sensors
-from s2c2a.robots.simulation.happenings import MOST_PAYLOAD, Happenings, happenings_from
+from s2c2a.robots.simulation.declared_sensors import declared_sensors
+from s2c2a.robots.simulation.events import MAX_PAYLOAD, EventSchedule, parse_events
 from s2c2a.robots.simulation.relaxation import Relaxation
 from s2c2a.robots.simulation.stepping import stepped, taken_over
 from s2c2a.robots.simulation.transmission import (
@@ -21,7 +21,7 @@ from s2c2a.robots.simulation.transmission import (
     motor_path,
 )
 from s2c2a.robots.simulation.twin import twin_of
-from s2c2a.spaces import CENTRE_LINE_POINTS, Actions, Reading, Sensor, States
+from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s at rest before the clock starts
 
@@ -37,13 +37,13 @@ class SimulatedRobot(Robot):
         jitter: part of the full bend that every module is moved by, in a random
             direction, before it settles at rest; cables with hysteresis then start in
             another state.
-        watched: whether readings tell the centre line at every physics step; it costs a
+        watched: whether readings tell the center line at every physics step; it costs a
             little time.
-        aged: how far it has gone on its way to the drift that its flaws tell of, 0 to
+        aged: how far it has gone on its way to the drift that its mismatch tell of, 0 to
             1: data are collected at 0.
         twin: an arm file, such as `s2c2a identify` writes: it moves as that one, while
             `arm` is what one is told of it.
-        happens: what comes about while it works (`happenings.SAMPLE`).
+        happens: what comes about while it works (`events.SAMPLE`).
 
     Raises:
         S2C2AError: unknown fidelity, impossible payload, seed, jitter, age or
@@ -80,9 +80,9 @@ class SimulatedRobot(Robot):
         self._payload = payload
         self._hung = payload
         self._firm = 1.0
-        self._every = happenings_from(happens)
+        self._every = parse_events(happens)
         if any(one.kind == "blind" for one in self._every) and (
-            arm.sensing == "true" or arm.senses.bends
+            arm.sensing == "true" or arm.sensors.bends
         ):
             raise S2C2AError(
                 "an arm that sees its bends cannot go blind: the simulation scores runs by them"
@@ -95,8 +95,8 @@ class SimulatedRobot(Robot):
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
         self._sensing = bool(self.model.nsensordata)
-        self._points = 3 * CENTRE_LINE_POINTS * arm.module_count if watched else 0
-        self._relaxing = per_module(self._body, "flaws.relaxing").any()
+        self._points = 3 * CENTER_LINE_POINTS * arm.module_count if watched else 0
+        self._relaxing = per_module(self._body, "mismatch.relaxing").any()
         self._relaxation = Relaxation(self._body, self.model)
         self._rest()
 
@@ -106,7 +106,7 @@ class SimulatedRobot(Robot):
         self._seen: np.ndarray | None = None
         self._beside = Beside(self._body, self._seed, self._openings)
         self._homed_at = self._homing_errors()
-        self._happenings = Happenings(())
+        self._happenings = EventSchedule(())
         self._blind = False
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
         self._currents = Currents(self._body.motor, self._motors, inward)
@@ -143,7 +143,7 @@ class SimulatedRobot(Robot):
         self.step(self._jittered())
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
-        self._happenings = Happenings(self._every)
+        self._happenings = EventSchedule(self._every)
         self._step = 0
         self.data.time = 0.0
         self._beside.begin(self.states())
@@ -162,12 +162,12 @@ class SimulatedRobot(Robot):
             "configurations": self.configurations(),
         }
         if self.arm.motor.current_noise is not None:
-            said["tensions"] = self._currents.told(
+            said["tensions"] = self._currents.read(
                 self._tensions_at_motors(), self.arm.motor.current_noise, self._random
             )
         if self._seen is not None:
-            said["centre_line"] = self._seen
-        said |= self._beside.told(self.data.time)
+            said["center_line"] = self._seen
+        said |= self._beside.read(self.data.time)
         if self._blind:
             said = {
                 name: said[name]
@@ -282,9 +282,9 @@ class SimulatedRobot(Robot):
         return -self.data.actuator_force.reshape(self._geometry.action_neutral.shape)
 
     def _model_with(self, payload: float) -> mujoco.MjModel:
-        if not (np.isfinite(payload) and 0 <= payload <= MOST_PAYLOAD):
+        if not (np.isfinite(payload) and 0 <= payload <= MAX_PAYLOAD):
             raise S2C2AError(
-                f"payload {payload} kg is not between 0 and {MOST_PAYLOAD:g} kg"
+                f"payload {payload} kg is not between 0 and {MAX_PAYLOAD:g} kg"
             )
         model = build_model(self._body, self._fidelity, payload, self._watched)
         model.actuator_gainprm[0, 0] *= self._firm
@@ -305,7 +305,7 @@ class SimulatedRobot(Robot):
         return step * np.arange(1, max(1, round(seconds / step)) + 1)
 
     def _wrenches(self) -> Float[np.ndarray, "bodies 6"]:
-        """The push, and its torque: MuJoCo applies forces at centres of mass, this one is at the tip."""
+        """The push, and its torque: MuJoCo applies forces at centers of mass, this one is at the tip."""
         wrenches = np.zeros_like(self.data.xfrc_applied)
         lever = (
             self.data.site_xpos[self._end_sites[-1]] - self.data.xipos[self._tip_body]

@@ -22,7 +22,7 @@ def stepped(
         model: the body.
         data: its state, which moves on.
         commands: of the actuators.
-        wrenches: on the bodies all the while [N, N m], at their centres of mass; none
+        wrenches: on the bodies all the while [N, N m], at their centers of mass; none
             if None.
 
     Returns:

@@ -1,7 +1,7 @@
-"""From a command to what a module feels: motors with a lag, a speed limit and ticks; play, capstan friction, creep.
+"""From a command to what a module feels: motors with a lag, a speed limit and ticks; backlash, capstan friction, creep.
 
 The motors chase a held command, so their path within a control step is monotone, and
-for monotone paths play is a clip. Creep can make the path turn; then play is followed
+for monotone paths backlash is a clip. Creep can make the path turn; then backlash is followed
 from physics step to physics step. Friction that grows with speed is MuJoCo's: a damper
 beside the spring of each cable, which cannot push either.
 """
@@ -61,7 +61,7 @@ def encoder_reading(
 
 
 class CableTransmission:
-    """What is lost between motors and modules of one arm: drift, creep, play, friction.
+    """What is lost between motors and modules of one arm: drift, creep, backlash, friction.
 
     Attributes:
         transmitted: displacement [m] or tension [N] at the modules, shape (modules,
@@ -75,7 +75,7 @@ class CableTransmission:
         Args:
             arm: the description.
             start: where the motors are [m or N], shape (modules, cables).
-            aged: how far the arm has gone on its way to the drift that its flaws tell
+            aged: how far the arm has gone on its way to the drift that its mismatch tell
                 of, from 0 to 1.
         """
         names = ("friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
@@ -87,8 +87,8 @@ class CableTransmission:
             self._creep,
             self._creep_time,
         ) = columns
-        self._play = per_cable(arm, "cable.play")
-        self._lost = aged * per_module(arm, "flaws.drift")[:, None]
+        self._backlash = per_cable(arm, "cable.backlash")
+        self._lost = aged * per_module(arm, "mismatch.drift")[:, None]
         self._tension_driven = arm.actuation == "tension"
         self._tube_angle = np.deg2rad(tube_angle_deg)
         self._neutral = ArmGeometry.of(arm).action_neutral
@@ -165,7 +165,7 @@ class CableTransmission:
         wrap = self._wrap(bend_angles)
         if self._tension_driven:
             return path * np.exp(-wrap), path * np.exp(wrap)
-        width = self._play + tensions * np.expm1(wrap) / self._stiffness
+        width = self._backlash + tensions * np.expm1(wrap) / self._stiffness
         return path - width, path + width
 
     def _wrap(self, bend_angles: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from s2c2a.errors import S2C2AError
 
 
 def twin_of(arm: ArmSpec, file: str) -> ArmSpec:
-    """The description in a file, such as `s2c2a identify` writes, at the rate and with the senses of an arm.
+    """The description in a file, such as `s2c2a identify` writes, at the rate and with the sensors of an arm.
 
     Raises:
         S2C2AError: it is of another form.
@@ -21,5 +21,5 @@ def twin_of(arm: ArmSpec, file: str) -> ArmSpec:
             f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm"
         )
     # physics steps divide the control period
-    as_driven = {"control_rate": arm.control_rate, "senses": arm.senses}
+    as_driven = {"control_rate": arm.control_rate, "sensors": arm.sensors}
     return twin.model_copy(update=as_driven)

@@ -40,10 +40,10 @@ function pushStrand(things, camera, light, sections, outline, rgb, lift) {
 
 // Everything of the arm for the painter.
 function pushArm(things, camera, light, sections, mesh) {
-  for (const { colour, tubes, outlines, lift } of mesh.pieces) {
+  for (const { color, tubes, outlines, lift } of mesh.pieces) {
     for (const outline of outlines) {
       for (const [first, last] of tubes)
-        pushStrand(things, camera, light, sections.slice(first, last), outline, rgbOf(colour), lift);
+        pushStrand(things, camera, light, sections.slice(first, last), outline, rgbOf(color), lift);
     }
   }
 }

@@ -26,7 +26,7 @@ class Camera {
     this.focal = Math.min(this.size[0], this.size[1]) / (2 * FIELD);
   }
 
-  // Screen place, distance from the eye along the view, and pixels in a metre there.
+  // Screen place, distance from the eye along the view, and pixels in a meter there.
   project(point) {
     const v = subtract(point, this.target);
     const depth = Math.max(this.distance - dot(v, this.back), 0.02 * this.distance);
@@ -39,7 +39,7 @@ class Camera {
     };
   }
 
-  // Move back until all points fit the screen inside of its margins, and centre them.
+  // Move back until all points fit the screen inside of its margins, and center them.
   fit(points, margin) {
     const [width, height] = this.size;
     const room = [width - margin.left - margin.right, height - margin.top - margin.bottom];
@@ -80,8 +80,8 @@ class Camera {
   }
 
   pan(dx, dy) {
-    const metre = this.distance / this.focal;
-    this.target = along(along(this.target, this.right, -dx * metre), this.up, dy * metre);
+    const meter = this.distance / this.focal;
+    this.target = along(along(this.target, this.right, -dx * meter), this.up, dy * meter);
     this.update();
   }
 }

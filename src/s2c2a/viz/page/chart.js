@@ -20,8 +20,8 @@ class Chart {
     return EDGE.left + share * (this.size[0] - EDGE.left - EDGE.right);
   }
 
-  y(centimetres) {
-    return this.size[1] - EDGE.bottom - (centimetres / this.top) * (this.size[1] - EDGE.top - EDGE.bottom);
+  y(centimeters) {
+    return this.size[1] - EDGE.bottom - (centimeters / this.top) * (this.size[1] - EDGE.top - EDGE.bottom);
   }
 
   timeAt(clientX) {
@@ -51,7 +51,7 @@ class Chart {
           context,
           { x: this.x(time), y: this.y(100 * error) },
           k === chosen ? 4.2 : 3,
-          this.run.traces[k].colour,
+          this.run.traces[k].color,
         );
     });
   }
@@ -105,7 +105,7 @@ class Chart {
       open = error !== null;
     });
     context.globalAlpha = alpha;
-    context.strokeStyle = trace.colour;
+    context.strokeStyle = trace.color;
     context.lineWidth = width;
     context.lineJoin = "round";
     context.stroke();

@@ -26,7 +26,7 @@ class TraceList {
         }),
         angle: element("span", { className: "angle" }),
       };
-      parts.mark.style.background = trace.colour;
+      parts.mark.style.background = trace.color;
       const button = element(
         "button",
         { type: "button", className: "trace", onclick: () => choose(k) },
@@ -71,10 +71,10 @@ function writeKey(run, chosen) {
     items.push(element("li", {}, mark, element("span", { textContent: text })));
   };
   const ramp =
-    run.arm.colours.length > 1 ? `linear-gradient(90deg, ${run.arm.colours.join(", ")})` : run.arm.colours[0];
+    run.arm.colors.length > 1 ? `linear-gradient(90deg, ${run.arm.colors.join(", ")})` : run.arm.colors[0];
   item("bar", { background: ramp }, "base to end");
-  if (trace.wanted.length || trace.axes.length) item("line", { borderColor: run.colours.wanted }, "wanted");
-  item("line", { borderColor: trace.colour }, trace.label);
-  if (trace.obstacles.some((step) => step.length)) item("dot", { background: run.colours.obstacle }, "obstacle");
+  if (trace.desired.length || trace.axes.length) item("line", { borderColor: run.colors.desired }, "desired");
+  item("line", { borderColor: trace.color }, trace.label);
+  if (trace.obstacles.some((step) => step.length)) item("dot", { background: run.colors.obstacle }, "obstacle");
   byId("key").replaceChildren(...items);
 }

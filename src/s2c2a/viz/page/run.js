@@ -20,10 +20,10 @@ function readTrace(trace) {
   return {
     ...trace,
     frames: trace.frames.map(readFrames),
-    wanted: overModules(trace.wanted),
+    desired: overModules(trace.desired),
     axes: overModules(trace.axes),
     obstacles: trace.obstacles.map((step) =>
-      step.filter(isThere).map((o) => ({ centre: point(o.slice(0, 3)), radius: o[3] / PER_UNIT })),
+      step.filter(isThere).map((o) => ({ center: point(o.slice(0, 3)), radius: o[3] / PER_UNIT })),
     ),
     errors: trace.errors.map(small),
     axisErrors: trace.axisErrors.map(small),
@@ -73,7 +73,7 @@ const mixObstacles = (a, b, share) =>
   a.length !== b.length
     ? a
     : a.map((one, k) => ({
-        centre: between(one.centre, b[k].centre, share),
+        center: between(one.center, b[k].center, share),
         radius: mixNumbers(one.radius, b[k].radius, share),
       }));
 
@@ -87,7 +87,7 @@ function momentOf(trace, time) {
   return {
     place,
     frames: valueAt(trace.frames, place, mixFrames),
-    wanted: points(trace.wanted),
+    desired: points(trace.desired),
     axes: points(trace.axes).map(({ module, point }) => ({ module, axis: unit(point) })),
     obstacles: trace.obstacles.length > 1 ? valueAt(trace.obstacles, place, mixObstacles) : trace.obstacles[0],
     error: valueAt(trace.errors, place, mixNumbers),

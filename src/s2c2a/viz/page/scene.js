@@ -44,7 +44,7 @@ class Scene {
       moment = moments[chosen],
       trace = run.traces[chosen];
     this.pushPaths(things, trace, moment);
-    pushObstacles(things, camera, moment.obstacles, run.colours.obstacle);
+    pushObstacles(things, camera, moment.obstacles, run.colors.obstacle);
     if (moment.frames) {
       const sections = sectionsAt(moment.frames, run.mesh);
       pushArm(things, camera, light, sections, run.mesh);
@@ -54,42 +54,42 @@ class Scene {
     paintGravity(context, camera, run);
     this.paintGhosts(moments, chosen);
     paintByDepth(context, things);
-    this.paintWanted(moment, trace);
+    this.paintDesired(moment, trace);
   }
 
   pushPaths(things, trace, { place }) {
     const real = trace.frames.map((frames) => frames && frames[trace.followed + 1].position);
-    for (const { points } of trace.wanted) pushPath(things, this.camera, points, this.run.colours.wanted, 2.2);
+    for (const { points } of trace.desired) pushPath(things, this.camera, points, this.run.colors.desired, 2.2);
     const now = Math.min(place.step + 2, real.length);
-    pushPath(things, this.camera, real.slice(place.step), tint(trace.colour, 0.3), 1.6);
-    pushPath(things, this.camera, real.slice(0, now), trace.colour, 3, 0.002);
+    pushPath(things, this.camera, real.slice(place.step), tint(trace.color, 0.3), 1.6);
+    pushPath(things, this.camera, real.slice(0, now), trace.color, 3, 0.002);
   }
 
   paintGhosts(moments, chosen) {
     const { context, camera, run } = this;
     moments.forEach(({ frames }, k) => {
       if (k === chosen || !frames) return;
-      paintGhost(context, camera, bodyOf(sectionsAt(frames, run.mesh), run), run.traces[k].colour);
+      paintGhost(context, camera, bodyOf(sectionsAt(frames, run.mesh), run), run.traces[k].color);
     });
   }
 
-  paintWanted({ frames, wanted, axes }, trace) {
+  paintDesired({ frames, desired, axes }, trace) {
     const { context, camera, run } = this;
-    const targets = new Map(wanted.map(({ module, point }) => [module, point]));
+    const targets = new Map(desired.map(({ module, point }) => [module, point]));
     for (const { module, axis } of axes) {
       const size = arrowSize(run.arm, module),
         end = frames && frames[module + 1];
       const start = targets.get(module) || (end && end.position);
-      if (end) paintArrow(context, camera, end.position, end.z, size, trace.colour, 2);
-      if (start) paintArrow(context, camera, start, axis, size, run.colours.wanted, 2.8);
+      if (end) paintArrow(context, camera, end.position, end.z, size, trace.color, 2);
+      if (start) paintArrow(context, camera, start, axis, size, run.colors.desired, 2.8);
     }
-    for (const { module, point } of wanted) {
+    for (const { module, point } of desired) {
       const place = camera.project(point);
       if (frames) {
         const places = [camera.project(frames[module + 1].position), place];
-        paintLine(context, { places, stroke: run.colours.ink, width: 1.4 });
+        paintLine(context, { places, stroke: run.colors.ink, width: 1.4 });
       }
-      paintTarget(context, place, run.colours.wanted);
+      paintTarget(context, place, run.colors.desired);
     }
   }
 }
@@ -101,7 +101,7 @@ function contentOf(run) {
     const stride = Math.ceil(trace.frames.length / 150);
     const every = (list) => list.filter((_, k) => k % stride === 0).filter(Boolean);
     for (const frames of every(trace.frames)) points.push(...frames.map((frame) => frame.position));
-    for (const { points: path } of trace.wanted) points.push(...every(path));
+    for (const { points: path } of trace.desired) points.push(...every(path));
     for (const tips of arrowTips(trace, run.arm)) points.push(...every(tips));
     for (const step of every(trace.obstacles)) points.push(...step.flatMap(cornersOf));
   }
@@ -110,21 +110,21 @@ function contentOf(run) {
 
 const arrowSize = (arm, module) => 0.5 * arm.lengths[module];
 
-// Where the arrows of wanted axes end, over time, for each module asked.
+// Where the arrows of desired axes end, over time, for each module asked.
 function arrowTips(trace, arm) {
   return trace.axes.map(({ module, points }) => {
-    const wanted = trace.wanted.find((one) => one.module === module);
+    const desired = trace.desired.find((one) => one.module === module);
     return points.map((axis, k) => {
-      const start = (wanted && wanted.points[k]) || (trace.frames[k] && trace.frames[k][module + 1].position);
+      const start = (desired && desired.points[k]) || (trace.frames[k] && trace.frames[k][module + 1].position);
       return axis && start && along(start, unit(axis), arrowSize(arm, module));
     });
   });
 }
 
-const cornersOf = ({ centre, radius }) =>
+const cornersOf = ({ center, radius }) =>
   [0, 1, 2].flatMap((axis) =>
     [1, -1].map((side) => {
-      const corner = [...centre];
+      const corner = [...center];
       corner[axis] += side * radius;
       return corner;
     }),

@@ -1,4 +1,4 @@
-// Light and paint: coloured faces, lines and balls, painted from far to near.
+// Light and paint: colored faces, lines and balls, painted from far to near.
 
 const rgbOf = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
 const cssOf = (rgb) => `rgb(${rgb.map((value) => Math.round(clamp(value, 0, 255))).join(",")})`;
@@ -11,7 +11,7 @@ function lightOf(camera) {
   return { towards, half: unit(add(towards, camera.back)) };
 }
 
-// Colour of a face of the given normal: soft diffuse light and a small highlight.
+// Color of a face of the given normal: soft diffuse light and a small highlight.
 function lit(rgb, normal, light) {
   const diffuse = 0.62 + 0.42 * Math.max(0, dot(normal, light.towards));
   const shine = 62 * Math.max(0, dot(normal, light.half)) ** 28;
@@ -24,7 +24,7 @@ function tracePlaces(context, places, closed) {
   if (closed) context.closePath();
 }
 
-// A face; its edge is stroked in its own colour to close the seams.
+// A face; its edge is stroked in its own color to close the seams.
 function paintFace(context, { places, fill }) {
   tracePlaces(context, places, true);
   context.fillStyle = context.strokeStyle = fill;
@@ -41,7 +41,7 @@ function paintLine(context, { places, stroke, width }) {
 }
 
 // A translucent ball: denser towards its rim, with a highlight.
-function paintBall(context, { place, radius, colour }) {
+function paintBall(context, { place, radius, color }) {
   const shade = context.createRadialGradient(
     place.x - radius * 0.35,
     place.y - radius * 0.4,
@@ -51,13 +51,13 @@ function paintBall(context, { place, radius, colour }) {
     radius,
   );
   shade.addColorStop(0, "rgba(255,255,255,0.75)");
-  shade.addColorStop(0.35, veil(colour, 0.3));
-  shade.addColorStop(1, veil(colour, 0.62));
+  shade.addColorStop(0.35, veil(color, 0.3));
+  shade.addColorStop(1, veil(color, 0.62));
   context.beginPath();
   context.arc(place.x, place.y, radius, 0, 2 * Math.PI);
   context.fillStyle = shade;
   context.fill();
-  context.strokeStyle = veil(colour, 0.8);
+  context.strokeStyle = veil(color, 0.8);
   context.lineWidth = 1;
   context.stroke();
 }

@@ -4,17 +4,17 @@ const RIM = Array.from({ length: 73 }, (_, k) => (k * Math.PI) / 36);
 const rimOf = (around, share = 1) =>
   RIM.map((turn) => [...[Math.cos(turn), Math.sin(turn)].map((x) => share * around.radius * x), around.level]);
 
-function paintGround(context, camera, { surroundings, colours }) {
+function paintGround(context, camera, { surroundings, colors }) {
   const rim = rimOf(surroundings).map((p) => camera.project(p));
   tracePlaces(context, rim, true);
   context.fillStyle = "rgba(255,255,255,0.72)";
   context.fill();
   for (const ends of surroundings.grid) {
     const inMiddle = ends[0][0] === ends[1][0] ? ends[0][0] === 0 : ends[0][1] === 0;
-    const stroke = inMiddle ? colours.strong : colours.grid;
+    const stroke = inMiddle ? colors.strong : colors.grid;
     paintLine(context, { places: ends.map((p) => camera.project(p)), stroke, width: 1 });
   }
-  paintLine(context, { places: rim, stroke: colours.grid, width: 1.2 });
+  paintLine(context, { places: rim, stroke: colors.grid, width: 1.2 });
   for (const [name, p] of Object.entries(surroundings.names)) paintWord(context, camera.project(p), name);
 }
 
@@ -26,10 +26,10 @@ function paintWord(context, place, text) {
   context.fillText(text, place.x, place.y);
 }
 
-function paintGravity(context, camera, { surroundings: { arrow }, colours }) {
+function paintGravity(context, camera, { surroundings: { arrow }, colors }) {
   if (!arrow) return;
   const [tail, fall] = [arrow[0], subtract(arrow[1], arrow[0])];
-  paintArrow(context, camera, tail, unit(fall), length(fall), colours.ink, 2.4);
+  paintArrow(context, camera, tail, unit(fall), length(fall), colors.ink, 2.4);
   const place = camera.project(tail);
   paintWord(context, { ...place, y: place.y - 12 }, "gravity");
 }
@@ -44,7 +44,7 @@ function paintShadow(context, camera, body, level) {
 }
 
 // Another strategy's arm: its outline on the screen, see-through.
-function paintGhost(context, camera, body, colour) {
+function paintGhost(context, camera, body, color) {
   const places = body.map(({ position, radius }) => ({ ...camera.project(position), radius }));
   const left = [],
     right = [];
@@ -58,8 +58,8 @@ function paintGhost(context, camera, body, colour) {
     right.unshift({ x: place.x - dx, y: place.y - dy });
   });
   tracePlaces(context, [...left, ...right], true);
-  context.fillStyle = veil(colour, 0.16);
-  context.strokeStyle = veil(colour, 0.65);
+  context.fillStyle = veil(color, 0.16);
+  context.strokeStyle = veil(color, 0.65);
   context.lineWidth = 1.2;
   context.fill();
   context.stroke();
@@ -84,10 +84,10 @@ function pushPath(things, camera, points, stroke, width, closer = 0) {
   }
 }
 
-function pushObstacles(things, camera, obstacles, colour) {
-  for (const { centre, radius } of obstacles) {
-    const place = camera.project(centre);
-    things.push({ kind: "ball", depth: place.depth, place, radius: radius * place.scale, colour });
+function pushObstacles(things, camera, obstacles, color) {
+  for (const { center, radius } of obstacles) {
+    const place = camera.project(center);
+    things.push({ kind: "ball", depth: place.depth, place, radius: radius * place.scale, color });
   }
 }
 
@@ -99,18 +99,18 @@ function paintDot(context, place, radius, fill) {
 }
 
 // The target: a dot in a ring, in front of everything.
-function paintTarget(context, place, colour) {
+function paintTarget(context, place, color) {
   paintDot(context, place, 9.5, "rgba(255,255,255,0.9)");
   context.beginPath();
   context.arc(place.x, place.y, 7.5, 0, 2 * Math.PI);
-  context.strokeStyle = colour;
+  context.strokeStyle = color;
   context.lineWidth = 2.4;
   context.stroke();
-  paintDot(context, place, 3.2, colour);
+  paintDot(context, place, 3.2, color);
 }
 
 // An arrow from a point along a unit vector, with a white edge so that it shows on any ground.
-function paintArrow(context, camera, start, axis, size, colour, width) {
+function paintArrow(context, camera, start, axis, size, color, width) {
   const [tail, tip] = [start, along(start, axis, size)].map((p) => camera.project(p));
   const pixels = Math.hypot(tip.x - tail.x, tip.y - tail.y);
   if (pixels < 3) return;
@@ -120,7 +120,7 @@ function paintArrow(context, camera, start, axis, size, colour, width) {
   const barbs = [1, -1].map((side) => ({ x: neck.x - side * uy * head * 0.5, y: neck.y + side * ux * head * 0.5 }));
   for (const [stroke, extra] of [
     ["rgba(255,255,255,0.9)", 3],
-    [colour, 0],
+    [color, 0],
   ]) {
     paintLine(context, { places: [tail, neck], stroke, width: width + extra });
     tracePlaces(context, [tip, ...barbs], true);

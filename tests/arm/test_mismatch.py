@@ -1,0 +1,132 @@
+"""Mismatch in arm files: what is refused, and that arms without them are written as they always were."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import (
+    ArmGeometry,
+    Mismatch,
+    arm_from_toml,
+    arm_to_toml,
+    load_arm,
+    preset_names,
+)
+from s2c2a.errors import ArmError
+from s2c2a.runtime import CommandLimits
+
+NEW = {
+    "mismatch",
+    "viscous_friction",
+    "travel",
+    "homing_error",
+    "current_noise",
+    "current_friction",
+}
+
+
+def with_line(preset: str, table: str, line: str) -> str:
+    """A preset's file with one more line in the last table of a name."""
+    before, after = arm_to_toml(load_arm(preset)).rsplit(f"{table}\n", 1)
+    return f"{before}{table}\n{line}\n{after}"
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_an_arm_without_flaws_is_written_without_a_word_of_them(name):
+    """Recordings hold this text, and what is kept is found by it."""
+    written = tomllib.loads(arm_to_toml(load_arm(name)))
+    tables = [
+        written["motor"],
+        *written["modules"],
+        *(module["cable"] for module in written["modules"]),
+    ]
+    assert not NEW & set().union(*tables)
+
+
+def test_flaws_come_back_as_they_were_written(make_arm):
+    module = {
+        "cable": {
+            "backlash": (0.001, 0.0, 0.0005),
+            "viscous_friction": 3.0,
+            "travel": 0.03,
+        }
+    }
+    arm = make_arm(
+        module=module
+        | {
+            "mismatch": Mismatch(
+                coupling=0.0, radius_errors=(0.1, 0.0, -0.1), relaxing=(0.1, 0.2)
+            )
+        }
+    )
+    assert arm_from_toml(arm_to_toml(arm)) == arm
+    assert not arm.same_mechanics(make_arm(module=module))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "radius_errors = [0.1, 0.2]",
+            "mismatch.radius_errors has 2 numbers; give one for each of the 3 cables",
+        ),
+        (
+            "radius_errors = [0.1, 0.2, 0.9]",
+            "mismatch.radius_errors: write 0.5 or less",
+        ),
+        ("radius_errors = []", "mismatch.radius_errors: give at least 1"),
+        (
+            'angle_errors_deg = [0.0, 0.0, "5"]',
+            "a number is needed, without quotes, got '5'",
+        ),
+        ("angle_errors_deg = [-40.0, 40.0, 0.0]", "leave a gap of 200 deg"),
+        ("relaxing = [0.6, 0.4]", "below 1 together"),
+        ("relaxing = [-0.1, 0.1]", "from 0"),
+        ("relaxation_times = [0.0, 20.0]", "0.1 to 36000 s each"),
+        ("couplin = 0.1", "did you mean coupling?"),
+    ],
+)
+def test_impossible_flaws_are_refused(line, said):
+    with pytest.raises(ArmError, match="fault") as caught:
+        arm_from_toml(
+            arm_to_toml(load_arm("twin_arm")) + f"\n[modules.mismatch]\n{line}\n"
+        )
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "line", "said"),
+    [
+        ("[modules.cable]", "travel = 0.02", "tension_range is its like"),
+        ("[motor]", "homing_error = 0.001", "needs no homing"),
+    ],
+)
+def test_a_tension_arm_takes_no_flaws_of_displacement(table, line, said):
+    with pytest.raises(ArmError, match=said):
+        arm_from_toml(with_line("simulated_arm", table, line))
+
+
+def test_cables_travel_as_far_as_the_file_says_whatever_the_bend_limit(make_arm):
+    plain, further = (
+        ArmGeometry.of(make_arm(module={"cable": {"travel": way}}))
+        for way in (None, 0.04)
+    )
+    assert np.abs(plain.action_high).max() == pytest.approx(0.027 * np.deg2rad(50.0))
+    assert np.abs(further.action_high).max() == pytest.approx(0.04)
+    np.testing.assert_array_equal(further.bend_limits, plain.bend_limits)
+    straight_on = np.tile([1.0, 0.0], (3, 1))
+    assert np.abs(further.actions_at(straight_on)).max() == pytest.approx(0.04)
+
+
+def test_commands_move_as_fast_however_far_cables_travel(make_arm):
+    steps = []
+    for way in (None, 0.04):
+        limits = CommandLimits.of(make_arm(module={"cable": {"travel": way}}))
+        rest, far = (
+            limits.rest,
+            ArmGeometry.of(make_arm()).actions_at(np.tile([0.9, 0.0], (3, 1))),
+        )
+        steps.append(limits.limited(far, rest, np.zeros_like(rest), far) - rest)
+    assert np.abs(steps[0]).max() == pytest.approx(0.027 * np.deg2rad(4.0))
+    np.testing.assert_allclose(*steps)

@@ -1,0 +1,160 @@
+"""Arms drawn at a strength: how large their mismatch are, that they are told nowhere, and what the body makes of them."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, arm_to_toml, randomized_arm, load_arm
+from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.cli.main import main
+from s2c2a.errors import ArmError
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.robots.simulation.modes import first_mode
+
+TWIN = load_arm("twin_arm")
+DRAWN = 40
+
+
+def values(key: str, strength: float) -> np.ndarray:
+    """Of a key of `mismatch`, in all modules of many arms."""
+    return np.array(
+        [
+            per_module(randomized_arm(TWIN, seed, strength), f"mismatch.{key}")
+            for seed in range(DRAWN)
+        ]
+    )
+
+
+@pytest.mark.parametrize("strength", [0.5, 1.0])
+@pytest.mark.parametrize(
+    ("key", "low", "high"),
+    [
+        ("angle_errors_deg", -5.0, 5.0),
+        ("radius_errors", -0.06, 0.06),
+        ("mass_error", -0.1, 0.1),
+        ("stiffness_error", -0.1, 0.1),
+        ("relaxing", 0.1, 1 / 7),
+        ("rest_bend_deg", 2.0, 4.0),
+    ],
+)
+def test_flaws_fill_their_range_in_proportion_to_the_strength(key, low, high, strength):
+    drawn = values(key, strength) / strength
+    margin = 0.1 * (high - low)
+    assert low * (1 + 1e-3 * np.sign(-low)) <= drawn.min() <= low + margin
+    assert high - margin <= drawn.max() <= high * (1 + 1e-3)
+
+
+def test_what_is_one_number_for_all_is_that_number():
+    arm = randomized_arm(TWIN, 2, 1.0)
+    for key, value in (
+        ("coupling", 0.25),
+        ("stiffness_ratio", 1.15),
+        ("hardening", 0.2),
+    ):
+        np.testing.assert_array_equal(per_module(arm, f"mismatch.{key}"), value)
+    np.testing.assert_array_equal(np.abs(per_module(arm, "mismatch.drift")), 0.05)
+    np.testing.assert_array_equal(per_module(arm, "cable.friction"), 0.1)
+    assert per_module(arm, "cable.viscous_friction").min() > 0
+    assert arm.motor.homing_error == pytest.approx(3e-4)
+    np.testing.assert_array_equal(
+        per_module(arm, "mismatch.relaxation_times"), [[2.0, 20.0]] * 3
+    )
+
+
+def test_play_is_each_cables_own_and_gives_way_to_the_bases_with_the_strength():
+    half, whole = (
+        per_cable(randomized_arm(TWIN, 4, strength), "cable.backlash")
+        for strength in (0.5, 1.0)
+    )
+    assert whole.min() >= 0.2e-3
+    assert whole.max() <= 1.0e-3
+    assert len(np.unique(whole)) == whole.size
+    np.testing.assert_allclose(
+        half, 0.5 * (whole + per_cable(TWIN, "cable.backlash")), rtol=1e-3
+    )
+
+
+def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend():
+    """One cable a module: its moment over its radius. Those of outer modules run through inner ones."""
+    shares = []
+    for seed in range(DRAWN):
+        arm = randomized_arm(TWIN, seed, 1.0)
+        pulls = np.array([3, 2, 1]) * 0.125 * np.deg2rad(47.0) / 0.2 / 0.027
+        shares.append(pulls / per_module(arm, "mismatch.axial_stiffness"))
+    assert np.min(shares) == pytest.approx(0.02, abs=0.001)
+    assert np.max(shares) == pytest.approx(0.04, abs=0.001)
+
+
+def test_the_simulated_body_shortens_so_far_too():
+    arm = randomized_arm(TWIN, 1, 1.0)
+    outer = arm.modules[-1]
+    lasting = outer.model_copy(
+        update={"mismatch": outer.mismatch.model_copy(update={"relaxing": (0, 0)})}
+    )
+    alone = arm.model_copy(
+        update={"modules": (lasting,), "gravity_direction": (0.0, 0.0, 0.0)}
+    )
+    robot = SimulatedRobot(alone)
+    robot.open()
+    for _ in range(100):
+        robot.step(ArmGeometry.of(alone).actions_at(np.array([[1.0, 0.0]])))
+    desired = robot.tensions().sum() / outer.mismatch.axial_stiffness
+    assert -robot.data.joint("slide_0").qpos[0] / 0.2 == pytest.approx(
+        desired, rel=0.02
+    )
+    assert 0.015 < desired < 0.045
+
+
+def test_nobody_is_told_of_what_is_drawn():
+    drawn = ArmGeometry.of(randomized_arm(TWIN, 6, 1.0))
+    for name, value in vars(ArmGeometry.of(TWIN)).items():
+        np.testing.assert_array_equal(value, getattr(drawn, name))
+
+
+def test_the_same_seed_draws_the_same_arm_and_another_another():
+    assert randomized_arm(TWIN, 8, 0.7) == randomized_arm(TWIN, 8, 0.7)
+    assert not randomized_arm(TWIN, 8, 0.7).same_mechanics(randomized_arm(TWIN, 9, 0.7))
+
+
+def test_without_strength_it_is_the_base():
+    assert randomized_arm(TWIN, 5, 0.0).same_mechanics(TWIN)
+
+
+@pytest.mark.parametrize(
+    ("seed", "strength"), [(-1, 1.0), (0, -0.1), (0, 2.1), (0, float("nan"))]
+)
+def test_an_impossible_draw_is_refused(seed, strength):
+    with pytest.raises(ArmError, match="strength"):
+        randomized_arm(TWIN, seed, strength)
+
+
+@pytest.mark.parametrize("base", ["twin_arm", "simulated_arm", "twin_both"])
+@pytest.mark.parametrize("seed", range(3))
+def test_drawn_arms_stand(base, seed):
+    frequency, _ = first_mode(randomized_arm(load_arm(base), seed, 1.0))
+    assert frequency > 0.2
+
+
+def test_an_arm_of_other_modules_and_cables_can_be_the_base(make_arm):
+    base = make_arm(modules=2, cables=5)
+    drawn = randomized_arm(base, 0, 1.0)
+    assert per_cable(drawn, "mismatch.angle_errors_deg").shape == (2, 5)
+    assert first_mode(drawn)[0] > 0.2
+
+
+def test_the_command_writes_what_is_drawn(tmp_path, capsys):
+    main(
+        [
+            "arm",
+            "random",
+            "--seed",
+            "3",
+            "--strength",
+            "0.5",
+            "--out",
+            str(tmp_path / "drawn.toml"),
+        ]
+    )
+    assert (tmp_path / "drawn.toml").read_text() == arm_to_toml(
+        randomized_arm(TWIN, 3, 0.5)
+    )
+    assert "drawn.toml" in capsys.readouterr().out

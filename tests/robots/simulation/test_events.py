@@ -1,0 +1,88 @@
+"""What comes about while the simulated arm works comes about then, and an opening begins anew."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm.sensors import Camera, Inertial, Sensors
+from s2c2a.errors import S2C2AError
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.robots.simulation.events import SAMPLE, parse_events
+
+BENT = 0.3
+
+
+def tips(robot, steps=12) -> np.ndarray:
+    """Of an arm that bends, and holds that."""
+    robot.open()
+    action = robot._geometry.actions_at(np.full((3, 2), BENT))
+    return np.array(
+        [[robot.step(action), robot.states()[-1, :3]][1] for _ in range(steps)]
+    )
+
+
+@pytest.mark.parametrize(
+    "kind", ["load 0.1", "push 0.5 0 0", "homed 0.002", "softer 0.9"]
+)
+def test_it_comes_about_in_its_time_and_not_before(twin, kind):
+    calm, troubled = (
+        tips(SimulatedRobot(twin)),
+        tips(SimulatedRobot(twin, happens=f"0.5 {kind}")),
+    )
+    np.testing.assert_array_equal(calm[:5], troubled[:5])
+    assert np.linalg.norm(calm[-1] - troubled[-1]) > 1e-3
+
+
+def test_an_opening_begins_anew(twin):
+    robot = SimulatedRobot(
+        twin, happens="0.5 load 0.1; 0.5 softer 0.5; 0.6 push 0.2 0 0"
+    )
+    np.testing.assert_array_equal(tips(robot), tips(robot))
+
+
+def test_a_blind_arm_says_what_its_motors_say(twin):
+    arm = twin.model_copy(
+        update={
+            "sensors": Sensors(
+                imu=Inertial(), camera=Camera(rate=10.0, lost=0.0, delay=0.0)
+            )
+        }
+    )
+    robot = SimulatedRobot(arm, happens="0.3 blind")
+    robot.open()
+    said = []
+    for _ in range(5):
+        robot.step(robot._geometry.action_neutral)
+        said.append(set(robot.read().sensors))
+    assert {
+        "accelerations",
+        "angular_velocities",
+        "camera_positions",
+        "camera_age",
+    } <= said[0]
+    assert said[-1] == {"cables", "states", "configurations"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "load 0.1",
+        "8 load",
+        "8 melt 1",
+        "-1 load 0.1",
+        "8 push 1 0",
+        "8 softer 1",
+        "8 load x",
+    ],
+)
+def test_what_cannot_happen_is_refused_at_the_door(twin, text):
+    with pytest.raises(S2C2AError, match="cannot happen; say a time"):
+        SimulatedRobot(twin, happens=text)
+
+
+def test_they_come_in_order():
+    assert [one.time for one in parse_events("12 blind;" + SAMPLE)] == [
+        8.0,
+        10.0,
+        12.0,
+        12.0,
+    ]

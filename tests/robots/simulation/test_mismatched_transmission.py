@@ -1,0 +1,205 @@
+"""What is lost between motors and modules beside backlash, capstan friction and creep, and what motors say of it."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, Cable, Mismatch, Motor
+from s2c2a.errors import S2C2AError
+from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.robots.simulation.transmission import CableTransmission, tick_length
+
+WEIGHTLESS = {"gravity_direction": (0.0, 0.0, 0.0), "modules": 1}
+NOTHING, STRAIGHT = np.zeros((1, 3)), np.zeros(1)
+
+
+@pytest.fixture(params=FIDELITIES)
+def fidelity(request):
+    """Each fidelity by name."""
+    return request.param
+
+
+def held(arm, action, steps=60, fidelity="fast", **options) -> SimulatedRobot:
+    """The robot after holding an action for a while."""
+    robot = SimulatedRobot(arm, fidelity, **options)
+    robot.open()
+    for _ in range(steps):
+        robot.step(np.array(action))
+    return robot
+
+
+def test_every_cable_has_a_play_of_its_own(make_arm):
+    losing = CableTransmission(
+        make_arm(modules=1, module={"cable": Cable(backlash=(0.0, 1e-3, 2e-3))}),
+        NOTHING,
+    )
+    felt = losing.pass_on(np.full((1, 1, 3), 5e-3), np.array([0.1]), NOTHING, STRAIGHT)
+    np.testing.assert_allclose(felt[0, 0], [5e-3, 4e-3, 3e-3])
+
+
+def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_arm):
+    arm = make_arm(motor=Motor(homing_error=3e-4, noise_ticks=0), modules=3)
+    robots = [SimulatedRobot(arm, seed=seed) for seed in range(60)]
+    errors, said = [], []
+    for robot in robots:
+        said.append(robot.open()["cables"])
+        errors.append(robot._transmission.transmitted)
+    assert np.std(errors) == pytest.approx(3e-4, rel=0.1)
+    assert abs(np.mean(errors)) < 5e-5
+    assert np.abs(said).max() <= tick_length(arm.motor)
+
+
+def test_homing_errors_bend_the_arm_at_rest_and_are_anew_at_every_opening(make_arm):
+    robot = SimulatedRobot(
+        make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS), seed=5
+    )
+    first, second = robot.open()["configurations"], robot.open()["configurations"]
+    again = SimulatedRobot(robot.arm, seed=5)
+    assert np.abs(first - second).max() > 1e-3
+    np.testing.assert_array_equal(
+        [again.open()["configurations"], again.open()["configurations"]],
+        [first, second],
+    )
+
+
+def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
+    make_arm, fidelity
+):
+    """Opposite cables wound at a speed v: two dampers c r^2 beside two springs k r^2, and the module's EI / L.
+
+    So the module lags by a time tau = 2 c r^2 / (2 k r^2 + EI / L) more than without
+    friction.
+    """
+    friction, stiffness, speed, lengths = 100.0, 4000.0, 0.01, []
+    for viscous in (0.0, friction):
+        module = {
+            "cable": Cable(stiffness=stiffness, viscous_friction=viscous),
+            "pretension": 20.0,
+        }
+        robot = SimulatedRobot(
+            make_arm(
+                cables=4, motor=Motor(speed_limit=speed), module=module, **WEIGHTLESS
+            ),
+            fidelity,
+        )
+        robot.open()
+        for _ in range(15):
+            before = robot.data.ten_length[0]
+            robot.step([[-0.02, 0.0, 0.02, 0.0]])
+        lengths.append(robot.data.ten_length[0])
+    springs, moved = 2 * stiffness * 0.027**2, (before - lengths[-1]) / 0.1
+    assert moved == pytest.approx(speed * springs / (springs + 0.16 / 0.2), rel=0.03)
+    behind = moved * 2 * friction * 0.027**2 / (springs + 0.16 / 0.2)
+    assert lengths[1] - lengths[0] == pytest.approx(behind, rel=0.05)
+
+
+def test_viscous_friction_takes_from_the_tension_of_a_moving_tension_arm(
+    make_arm, fidelity
+):
+    """However slow it makes the module, it bends as far in the end."""
+    ends, halfway = [], []
+    for viscous in (0.0, 300.0):
+        module = {"tension_range": 20.0, "cable": Cable(viscous_friction=viscous)}
+        arm = make_arm(actuation="tension", module=module, **WEIGHTLESS)
+        halfway.append(
+            held(arm, [[10.0, 0.0, 0.0]], 2, fidelity).configurations()[0, 0]
+        )
+        ends.append(held(arm, [[10.0, 0.0, 0.0]], 80, fidelity).configurations()[0, 0])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-3)
+    assert halfway[1] < 0.8 * halfway[0]
+
+
+def test_a_cable_that_nobody_pulls_resists_being_drawn_out_and_does_not_push(
+    make_arm, fidelity
+):
+    module = {"tension_range": 20.0, "cable": Cable(viscous_friction=300.0)}
+    robot = held(
+        make_arm(actuation="tension", module=module, **WEIGHTLESS),
+        [[10.0, 0.0, 0.0]],
+        1,
+        fidelity,
+    )
+    out = robot.data.ten_velocity
+    assert out[1:].min() > 1e-3
+    np.testing.assert_allclose(robot.tensions()[0, 1:], 300.0 * out[1:], rtol=1e-6)
+    robot.step([[0.0, 0.0, 0.0]])
+    back = robot.data.ten_velocity[1:]
+    assert back.max() < -1e-3
+    np.testing.assert_allclose(robot.tensions()[0, 1:], 0.0, atol=1e-9)
+
+
+def test_an_aged_arm_loses_the_share_of_its_motors_motion_that_it_drifts_by(
+    make_arm, fidelity
+):
+    arm = make_arm(
+        module={"mismatch": Mismatch(drift=0.1), "pretension": 5.0}, **WEIGHTLESS
+    )
+    action = ArmGeometry.of(arm).actions_at(np.array([[0.5, 0.0]]))
+    young, half, old = (
+        held(arm, action, fidelity=fidelity, aged=aged).configurations()[0, 0]
+        for aged in (0, 0.5, 1)
+    )
+    assert np.arcsin(old) / np.arcsin(young) == pytest.approx(0.9, abs=2e-3)
+    assert np.arcsin(half) / np.arcsin(young) == pytest.approx(0.95, abs=2e-3)
+
+
+def test_drift_leaves_the_tensions_at_rest_alone(make_arm):
+    module = {
+        "tension_range": 20.0,
+        "pretension": 10.0,
+        "mismatch": Mismatch(drift=0.2),
+    }
+    arm = make_arm(modules=1, actuation="tension", module=module)
+    aged = CableTransmission(arm, np.full((1, 3), 10.0), aged=1.0)
+    felt = aged.pass_on(
+        np.array([[[10.0, 20.0, 0.0]]]), np.array([0.1]), NOTHING, STRAIGHT
+    )
+    np.testing.assert_allclose(felt[0, 0], [10.0, 18.0, 2.0])
+
+
+@pytest.mark.parametrize("aged", [-0.1, 1.1])
+def test_an_age_that_cannot_be_is_refused(make_arm, aged):
+    with pytest.raises(S2C2AError, match="aged"):
+        SimulatedRobot(make_arm(), aged=aged)
+
+
+def test_only_an_arm_whose_file_says_so_tells_tensions_by_currents(make_arm):
+    assert "tensions" not in SimulatedRobot(make_arm()).sensors
+    robot = SimulatedRobot(make_arm(motor=Motor(current_noise=0.1)))
+    assert robot.open()["tensions"].shape == robot.sensors["tensions"].shape == (3, 3)
+
+
+def test_currents_tell_the_tension_and_the_gears_friction_on_top_while_winding_in(
+    make_arm,
+):
+    module = {
+        "pretension": 8.0,
+        "cable": Cable(stiffness=3000.0, friction=0.1, friction_angle_deg=180.0),
+    }
+    arm = make_arm(
+        motor=Motor(current_noise=0.0, current_friction=1.5),
+        module=module,
+        **WEIGHTLESS,
+    )
+    robot = held(arm, [[-0.002, 0.001, 0.001]])
+    at_motors = robot.tensions()[0] * np.exp(0.1 * np.pi * np.array([1, -1, -1]))
+    np.testing.assert_allclose(
+        robot.read()["tensions"][0], at_motors + 1.5 * np.array([1, -1, -1]), rtol=1e-6
+    )
+
+
+def test_the_noise_of_the_currents_is_as_large_as_said(make_arm):
+    robot = SimulatedRobot(make_arm(motor=Motor(current_noise=0.4)), seed=3)
+    robot.open()
+    said = np.array([robot.read()["tensions"] for _ in range(300)])
+    assert said.std(axis=0).mean() == pytest.approx(0.4, rel=0.05)
+
+
+def test_a_tension_arms_currents_tell_what_its_motors_pull(make_arm):
+    arm = make_arm(
+        actuation="tension",
+        motor=Motor(current_noise=0.0, current_friction=0.5),
+        module={"tension_range": 20.0},
+        **WEIGHTLESS,
+    )
+    robot = held(arm, [[10.0, 4.0, 0.0]])
+    np.testing.assert_allclose(robot.read()["tensions"], [[10.5, 4.5, 0.0]])

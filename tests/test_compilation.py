@@ -1,0 +1,99 @@
+"""Programs are shared by what differs in numbers, and by nothing else."""
+
+import logging
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from s2c2a.compilation import compiled
+
+
+class Line(eqx.Module):
+    slope: jax.Array
+    offset: float
+    names: tuple = eqx.field(static=True, default=())
+
+    def __call__(self, x):
+        return self.slope * x + self.offset
+
+
+class Pair(NamedTuple):
+    line: Line
+    shift: np.ndarray
+
+
+def evaluated_by_line(line, x):
+    return line(x)
+
+
+def evaluated_by_pair(pair, power, x):
+    return pair.line(x + pair.shift) ** power
+
+
+def a_line(slope, offset=1.0):
+    return Line(jnp.asarray(slope), offset)
+
+
+def compilations(caplog, call):
+    caplog.clear()
+    with jax.log_compiles(), caplog.at_level(logging.DEBUG):
+        call()
+    return sum(
+        "Finished XLA compilation of jit(evaluated" in record.getMessage()
+        for record in caplog.records
+    )
+
+
+def test_other_numbers_of_the_same_shape_share_a_program(caplog):
+    x = np.float32(2.0)
+    first, second = (compiled(evaluated_by_line, a_line(slope)) for slope in (3.0, 5.0))
+    assert compilations(caplog, lambda: first(x)) == 1
+    assert compilations(caplog, lambda: second(x)) == 0
+    assert (float(first(x)), float(second(x))) == (7.0, 11.0)
+
+
+def test_what_is_no_array_is_built_in_and_told_apart(caplog):
+    x = np.float32(2.0)
+    programs = [
+        compiled(evaluated_by_line, a_line(3.0, offset)) for offset in (10.0, 20.0)
+    ]
+    assert compilations(caplog, lambda: [program(x) for program in programs]) == 2
+    assert [float(program(x)) for program in programs] == [16.0, 26.0]
+
+
+def test_numbers_that_python_calls_equal_are_told_apart():
+    kinds = [
+        compiled(jnp.multiply, number)(np.int32(3)).dtype.kind
+        for number in (1, 1.0, True)
+    ]
+    assert kinds == ["i", "f", "i"]
+
+
+def test_shapes_are_told_apart():
+    lines = [Line(jnp.arange(size, dtype=jnp.float32), 0.0) for size in (2, 3)]
+    answers = [compiled(evaluated_by_line, line)(np.float32(2.0)) for line in lines]
+    assert [answer.tolist() for answer in answers] == [[0.0, 2.0], [0.0, 2.0, 4.0]]
+
+
+def test_static_fields_are_told_apart(caplog):
+    lines = [Line(jnp.asarray(1.0), 0.5, names) for names in (("a",), ("b",))]
+    programs = [compiled(evaluated_by_line, line) for line in lines]
+    assert (
+        compilations(caplog, lambda: [program(np.float32(1.0)) for program in programs])
+        == 2
+    )
+
+
+def test_parts_can_hold_numpy_arrays_in_any_tree():
+    pair = Pair(a_line(2.0, 0.0), np.array([1.0, 2.0], np.float32))
+    np.testing.assert_allclose(
+        compiled(evaluated_by_pair, pair, 2)(np.float32(1.0)), [16.0, 36.0]
+    )
+
+
+def test_without_parts_and_without_a_name_it_compiles_all_the_same():
+    assert float(compiled(partial(jnp.add, 1.0))(np.float32(2.0))) == 3.0
