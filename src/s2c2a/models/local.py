@@ -18,7 +18,8 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split
 from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
-from s2c2a.models.chain import ChainC2S, ChainMemory
+from s2c2a.models.cables import HysteresisMemory
+from s2c2a.models.chain import ChainC2S
 from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
 from s2c2a.models.uncertainty import Known, known_from
 from s2c2a.models.kernels import Kernels, fitted_kernels
@@ -73,34 +74,39 @@ class LocalC2S(ForwardModel):
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
         """See `ForwardModel`."""
         return self.chain.start(sensed)
 
     def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> ChainMemory:
+        self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+    ) -> HysteresisMemory:
         """See `ForwardModel`."""
         return self.chain.observe(sensed, memory)
 
-    def given(
+    @property
+    def takes_payload(self) -> bool:
+        """See `ForwardModel`."""
+        return True
+
+    def with_moments(
         self,
         disturbances: Disturbances,
-        sensed: Float[Array, "*batch modules 3"],
-        memory: ChainMemory,
-    ) -> ChainMemory:
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        before: Disturbances,
+    ) -> Disturbances:
         """See `ForwardModel`."""
-        return self.chain.given(disturbances, sensed, memory)
-
-    def corrected(self, disturbances: Disturbances, memory: ChainMemory) -> ChainMemory:
-        """See `ForwardModel`."""
-        return self.chain.corrected(disturbances, memory)
+        return self.chain.with_moments(disturbances, configurations, memory, before)
 
     def tensions(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules cables"]:
         """See `ForwardModel`."""
-        return self.chain.tensions(configurations, memory)
+        return self.chain.tensions(configurations, memory, disturbances)
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
         """See `ForwardModel`."""
@@ -111,7 +117,7 @@ class LocalC2S(ForwardModel):
         return replace(self, chain=self.chain.for_planning())
 
     def near(
-        self, configurations: Float[Array, "modules 3"], memory: ChainMemory
+        self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory
     ) -> "LocalC2S":
         """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
         bends = bends_from_configurations(configurations)
@@ -133,24 +139,25 @@ class LocalC2S(ForwardModel):
         )
 
     def predict(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
-        inputs = self.chain.inputs(
-            self.chain.body.displacements(configurations), memory
-        )
-        chained = self.chain.states(inputs, memory)
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`."""
+        displacements = self.chain.body.displacements(configurations)
+        inputs = self.chain.inputs(displacements, memory)
+        states = self.chain.states(inputs, disturbances)
         if self.tangent is None:
-            return self._put_together(chained, self.kernels(self.features(inputs)))
-        return self._put_together(
-            chained, self._along(self.tangent, configurations, memory)
-        )
+            return self._corrected(states, self.kernels(self.features(inputs)))
+        along_tangent = self._along(self.tangent, configurations, memory)
+        return self._corrected(states, along_tangent)
 
     def _along(
         self,
         tangent: Tangent,
         configurations: Float[Array, "*batch modules 3"],
-        memory: ChainMemory,
+        memory: HysteresisMemory,
     ) -> Array:
         """The local model along its slopes, as far as they are believed."""
         away = limit_lengths(
@@ -160,13 +167,13 @@ class LocalC2S(ForwardModel):
         return tangent.said + jnp.einsum("of,...f->...o", tangent.slopes, moved)
 
     def _features_at(
-        self, bends: Float[Array, "*batch modules 2"], memory: ChainMemory
+        self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
     ) -> Array:
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.features(self.chain.inputs(moved, memory))
 
     def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
+        self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> Array:
         """See `ForwardModel`."""
         return jnp.hypot(
@@ -183,7 +190,7 @@ class LocalC2S(ForwardModel):
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch modules 6"]:
         """States for what the hysteresis weighs."""
-        return self._put_together(
+        return self._corrected(
             self.chain.states(inputs), self.kernels(self.features(inputs))
         )
 
@@ -232,7 +239,7 @@ class LocalC2S(ForwardModel):
         left_out = weight * (1.0 - share) * self.kernels.speaks * known
         return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
 
-    def _put_together(
+    def _corrected(
         self,
         states: Float[Array, "*batch modules 6"],
         said: Float[Array, "*batch outputs"],

@@ -1,0 +1,14 @@
+"""Strategies by name."""
+
+from s2c2a.registry import OptionsRegistry
+from s2c2a.strategies.lstm import LSTM
+from s2c2a.strategies.options import StrategyOptions
+from s2c2a.strategies.pcc import FittedPCC, PlainPCC
+from s2c2a.strategies.s2c2a import S2C2A, S2C2AMotor
+
+STRATEGIES = OptionsRegistry(
+    "strategy",
+    StrategyOptions,
+    {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, LSTM, S2C2AMotor)},
+)
+"""The paper's strategy and its comparisons, for `--strategy`."""
