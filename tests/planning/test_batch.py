@@ -1,4 +1,4 @@
-"""Many plans at once are the plans of the planner; the best of many starts is better than one."""
+"""Batches give the plans of the planner; the best of many starts beats a single one."""
 
 from dataclasses import replace
 
@@ -62,14 +62,12 @@ def goals(**obstacles):
 @pytest.mark.parametrize(
     "obstacles", [{}, {"centers": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}]
 )
-def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
-    """Five, in chunks of four: the last chunk is filled up, and what fills it is thrown away."""
-    batch, planner, desired, sensed = (
-        batch_of(options),
-        Planner(*PARTS, options),
-        goals(**obstacles),
-        somewhere(5),
-    )
+def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
+    """Five plans in chunks of four: the last chunk is padded."""
+    batch = batch_of(options)
+    planner = Planner(*PARTS, options)
+    desired = goals(**obstacles)
+    sensed = somewhere(5)
     many = batch.plan(batch.start(sensed), sensed, Goal.stacked(desired))
     each = [
         planner.plan(planner.start(one), one, goal).configurations
@@ -79,11 +77,14 @@ def test_each_plan_is_the_planner_s(batch_of, options, obstacles):
 
 
 @BOTH
-def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
-    batch, planner, start = batch_of(options), Planner(*PARTS, options), somewhere(1)[0]
+def test_a_path_has_the_plans_of_single_steps(batch_of, options):
+    batch = batch_of(options)
+    planner = Planner(*PARTS, options)
+    start = somewhere(1)[0]
     desired = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
     path = batch.path(start, Goal.stacked(desired))
-    plan, each = planner.start(start), []
+    plan = planner.start(start)
+    each = []
     for goal in desired:
         plan = planner.plan(plan, plan.configurations, goal)
         each.append(plan.configurations)
@@ -94,17 +95,18 @@ def test_a_path_is_the_planner_s_step_by_step(batch_of, options):
 
 
 def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
-    batch, starts = batch_of(BEST), somewhere(6)
+    batch = batch_of(BEST)
+    starts = somewhere(6)
     best = batch.best(starts, Goal.of(3).with_position([0.15, 0.1, 0.52]), steps=25)
     assert best.values.shape == (6,)
     assert best.value == best.values.min() == best.values[best.start]
     assert np.linalg.norm(tips(best.configurations) - [0.15, 0.1, 0.52]) < 0.002
 
 
-def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
-    """The tip on the arm's axis, but lower: a straight arm could go to any side, and so goes to none."""
+def test_many_starts_leave_a_local_minimum(batch_of):
+    """The target is on the axis: a straight arm has no preferred side."""
     goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
-    # as starts are judged
+    # weights as in the objective that ranks the starts
     even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)
     batch = batch_of(replace(BEST, fallback=NO_FALLBACK, terms=even))
     best = batch.best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
@@ -112,16 +114,18 @@ def test_many_starts_leave_the_shape_that_one_stays_in(batch_of):
 
 
 def test_results_do_not_depend_on_threads():
-    desired, sensed = Goal.stacked(goals()), somewhere(5)
-    answers = []
+    desired = Goal.stacked(goals())
+    sensed = somewhere(5)
+    results = []
     for threads in (1, 3):
         batch = BatchPlanner(*PARTS, PAPER, chunk=2, threads=threads)
-        answers.append(batch.plan(batch.start(sensed), sensed, desired).configurations)
-    np.testing.assert_array_equal(*answers)
+        results.append(batch.plan(batch.start(sensed), sensed, desired).configurations)
+    np.testing.assert_array_equal(*results)
 
 
-def test_numbers_that_do_not_fit_are_refused(batch_of):
-    batch, sensed = batch_of(PAPER), somewhere(3)
+def test_invalid_counts_are_rejected(batch_of):
+    batch = batch_of(PAPER)
+    sensed = somewhere(3)
     with pytest.raises(TargetError, match="3 plans, 3 sensed arms and 5 goals"):
         batch.plan(batch.start(sensed), sensed, Goal.stacked(goals()))
     with pytest.raises(TargetError, match="at least one, all finite"):
@@ -130,7 +134,7 @@ def test_numbers_that_do_not_fit_are_refused(batch_of):
         batch.start(np.full((2, 3, 3), np.nan))
     with pytest.raises(TargetError, match="0 steps"):
         batch.best(sensed, Goal.of(3), steps=0)
-    with pytest.raises(TargetError, match="at least one"):
+    with pytest.raises(TargetError, match="at least 1"):
         BatchPlanner(*PARTS, PAPER, chunk=0)
     with pytest.raises(TargetError, match="at least one"):
         Goal.stacked([])

@@ -1,4 +1,4 @@
-"""The damped least-squares solver alone, then as the planner of an arm that PCC describes exactly."""
+"""Damped least squares alone, and in the planner of an arm that PCC models exactly."""
 
 import logging
 from dataclasses import replace
@@ -33,11 +33,11 @@ lines_of = jax.jit(
 )
 
 
-def anywhere(point):
+def identity(point):
     return point
 
 
-def solved(residuals, start, project=anywhere, iterations=20):
+def solved(residuals, start, project=identity, iterations=20):
     return np.asarray(
         jax.jit(lambda s: solve_least_squares(residuals, s, project, iterations)[0])(
             jnp.asarray(start)
@@ -52,10 +52,8 @@ def valley(point):
 
 def test_a_linear_problem_is_solved_exactly():
     random = np.random.default_rng(0)
-    matrix, right = (
-        random.normal(size=(9, 4)).astype(np.float32),
-        random.normal(size=9).astype(np.float32),
-    )
+    matrix = random.normal(size=(9, 4)).astype(np.float32)
+    right = random.normal(size=9).astype(np.float32)
     expected = np.linalg.lstsq(matrix, right)[0]
     np.testing.assert_allclose(
         solved(lambda x: matrix @ x - right, np.zeros(4, np.float32)),
@@ -83,7 +81,7 @@ def test_the_sum_never_ends_above_where_it_began(iterations):
     random = np.random.default_rng(iterations)
     starts = random.normal(0, 2, (50, 3)).astype(np.float32)
     ends = jax.jit(
-        jax.vmap(lambda s: solve_least_squares(wild, s, anywhere, iterations)[0])
+        jax.vmap(lambda s: solve_least_squares(wild, s, identity, iterations)[0])
     )(starts)
     before, after = (
         np.asarray(jax.vmap(wild)(points)) ** 2 for points in (starts, ends)
@@ -93,7 +91,7 @@ def test_the_sum_never_ends_above_where_it_began(iterations):
 
 
 def test_the_projection_is_respected_from_the_start_on():
-    """Nearest to (3, 1) on the disc of radius one, though the search begins outside of it."""
+    """The nearest point to (3, 1) on the unit disc; the start is outside of it."""
 
     def onto_disc(point):
         return point / jnp.maximum(1.0, jnp.linalg.norm(point))
@@ -108,7 +106,7 @@ def test_the_projection_is_respected_from_the_start_on():
     np.testing.assert_allclose(end, np.array([3.0, 1.0]) / np.sqrt(10.0), atol=0.02)
 
 
-def test_residuals_that_are_no_numbers_move_nothing():
+def test_with_nan_residuals_the_start_is_returned():
     start = np.array([0.3, 0.4], np.float32)
     np.testing.assert_array_equal(solved(lambda x: x * jnp.nan, start), start)
 
@@ -119,18 +117,18 @@ def planner_of(arm, **options):
 
 @pytest.fixture(scope="module")
 def planner():
-    """Its tip kept out of obstacles."""
+    """Guards the tip."""
     return planner_of(TWIN)
 
 
 @pytest.fixture(scope="module")
 def guarding_planner():
-    """The whole arm kept out of obstacles."""
+    """Guards the whole arm."""
     return planner_of(TWIN, guard="arm")
 
 
 def drive(planner, goals, start=STRAIGHT):
-    """Planned configurations over the goals, on an arm that does what is planned; the start first."""
+    """The start and all plans, for an arm that follows its plan exactly."""
     plans = [planner.start(start)]
     for goal in goals:
         plans.append(planner.plan(plans[-1], plans[-1].configurations, goal))
@@ -142,7 +140,7 @@ def tips_of(planned):
 
 
 def clearance(points, task) -> float:
-    """Least distance of points, shape (steps, points, 3), from the task's thresholds [m]."""
+    """Least distance of points (steps, points, 3) from the task's thresholds [m]."""
     obstacles = task.obstacles()[:, None]
     distances = np.linalg.norm(points[:, :, None] - obstacles[..., :3], axis=-1)
     return float((distances - obstacles[..., 3]).min())
@@ -161,9 +159,10 @@ def changes_deg(planned):
     return np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1))
 
 
-def wild_goals(seed, count, modules=3):
+def jumping_goals(seed, count, modules=3):
     """Goals that jump every 20 steps, many of them out of reach."""
-    random, goals = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    goals = []
     for _ in range(count // 20):
         goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(
             random.uniform(-0.5, 0.5, 3)
@@ -179,7 +178,7 @@ def wild_goals(seed, count, modules=3):
     return goals
 
 
-def test_the_circle_is_followed_within_a_millimetre(planner):
+def test_the_circle_is_followed_within_a_millimeter(planner):
     task = task_named("circle", TWIN)
     errors = np.linalg.norm(
         tips_of(drive(planner, task.goals)) - task.desired_positions()[:, -1], axis=-1
@@ -200,14 +199,15 @@ def test_a_tilted_circle_is_followed_in_place_and_axis(planner):
 
 
 def test_steps_and_bends_stay_within_their_limits(planner):
-    planned = drive(planner, wild_goals(0, 300))
-    changes, bends = changes_deg(planned), bend_angles(planned)
+    planned = drive(planner, jumping_goals(0, 300))
+    changes = changes_deg(planned)
+    bends = bend_angles(planned)
     assert np.isfinite(planned).all()
     assert 3.9 < changes.max() <= 4.0 + 0.01
     assert 46.0 < bends.max() <= 47.0 + 0.01
 
 
-def test_an_arm_found_beyond_its_bend_limit_comes_back_step_by_step(planner):
+def test_an_arm_beyond_its_bend_limit_returns_step_by_step(planner):
     start = np.asarray(
         configurations_from_bends(
             jnp.deg2rad(jnp.array([[60.0, 0.0], [0.0, 55.0], [10.0, 0.0]]))
@@ -220,18 +220,18 @@ def test_an_arm_found_beyond_its_bend_limit_comes_back_step_by_step(planner):
 
 def test_planned_vectors_have_length_one(planner):
     np.testing.assert_allclose(
-        np.linalg.norm(drive(planner, wild_goals(1, 60)), axis=-1), 1.0, atol=1e-6
+        np.linalg.norm(drive(planner, jumping_goals(1, 60)), axis=-1), 1.0, atol=1e-6
     )
 
 
 @pytest.mark.parametrize(
-    "spoilt",
+    "invalid",
     [{"positions": np.full((3, 3), np.nan, np.float32)}, {"change_weight": np.nan}],
 )
-def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(planner, spoilt):
+def test_a_goal_that_is_not_finite_leaves_the_plan_unchanged(planner, invalid):
     sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
     bad = sound._replace(
-        **{name: np.asarray(value, np.float32) for name, value in spoilt.items()}
+        **{name: np.asarray(value, np.float32) for name, value in invalid.items()}
     )
     planned = drive(planner, [sound] * 3 + [bad] * 2 + [sound] * 3)
     np.testing.assert_allclose(
@@ -241,7 +241,7 @@ def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(planner, spoilt
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.5])
-def test_nothing_asked_nothing_moves(planner, weight):
+def test_without_a_target_nothing_moves(planner, weight):
     start = np.asarray(
         configurations_from_bends(jnp.array([[0.3, 0.1], [-0.2, 0.4], [0.0, 0.1]]))
     )
@@ -250,11 +250,11 @@ def test_nothing_asked_nothing_moves(planner, weight):
 
 
 def test_the_same_goals_make_the_same_plan(planner):
-    goals = wild_goals(2, 40)
+    goals = jumping_goals(2, 40)
     np.testing.assert_array_equal(drive(planner, goals), drive(planner, goals))
 
 
-def test_a_far_target_leaves_the_arm_calm(planner):
+def test_with_a_far_target_the_arm_comes_to_rest(planner):
     planned = drive(planner, [Goal.of(3).with_position([1.2, -1.6, 0.3])] * 80)
     assert np.isfinite(planned).all()
     assert np.ptp(tips_of(planned)[-20:], axis=0).max() < 0.01
@@ -273,14 +273,14 @@ def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     assert clearance(tips[:, None], task) > 0.0
 
 
-def test_where_no_way_is_worth_it_the_tip_waits_outside(planner):
+def test_if_every_path_is_too_long_the_tip_waits_outside(planner):
     task = task_named("risk-b", TWIN)
     tips = tips_of(drive(planner, task.goals))
     assert clearance(tips[:, None], task) > 0.0
     assert np.ptp(tips[-30:], axis=0).max() < 0.01
 
 
-def test_a_guarded_arm_goes_past_an_obstacle_with_all_its_points_outside(
+def test_a_guarded_arm_passes_an_obstacle_with_all_points_outside(
     guarding_planner,
 ):
     task = task_named("reach-1", TWIN)
@@ -291,7 +291,7 @@ def test_a_guarded_arm_goes_past_an_obstacle_with_all_its_points_outside(
     assert clearance(np.asarray(lines_of(planned))[1:], task) > 0.0
 
 
-def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(planner):
+def test_a_tip_inside_an_obstacle_moves_out_and_stops(planner):
     center = np.array([0.03, 0.02, 0.59])
     goal = Goal.of(3, change_weight=0.5).with_obstacles([center], [0.10])
     distances = np.linalg.norm(tips_of(drive(planner, [goal] * 100)) - center, axis=-1)
@@ -312,7 +312,7 @@ def test_building_a_planner_compiles_and_driving_it_does_not(caplog, make_arm):
         planner = planner_of(make_arm(1), solver=LeastSquares(3))
         assert any("next_plan" in message for message in compilations(caplog))
         caplog.clear()
-        drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], STRAIGHT[:1])
+        drive(planner, [Goal.of(1), *jumping_goals(5, 60, modules=1)], STRAIGHT[:1])
         drive(
             planner,
             [Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)],

@@ -1,3 +1,5 @@
+"""The planner with the options of the paper and PCC as forward model."""
+
 import logging
 from dataclasses import replace
 
@@ -44,7 +46,7 @@ def planner_of(arm, on_sphere=True, **options):
 
 @pytest.fixture(scope="module")
 def paper_planner():
-    """The planner of the paper's recipe with PCC as its model."""
+    """The planner of the paper's recipe with PCC as forward model."""
     return planner_of(an_arm())
 
 
@@ -73,7 +75,7 @@ def bent(angle_deg, azimuth_deg):
 
 
 def drive(planner, goals, start=None):
-    """Planned configurations over the goals, the start first, shape (steps + 1, modules, 3), float64."""
+    """The start and all plans, shape (steps + 1, modules, 3), float64."""
     first = straight() if start is None else start
     plans = [planner.start(first)]
     for goal in goals:
@@ -106,9 +108,10 @@ def bend_angles(configurations):
     )
 
 
-def wild_goals(seed, count, modules=3):
+def jumping_goals(seed, count, modules=3):
     """Goals that jump every 20 steps, many of them out of reach."""
-    random, goals = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    goals = []
     for _ in range(count // 20):
         goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(
             random.uniform(-0.5, 0.5, 3)
@@ -127,7 +130,7 @@ def wild_goals(seed, count, modules=3):
 @pytest.mark.parametrize(
     "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5], [0.0, 0.0, 0.6]]
 )
-def test_a_reachable_target_is_reached_to_a_millimetre_and_held(fine_planner, target):
+def test_a_reachable_target_is_reached_to_a_millimeter_and_held(fine_planner, target):
     goal = Goal.of(3, change_weight=0.0).with_position(target)
     distances = tip_distances(drive(fine_planner, [goal] * 100), target)
     assert distances[-30:].max() < 1e-3
@@ -136,7 +139,7 @@ def test_a_reachable_target_is_reached_to_a_millimetre_and_held(fine_planner, ta
 @pytest.mark.parametrize(
     "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]]
 )
-def test_the_paper_recipe_comes_within_four_centimetres_of_a_reachable_target(
+def test_the_paper_recipe_comes_within_four_centimeters_of_a_reachable_target(
     paper_planner, target
 ):
     distances = tip_distances(
@@ -155,27 +158,27 @@ def test_an_axis_is_reached_too(fine_planner):
     )
 
 
-def test_nothing_asked_nothing_moves(paper_planner):
+def test_without_a_target_nothing_moves(paper_planner):
     planned = drive(paper_planner, [Goal.of(3)] * 5)
     np.testing.assert_array_equal(planned, np.tile(straight(), (6, 1, 1)))
 
 
 def test_a_plan_never_changes_by_more_than_the_step_limit(paper_planner):
-    planned = drive(paper_planner, wild_goals(0, 200))
+    planned = drive(paper_planner, jumping_goals(0, 200))
     changes = angles_between(planned[1:], planned[:-1])
     assert changes.max() > 3.9
     assert changes.max() <= 4.0 + 0.01
 
 
 def test_a_plan_never_bends_beyond_the_bend_limit(paper_planner):
-    bends = bend_angles(drive(paper_planner, wild_goals(1, 200)))
+    bends = bend_angles(drive(paper_planner, jumping_goals(1, 200)))
     assert bends.max() > 46.0
     assert bends.max() <= 47.0 + 0.01
 
 
 def test_planned_vectors_have_length_one(paper_planner):
     np.testing.assert_allclose(
-        np.linalg.norm(drive(paper_planner, wild_goals(2, 100)), axis=-1),
+        np.linalg.norm(drive(paper_planner, jumping_goals(2, 100)), axis=-1),
         1.0,
         atol=1e-6,
     )
@@ -209,7 +212,7 @@ def test_a_bend_limit_beyond_a_right_angle_is_kept_on_the_way_too():
 @pytest.mark.parametrize(
     "target", [[2.0, 0.0, 0.3], [0.0, 0.0, 2.0], [1.2, -1.6, 0.0], [0.0, 0.0, -2.0]]
 )
-def test_a_target_two_metres_away_leaves_the_arm_calm(paper_planner, target):
+def test_a_target_two_meters_away_does_not_excite_the_arm(paper_planner, target):
     planned = drive(paper_planner, [Goal.of(3).with_position(target)] * 100)
     assert np.isfinite(planned).all()
     distances = tip_distances(planned, target)
@@ -217,7 +220,7 @@ def test_a_target_two_metres_away_leaves_the_arm_calm(paper_planner, target):
     assert np.ptp(states_of(planned)[-30:, -1, :3], axis=0).max() < 0.03
 
 
-def test_a_tip_inside_an_obstacle_moves_out_and_then_stands_still(paper_planner):
+def test_a_tip_inside_an_obstacle_moves_out_and_stops(paper_planner):
     goal = Goal.of(3, change_weight=0.5).with_obstacles([[0.03, 0.02, 0.59]], [0.10])
     distances = tip_distances(drive(paper_planner, [goal] * 100), [0.03, 0.02, 0.59])
     assert distances[0] < 0.05
@@ -242,16 +245,16 @@ def test_an_obstacle_out_of_the_way_changes_nothing(paper_planner):
     )
 
 
-def test_a_goal_spoilt_by_hand_moves_nothing_and_leaves_no_trace(paper_planner):
+def test_a_goal_that_is_not_finite_leaves_the_plan_unchanged(paper_planner):
     sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
-    spoilt = sound._replace(positions=np.full((3, 3), np.nan, np.float32))
-    planned = drive(paper_planner, [sound] * 3 + [spoilt] * 2 + [sound] * 3)
+    invalid = sound._replace(positions=np.full((3, 3), np.nan, np.float32))
+    planned = drive(paper_planner, [sound] * 3 + [invalid] * 2 + [sound] * 3)
     np.testing.assert_array_equal(planned[3:6], np.repeat(planned[3:4], 3, axis=0))
     np.testing.assert_array_equal(planned[5:], drive(paper_planner, [sound] * 6)[3:])
 
 
 def test_the_same_goals_make_the_same_plan(paper_planner):
-    goals = wild_goals(3, 40)
+    goals = jumping_goals(3, 40)
     np.testing.assert_array_equal(
         drive(paper_planner, goals), drive(paper_planner, goals)
     )
@@ -260,7 +263,7 @@ def test_the_same_goals_make_the_same_plan(paper_planner):
 def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
     planner = planner_of(an_arm(2), on_sphere=False)
     start = 0.7 * straight(2)
-    planned = drive(planner, wild_goals(4, 60, modules=2), start)
+    planned = drive(planner, jumping_goals(4, 60, modules=2), start)
     assert np.isfinite(planned).all()
     assert np.ptp(np.linalg.norm(planned, axis=-1)) > 0.01
     steps = np.linalg.norm(np.diff(planned, axis=0), axis=-1)
@@ -280,7 +283,7 @@ def test_building_a_planner_compiles_and_driving_it_does_not(caplog):
         planner = planner_of(an_arm(1))
         assert any("next_plan" in message for message in compilations(caplog))
         caplog.clear()
-        drive(planner, [Goal.of(1), *wild_goals(5, 60, modules=1)], straight(1))
+        drive(planner, [Goal.of(1), *jumping_goals(5, 60, modules=1)], straight(1))
         drive(
             planner,
             [Goal.of(1).with_obstacles(np.ones((64, 3)), np.ones(64), weight=3)],
@@ -289,8 +292,8 @@ def test_building_a_planner_compiles_and_driving_it_does_not(caplog):
         assert compilations(caplog) == []
 
 
-class Listener(ForwardModel):
-    """A model that adds up what the sensors say."""
+class SummingModel(ForwardModel):
+    """A model whose memory is the sum of all readings."""
 
     scale: float = eqx.field(static=True)
 
@@ -307,8 +310,8 @@ class Listener(ForwardModel):
         return self
 
 
-def test_the_forward_model_hears_every_reading_and_its_memory_travels_with_the_plan():
-    planner = Planner(an_arm(1), Listener(scale=100.0), PAPER)
+def test_the_forward_model_observes_every_reading_and_the_plan_holds_its_memory():
+    planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)
     readings = np.array([[[0.01, 0.0, 0.0]], [[0.0, 2.0, 0.0]], [[0.0, 0.0, 3.0]]])
     plan = planner.start(readings[0])
     assert float(plan.memory) == pytest.approx(1.0)
@@ -317,18 +320,16 @@ def test_the_forward_model_hears_every_reading_and_its_memory_travels_with_the_p
     assert float(plan.memory) == pytest.approx(6.0)
 
 
-@pytest.mark.parametrize("spoilt", [np.nan, np.inf])
-def test_a_reading_that_is_not_finite_never_stays_in_what_the_model_remembers(spoilt):
-    planner = Planner(an_arm(1), Listener(scale=100.0), PAPER)
-    sound, goal = (
-        np.array([[0.01, 0.0, 0.02]]),
-        Goal.of(1).with_position([0.5, 0.0, 0.5]),
-    )
-    heard = planner.plan(planner.start(sound), sound, goal)
-    passed_over = planner.plan(heard, np.full((1, 3), spoilt), goal)
-    assert float(passed_over.memory) == float(heard.memory)
-    assert not np.array_equal(passed_over.configurations, heard.configurations)
-    again = planner.plan(passed_over, sound, goal)
-    assert float(again.memory) == pytest.approx(float(heard.memory) + 0.03)
+@pytest.mark.parametrize("invalid", [np.nan, np.inf])
+def test_a_reading_that_is_not_finite_never_enters_the_memory(invalid):
+    planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)
+    sound = np.array([[0.01, 0.0, 0.02]])
+    goal = Goal.of(1).with_position([0.5, 0.0, 0.5])
+    observed = planner.plan(planner.start(sound), sound, goal)
+    ignored = planner.plan(observed, np.full((1, 3), invalid), goal)
+    assert float(ignored.memory) == float(observed.memory)
+    assert not np.array_equal(ignored.configurations, observed.configurations)
+    again = planner.plan(ignored, sound, goal)
+    assert float(again.memory) == pytest.approx(float(observed.memory) + 0.03)
     with pytest.raises(TargetError, match="not finite"):
-        planner.start(np.full((1, 3), spoilt))
+        planner.start(np.full((1, 3), invalid))

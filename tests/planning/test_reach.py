@@ -1,4 +1,4 @@
-"""How far points are out of reach: worked by hand for one module, by law for more."""
+"""Distances out of reach: worked by hand for one module, laws for several."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ from s2c2a.planning import reach_gaps
 
 TWIN = load_arm("twin_arm")
 POINTS = 24
-"""So many at a time in every test: each other number would be compiled anew."""
+"""Number of points in every call: another number would compile anew."""
 STRAIGHT_UP = [[0, 0, 0.60], [0, 0, 0.65], [0, 0, 0.70]]
 
 
 def gaps(arm, points, module=-1):
-    """Gaps of a few points, among repetitions of them."""
+    """Gaps of a few points, padded with repetitions."""
     return reach_gaps(arm, np.resize(points, (POINTS, 3)), module)[: len(points)]
 
 
@@ -30,19 +30,18 @@ def test_above_a_straight_arm_the_gap_is_what_its_length_lacks():
 
 
 def test_below_the_end_of_one_straight_module_the_gap_is_the_way_down(make_arm):
-    """Its end has no way down the axis: bent, it goes aside faster than down."""
+    """Its end cannot move down the axis: a bend moves it sideways faster than down."""
     np.testing.assert_allclose(
         gaps(make_arm(1), [[0, 0, 0.19], [0, 0, 0.15]]), [0.01, 0.05], atol=1e-5
     )
 
 
 def test_a_module_stops_at_its_bend_limit(make_arm):
-    """At 90 deg the end stands a radius up and a radius aside, L / (pi / 2); a limit of 60 deg stops before."""
+    """At 90 deg the end is one radius L / (pi / 2) up and aside; 60 deg stops before."""
     point = 0.2 / (np.pi / 2) * np.array([[1.0, 0.0, 1.0]])
     stopped = 0.2 / (np.pi / 3) * np.array([[0.5, 0.0, 0.75**0.5]])
-    loose, tight = (
-        make_arm(1, module={"bend_limit_deg": limit}) for limit in (90.0, 60.0)
-    )
+    loose = make_arm(1, module={"bend_limit_deg": 90.0})
+    tight = make_arm(1, module={"bend_limit_deg": 60.0})
     assert gaps(loose, point)[0] == pytest.approx(0, abs=1e-4)
     assert gaps(tight, point)[0] == pytest.approx(
         np.linalg.norm(point - stopped), abs=1e-4
@@ -51,28 +50,24 @@ def test_a_module_stops_at_its_bend_limit(make_arm):
 
 @pytest.mark.parametrize("height", [0.599, 0.565, 0.55])
 def test_a_point_on_the_axis_below_the_straight_tip_is_reached_by_an_s(column, height):
-    """Though a straight arm would stay straight, since no bend of it is better than another."""
+    """A straight start would stay straight, since no direction is better."""
     assert (
         gaps(column, [[0, 0, height], [1e-9, 0, height], [0, -1e-5, height]]).max()
         < 1e-4
     )
 
 
-def test_two_modules_of_three_reach_what_a_held_middle_asks_for(column):
+def test_two_modules_of_three_reach_the_target_of_the_middle(column):
     assert gaps(column, [[0, 0, 0.396]], module=1)[0] < 1e-4
 
 
 @pytest.mark.parametrize("modules", [2, 3])
-def test_where_an_arm_can_be_there_is_no_gap(make_arm, modules):
+def test_reachable_points_have_no_gap(make_arm, modules):
     """At the ends of 24 random shapes within its limits."""
-    arm, random = (
-        make_arm(modules, module={"bend_limit_deg": 50.0}),
-        np.random.default_rng(modules),
-    )
-    angles, sizes = (
-        random.uniform(-np.pi, np.pi, (POINTS, modules)),
-        np.deg2rad(50) * random.uniform(0, 1, (POINTS, modules)),
-    )
+    arm = make_arm(modules, module={"bend_limit_deg": 50.0})
+    random = np.random.default_rng(modules)
+    angles = random.uniform(-np.pi, np.pi, (POINTS, modules))
+    sizes = np.deg2rad(50) * random.uniform(0, 1, (POINTS, modules))
     bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     ends = states_from_bends(
         bends.astype(np.float32), np.full(modules, 0.2, np.float32)
@@ -88,6 +83,8 @@ def test_modules_are_counted_from_the_base_or_back_from_the_tip(column):
 
 
 @pytest.mark.parametrize("module", [3, -4, 10**30])
-def test_a_module_that_the_arm_lacks_is_refused(module):
-    with pytest.raises(TargetError, match=f"no module {module}; 'twin_arm' has 3"):
+def test_a_module_that_does_not_exist_is_rejected(module):
+    with pytest.raises(
+        TargetError, match=f"module {module} does not exist; 'twin_arm' has 3"
+    ):
         gaps(TWIN, STRAIGHT_UP, module)

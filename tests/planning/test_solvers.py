@@ -1,4 +1,4 @@
-"""Adam against a second one, and what no solver can do."""
+"""Adam against a second implementation, and limits that hold for every solver."""
 
 from dataclasses import dataclass, replace
 
@@ -39,7 +39,7 @@ def test_adam_strictly_lowers_the_objective(target):
 
 @dataclass(frozen=True)
 class SquaredDistance(Term):
-    """From one vector for all modules, squared already."""
+    """Squared distance from one vector for all modules."""
 
     x: float = 1.0
 
@@ -53,10 +53,12 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
     """A second Adam (Kingma and Ba 2015, algorithm 1) in float64."""
     pull = np.array([[1.0, -2.0, 0.5]])
     first = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8], [0.0, 0.0, 1.0]])
-    place, mean, square = first, 0.0, 0.0
+    place = first
+    mean = square = 0.0
     for step in range(1, 11):
         gradient = 2 * (place - pull)
-        mean, square = 0.9 * mean + 0.1 * gradient, 0.999 * square + 0.001 * gradient**2
+        mean = 0.9 * mean + 0.1 * gradient
+        square = 0.999 * square + 0.001 * gradient**2
         place = place - 0.02 * (mean / (1 - 0.9**step)) / (
             np.sqrt(square / (1 - 0.999**step)) + 1e-8
         )
@@ -71,8 +73,8 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
 
 
 @dataclass(frozen=True)
-class Wild(Solver):
-    """Bends as far as it likes."""
+class Unlimited(Solver):
+    """Ignores the limits of the arm."""
 
     bend: float = 3.0
 
@@ -82,8 +84,8 @@ class Wild(Solver):
         )
 
 
-def test_no_solver_takes_a_plan_beyond_the_limits_of_the_arm():
-    planner = Planner(TWIN, MODEL, replace(BEST, solver=Wild(), guides=()))
+def test_plans_of_every_solver_stay_within_the_limits_of_the_arm():
+    planner = Planner(TWIN, MODEL, replace(BEST, solver=Unlimited(), guides=()))
     plans = [planner.start(STRAIGHT)]
     for _ in range(20):
         plans.append(planner.plan(plans[-1], STRAIGHT, Goal.of(3)))
@@ -103,18 +105,18 @@ def test_no_solver_takes_a_plan_beyond_the_limits_of_the_arm():
         *BEST.guides,
         Adam(),
         LeastSquares(),
-        Wild(),
+        Unlimited(),
         SquaredDistance(),
     ],
 )
-def test_parts_with_numbers_that_cannot_plan_are_refused(part, number):
+def test_invalid_parameters_of_components_are_rejected(part, number):
     for name in vars(part).keys() - {"name"}:
         with pytest.raises(S2C2AError, match=f"{name} asked for"):
             replace(part, **{name: number})
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: Adam(learning_rate=0.0), "0.0 learning_rate asked for"),
         (lambda: Adam(iterations=0), "0 iterations asked for .*; take 1 to 10000"),
@@ -123,6 +125,6 @@ def test_parts_with_numbers_that_cannot_plan_are_refused(part, number):
         (lambda: replace(BEST, terms=()), "at least one"),
     ],
 )
-def test_options_that_cannot_plan_are_refused(make, said):
-    with pytest.raises(S2C2AError, match=said):
+def test_invalid_options_are_rejected(make, message):
+    with pytest.raises(S2C2AError, match=message):
         make()

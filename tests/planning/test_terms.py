@@ -1,4 +1,4 @@
-"""Terms one by one, worked by hand, and the two sums that solvers make of them."""
+"""Each term worked by hand, and the two objectives of the solvers."""
 
 from dataclasses import replace
 
@@ -21,10 +21,13 @@ from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
 from s2c2a.planning.terms import guarded_points, norm
 
 TWIN = load_arm("twin_arm")
-MODEL, LENGTHS = PCCForwardModel.of(TWIN), jnp.full(3, 0.2)
-TIP_ONLY, WHOLE_ARM = guarded_points(TWIN, "tip"), guarded_points(TWIN, "arm")
+MODEL = PCCForwardModel.of(TWIN)
+LENGTHS = jnp.full(3, 0.2)
+TIP_ONLY = guarded_points(TWIN, "tip")
+WHOLE_ARM = guarded_points(TWIN, "arm")
 SCALE = 0.46  # m: the paper's length scale, for an arm of 0.6 m
-UNIT, PULL = 0.4 * 0.6, 0.035 * 0.6
+UNIT = 0.4 * 0.6
+PULL = 0.035 * 0.6
 RANDOM = np.random.default_rng(0)
 PREDICTED, DESIRED = RANDOM.normal(size=(2, 3, 3)).astype(np.float32)
 WEIGHTS = np.array([0.5, 0.0, 2.0], np.float32)
@@ -37,7 +40,7 @@ NEXT = LAST + np.array([[0.02, 0.0], [0.0, -0.03], [0.01, 0.01]], np.float32)
 
 
 def situation(goal=None, last=None, length=1.0):
-    """With nothing in it but a goal and where the last plan stood."""
+    """A situation with a goal and the last configurations, else zeros."""
     last = np.zeros((3, 3)) if last is None else last
     now = Candidate(
         last, np.zeros((3, 2)), np.zeros((3, 6)), np.zeros((1, 3)), np.zeros(())
@@ -55,7 +58,7 @@ def situation(goal=None, last=None, length=1.0):
 
 
 def candidate(positions=None, points=None, configurations=None):
-    """Of which only what is given counts."""
+    """A candidate with these values, else zeros."""
     states = (
         np.zeros((3, 6))
         if positions is None
@@ -64,32 +67,35 @@ def candidate(positions=None, points=None, configurations=None):
     return Candidate(configurations, None, states, points, np.zeros(()))
 
 
-def paid(term, tried, given):
-    """What the paper's solver makes of a term."""
-    mu, rows = term.residual(tried, given)
+def cost_of(term, candidate, situation):
+    """The sum of norms of a term, as in the paper."""
+    mu, rows = term.residual(candidate, situation)
     return jnp.sum(mu * norm(rows))
 
 
 def target_cost(positions, desired=DESIRED, weights=WEIGHTS):
     goal = Goal.of(3)._replace(positions=desired, position_weights=weights)
-    return paid(terms.Positions(unit=1.0), candidate(positions), situation(goal))
+    return cost_of(terms.Positions(unit=1.0), candidate(positions), situation(goal))
 
 
 def obstacle_cost(points, centers=CENTERS, thresholds=THRESHOLDS):
     goal = Goal.of(3)._replace(obstacles=centers, thresholds=thresholds)
-    return paid(terms.Repulsion(unit=1.0), candidate(points=points), situation(goal))
+    return cost_of(terms.Repulsion(unit=1.0), candidate(points=points), situation(goal))
 
 
 def change_cost(configurations, last):
     goal = Goal.of(3, change_weight=1.0)
-    return paid(
+    return cost_of(
         terms.Change(), candidate(configurations=configurations), situation(goal, last)
     )
 
 
-target_cost, target_slope = jax.jit(target_cost), jax.jit(jax.grad(target_cost))
-obstacle_cost, obstacle_slope = jax.jit(obstacle_cost), jax.jit(jax.grad(obstacle_cost))
-change_cost, change_slope = jax.jit(change_cost), jax.jit(jax.grad(change_cost))
+target_slope = jax.jit(jax.grad(target_cost))
+obstacle_slope = jax.jit(jax.grad(obstacle_cost))
+change_slope = jax.jit(jax.grad(change_cost))
+target_cost = jax.jit(target_cost)
+obstacle_cost = jax.jit(obstacle_cost)
+change_cost = jax.jit(change_cost)
 norm_slope = jax.jit(jax.grad(norm))
 
 
@@ -160,9 +166,7 @@ def test_an_almost_reached_target_pulls_with_its_whole_weight(size):
         (1e-9, 1000.0),
     ],
 )
-def test_an_obstacle_costs_one_over_the_distance_inside_its_threshold_and_nothing_outside(
-    distance, cost
-):
+def test_an_obstacle_costs_one_over_the_distance_inside_its_threshold(distance, cost):
     found = obstacle_cost(
         np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.array([0.1])
     )
@@ -301,7 +305,7 @@ def test_a_guarded_arm_pays_for_every_point_of_its_center_line():
     )
 
 
-def test_an_arm_at_rest_with_nothing_asked_has_no_slope():
+def test_an_arm_at_rest_without_targets_has_zero_gradient():
     value, gradient = jax.jit(jax.value_and_grad(papers_objective(Goal.of(3))))(
         STRAIGHT
     )
@@ -310,11 +314,11 @@ def test_an_arm_at_rest_with_nothing_asked_has_no_slope():
 
 
 @pytest.mark.parametrize("options", [PAPER, BEST], ids=["paper", "best"])
-def test_either_recipes_terms_serve_both_solvers(options):
-    """Their norms and their squares are of the same residuals."""
+def test_terms_of_both_recipes_work_with_both_solvers(options):
+    """Sum of norms and sum of squares use the same residuals."""
     problem = Step.of(TWIN, MODEL, options).problem(BENT, (), a_rich_goal())
     bends = jnp.asarray(NEXT)
-    tried = problem.look(configurations_from_bends(bends), bends)
+    tried = problem.predict(configurations_from_bends(bends), bends)
     judged = [
         [np.asarray(one) for one in term.residual(tried, problem.situation)]
         for term in options.terms
@@ -331,8 +335,8 @@ def test_either_recipes_terms_serve_both_solvers(options):
 @pytest.mark.parametrize(
     "goal", [Goal.of(3), Goal.of(3).with_obstacles(CENTERS[:2], THRESHOLDS[:2])]
 )
-def test_room_for_few_obstacles_or_none_changes_nothing(goal):
-    """Planning for many leaves out what is not in use."""
+def test_unused_rows_of_obstacles_change_nothing(goal):
+    """Batches leave out unused rows."""
     room = int((goal.thresholds > 0).sum())
     small = goal._replace(
         obstacles=goal.obstacles[:room], thresholds=goal.thresholds[:room]
@@ -360,13 +364,13 @@ BLOCKS = {
 
 @pytest.fixture(scope="module")
 def residuals_at():
-    """(bends, goal) -> blocks of what `best` stacks by name, the last plan being LAST."""
+    """(bends, goal) -> residuals of `BEST` by name; the last plan is LAST."""
     step = Step.of(TWIN, MODEL, BEST)
 
     @jax.jit
     def values(bends, last, goal):
         problem = step.problem(configurations_from_bends(last), (), goal)
-        # no difference where there is none
+        # exactly zero where nothing changes
         return problem.stacked(problem.situation.last.bends + (bends - last))
 
     def at(bends, goal, last=LAST) -> dict[str, np.ndarray]:
@@ -384,12 +388,12 @@ def state_of(bends):
     return np.asarray(states_from_bends(jnp.asarray(bends, dtype=jnp.float32), LENGTHS))
 
 
-def test_nothing_asked_where_the_plan_stands_is_all_zero(residuals_at):
+def test_without_targets_the_last_plan_has_zero_residuals(residuals_at):
     for name, block in residuals_at(LAST, Goal.of(3)).items():
         np.testing.assert_allclose(block, 0.0, atol=1e-7, err_msg=name)
 
 
-def test_nothing_asked_only_change_costs(residuals_at):
+def test_without_targets_only_change_costs(residuals_at):
     blocks = residuals_at(NEXT, Goal.of(3, change_weight=0.5))
     np.testing.assert_allclose(
         blocks.pop("change"), 0.03 * np.sqrt(0.5) * (NEXT - LAST).reshape(-1), atol=1e-7
@@ -416,7 +420,7 @@ def test_a_target_far_away_pulls_no_more_than_the_longest_pull(residuals_at):
     np.testing.assert_allclose(missed[-1], -towards * PULL / UNIT, atol=1e-5)
 
 
-def test_every_module_can_be_asked_for(residuals_at):
+def test_every_module_can_have_a_target(residuals_at):
     ends = state_of(LAST)[:, :3]
     goal = (
         Goal.of(3)
@@ -442,14 +446,14 @@ def test_an_axis_is_missed_as_it_is(residuals_at):
     assert not missed[:2].any()
 
 
-def test_uneven_bends_cost_a_little_where_something_is_asked(residuals_at):
+def test_uneven_bends_cost_a_little_with_a_target(residuals_at):
     blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.5]))
     np.testing.assert_allclose(
         blocks["evenness"], 0.02 * np.diff(LAST, axis=0).reshape(-1), atol=1e-7
     )
 
 
-def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(
+def test_modules_beyond_the_last_target_need_not_be_even(
     residuals_at,
 ):
     blocks = residuals_at(LAST, Goal.of(3).with_position([0.1, 0.0, 0.3], module=1))
@@ -459,10 +463,10 @@ def test_modules_beyond_the_last_that_something_is_asked_of_need_not_be_even(
     np.testing.assert_array_equal(blocks["evenness"][2:], 0.0)
 
 
-def test_doubt_costs_as_a_distance_of_the_tip_does():
-    doubtful = candidate()._replace(extrapolation=jnp.asarray(0.03))
+def test_extrapolation_costs_as_much_as_a_distance_of_the_tip():
+    extrapolating = candidate()._replace(extrapolation=jnp.asarray(0.03))
     mu, rows = terms.Extrapolation(weight=2.0, unit=0.5).residual(
-        doubtful, situation(length=0.6)
+        extrapolating, situation(length=0.6)
     )
     np.testing.assert_allclose(mu * rows, [[2.0 * 0.03 / 0.3]], rtol=1e-6)
 
@@ -490,8 +494,8 @@ def test_an_obstacle_costs_by_how_far_the_tip_is_within_its_threshold_and_margin
     )
 
 
-def test_places_for_obstacles_that_are_not_in_use_cost_nothing(residuals_at):
-    """Even where the tip stands on their center."""
+def test_unused_rows_of_obstacles_cost_nothing(residuals_at):
+    """Even where the tip is at their center."""
     goal = Goal.of(3)._replace(
         obstacles=np.tile(state_of(LAST)[-1, :3], (MAX_OBSTACLES, 1)).astype(np.float32)
     )
@@ -513,8 +517,8 @@ def test_of_many_obstacles_those_count_that_the_tip_is_deepest_in(residuals_at):
     np.testing.assert_allclose(found, 20.0 * deepest / UNIT, atol=1e-4)
 
 
-def test_round_an_obstacle_the_tip_is_drawn_aside_and_shape_counts(residuals_at):
-    """From a shape of the map, straight through, and past a sphere half way."""
+def test_around_an_obstacle_the_target_moves_and_the_shape_counts(residuals_at):
+    """From a shape of the map, without and with a sphere half way."""
     last = np.tile(np.float32([0.4, -0.2]), (3, 1))
     tip, target = (
         state_of(np.tile(bend, (3, 1)))[-1, :3] for bend in ([0.4, -0.2], [0.4, 0.2])
@@ -537,14 +541,14 @@ def test_round_an_obstacle_the_tip_is_drawn_aside_and_shape_counts(residuals_at)
     assert lengths.max() <= 0.3 * np.deg2rad(2.0) + 1e-6
 
 
-def test_an_obstacle_beside_an_untargeted_tip_draws_nothing(residuals_at):
-    """With nothing asked of the tip there is no way to be found."""
+def test_an_obstacle_near_a_tip_without_target_changes_nothing(residuals_at):
+    """Without a target of the tip there is no path."""
     goal = Goal.of(3).with_obstacles(
         [state_of(LAST)[-1, :3] + np.array([0.0, 0.3, 0.0])], [0.05]
     )
     blocks = residuals_at(LAST, goal)
     for name, block in blocks.items():
-        # bends go to configurations and back
+        # bends are converted to configurations and back
         np.testing.assert_allclose(block, 0.0, atol=1e-6, err_msg=name)
 
 

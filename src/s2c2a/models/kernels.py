@@ -1,17 +1,15 @@
-"""A local model: what data near a point say.
+"""Gaussian process regression with a Matern kernel on inducing points.
 
-Regression with a Matern kernel whose length differs from feature to feature, beside a
-linear part that goes on where there are no data, on a fixed number of points that stand
-for all (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, secs.
-4.2, 5.4 and 8.3.3: subset of regressors). Lengths maximize the likelihood of some of
-the samples; the rest is linear algebra.
+Each feature has its own length scale, and a linear part extrapolates beyond the data. A
+fixed number of inducing points stands for all samples (Rasmussen and Williams, Gaussian
+Processes for Machine Learning, 2006, secs. 4.2, 5.4 and 8.3.3: subset of regressors).
+Hyperparameters maximize the likelihood of a subset of the samples.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,29 +19,27 @@ from jaxtyping import Array, Float
 from s2c2a.training.fit import Fixed
 
 Numbers = Array | np.ndarray
-SAMPLES_OF_LIKELIHOOD = 700
-# of Adam, on logarithms
-STEPS = 60
+LIKELIHOOD_SAMPLES = 700
+STEPS = 60  # of Adam, on logarithms
 LEARNING_RATE = 0.1
 MIN_NOISE = 1e-4  # of the targets' variance
-FIRST_LINEAR = 0.05  # standard deviation of slopes before anything is seen
-FIRST_NOISE = 0.01
+INITIAL_LINEAR = 0.05  # prior standard deviation of the slopes
+INITIAL_NOISE = 0.01
 MIN_SAMPLES = 100
 
 
 class Kernels(Fixed):
-    """A function of features that was fitted once.
+    """A fitted regression: kernel, linear part and constant.
 
     Attributes:
         center: of the features, shape (features,).
-        rates: one over the length of each feature; zero where it says nothing, shape
+        rates: inverse length scale of each feature; zero if it is not used, shape
             (features,).
-        points: centered and scaled features that stand for all samples, shape (points,
-            features).
+        points: inducing points in scaled features, shape (points, features).
         weights: of the kernel at each point, shape (points, outputs).
         slopes: of the linear part in scaled features, shape (features, outputs).
         constant: shape (outputs,).
-        speaks: one, or zero where it says nothing.
+        speaks: one if the model is fitted, else zero.
     """
 
     center: Float[Array, " features"]
@@ -56,58 +52,56 @@ class Kernels(Fixed):
 
     @classmethod
     def silent(cls, features: int, outputs: int, points: int) -> "Kernels":
-        """One that says nothing."""
-        shapes = (
-            (features,),
-            (features,),
-            (points, features),
-            (points, outputs),
-            (features, outputs),
-            (outputs,),
-            (),
+        """A model that is not fitted; its output is zero."""
+        return cls(
+            center=jnp.zeros(features),
+            rates=jnp.zeros(features),
+            points=jnp.zeros((points, features)),
+            weights=jnp.zeros((points, outputs)),
+            slopes=jnp.zeros((features, outputs)),
+            constant=jnp.zeros(outputs),
+            speaks=jnp.zeros(()),
         )
-        return cls(*map(jnp.zeros, shapes))
 
     def times(self, weight: float) -> "Kernels":
-        """One that says so much of it."""
-        parts = self.weights, self.slopes, self.constant
-        return eqx.tree_at(
-            lambda k: (k.weights, k.slopes, k.constant),
+        """The model with its output multiplied by a weight."""
+        return replace(
             self,
-            tuple(weight * part for part in parts),
+            weights=weight * self.weights,
+            slopes=weight * self.slopes,
+            constant=weight * self.constant,
         )
 
     def scaled(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch features"]:
-        """As distances are taken."""
+        """Features in units of the length scales, about their center."""
         return (features - self.center) * self.rates
 
     def __call__(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch outputs"]:
-        """What the data say, shape (*batch, outputs)."""
-        place = self.scaled(features)
-        return (
-            matern(place, self.points) @ self.weights
-            + place @ self.slopes
-            + self.constant
-        )
+        """Predictions, shape (*batch, outputs)."""
+        scaled = self.scaled(features)
+        local = matern(scaled, self.points) @ self.weights
+        return local + scaled @ self.slopes + self.constant
 
 
 def matern(
-    places: Float[Numbers, "*batch features"], points: Float[Numbers, "points features"]
+    features: Float[Numbers, "*batch features"],
+    points: Float[Numbers, "points features"],
 ):
-    """(1 + d + d^2 / 3) exp(-d) with d = sqrt(5) |x - z|, shape (*batch, points); slope zero at zero.
+    """Matern kernel of order 5/2: (1 + d + d^2 / 3) exp(-d), d = sqrt(5) |x - z|.
 
-    In NumPy or JAX, as the result then is.
+    The gradient at zero distance is zero. Inputs and result are both NumPy or both JAX.
+
+    Returns:
+        Kernel values, shape (*batch, points).
     """
     xp = points.__array_namespace__()
-    squared = (
-        xp.sum(places**2, axis=-1)[..., None]
-        + xp.sum(points**2, axis=-1)
-        - 2.0 * places @ points.T
-    )
+    squared_features = xp.sum(features**2, axis=-1)[..., None]
+    squared_points = xp.sum(points**2, axis=-1)
+    squared = squared_features + squared_points - 2.0 * features @ points.T
     distance = xp.sqrt(5.0 * xp.maximum(squared, 1e-9))
     return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
@@ -119,46 +113,43 @@ def fitted_kernels(
     count: int,
     seed: int = 0,
 ) -> Kernels:
-    """Fit a local model.
+    """Fit a regression to samples.
 
     Args:
         features: of samples, in order of time.
-        targets: what to say there, in units alike; outputs that are never known are
-            left at zero.
-        kinds: groups of features that share a factor of their lengths, as sums of
-            one-hot rows.
-        count: of points that stand for all samples.
-        seed: of the choice of samples.
+        targets: of samples, in comparable units; outputs that are always NaN stay zero.
+        kinds: groups of features that share a factor of their length scales, as sums
+            of one-hot rows.
+        count: number of inducing points.
+        seed: of the subset of samples for the likelihood.
+
+    Returns:
+        The fitted model; with fewer than `MIN_SAMPLES` samples, one that is not fitted.
     """
     known = np.isfinite(targets).any(axis=0)
-    whole = np.isfinite(targets[:, known]).all(axis=1) & np.isfinite(features).all(
-        axis=1
-    )
-    x = features[whole].astype(np.float64)
-    y = targets[whole][:, known].astype(np.float64)
-    outputs = targets.shape[1]
+    has_targets = np.isfinite(targets[:, known]).all(axis=1)
+    complete = has_targets & np.isfinite(features).all(axis=1)
+    x = features[complete].astype(np.float64)
+    y = targets[complete][:, known].astype(np.float64)
     if len(x) < MIN_SAMPLES or not known.any():
-        return Kernels.silent(features.shape[1], outputs, count)
+        return Kernels.silent(features.shape[1], targets.shape[1], count)
     center = x.mean(axis=0)
     width = x.std(axis=0)
     mean = y.mean(axis=0)
-    spread = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
+    scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
+    normalized = (y - mean) / scale
     rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
-    chosen = np.random.default_rng(seed).permutation(len(x))[:SAMPLES_OF_LIKELIHOOD]
+    subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
     scaled = (x - center) * rates
-    found = _lengths(scaled[chosen], (y[chosen] - mean) / spread, kinds)
-    rates = rates * found.rates
-    return _in_units(
-        _solved(x, (y - mean) / spread, center, rates, found, count),
-        mean,
-        spread,
-        known,
-    )
+    fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
+    rates = rates * fitted.rates
+    kernels = _solve_weights(x, normalized, center, rates, fitted, count)
+    return _denormalize(kernels, mean, scale, known)
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What the likelihood says: rates of scaled features, and variances of kernel, slopes and noise."""
+class _Hyperparameters:
+    """Rates of scaled features, and variances of kernel, slopes and noise."""
 
     rates: np.ndarray
     kernel: float
@@ -166,85 +157,99 @@ class _Found:
     noise: float
 
 
-def _lengths(x: np.ndarray, y: np.ndarray, kinds: np.ndarray) -> _Found:
-    """Those under which the samples are likeliest, by gradient steps on logarithms."""
-    begun = {
+def _fit_hyperparameters(
+    x: np.ndarray, y: np.ndarray, kinds: np.ndarray
+) -> _Hyperparameters:
+    """Maximize the likelihood of samples by gradient steps on logarithms."""
+    varying = max(1, int(np.count_nonzero(x.std(axis=0))))
+    initial = {
         "kinds": jnp.zeros(kinds.shape[1]),
-        "all": jnp.asarray(-0.5 * np.log(max(1, int(np.count_nonzero(x.std(axis=0)))))),
+        "all": jnp.asarray(-0.5 * np.log(varying)),
         "kernel": jnp.zeros(()),
-        "linear": jnp.asarray(2.0 * np.log(FIRST_LINEAR)),
-        "noise": jnp.asarray(np.log(FIRST_NOISE)),
+        "linear": jnp.asarray(2.0 * np.log(INITIAL_LINEAR)),
+        "noise": jnp.asarray(np.log(INITIAL_NOISE)),
     }
     optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
-    best = _likeliest(
-        begun, *(jnp.asarray(part, jnp.float32) for part in (x, y, kinds)), optimizer
-    )
+    arrays = [jnp.asarray(array, jnp.float32) for array in (x, y, kinds)]
+    best = _maximize_likelihood(initial, *arrays, optimizer)
     rates = np.exp(np.asarray(best["all"] + kinds @ best["kinds"], np.float64))
-    kernel, linear, noise = (
-        float(jnp.exp(best[name])) for name in ("kernel", "linear", "noise")
-    )
-    return _Found(rates, kernel, linear, noise + MIN_NOISE)
+    noise = float(jnp.exp(best["noise"])) + MIN_NOISE
+    kernel = float(jnp.exp(best["kernel"]))
+    return _Hyperparameters(rates, kernel, float(jnp.exp(best["linear"])), noise)
 
 
 @partial(jax.jit, static_argnums=4)
-def _likeliest(begun: dict, x: Array, y: Array, kinds: Array, optimizer: Any) -> dict:
+def _maximize_likelihood(
+    initial: dict, x: Array, y: Array, kinds: Array, optimizer: Any
+) -> dict:
     def step(carry, _):
-        numbers, state = carry
-        gradient = jax.grad(_unlikelihood)(numbers, x, y, kinds)
+        logarithms, state = carry
+        gradient = jax.grad(_negative_log_likelihood)(logarithms, x, y, kinds)
         updates, state = optimizer.update(gradient, state)
-        return (optax.apply_updates(numbers, updates), state), None
+        return (optax.apply_updates(logarithms, updates), state), None
 
-    return jax.lax.scan(step, (begun, optimizer.init(begun)), None, STEPS)[0][0]
+    carry = initial, optimizer.init(initial)
+    return jax.lax.scan(step, carry, None, STEPS)[0][0]
 
 
-def _unlikelihood(numbers: dict, x: Array, y: Array, kinds: Array) -> Array:
-    """Minus the logarithm of the likelihood of the samples, per sample and output."""
-    place = x * jnp.exp(numbers["all"] + kinds @ numbers["kinds"])
-    covariance = (
-        jnp.exp(numbers["kernel"]) * matern(place, place)
-        + jnp.exp(numbers["linear"]) * x @ x.T
-    )
-    noise = jnp.exp(numbers["noise"]) + MIN_NOISE
+def _negative_log_likelihood(
+    logarithms: dict, x: Array, y: Array, kinds: Array
+) -> Array:
+    """Per sample and output."""
+    scaled = x * jnp.exp(logarithms["all"] + kinds @ logarithms["kinds"])
+    local = jnp.exp(logarithms["kernel"]) * matern(scaled, scaled)
+    covariance = local + jnp.exp(logarithms["linear"]) * x @ x.T
+    noise = jnp.exp(logarithms["noise"]) + MIN_NOISE
     root = jnp.linalg.cholesky(covariance + (noise + 1e-5) * jnp.eye(len(x)))
-    explained = jax.scipy.linalg.solve_triangular(root, y, lower=True)
-    return jnp.sum(explained**2) / (2.0 * y.size) + jnp.sum(
-        jnp.log(jnp.diag(root))
-    ) / len(x)
+    whitened = jax.scipy.linalg.solve_triangular(root, y, lower=True)
+    misfit = jnp.sum(whitened**2) / (2.0 * y.size)
+    return misfit + jnp.sum(jnp.log(jnp.diag(root))) / len(x)
 
 
-def _in_units(
-    kernels: Kernels, mean: np.ndarray, spread: float, known: np.ndarray
+def _denormalize(
+    kernels: Kernels, mean: np.ndarray, scale: float, known: np.ndarray
 ) -> Kernels:
-    """What was fitted to targets of mean zero and variance one, in their own units, zero where they are not known."""
+    """The fit to normalized targets in their own units; unknown outputs are zero."""
 
-    def put(values: Array, offset=0.0):
+    def expand(values: Array, offset=0.0):
         full = np.zeros((*values.shape[:-1], len(known)), np.float32)
-        full[..., np.flatnonzero(known)] = np.asarray(values) * spread + offset
+        full[..., np.flatnonzero(known)] = np.asarray(values) * scale + offset
         return jnp.asarray(full)
 
-    parts = put(kernels.weights), put(kernels.slopes), put(kernels.constant, mean)
-    return eqx.tree_at(lambda k: (k.weights, k.slopes, k.constant), kernels, parts)
-
-
-def _solved(x, y, center, rates, found: _Found, count: int) -> Kernels:
-    """Weights of evenly drawn points, and slopes, that all samples ask for."""
-    place = (x - center) * rates
-    points = place[np.unique(np.linspace(0, len(place) - 1, count).astype(int))]
-    slope = np.sqrt(found.linear / found.kernel) / np.where(rates > 0, found.rates, 1.0)
-    scale = np.where(rates > 0, slope, 0.0)
-    prior = matern(points, points)
-    basis = np.hstack([matern(place, points), place * scale])
-    cost = np.zeros((basis.shape[1],) * 2)
-    cost[: len(points), : len(points)] = prior
-    cost[len(points) :, len(points) :] = np.eye(place.shape[1])
-    ratio = found.noise / found.kernel
-    weights = np.linalg.solve(
-        basis.T @ basis + ratio * cost + 1e-9 * np.eye(len(cost)), basis.T @ y
+    return replace(
+        kernels,
+        weights=expand(kernels.weights),
+        slopes=expand(kernels.slopes),
+        constant=expand(kernels.constant, mean),
     )
-    padded = np.zeros((count, x.shape[1]))
-    padded[: len(points)] = points
-    kernel_weights = np.zeros((count, y.shape[1]))
-    kernel_weights[: len(points)] = weights[: len(points)]
-    slopes = scale[:, None] * weights[len(points) :]
-    numbers = center, rates, padded, kernel_weights, slopes, np.zeros(y.shape[1]), 1.0
-    return Kernels(*(jnp.asarray(part, jnp.float32) for part in numbers))
+
+
+def _solve_weights(
+    x, y, center, rates, fitted: _Hyperparameters, count: int
+) -> Kernels:
+    """Weights of evenly spaced inducing points and slopes, fitted to all samples."""
+    features = (x - center) * rates
+    numbers = np.unique(np.linspace(0, len(features) - 1, count).astype(int))
+    points = features[numbers]
+    used = len(points)
+    ratio = np.sqrt(fitted.linear / fitted.kernel)
+    slope_scale = ratio / np.where(rates > 0, fitted.rates, 1.0)
+    slope_scale = np.where(rates > 0, slope_scale, 0.0)
+    basis = np.hstack([matern(features, points), features * slope_scale])
+    prior = np.zeros((basis.shape[1],) * 2)
+    prior[:used, :used] = matern(points, points)
+    prior[used:, used:] = np.eye(features.shape[1])
+    noise = fitted.noise / fitted.kernel
+    normal = basis.T @ basis + noise * prior + 1e-9 * np.eye(len(prior))
+    solution = np.linalg.solve(normal, basis.T @ y)
+    padding = (0, count - used), (0, 0)
+    arrays = (
+        center,
+        rates,
+        np.pad(points, padding),
+        np.pad(solution[:used], padding),
+        slope_scale[:, None] * solution[used:],
+        np.zeros(y.shape[1]),
+        1.0,
+    )
+    return Kernels(*(jnp.asarray(array, jnp.float32) for array in arrays))

@@ -1,12 +1,13 @@
-"""How far off a model must be expected to be: as far as it was on data held out, and further where there were none.
+"""Uncertainty of a forward model: its error on validation data, more in extrapolation.
 
-What is known at a place is told by a kernel and few points (`kernels.matern`; Rasmussen
-and Williams, Gaussian Processes for Machine Learning, 2006, sec. 8.3): of all that
-could be there, the share that the data leave open. As much as was left open at places
-held out is nothing strange; beyond that, doubt grows until nothing is known.
+The posterior variance of a Gaussian process on inducing points (`kernels.matern`;
+Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 8.3),
+relative to its prior variance, measures the distance from the data. Values as on the
+validation data count as interpolation; beyond, the uncertainty grows up to a limit.
 """
 
-import equinox as eqx
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,27 +16,24 @@ from s2c2a.models.kernels import matern
 from s2c2a.training.fit import Fixed
 
 LENGTH = 4.0  # of the kernel, in standard deviations of each feature
-# beside the kernel's variance: of samples, and of points
-NOISE = 0.01
-JITTER = 1e-4
-USUAL = 0.95  # share of the places held out that are nothing strange
-# of a feature, in parts of the widest: where nothing was moved, nothing is known
-MIN_WIDTH = 0.1
-IGNORANCE = 0.3  # of the arm's length: how far off it may be where nothing is known
+NOISE = 0.01  # variance of samples, relative to the kernel's
+JITTER = 1e-4  # variance of inducing points, relative to the kernel's
+INTERPOLATION_SHARE = 0.95  # of validation samples that count as interpolation
+MIN_WIDTH = 0.1  # of the widest feature; a constant feature is known at one value only
+IGNORANCE = 0.3  # of the arm's length: uncertainty far from all data
 
 
 class Known(Fixed):
-    """What was known, and how far off a model was there.
+    """Distance from the data, and the error of a model near them.
 
     Attributes:
         center: of the features, shape (features,).
-        rates: one over the length of each, shape (features,).
-        points: centered and scaled, shape (points, features).
-        root: of the inverse of the kernel less that of kernel and data, shape (points,
-            points).
-        usual: share left open that is nothing strange.
-        usual_error: root of the mean square distance there [m], shape (modules,).
-        ignorance: where nothing is known [m].
+        rates: inverse length scale of each feature, shape (features,).
+        points: inducing points in scaled features, shape (points, features).
+        root: square root of inv(K) - inv(K + data), shape (points, points).
+        usual: largest relative posterior variance that counts as interpolation.
+        usual_error: root mean square error on validation data [m], shape (modules,).
+        ignorance: uncertainty far from all data [m].
     """
 
     center: Float[Array, " features"]
@@ -48,38 +46,37 @@ class Known(Fixed):
 
     @classmethod
     def none(cls, features: int, points: int, modules: int) -> "Known":
-        """Of a model that was never tried."""
-        shapes = (
-            (features,),
-            (features,),
-            (points, features),
-            (points, points),
-            (),
-            (modules,),
-            (),
-        )
-        return cls(*map(jnp.zeros, shapes))
-
-    def strangeness(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch"]:
-        """From zero where the data were to one where nothing is known."""
-        return jnp.maximum(self.left_open(features) - self.usual, 0.0) / (
-            1.0 - self.usual
+        """The uncertainty of a model without data: zero."""
+        return cls(
+            center=jnp.zeros(features),
+            rates=jnp.zeros(features),
+            points=jnp.zeros((points, features)),
+            root=jnp.zeros((points, points)),
+            usual=jnp.zeros(()),
+            usual_error=jnp.zeros(modules),
+            ignorance=jnp.zeros(()),
         )
 
-    def left_open(
+    def extrapolation(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
-        """Share of what could be there that the data do not tell."""
-        near = matern((features - self.center) * self.rates, self.points)
-        return jnp.clip(1.0 - jnp.sum((near @ self.root) ** 2, axis=-1), 0.0, 1.0)
+        """From zero near the data to one far from them."""
+        excess = self.relative_variance(features) - self.usual
+        return jnp.maximum(excess, 0.0) / (1.0 - self.usual)
+
+    def relative_variance(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch"]:
+        """Posterior variance over prior variance, from 0 to 1."""
+        kernel = matern((features - self.center) * self.rates, self.points)
+        explained = jnp.sum((kernel @ self.root) ** 2, axis=-1)
+        return jnp.clip(1.0 - explained, 0.0, 1.0)
 
     def meters(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
-        """How much further off than usual an end may be [m]."""
-        return self.ignorance * self.strangeness(features) ** 2
+        """Uncertainty of module ends from extrapolation [m]."""
+        return self.ignorance * self.extrapolation(features) ** 2
 
 
 def known_from(
@@ -89,33 +86,32 @@ def known_from(
     points: int,
     length: float,
 ) -> Known:
-    """What data tell.
+    """The uncertainty of a model with these data.
 
     Args:
-        features: of samples learned from, in order of time.
-        held_out: of others.
-        distances: of ends there from where a model said they would be [m]; NaN where
-            not known.
-        points: that stand for all.
+        features: of training samples, in order of time.
+        held_out: features of validation samples.
+        distances: prediction errors of module ends there [m]; NaN where unknown.
+        points: number of inducing points.
         length: of the arm [m].
     """
     center = features.mean(axis=0)
     width = features.std(axis=0)
-    rates = 1.0 / (
-        LENGTH * np.maximum(width, max(MIN_WIDTH * float(width.max()), 1e-6))
-    )
-    place = (features - center).astype(np.float64) * rates
-    chosen = place[np.linspace(0, len(place) - 1, points).astype(int)]
-    prior = matern(chosen, chosen) + JITTER * np.eye(points)
-    seen = matern(place, chosen)
-    values, vectors = np.linalg.eigh(
-        np.linalg.inv(prior) - np.linalg.inv(prior + seen.T @ seen / NOISE)
-    )
-    # its square would lose what single precision cannot hold
+    min_width = max(MIN_WIDTH * float(width.max()), 1e-6)
+    rates = 1.0 / (LENGTH * np.maximum(width, min_width))
+    scaled = (features - center).astype(np.float64) * rates
+    inducing = scaled[np.linspace(0, len(scaled) - 1, points).astype(int)]
+    prior = matern(inducing, inducing) + JITTER * np.eye(points)
+    kernel = matern(scaled, inducing)
+    posterior = prior + kernel.T @ kernel / NOISE
+    values, vectors = np.linalg.eigh(np.linalg.inv(prior) - np.linalg.inv(posterior))
+    # the root, since its square exceeds single precision
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    squares = np.sum(distances**2, axis=0, where=np.isfinite(distances))
-    error = np.sqrt(squares / np.maximum(np.isfinite(distances).sum(axis=0), 1))
-    numbers = center, rates, chosen, root, 0.0, error, IGNORANCE * length
-    known = Known(*(jnp.asarray(part, jnp.float32) for part in numbers))
-    usual = jnp.quantile(known.left_open(jnp.asarray(held_out, jnp.float32)), USUAL)
-    return eqx.tree_at(lambda told: told.usual, known, jnp.minimum(usual, 0.9))
+    finite = np.isfinite(distances)
+    squares = np.sum(distances**2, axis=0, where=finite)
+    error = np.sqrt(squares / np.maximum(finite.sum(axis=0), 1))
+    arrays = center, rates, inducing, root, 0.0, error, IGNORANCE * length
+    known = Known(*(jnp.asarray(array, jnp.float32) for array in arrays))
+    variances = known.relative_variance(jnp.asarray(held_out, jnp.float32))
+    usual = jnp.quantile(variances, INTERPOLATION_SHARE)
+    return replace(known, usual=jnp.minimum(usual, 0.9))

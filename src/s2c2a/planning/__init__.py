@@ -1,10 +1,16 @@
-"""S2C: from desired states to the next configuration, by optimizing through a forward model."""
+"""S2C: planning of configurations by optimization through a forward model."""
 
-from s2c2a.goals import Goal
 from s2c2a.components import Own
+from s2c2a.goals import Goal
 from s2c2a.planning.batch import BatchPlanner
+from s2c2a.planning.fallback import (
+    NO_FALLBACK,
+    FallbackSearch,
+    Notes,
+    Outcome,
+    SearchState,
+)
 from s2c2a.planning.guides import Detour, Guide, Pull
 from s2c2a.planning.planner import BEST, PAPER, Plan, Planner, PlannerOptions
-from s2c2a.planning.fallback import NO_FALLBACK, Notes, FallbackSearch
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver, reach_gaps
 from s2c2a.planning.terms import Candidate, Guard, Residual, Situation, Term

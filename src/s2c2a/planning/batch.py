@@ -1,7 +1,7 @@
-"""Planning for many at once, offline: many goals, many starts, whole paths. The control step is the planner's.
+"""Offline planning in batches: many goals, many starts, whole paths.
 
-Work goes in chunks of one size, padded, over threads: nothing compiles anew for another
-number, and results do not depend on the number of threads.
+The work is split into padded chunks of one size, on several threads. Another batch size
+therefore compiles nothing anew, and results do not depend on the number of threads.
 """
 
 from collections.abc import Callable
@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
 from s2c2a.kinematics import ForwardModel
 from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
 from s2c2a.planning.terms import Numbers
-from s2c2a.compilation import compiled
 
 CHUNK = 64
 
@@ -31,8 +31,7 @@ class PlannedPath(NamedTuple):
 
     Attributes:
         configurations: of every step, shape (steps, modules, 3), module frames.
-        states: that the forward model predicts [m, 1], shape (steps, modules, 6), base
-            frame.
+        states: predicted [m, 1], shape (steps, modules, 6), base frame.
     """
 
     configurations: Float[Numbers, "steps modules 3"]
@@ -40,13 +39,13 @@ class PlannedPath(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best of many ways to a goal.
+    """Best result of several starts.
 
     Attributes:
-        configurations: where it ends, shape (modules, 3), module frames.
-        value: of the objective there (Chen et al. 2025, eq. (7)).
-        start: number of the start that it began from.
-        values: of the objective where every start has led to, shape (starts,).
+        configurations: final configurations, shape (modules, 3), module frames.
+        value: objective there (Chen et al. 2025, eq. (7)).
+        start: number of the start that leads there.
+        values: objective at the end of every start, shape (starts,).
     """
 
     configurations: Float[np.ndarray, "modules 3"]
@@ -56,10 +55,10 @@ class Best(NamedTuple):
 
 
 class BatchPlanner:
-    """Plans for many at once; a program compiles when first needed, for any number after it.
+    """Plans many goals at once; each program compiles once, when it is first needed.
 
-    What follows a plan is taken to be what was planned, so paths are those of an arm
-    whose controller misses nothing.
+    The next step starts from what was planned, so paths are those of an arm that
+    follows its plan exactly.
     """
 
     def __init__(
@@ -73,161 +72,159 @@ class BatchPlanner:
         """Prepare for an arm and a forward model; nothing compiles yet.
 
         Args:
-            arm: its limits count.
+            arm: its limits hold.
             model: predicts states.
-            options: how to plan.
-            chunk: plans in one call; larger ones suit a GPU.
-            threads: chunks side by side; all cores if not stated.
+            options: of the planner.
+            chunk: plans in one call; larger chunks suit a GPU.
+            threads: chunks at the same time; all cores by default.
 
         Raises:
-            TargetError: a chunk or a number of threads below one.
+            TargetError: the chunk or the number of threads is below one.
         """
         if chunk < 1 or (threads is not None and threads < 1):
             raise TargetError(
-                f"chunks of {chunk} on {threads} threads asked for; both must be at least one"
+                f"chunks of {chunk} on {threads} threads were requested; "
+                "give at least 1 of each"
             )
         self._chunk = chunk
         self._threads = threads or all_cores()
         step = Step.of(arm, model, options)
-        self._start = compiled(_each, Step.started, step)
-        self._free = compiled(_each, Step.next_plan, step)
-        self._alone = compiled(_alone, step)
-        self._along = compiled(_along, step)
-        self._values = compiled(
-            _each, _value, Step.of(arm, model, replace(PAPER, guard=options.guard))
-        )
+        paper = Step.of(arm, model, replace(PAPER, guard=options.guard))
+        self._start = compiled(_vectorize, Step.started, step)
+        self._next = compiled(_vectorize, Step.next_plan, step)
+        self._next_single = compiled(_next_of_one, step)
+        self._along = compiled(_plan_along, step)
+        self._values = compiled(_vectorize, _objective, paper)
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
-        """Plans of arms at rest; arrays of the plan have the batch in front.
+        """Plans of arms at rest, with the batch axis first in every array.
 
         Raises:
-            TargetError: no arm, or configurations that are not finite.
+            TargetError: the batch is empty, or a configuration is not finite.
         """
         configurations = np.asarray(sensed, np.float32)
         if not len(configurations) or not np.isfinite(configurations).all():
             raise TargetError(
-                f"configurations of shape {configurations.shape} given; give at least one, all finite"
+                f"configurations of shape {configurations.shape} are empty or not "
+                "finite; give at least one, all finite"
             )
         return self._in_chunks(self._start, self._chunk, configurations)
 
     def plan(
         self, plans: Plan, sensed: Float[Numbers, "batch modules 3"], goals: Goal
     ) -> Plan:
-        """The next plan of each, towards goals of their own (`Goal.stacked`).
+        """The next plan of each arm, towards its own goal.
 
         Args:
-            plans: the last ones.
-            sensed: the latest sensed configurations.
-            goals: with the batch in front.
+            plans: the last plans.
+            sensed: latest sensed configurations, shape (batch, modules, 3).
+            goals: with the batch axis first (`Goal.stacked`).
 
         Raises:
-            TargetError: not as many goals as plans.
+            TargetError: the numbers of plans, arms and goals differ.
         """
-        count = len(plans.configurations)
-        arms = len(sensed)
-        asked = len(goals.positions)
-        if not count == arms == asked:
+        counts = len(plans.configurations), len(sensed), len(goals.positions)
+        if len(set(counts)) > 1:
             raise TargetError(
-                f"{count} plans, {arms} sensed arms and {asked} goals; give as many"
+                "{} plans, {} sensed arms and {} goals given; "
+                "give as many of each".format(*counts)
             )
-        inputs = plans, np.asarray(sensed, np.float32)
-        # side by side, ways round would be searched for all
+        sensed = np.asarray(sensed, np.float32)
+        # in a vectorized call, every arm would compute a detour
         if (np.asarray(goals.thresholds) > 0).any():
-            return self._in_chunks(self._alone, 1, *inputs, goals)
-        # no work for none
-        free = goals._replace(
+            return self._in_chunks(self._next_single, 1, plans, sensed, goals)
+        unobstructed = goals._replace(
             obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0]
         )
-        return self._in_chunks(self._free, self._chunk, *inputs, free)
+        return self._in_chunks(self._next, self._chunk, plans, sensed, unobstructed)
 
     def best(
         self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50
     ) -> Best:
-        """From many starts towards one goal, and the best end of all: what a single start stays short of.
+        """Plan from many starts towards one goal; the best of all final plans.
 
         Args:
-            starts: configurations to begin from.
-            goal: for the end.
-            steps: control steps that each may take.
+            starts: initial configurations, shape (starts, modules, 3).
+            goal: of every start.
+            steps: control steps from each start.
 
         Raises:
-            TargetError: no start, one that is not finite, or no step.
+            TargetError: there is no start, one is not finite, or there is no step.
         """
         if steps < 1:
-            raise TargetError(f"{steps} steps asked for; take at least one")
+            raise TargetError(f"{steps} steps were requested; give at least 1")
         plans = self.start(starts)
         goals = Goal.stacked([goal] * len(starts))
         for _ in range(steps):
             plans = self.plan(plans, plans.configurations, goals)
         values = self._in_chunks(self._values, self._chunk, plans, goals)
-        first = int(np.argmin(values))
-        return Best(
-            np.asarray(plans.configurations[first]), float(values[first]), first, values
-        )
+        best = int(np.argmin(values))
+        configurations = np.asarray(plans.configurations[best])
+        return Best(configurations, float(values[best]), best, values)
 
     def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> PlannedPath:
         """A whole path from an arm at rest.
 
         Args:
-            start: where it rests.
-            goals: one a step (`Goal.stacked`).
+            start: initial configurations, shape (modules, 3).
+            goals: one per step (`Goal.stacked`).
 
         Raises:
-            TargetError: no goal, or a start that is not finite.
+            TargetError: there is no goal, or the start is not finite.
         """
-        if not len(goals.positions):
-            raise TargetError("a path of no steps asked for; give at least one goal")
         count = len(goals.positions)
-        plan = jax.tree.map(lambda part: part[0], self.start(np.asarray(start)[None]))
-        parts = []
+        if not count:
+            raise TargetError("a path of 0 steps was requested; give at least 1 goal")
+        plans = self.start(np.asarray(start)[None])
+        plan = jax.tree.map(lambda array: array[0], plans)
+        pieces = []
         for begin in range(0, count, self._chunk):
-            plan, part = self._along(plan, _cut(goals, begin, self._chunk))
-            parts.append(part)
-        return PlannedPath(
-            *(np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True))
-        )
+            plan, piece = self._along(plan, _slice(goals, begin, self._chunk))
+            pieces.append(piece)
+        return _concatenate(pieces, count)
 
     def _in_chunks(self, program: Callable[..., Any], size: int, *inputs: Any) -> Any:
-        """A program over all chunks, on threads, its results put together again."""
+        """Run a program over all chunks on threads; concatenate the results."""
         inputs = jax.tree.map(np.asarray, inputs)
         count = len(jax.tree.leaves(inputs)[0])
 
-        def one(begin: int):
-            return jax.tree.map(np.asarray, program(*_cut(inputs, begin, size)))
+        def run_chunk(begin: int):
+            return jax.tree.map(np.asarray, program(*_slice(inputs, begin, size)))
 
         with ThreadPoolExecutor(self._threads) as pool:
-            results = list(pool.map(one, range(0, count, size)))
-        return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *results)
+            results = list(pool.map(run_chunk, range(0, count, size)))
+        return _concatenate(results, count)
 
 
-def _cut(inputs: Any, begin: int, size: int) -> Any:
-    """One chunk; the last one filled up with its last row."""
+def _slice(inputs: Any, begin: int, size: int) -> Any:
+    """One chunk; the last chunk is padded with its last row."""
     last = len(jax.tree.leaves(inputs)[0]) - 1
     rows = np.minimum(np.arange(begin, begin + size), last)
     return jax.tree.map(lambda values: np.asarray(values)[rows], inputs)
 
 
-def _each(work: Callable[..., Any], step: Step, *inputs: Any) -> Any:
-    return jax.vmap(partial(work, step))(*inputs)
+def _concatenate(chunks: list[Any], count: int) -> Any:
+    return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *chunks)
 
 
-def _alone(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
-    """A chunk of one, so that ways round are searched only where they are needed."""
-    plan = step.next_plan(
-        *jax.tree.map(lambda values: values[0], (plans, sensed, goals))
-    )
-    return jax.tree.map(lambda values: values[None], plan)
+def _vectorize(function: Callable[..., Any], step: Step, *inputs: Any) -> Any:
+    return jax.vmap(partial(function, step))(*inputs)
 
 
-def _along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
-    def on(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
+def _next_of_one(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
+    """The next plan of a batch of one; computes detours only where they are needed."""
+    single = jax.tree.map(lambda values: values[0], (plans, sensed, goals))
+    return jax.tree.map(lambda values: values[None], step.next_plan(*single))
+
+
+def _plan_along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
+    def advance(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
         plan = step.next_plan(last, last.configurations, goal)
         return plan, PlannedPath(plan.configurations, step.expectation(plan).states)
 
-    return jax.lax.scan(on, plan, goals)
+    return jax.lax.scan(advance, plan, goals)
 
 
-def _value(paper: Step, plan: Plan, goal: Goal):
-    return paper.problem(plan.configurations, plan.memory, goal).sum_of_norms(
-        plan.configurations
-    )
+def _objective(step: Step, plan: Plan, goal: Goal):
+    problem = step.problem(plan.configurations, plan.memory, goal)
+    return problem.sum_of_norms(plan.configurations)

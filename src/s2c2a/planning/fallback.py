@@ -1,111 +1,145 @@
-"""What takes over where a plan stands although its cost could fall.
+"""Fallback search: random restarts when the plan is stuck.
 
-Slopes of taut cables that follow their motors (`ForwardModel.for_planning`) can point
-uphill, and the best shape of all can lie behind shapes that are worse. So where a plan
-gets no nearer to its goal, or not as near as it could without moving by a whole step,
-true slopes try from there and from a few other shapes within the step; and shapes drawn
-from all that the arm can be search without the step's limit. One that is far better is
-led to, some steps long, and kept in mind on the way.
+A planner with the slopes of taut cables (`ForwardModel.for_planning`) can stop although
+the cost could fall: these slopes can point uphill, and the best shape can lie behind
+worse ones. Where a plan makes no progress, the fallback search solves again with true
+slopes, from the plan and from random samples: within the step limit, and over all
+shapes of the arm. It moves towards a far better shape over several steps.
 
-All of it is in the compiled step: where nothing stands its loops turn no time, also in
-a batch.
+The search is part of the compiled control step. Where no plan is stuck, its loops make
+no iteration, also in a batch.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
+from s2c2a.components import Kind, Part
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
-from s2c2a.components import Kind, Part
 from s2c2a.planning.solvers import Problem, solve_least_squares
 from s2c2a.planning.terms import Bends, largest_bend
 
-STAYED = 1
-OTHER_START = 2
-LED = 3
-"""Stayed where it was, since the plan led away from the goal as asked; true slopes or
-another start; another shape."""
-DRAWN = 64  # shapes, taken one after the other
-BOUND = 0.999  # of the step's limit: it binds
-FALLING = 0.9  # of the cost before: a plan that leaves less does not stand
-STILL = 0.05  # of the step's limit: a plan that moves less is still
-# of the cost: what another shape may leave, where the goal moves and where all has been
-# still
-SOON = 0.5
-LATE = 0.95
-STILL_LONG = 20  # steps
-STOOD_LONG = 5  # steps; a plan that follows a goal is left alone as long
-LONGEST_WAIT = 8  # steps between two searches in vain
-REFINING = 3  # iterations for a shape that is led to
+SAMPLES = 64  # random shapes, taken in turn
+AT_STEP_LIMIT = 0.999  # of the step limit: the step limit is active
+PROGRESS = 0.9  # of the cost before: a plan that leaves less makes progress
+STILL = 0.05  # of the step limit: a plan that moves less is still
+STILL_STEPS = 20  # steps; the arm has been still for long
+STUCK_STEPS = 5  # steps; a plan that follows a moving goal is left alone as long
+MAX_WAIT = 8  # steps between two searches without success
+REFINING_ITERATIONS = 3  # for the shape that the plan moves towards
+# largest share of the cost that another shape may leave
+MOVING_SHARE = 0.5  # where the plan moves
+STILL_SHARE = 0.95  # where the plan has been still for long
+
 Count = Int[Array, ""]
+Flag = Bool[Array, ""]
+Cost = Float[Array, ""]
 
 
-class Notes(NamedTuple):
-    """What is kept in mind from step to step beside a shape; whole numbers, one and zero for yes and no.
+class Outcome(IntEnum):
+    """How a control step was planned; the value is the number in files."""
+
+    sentence: str
+
+    SOLVED = 0, "The plan is the solver's."
+    KEPT = 1, "The plan stays, since the solver's plan moves away from the goal."
+    RESTARTED = 2, "The plan is that of a restart within the step limit."
+    FALLBACK = 3, "The plan moves towards a better shape from the fallback search."
+    STUCK = 4, "The plan is stuck, although a better shape is known."
+
+    def __new__(cls, value: int, sentence: str) -> "Outcome":
+        """A number with a sentence."""
+        outcome = int.__new__(cls, value)
+        outcome._value_ = value
+        outcome.sentence = sentence
+        return outcome
+
+
+class SearchState(NamedTuple):
+    """Diagnostics and counters of the fallback search, integers of shape ().
 
     Attributes:
-        led: whether that shape is led to.
-        turn: how many searches there were.
-        wait: steps until the next one.
-        last_wait: after the last search in vain.
-        still: steps for which all has been still.
-        stood: steps for which the plan stood, in a row.
-        rescued: 0, or what took over in this step: `STAYED`, `OTHER_START` or `LED`.
-        standing: whether the plan stands although a shape is known that would serve
-            better.
+        approaching: 1 while the plan moves towards the stored shape.
+        searches: number of searches so far; selects the random samples.
+        wait: steps until the next search.
+        last_wait: steps waited after the last search without success.
+        still_steps: steps in a row in which the plan was still.
+        stuck_steps: steps in a row in which the plan was stuck.
+        outcome: of the last step (`Outcome`).
     """
 
-    led: Count
-    turn: Count
+    approaching: Count
+    searches: Count
     wait: Count
     last_wait: Count
-    still: Count
-    stood: Count
-    rescued: Count
-    standing: Count
+    still_steps: Count
+    stuck_steps: Count
+    outcome: Count
+
+    @property
+    def rescued(self) -> Count:
+        """The outcome if the fallback replaced the solver's plan, else zero."""
+        return self.outcome * (self.outcome != Outcome.STUCK)
+
+    @property
+    def standing(self) -> Count:
+        """1 if the plan is stuck although a better shape is known, else 0."""
+        return 1 * (self.outcome == Outcome.STUCK)
+
+
+Notes = SearchState  # name in `s2c2a.strategies.strategy`
 
 
 class Search(NamedTuple):
-    """What is kept in mind; few arrays, since each costs microseconds on its way into the program and out of it.
+    """Memory of the fallback search.
+
+    The integers are packed, since each array costs microseconds on its way into the
+    compiled step and out of it.
 
     Attributes:
-        shape: bends [rad], shape (modules, 2).
-        numbers: of `Notes`, shape (notes,).
+        shape: best other shape so far, as bends [rad], shape (modules, 2).
+        numbers: the packed `SearchState`, shape (fields,).
     """
 
     shape: Bends
-    numbers: Int[Array, " notes"]
+    numbers: Int[Array, " fields"]
 
     @classmethod
     def none(cls, bends: Bends) -> "Search":
-        """At rest."""
-        return cls(bends, jnp.zeros(len(Notes._fields), jnp.int32))
+        """The memory of an arm at rest."""
+        return cls(bends, jnp.zeros(len(SearchState._fields), jnp.int32))
+
+    @classmethod
+    def pack(cls, shape: Bends, state: SearchState) -> "Search":
+        """The memory with these counters."""
+        integers = [jnp.asarray(value, jnp.int32) for value in state]
+        return cls(shape, jnp.stack(integers))
 
     @property
-    def notes(self) -> Notes:
-        """By name."""
-        return Notes(*(self.numbers[place] for place in range(len(Notes._fields))))
+    def notes(self) -> SearchState:
+        """The unpacked counters; of a batch, each with the batch axes in front."""
+        return SearchState(*jnp.moveaxis(self.numbers, -1, 0))
 
 
 @dataclass(frozen=True)
 class FallbackSearch(Part):
-    """See the module. Costs are sums of mu |r|^2.
+    """Random restarts where the plan is stuck. Costs are sums of mu |r|^2.
 
     Attributes:
-        starts: shapes that a search begins from; none, and nothing is rescued or
-            noticed.
-        iterations: of each.
-        least: a cost below it, or less of it to gain, is not worth a move where the
-            goal moves: 8 mm off at the tip. What cables remember makes shapes look
-            better for a step that are worse in the next.
-        slight: the same where all has been still: 3 mm.
-        seed: of the shapes.
+        starts: random samples of each search; with zero there is no fallback.
+        iterations: of least squares from each sample.
+        least: smallest cost, and smallest gain, worth a move while the goal moves:
+            8 mm at the tip. The memory of the cables makes shapes look better for one
+            step that are worse in the next.
+        slight: the same where the plan has been still for long: 3 mm.
+        seed: of the samples.
     """
 
     starts: int = 6
@@ -114,140 +148,203 @@ class FallbackSearch(Part):
     slight: float = 1.5e-4
     seed: int = 0
 
-    def over(
-        self, step: Problem, asked: Goal, planned: Bends, search: Search
+    def improve(
+        self, guided: Problem, goal: Goal, planned: Bends, search: Search
     ) -> tuple[Bends, Search]:
-        """The solver's plan or a better one, as bends [rad], and what is kept in mind.
+        """The solver's plan or a better one, as bends [rad], and the new memory.
 
         Args:
-            step: the step's problem, with true slopes.
-            asked: the goal before guides changed it.
-            planned: by the solver, within its limits.
-            search: kept in mind.
+            guided: the problem of this step, with true slopes.
+            goal: the goal before the guides changed it.
+            planned: the solver's plan within its limits, as bends [rad].
+            search: memory of the last step.
         """
-        situation = step.situation
-        free = step.asking(asked)
-        notes = search.notes
-        led = notes.led > 0
-        here = step.looked_at(planned)
-        before = free.judged(situation.last)
-        # round obstacles guides know the way
-        unhindered = ~(situation.goal.thresholds > 0.0).any()
-        now = free.judged(here)
-        local = step.judged(here)
-        local_before = step.judged(situation.last)
-        # a guide misled the solver: it would come and go
-        back = unhindered & (now > before) & (local < local_before)
-        planned = jnp.where(back, situation.last.bends, planned)
-        now = jnp.where(back, before, now)
-        local = jnp.where(back, local_before, local)
-        moved = largest_bend(planned - situation.last.bends) / situation.longest_step
-        still = jnp.where(moved < STILL, notes.still + 1, 0)
-        worth = jnp.where(still > STILL_LONG, self.slight, self.least)
-        falls = (now <= FALLING * before) & (local <= FALLING * now)
-        stands = (now > worth) & ~falls & ((moved < BOUND) | (now > FALLING * before))
-        stood = jnp.where(stands, notes.stood + 1, 0)
-        seeks = stands & ~led & (notes.wait <= 0)
-        nothing = (
-            _Found(planned, jnp.asarray(jnp.inf)),
-            _Found(search.shape, jnp.asarray(jnp.inf)),
+        last = guided.situation.last
+        state = search.notes
+        approaching = state.approaching > 0
+        unguided = guided.with_goal(goal)
+        before = _Costs(unguided.judged(last), guided.judged(last))
+        after = _costs(guided, unguided, planned)
+        # near obstacles a guide may first move away from the goal
+        unobstructed = ~(guided.situation.goal.thresholds > 0.0).any()
+        # otherwise a misleading guide would make the plan oscillate
+        keep = (
+            unobstructed
+            & (after.unguided > before.unguided)
+            & (after.guided < before.guided)
         )
-        found = partial(self._found, step, free, planned, search, seeks)
-        near, shape = jax.lax.cond(seeks | led, found, lambda: nothing)
-        gained = seeks & (near.cost < LATE * local) & (local - near.cost > worth)
-        left = jnp.where(
-            led, 1.0, SOON + (LATE - SOON) * jnp.minimum(still / STILL_LONG, 1.0)
-        )
-        worth_it = (
-            seeks
-            & (now - shape.cost > worth)
-            & (((still > 0) & ~gained) | (stood > STOOD_LONG))
-        )
-        better = (led | worth_it) & (shape.cost < left * now)
-        leads = better & unhindered
-        in_vain = seeks & ~gained & ~better
-        last_wait = jnp.where(
-            in_vain, jnp.clip(2 * notes.last_wait, 1, LONGEST_WAIT), notes.last_wait
-        )
-        kept = Notes(
-            led=leads
-            & (
-                largest_bend(shape.bends - situation.last.bends)
-                > situation.longest_step
-            ),
-            turn=notes.turn + seeks,
-            wait=jnp.where(in_vain, last_wait, notes.wait - 1),
-            last_wait=jnp.where(stands | led, last_wait, 0),
-            still=still,
-            stood=stood,
-            rescued=jnp.where(
-                leads, LED, jnp.where(gained, OTHER_START, jnp.where(back, STAYED, 0))
-            ),
-            standing=better & ~unhindered,
-        )
-        return jnp.where(
-            leads, step.within_step(shape.bends), jnp.where(gained, near.bends, planned)
-        ), Search(shape.bends, jnp.stack([jnp.asarray(one, jnp.int32) for one in kept]))
+        planned = jnp.where(keep, last.bends, planned)
+        after = jax.tree.map(partial(jnp.where, keep), before, after)
+        progress = self._progress(guided, planned, before, after, state)
 
-    def _found(
-        self, step: Problem, free: Problem, planned: Bends, search: Search, seeks
-    ) -> "tuple[_Found, _Found]":
-        """The best within the step, and the best of all; a shape that is led to is no more than kept up to date.
+        searching = progress.stuck & ~approaching & (state.wait <= 0)
+        near, far = jax.lax.cond(
+            searching | approaching,
+            partial(self._search, guided, unguided, planned, search, searching),
+            lambda: (_without_cost(planned), _without_cost(search.shape)),
+        )
+        restart = searching & progress.restart_pays(near.cost)
+        better = approaching | (searching & progress.move_pays(far.cost, restart))
+        better &= far.cost < progress.allowed_cost(approaching)
+        move = better & unobstructed
 
-        One program for both, since every one costs seconds to compile: what differs
-        goes in as numbers.
+        failed = searching & ~restart & ~better
+        longer_wait = jnp.clip(2 * state.last_wait, 1, MAX_WAIT)
+        last_wait = jnp.where(failed, longer_wait, state.last_wait)
+        distance = largest_bend(far.bends - last.bends)
+        state = SearchState(
+            approaching=move & (distance > guided.situation.longest_step),
+            searches=state.searches + searching,
+            wait=jnp.where(failed, last_wait, state.wait - 1),
+            last_wait=jnp.where(progress.stuck | approaching, last_wait, 0),
+            still_steps=progress.still_steps,
+            stuck_steps=progress.stuck_steps,
+            outcome=_outcome(keep, restart, move, better),
+        )
+        bends = jnp.where(restart, near.bends, planned)
+        bends = jnp.where(move, guided.within_step(far.bends), bends)
+        return bends, Search.pack(far.bends, state)
+
+    def _progress(
+        self,
+        guided: Problem,
+        planned: Bends,
+        before: "_Costs",
+        after: "_Costs",
+        state: SearchState,
+    ) -> "_Progress":
+        situation = guided.situation
+        step = largest_bend(planned - situation.last.bends) / situation.longest_step
+        still_steps = jnp.where(step < STILL, state.still_steps + 1, 0)
+        min_gain = jnp.where(still_steps > STILL_STEPS, self.slight, self.least)
+        slow = after.unguided > PROGRESS * before.unguided
+        progresses = ~slow & (after.guided <= PROGRESS * after.unguided)
+        limited = step >= AT_STEP_LIMIT
+        stuck = (after.unguided > min_gain) & ~progresses & (~limited | slow)
+        stuck_steps = jnp.where(stuck, state.stuck_steps + 1, 0)
+        return _Progress(stuck, min_gain, still_steps, stuck_steps, after)
+
+    def _search(
+        self,
+        guided: Problem,
+        unguided: Problem,
+        planned: Bends,
+        search: Search,
+        searching: Flag,
+    ) -> "tuple[_Result, _Result]":
+        """The best shape within the step limit, and the best of all shapes.
+
+        A shape that the plan moves towards is only refined. One program solves from all
+        starts, since each program takes seconds to compile; what differs between starts
+        is data.
         """
-        led = search.notes.led > 0
-        last = step.situation.last.bends
-        limits = step.situation.bend_limits
-        drawn = self._drawn(last, search.notes.turn)
-        within = last + step.situation.longest_step * drawn[: self.starts // 2]
+        state = search.notes
+        situation = guided.situation
+        last = situation.last.bends
+        limits = situation.bend_limits
+        samples = self._samples(last, state.searches)
+        within = last + situation.longest_step * samples[: self.starts // 2]
+        stored = len(within) + 1  # number of the start at the stored shape
         starts = jnp.concatenate(
-            [planned[None], within, search.shape[None], limits[:, None] * drawn]
+            [planned[None], within, search.shape[None], limits[:, None] * samples]
         )
-        near = jnp.arange(len(starts)) <= len(within)
-        iterations = jnp.where(seeks, self.iterations, jnp.where(led, REFINING, -1))
+        numbers = jnp.arange(len(starts))
+        near = numbers < stored
+        refining = state.approaching > 0
+        iterations = jnp.where(refining, REFINING_ITERATIONS, -1)
+        iterations = jnp.where(searching, self.iterations, iterations)
 
-        def from_one(start: Bends, near) -> _Found:
+        def solve(start: Bends, near: Flag) -> _Result:
             goal = jax.tree.map(
-                partial(jnp.where, near), step.situation.goal, free.situation.goal
+                partial(jnp.where, near), situation.goal, unguided.situation.goal
             )
 
             def project(bends: Bends) -> Bends:
-                return jnp.where(
-                    near, step.within_step(bends), limit_lengths(bends, limits)
-                )
+                allowed = limit_lengths(bends, limits)
+                return jnp.where(near, guided.within_step(bends), allowed)
 
-            problem = step.asking(goal)
-            return _Found(
-                *solve_least_squares(problem.stacked, start, project, iterations)
-            )
+            residuals = guided.with_goal(goal).stacked
+            return _Result(*solve_least_squares(residuals, start, project, iterations))
 
-        found = jax.vmap(from_one)(starts, near)
-        kept = jnp.arange(len(starts)) == len(within) + 1
-        best_near = jnp.argmin(jnp.where(near, found.cost, jnp.inf))
-        best_far = jnp.argmin(jnp.where(near | (led & ~kept), jnp.inf, found.cost))
-        best_far = jnp.where(seeks, best_far, len(within) + 1)
-        near_one, far_one = (
-            _Found(found.bends[one], found.cost[one]) for one in (best_near, best_far)
-        )
-        return near_one, far_one
+        results = jax.vmap(solve)(starts, near)
+        excluded = near | (refining & (numbers != stored))
+        best_near = jnp.argmin(jnp.where(near, results.cost, jnp.inf))
+        best_far = jnp.argmin(jnp.where(excluded, jnp.inf, results.cost))
+        best_far = jnp.where(searching, best_far, stored)
+        return results.at(best_near), results.at(best_far)
 
-    def _drawn(self, like: Bends, turn) -> Float[Array, "starts modules 2"]:
-        """The next shapes in line; bends are in the unit disc."""
+    def _samples(
+        self, like: Bends, searches: Count
+    ) -> Float[Array, "starts modules 2"]:
+        """The next random samples in turn; bends are in the unit disc."""
         random = np.random.default_rng(self.seed)
-        angles = random.uniform(0, 2 * np.pi, (DRAWN, len(like)))
-        shapes = np.sqrt(random.uniform(size=angles.shape))[..., None] * np.stack(
-            [np.cos(angles), np.sin(angles)], -1
-        )
-        return jnp.asarray(shapes, like.dtype)[
-            (turn * self.starts + jnp.arange(self.starts)) % DRAWN
-        ]
+        angles = random.uniform(0, 2 * np.pi, (SAMPLES, len(like)))
+        radii = np.sqrt(random.uniform(size=angles.shape))
+        directions = np.stack([np.cos(angles), np.sin(angles)], -1)
+        samples = jnp.asarray(radii[..., None] * directions, like.dtype)
+        numbers = searches * self.starts + jnp.arange(self.starts)
+        return samples[numbers % SAMPLES]
 
 
-class _Found(NamedTuple):
+class _Costs(NamedTuple):
+    """Costs of one plan with the goal as requested and as the guides changed it."""
+
+    unguided: Cost
+    guided: Cost
+
+
+class _Progress(NamedTuple):
+    """How the plan progresses, and what a better plan must gain."""
+
+    stuck: Flag
+    min_gain: Cost
+    still_steps: Count
+    stuck_steps: Count
+    costs: _Costs
+
+    def restart_pays(self, cost: Cost) -> Flag:
+        """Whether a restart within the step limit is enough better."""
+        planned = self.costs.guided
+        return (cost < STILL_SHARE * planned) & (planned - cost > self.min_gain)
+
+    def move_pays(self, cost: Cost, restart: Flag) -> Flag:
+        """Whether a move over several steps is worth its start."""
+        waited = self.stuck_steps > STUCK_STEPS
+        ready = ((self.still_steps > 0) & ~restart) | waited
+        return (self.costs.unguided - cost > self.min_gain) & ready
+
+    def allowed_cost(self, approaching: Flag) -> Cost:
+        """Largest cost of a shape to move towards."""
+        stillness = jnp.minimum(self.still_steps / STILL_STEPS, 1.0)
+        share = MOVING_SHARE + (STILL_SHARE - MOVING_SHARE) * stillness
+        return jnp.where(approaching, 1.0, share) * self.costs.unguided
+
+
+class _Result(NamedTuple):
+    """Bends of a solution and their cost."""
+
     bends: Bends
-    cost: Float[Array, ""]
+    cost: Cost
+
+    def at(self, number: Count) -> "_Result":
+        """One of several results."""
+        return _Result(self.bends[number], self.cost[number])
+
+
+def _costs(guided: Problem, unguided: Problem, bends: Bends) -> _Costs:
+    candidate = guided.looked_at(bends)
+    return _Costs(unguided.judged(candidate), guided.judged(candidate))
+
+
+def _without_cost(bends: Bends) -> _Result:
+    return _Result(bends, jnp.asarray(jnp.inf))
+
+
+def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
+    outcome = jnp.where(better, Outcome.STUCK, Outcome.SOLVED)
+    outcome = jnp.where(keep, Outcome.KEPT, outcome)
+    outcome = jnp.where(restart, Outcome.RESTARTED, outcome)
+    return jnp.where(move, Outcome.FALLBACK, outcome)
 
 
 NO_FALLBACK = FallbackSearch(starts=0)

@@ -1,7 +1,6 @@
-"""The planner: one compiled call from a goal to the next configuration, and how to plan.
+"""The planner: one compiled call from a goal to the next configuration.
 
-`PAPER` is the paper's way, with its terms, guides and solver, `BEST` that of the recipe
-`best`.
+`PAPER` holds the planner options of the paper, `BEST` those of the recipe `best`.
 """
 
 from collections.abc import Callable
@@ -15,6 +14,8 @@ from jaxtyping import Array, Float
 from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.compilation import compiled, where_finite
+from s2c2a.components import Own
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -23,10 +24,16 @@ from s2c2a.kinematics import (
     configurations_from_bends,
 )
 from s2c2a.kinematics.pcc import Memory
-from s2c2a.components import Own
 from s2c2a.planning import terms
+from s2c2a.planning.fallback import (
+    FALLBACKS,
+    NO_FALLBACK,
+    FallbackSearch,
+    Outcome,
+    Search,
+    SearchState,
+)
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
-from s2c2a.planning.fallback import NO_FALLBACK, FALLBACKS, FallbackSearch, Search
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
@@ -38,15 +45,15 @@ from s2c2a.planning.terms import (
     Situation,
     Term,
 )
-from s2c2a.compilation import compiled, where_finite
 
 AXES_WEIGHT = 0.5
-"""Of `best`: a degree counts for as much as 2 mm at the end of an arm of 0.6 m. Where
-an arm cannot have both, as one that is shorter than its file says, its ends stay near
-their places."""
+"""Weight of axes in `BEST`: 1 deg costs as much as 2 mm on an arm of 0.6 m.
+
+Where an arm cannot reach position and axis, as one that is shorter than its arm file
+states, its ends stay near their positions.
+"""
 WORKSPACE_SHARE = 0.46 / 0.6
-"""Half the width of the paper's workspace over the length of its arm (Chen et al. 2025,
-sec. II-D)."""
+"""Half width of the paper's workspace over arm length (Chen et al. 2025, sec. II-D)."""
 
 AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
 AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
@@ -58,20 +65,22 @@ AnyFallback = Annotated[
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """What a planner is made of. In files, parts are tables with their name and numbers, or `Own`.
+    """Solver, terms, guides and fallback of a planner.
+
+    In files, each component is a table with its name and parameters, or an `Own`.
 
     Attributes:
-        solver: finds configurations.
-        terms: what they are judged by.
-        guides: what may change the goal before, one after the other.
-        engaged_slopes: whether slopes are those of taut cables that follow their motors
-            (`ForwardModel.for_planning`), or the true ones.
+        solver: minimizes the objective.
+        terms: of the objective.
+        guides: change the goal before the solver runs, one after the other.
+        engaged_slopes: whether gradients are those of taut cables that follow their
+            motors (`ForwardModel.for_planning`) instead of the true ones.
         on_sphere: whether configurations are kept at unit length and within the bend
-            limits. Those sensed under sensing coupling are not of unit length.
-        fallback: what takes over where a plan stands although its cost could fall.
-        guard: what keeps out of obstacles.
-        own_code: whether parts by name may be files and modules; never in a strategy
-            file, which may be a stranger's.
+            limits. Configurations sensed under sensing coupling have other lengths.
+        fallback: random restarts when the plan is stuck.
+        guard: the points of the arm that avoid obstacles.
+        own_code: whether components may be imported from files and modules. Never set
+            by a strategy file, which may come from an untrusted source.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
@@ -86,23 +95,24 @@ class PlannerOptions:
     own_code: bool = field(default=True, compare=False)
 
     def __post_init__(self):
-        """Refuse what cannot plan."""
+        """Check that there is a term."""
         if not self.terms:
-            raise S2C2AError("a planner without terms asked for; give at least one")
+            raise S2C2AError("the planner has no terms; give at least one")
 
     def made(
         self,
     ) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], FallbackSearch]:
-        """Solver, terms, guides and fallback; those asked for by name are found.
+        """Solver, terms, guides and fallback; imports those given by name.
 
         Raises:
-            S2C2AError: one is not found, may not be imported, or does not take its
+            S2C2AError: a component is not found, may not be imported, or rejects its
                 parameters.
         """
         terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
         guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
         fallback = FALLBACKS.made(self.fallback, self.own_code)
-        return SOLVERS.made(self.solver, self.own_code), terms, guides, fallback
+        solver = SOLVERS.made(self.solver, self.own_code)
+        return solver, terms, guides, fallback
 
 
 PAPER = PlannerOptions(
@@ -114,11 +124,18 @@ PAPER = PlannerOptions(
         terms.Change(),
     ),
 )
-_DESIRED = terms.Positions(), terms.Axes(AXES_WEIGHT), terms.Shape(), terms.Evenness()
-_KEPT = terms.BendChange(), terms.Extrapolation(), terms.Limits(), terms.Obstacles()
 BEST = PlannerOptions(
     LeastSquares(),
-    _DESIRED + _KEPT,
+    (
+        terms.Positions(),
+        terms.Axes(AXES_WEIGHT),
+        terms.Shape(),
+        terms.Evenness(),
+        terms.BendChange(),
+        terms.Extrapolation(),
+        terms.Limits(),
+        terms.Obstacles(),
+    ),
     (Detour(), Pull()),
     engaged_slopes=True,
     fallback=FallbackSearch(),
@@ -126,27 +143,33 @@ BEST = PlannerOptions(
 
 
 class Plan(NamedTuple):
-    """What the planner carries from step to step.
+    """State of the planner after a control step.
 
     Attributes:
-        configurations: the last planned ones, C_0 of the next step, shape (modules, 3).
+        configurations: planned, C_0 of the next step, shape (modules, 3), module
+            frames.
         memory: of the forward model.
-        search: for better shapes than those at hand.
+        search: memory of the fallback search.
     """
 
     configurations: Configurations
     memory: Memory
     search: Search
 
+    @property
+    def outcome(self) -> Outcome:
+        """How the last step was planned; for a single plan, outside compiled code."""
+        return Outcome(SearchState(*np.asarray(self.search.numbers)).outcome)
+
 
 class Expectation(NamedTuple):
-    """What a plan is expected to lead to.
+    """Prediction of the forward model for a plan.
 
     Attributes:
-        states: [m, 1], shape (modules, 6), base frame.
-        deviation: distance of ends from there that must be expected [m], shape
-            (modules,); zero if not known.
-        extrapolation: how much of it is because nothing was learned near there [m].
+        states: predicted [m, 1], shape (modules, 6), base frame.
+        deviation: predictive standard deviation of the module ends [m], shape
+            (modules,); zero if unknown.
+        extrapolation: the part of it from extrapolation beyond the data [m].
     """
 
     states: Float[Array, "modules 6"]
@@ -155,17 +178,17 @@ class Expectation(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One control step of planning, with all that it takes; a pytree, so that programs share (`programs.compiled`).
+    """One control step of planning; a pytree, so that compiled programs are shared.
 
     Attributes:
-        arm: its limits count.
+        arm: its limits hold.
         model: predicts states.
-        solver: finds configurations.
-        terms: what they are judged by.
-        guides: what may change the goal before.
-        fallback: what takes over where a plan stands.
-        prepared: what each guide knows of the arm.
-        options: how else to plan.
+        solver: minimizes the objective.
+        terms: of the objective.
+        guides: change the goal before the solver runs.
+        fallback: random restarts when the plan is stuck.
+        prepared: data of each guide about the arm.
+        options: the planner options.
     """
 
     arm: ArmSpec
@@ -179,99 +202,90 @@ class Step(NamedTuple):
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel, options: PlannerOptions) -> "Step":
-        """As the options say.
+        """The step with these options.
 
         Raises:
-            S2C2AError: a part that they name is not found.
+            S2C2AError: a component that they name is not found.
         """
         solver, terms, guides, fallback = options.made()
-        prepared = tuple(guide.prepared(arm, model, options.guard) for guide in guides)
+        prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
         return cls(arm, model, solver, terms, guides, fallback, prepared, options)
 
     def started(self, sensed: Configurations) -> Plan:
         """The plan of an arm at rest."""
-        return Plan(
-            sensed,
-            self.model.start(sensed),
-            Search.none(bends_from_configurations(sensed)),
-        )
+        search = Search.none(bends_from_configurations(sensed))
+        return Plan(sensed, self.model.start(sensed), search)
 
     def expectation(self, plan: Plan) -> Expectation:
-        """What the forward model expects of a plan."""
-        where = plan.configurations, plan.memory
+        """What the forward model predicts for a plan."""
         return Expectation(
-            self.model.predict(*where),
-            self.model.predictive_std(*where),
-            self.model.extrapolation(where[0]),
+            self.model.predict(plan.configurations, plan.memory),
+            self.model.predictive_std(plan.configurations, plan.memory),
+            self.model.extrapolation(plan.configurations),
         )
 
     def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
-        """What one control step plans; what is not finite, in a reading or a goal, must not stay in the plan."""
+        """The plan of the next control step.
+
+        Readings and goals that are not finite leave the plan unchanged.
+        """
         memory = where_finite(self.model.observe(sensed, plan.memory), plan.memory)
         problem = self.problem(plan.configurations, memory, goal)
-        following = problem.within_limits(self.solver.solve(problem))
+        planned = problem.within_limits(self.solver.solve(problem))
         search = plan.search
         if self.fallback.starts:
-            true = problem._replace(
-                look=self._look(plan.configurations, memory, engaged=False)
+            predict = self._predictor(plan.configurations, memory, engaged=False)
+            bends, search = self.fallback.improve(
+                problem._replace(predict=predict),
+                goal,
+                bends_from_configurations(planned),
+                search,
             )
-            bends, search = self.fallback.over(
-                true, goal, bends_from_configurations(following), search
-            )
-            other = problem.within_limits(configurations_from_bends(bends))
-            following = jnp.where(search.notes.rescued > 0, other, following)
-        new = (following, search)
-        old = (plan.configurations, Search.none(problem.situation.last.bends))
-        following, search = where_finite(new, old)
-        return Plan(following, memory, search)
+            improved = problem.within_limits(configurations_from_bends(bends))
+            planned = jnp.where(search.notes.rescued > 0, improved, planned)
+        unchanged = plan.configurations, Search.none(problem.situation.last.bends)
+        planned, search = where_finite((planned, search), unchanged)
+        return Plan(planned, memory, search)
 
     def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
-        """What the solver is given, once the guides have seen it."""
-        options = self.options
-        look = self._look(last, memory, self.options.engaged_slopes)
-        now = look(last, bends_from_configurations(last))
-        limits = jnp.asarray(ArmGeometry.of(self.arm).planned_bends, dtype=jnp.float32)
-        step = float(np.deg2rad(self.arm.step_limit_deg))
+        """The problem of the solver: the goal as the guides change it."""
+        predict = self._predictor(last, memory, self.options.engaged_slopes)
+        candidate = predict(last, bends_from_configurations(last))
+        limits = ArmGeometry.of(self.arm).planned_bends
         situation = Situation(
             goal,
-            now,
+            candidate,
             self.arm.length,
-            limits,
-            step,
-            options.on_sphere,
-            shape=now.bends,
-            led=jnp.zeros(()),
+            jnp.asarray(limits, dtype=jnp.float32),
+            float(np.deg2rad(self.arm.step_limit_deg)),
+            self.options.on_sphere,
+            shape=candidate.bends,
+            shape_weight=jnp.zeros(()),
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
-            situation = guide.lead(situation, prepared)
-        return Problem(situation, self.terms, look)
+            situation = guide.apply(situation, prepared)
+        return Problem(situation, self.terms, predict)
 
-    def _look(
+    def _predictor(
         self, last: Configurations, memory: Memory, engaged: bool
     ) -> Callable[[Configurations, Bends], Candidate]:
-        model = (self.model.for_planning() if engaged else self.model).near(
-            last, memory
-        )
-        guarded = terms.guarded_points(self.arm, self.options.guard)
+        model = self.model.for_planning() if engaged else self.model
+        model = model.near(last, memory)
+        points_of = terms.guarded_points(self.arm, self.options.guard)
 
-        def look(configurations: Configurations, bends: Bends) -> Candidate:
+        def predict(configurations: Configurations, bends: Bends) -> Candidate:
             states = model.predict(configurations, memory)
-            return Candidate(
-                configurations,
-                bends,
-                states,
-                guarded(states),
-                model.extrapolation(configurations),
-            )
+            points = points_of(states)
+            extrapolation = model.extrapolation(configurations)
+            return Candidate(configurations, bends, states, points, extrapolation)
 
-        return look
+        return predict
 
 
 class Planner:
     """Plans the next configuration online, one control step at a time.
 
-    Compiles once, when built; targets, obstacles and weights may change with every
-    call.
+    Compiles once, when built. Targets, obstacles and weights may change in each call.
     """
 
     def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
@@ -285,36 +299,41 @@ class Planner:
         self._warm_up()
 
     def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
-        """The plan of an arm at rest: stay where the sensors say it is.
+        """The plan of an arm at rest: the sensed configurations.
+
+        Args:
+            sensed: configurations, shape (modules, 3), module frames.
 
         Raises:
-            TargetError: what is sensed is not finite.
+            TargetError: a sensed configuration is not finite.
         """
         if not np.isfinite(sensed).all():
             raise TargetError(
-                "the sensed configurations are not finite, and would stay in the plan; read them again"
+                "the sensed configurations are not finite; read the sensors again"
             )
         return self._start(_single(sensed))
 
     def plan(self, plan: Plan, sensed: Float[Numbers, "modules 3"], goal: Goal) -> Plan:
-        """The next plan; a reading that is not finite is passed over, for the model would never forget it.
+        """The next plan.
+
+        A reading that is not finite is ignored, since it would stay in the memory of
+        the forward model.
 
         Args:
-            plan: the last one.
-            sensed: the latest sensed configuration.
+            plan: the last plan.
+            sensed: latest sensed configurations, shape (modules, 3), module frames.
             goal: for the next state.
         """
         return self._next(plan, _single(sensed), goal)
 
     def expectation(self, plan: Plan) -> Expectation:
-        """What the forward model expects of a plan; compiles when first called."""
+        """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
 
     def _warm_up(self) -> None:
         straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
-        jax.block_until_ready(
-            self.plan(self.start(straight), straight, Goal.of(self._modules))
-        )
+        plan = self.plan(self.start(straight), straight, Goal.of(self._modules))
+        jax.block_until_ready(plan)
 
 
 def _single(values: Numbers) -> Numbers:

@@ -1,4 +1,4 @@
-"""No plan stands where its cost could fall: wrong slopes and worse shapes all around are left, and told of."""
+"""The fallback search leaves local minima and wrong slopes, and reports its outcome."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ import pytest
 from jaxtyping import Array
 
 from s2c2a.arm import load_arm
+from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
 from s2c2a.planning import (
@@ -17,19 +18,17 @@ from s2c2a.planning import (
     PAPER,
     BatchPlanner,
     Goal,
-    Notes,
+    Outcome,
     Planner,
-    FallbackSearch,
 )
-from s2c2a.planning.fallback import LED, OTHER_START
-from s2c2a.compilation import compilations
+from s2c2a.planning.fallback import FallbackSearch
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
 STRAIGHT = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (3, 1))
 ASIDE = Goal.of(3).with_position([0.2, 0.1, 0.5])
 LOWER = Goal.of(3).with_position([0.0, 0.0, 0.55])
-"""On the arm's axis: a straight arm could go to any side, and so goes to none."""
+"""On the axis of the arm: a straight arm has no preferred side, and stays straight."""
 
 
 class Uphill(ForwardModel):
@@ -52,8 +51,8 @@ class Uphill(ForwardModel):
         return 2.0 * jax.lax.stop_gradient(states) - states if self.engaged else states
 
 
-def planned(planner, goal, steps):
-    """Plans from rest, the arm doing what was planned."""
+def run(planner, goal, steps):
+    """Plans from rest, for an arm that follows its plan exactly."""
     plans = [planner.start(STRAIGHT)]
     for _ in range(steps):
         plans.append(planner.plan(plans[-1], plans[-1].configurations, goal))
@@ -66,8 +65,8 @@ def gap(planner, plan, goal):
     )
 
 
-def told(plans):
-    return [int(plan.search.notes.rescued) for plan in plans]
+def outcomes(plans):
+    return [plan.outcome for plan in plans]
 
 
 @pytest.fixture(scope="module")
@@ -80,33 +79,33 @@ def misled():
     return Planner(TWIN, Uphill(MODEL), BEST)
 
 
-def test_without_rescue_slopes_that_point_uphill_freeze_the_plan():
+def test_without_fallback_slopes_that_point_uphill_freeze_the_plan():
     planner = Planner(TWIN, Uphill(MODEL), replace(BEST, fallback=NO_FALLBACK))
-    plans = planned(planner, ASIDE, 10)
+    plans = run(planner, ASIDE, 10)
     np.testing.assert_allclose(plans[-1].configurations, STRAIGHT, atol=1e-3)
-    assert told(plans) == [0] * 11
+    assert set(outcomes(plans)) == {Outcome.SOLVED}
 
 
 def test_true_slopes_take_over_within_the_same_step(misled):
-    plans = planned(misled, ASIDE, 60)
-    assert told(plans[1:2]) == [OTHER_START]
+    plans = run(misled, ASIDE, 60)
+    assert plans[1].outcome is Outcome.RESTARTED
     assert gap(misled, plans[1], ASIDE) < gap(misled, plans[0], ASIDE) - 0.01
     assert gap(misled, plans[-1], ASIDE) < 0.01
 
 
-def test_a_shape_behind_worse_ones_is_led_to_and_kept(planner):
-    plans = planned(planner, LOWER, 60)
-    assert LED in told(plans)
+def test_the_plan_moves_to_a_shape_behind_worse_ones_and_stays(planner):
+    plans = run(planner, LOWER, 60)
+    assert Outcome.FALLBACK in outcomes(plans)
     assert gap(planner, plans[-1], LOWER) < 0.01
     ends = [np.asarray(plan.configurations) for plan in plans[-10:]]
-    assert np.abs(np.diff(ends, axis=0)).max() < 1e-3  # it does not come and go
+    assert np.abs(np.diff(ends, axis=0)).max() < 1e-3  # no oscillation
 
 
 def test_steps_and_bends_stay_within_their_limits_on_the_way(planner):
     bends = np.array(
         [
             bends_from_configurations(plan.configurations)
-            for plan in planned(planner, LOWER, 40)
+            for plan in run(planner, LOWER, 40)
         ]
     )
     assert (
@@ -115,24 +114,24 @@ def test_steps_and_bends_stay_within_their_limits_on_the_way(planner):
     assert np.rad2deg(np.linalg.norm(bends, axis=-1)).max() <= 47.0 + 0.01
 
 
-def test_the_same_start_is_rescued_alike(planner):
-    first, again = (planned(planner, LOWER, 15)[-1] for _ in range(2))
+def test_the_same_start_gives_the_same_plan(planner):
+    first, again = (run(planner, LOWER, 15)[-1] for _ in range(2))
     np.testing.assert_array_equal(first.configurations, again.configurations)
 
 
-def test_nothing_compiles_when_it_is_needed(planner):
+def test_the_search_compiles_nothing_at_run_time(planner):
     before = compilations()
-    planned(planner, LOWER, 10)
+    run(planner, LOWER, 10)
     assert compilations() == before
 
 
-def test_out_of_reach_the_arm_comes_to_stand(planner):
-    plans = planned(planner, Goal.of(3).with_position([0.5, 0.2, 0.7]), 150)
+def test_with_a_target_out_of_reach_the_arm_comes_to_rest(planner):
+    plans = run(planner, Goal.of(3).with_position([0.5, 0.2, 0.7]), 150)
     ends = [np.asarray(plan.configurations) for plan in plans[-20:]]
     assert np.abs(np.diff(ends, axis=0)).max() < 1e-3
 
 
-def test_many_at_once_are_rescued_as_one_is(misled):
+def test_a_batch_gives_the_plans_of_single_calls(misled):
     batch = BatchPlanner(TWIN, Uphill(MODEL), BEST, chunk=2, threads=1)
     starts = np.stack([STRAIGHT, STRAIGHT])
     many = batch.plan(batch.start(starts), starts, Goal.stacked([ASIDE, Goal.of(3)]))
@@ -141,26 +140,28 @@ def test_many_at_once_are_rescued_as_one_is(misled):
     np.testing.assert_allclose(many.configurations[1], STRAIGHT, atol=1e-6)
 
 
-def test_beside_obstacles_it_is_told_that_the_plan_stands():
-    """Shapes are not led to there, for the way could meet them; what is known is told."""
+def test_near_obstacles_the_plan_is_stuck():
+    """The plan does not move to another shape, since its path could hit an obstacle."""
     goal = LOWER.with_obstacles([[0.4, 0.4, 0.1]], [0.02])
     planner = Planner(TWIN, MODEL, BEST)
-    notes = [plan.search.notes for plan in planned(planner, goal, 10)]
-    assert LED not in [int(one.rescued) for one in notes]
-    assert any(int(one.standing) for one in notes)
+    results = outcomes(run(planner, goal, 10))
+    assert Outcome.FALLBACK not in results
+    assert Outcome.STUCK in results
 
 
-def test_the_paper_s_planner_is_left_alone():
+def test_the_planner_of_the_paper_has_no_fallback():
     assert PAPER.fallback == NO_FALLBACK
 
 
 @pytest.mark.parametrize(
     "numbers", [{"iterations": 0}, {"least": -1.0}, {"starts": -1}]
 )
-def test_numbers_that_cannot_be_are_refused(numbers):
+def test_invalid_parameters_are_rejected(numbers):
     with pytest.raises(S2C2AError, match="asked for"):
         FallbackSearch(**numbers)
 
 
-def test_notes_keep_their_places():
-    assert Notes._fields[-2:] == ("rescued", "standing")
+def test_every_outcome_has_a_number_and_a_sentence():
+    assert [int(outcome) for outcome in Outcome] == [0, 1, 2, 3, 4]
+    assert Outcome(4) is Outcome.STUCK
+    assert all(outcome.sentence.endswith(".") for outcome in Outcome)
