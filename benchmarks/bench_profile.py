@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from operations import count_operations
+from s2c2a.estimation import Estimate
 from s2c2a.planning import LeastSquares
 from s2c2a.compilation import compiled
 from s2c2a.tasks import circle
@@ -25,7 +26,7 @@ def planned(networks):
     planner = planner_of(networks)
     return (
         planner,
-        planner.start(straight(networks.arm.module_count)),
+        planner.start(Estimate(straight(networks.arm.module_count))),
         circle(networks.arm).goals,
     )
 

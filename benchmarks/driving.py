@@ -13,6 +13,7 @@ import jax
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.planning import Planner
@@ -65,13 +66,13 @@ def planner_of(networks: TrainedNetworks) -> Planner:
 
 def following(planner: Planner, goals: Sequence[Goal]) -> Call:
     """A call that plans for one goal after the other, each from the last plan, the sensors agreeing with it."""
-    plan = planner.start(straight(len(goals[0].positions)))
+    plan = planner.start(Estimate(straight(len(goals[0].positions))))
     asked = cycle(goals)
 
     def call() -> None:
         nonlocal plan
         plan = jax.block_until_ready(
-            planner.plan(plan, plan.configurations, next(asked))
+            planner.plan(plan, Estimate(plan.configurations), next(asked))
         )
 
     return call

@@ -8,6 +8,7 @@ from textwrap import indent
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
@@ -68,9 +69,9 @@ def test_an_example_takes_no_more_than_sixty_lines_and_runs_from_the_command_lin
 def drive(options, goal, steps=40):
     """Bends, and heights of the middle module's end, on an arm that does what is planned."""
     planner = Planner(TWIN, PCCForwardModel.of(TWIN), options)
-    plan = planner.start(STRAIGHT)
+    plan = planner.start(Estimate(STRAIGHT))
     for _ in range(steps):
-        plan = planner.plan(plan, plan.configurations, goal)
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
     states = states_from_configurations(
         plan.configurations, PCCForwardModel.of(TWIN).lengths
     )

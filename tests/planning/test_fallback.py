@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError
@@ -53,9 +54,9 @@ class Uphill(ForwardModel):
 
 def run(planner, goal, steps):
     """Plans from rest, for an arm that follows its plan exactly."""
-    plans = [planner.start(STRAIGHT)]
+    plans = [planner.start(Estimate(STRAIGHT))]
     for _ in range(steps):
-        plans.append(planner.plan(plans[-1], plans[-1].configurations, goal))
+        plans.append(planner.plan(plans[-1], Estimate(plans[-1].configurations), goal))
     return plans
 
 
@@ -135,7 +136,7 @@ def test_a_batch_gives_the_plans_of_single_calls(misled):
     batch = BatchPlanner(TWIN, Uphill(MODEL), BEST, chunk=2, threads=1)
     starts = np.stack([STRAIGHT, STRAIGHT])
     many = batch.plan(batch.start(starts), starts, Goal.stacked([ASIDE, Goal.of(3)]))
-    alone = misled.plan(misled.start(STRAIGHT), STRAIGHT, ASIDE)
+    alone = misled.plan(misled.start(Estimate(STRAIGHT)), Estimate(STRAIGHT), ASIDE)
     np.testing.assert_allclose(many.configurations[0], alone.configurations, atol=2e-4)
     np.testing.assert_allclose(many.configurations[1], STRAIGHT, atol=1e-6)
 

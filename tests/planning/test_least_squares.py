@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.kinematics import (
     PCCForwardModel,
@@ -129,9 +130,9 @@ def guarding_planner():
 
 def drive(planner, goals, start=STRAIGHT):
     """The start and all plans, for an arm that follows its plan exactly."""
-    plans = [planner.start(start)]
+    plans = [planner.start(Estimate(start))]
     for goal in goals:
-        plans.append(planner.plan(plans[-1], plans[-1].configurations, goal))
+        plans.append(planner.plan(plans[-1], Estimate(plans[-1].configurations), goal))
     return np.array([plan.configurations for plan in plans])
 
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmSpec, Module
 from s2c2a.errors import TargetError
 from s2c2a.kinematics import ForwardModel, PCCForwardModel, states_from_configurations
@@ -77,9 +78,9 @@ def bent(angle_deg, azimuth_deg):
 def drive(planner, goals, start=None):
     """The start and all plans, shape (steps + 1, modules, 3), float64."""
     first = straight() if start is None else start
-    plans = [planner.start(first)]
+    plans = [planner.start(Estimate(first))]
     for goal in goals:
-        plans.append(planner.plan(plans[-1], first, goal))
+        plans.append(planner.plan(plans[-1], Estimate(first), goal))
     return np.array([plan.configurations for plan in plans], np.float64)
 
 
@@ -313,10 +314,10 @@ class SummingModel(ForwardModel):
 def test_the_forward_model_observes_every_reading_and_the_plan_holds_its_memory():
     planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)
     readings = np.array([[[0.01, 0.0, 0.0]], [[0.0, 2.0, 0.0]], [[0.0, 0.0, 3.0]]])
-    plan = planner.start(readings[0])
+    plan = planner.start(Estimate(readings[0]))
     assert float(plan.memory) == pytest.approx(1.0)
     for reading in readings[1:]:
-        plan = planner.plan(plan, reading, Goal.of(1))
+        plan = planner.plan(plan, Estimate(reading), Goal.of(1))
     assert float(plan.memory) == pytest.approx(6.0)
 
 
@@ -325,11 +326,11 @@ def test_a_reading_that_is_not_finite_never_enters_the_memory(invalid):
     planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)
     sound = np.array([[0.01, 0.0, 0.02]])
     goal = Goal.of(1).with_position([0.5, 0.0, 0.5])
-    observed = planner.plan(planner.start(sound), sound, goal)
-    ignored = planner.plan(observed, np.full((1, 3), invalid), goal)
+    observed = planner.plan(planner.start(Estimate(sound)), Estimate(sound), goal)
+    ignored = planner.plan(observed, Estimate(np.full((1, 3), invalid)), goal)
     assert float(ignored.memory) == float(observed.memory)
     assert not np.array_equal(ignored.configurations, observed.configurations)
-    again = planner.plan(ignored, sound, goal)
+    again = planner.plan(ignored, Estimate(sound), goal)
     assert float(again.memory) == pytest.approx(float(observed.memory) + 0.03)
     with pytest.raises(TargetError, match="not finite"):
-        planner.start(np.full((1, 3), invalid))
+        planner.start(Estimate(np.full((1, 3), invalid)))

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
@@ -86,9 +87,9 @@ class Unlimited(Solver):
 
 def test_plans_of_every_solver_stay_within_the_limits_of_the_arm():
     planner = Planner(TWIN, MODEL, replace(BEST, solver=Unlimited(), guides=()))
-    plans = [planner.start(STRAIGHT)]
+    plans = [planner.start(Estimate(STRAIGHT))]
     for _ in range(20):
-        plans.append(planner.plan(plans[-1], STRAIGHT, Goal.of(3)))
+        plans.append(planner.plan(plans[-1], Estimate(STRAIGHT), Goal.of(3)))
     bends = np.array([bends_from_configurations(plan.configurations) for plan in plans])
     assert (
         np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01

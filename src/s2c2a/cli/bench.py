@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.cli.first_action import driver_of
@@ -102,13 +103,13 @@ def control_times(arm: ArmSpec) -> Iterator[Figure]:
     model, strategy = driver_of(arm)
     goals = tasks.circle(arm).goals
     planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
-    plan = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1)))
+    plan = planner.start(Estimate(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))))
     desired = cycle(goals)
 
     def next_plan() -> None:
         nonlocal plan
         plan = jax.block_until_ready(
-            planner.plan(plan, plan.configurations, next(desired))
+            planner.plan(plan, Estimate(plan.configurations), next(desired))
         )
 
     yield Figure("a plan", times_of(next_plan, REPEATS))

@@ -116,7 +116,8 @@ class Job(Artifact[Run]):
     @property
     def needs(self) -> tuple[Artifact, ...]:
         """See `Artifact`: networks, if the strategy is trained."""
-        if self.weights is not None and self.weights.strategy == self.options.name:
+        name = STRATEGIES.name_of(type(self.options))
+        if self.weights is not None and self.weights.strategy == name:
             return (self.weights,)
         recipe = self.options.recipe(self.recipe)
         if self.options.collect_options(recipe, self.seed) is None:

@@ -6,7 +6,6 @@ from s2c2a.planning.batch import BatchPlanner
 from s2c2a.planning.fallback import (
     NO_FALLBACK,
     FallbackSearch,
-    Notes,
     Outcome,
     SearchState,
 )

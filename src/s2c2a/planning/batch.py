@@ -226,5 +226,5 @@ def _plan_along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]
 
 
 def _objective(step: Step, plan: Plan, goal: Goal):
-    problem = step.problem(plan.configurations, plan.memory, goal)
+    problem = step.problem(plan, goal)
     return problem.sum_of_norms(plan.configurations)

@@ -77,7 +77,7 @@ class LSTM(StrategyOptions):
             recording.arm, tips, recording.actions, jax.random.key(seed), lstm_progress
         )
         networks = {NETWORK: trained}
-        return TrainedNetworks.of(recording.arm, recipe, seed, networks, self.name)
+        return TrainedNetworks.of(recording.arm, recipe, seed, networks)
 
     def build(
         self,

@@ -83,7 +83,7 @@ class FittedPCC(StrategyOptions):
         gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
         result = Trained(gains, np.zeros((1, 3), np.float32), (0.0, 0.0))
         trained = {GAINS: result}
-        return TrainedNetworks.of(recording.arm, recipe, seed, trained, self.name)
+        return TrainedNetworks.of(recording.arm, recipe, seed, trained)
 
     def build(
         self,

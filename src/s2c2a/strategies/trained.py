@@ -42,10 +42,9 @@ class TrainedNetworks:
         recipe: Recipe,
         seed: int,
         trained: Mapping[str, Trained],
-        strategy: str = "s2c2a",
     ) -> "TrainedNetworks":
         """Networks from the results of their trainings."""
-        empty = cls(arm, recipe, seed, {}, {}, {}, strategy)
+        empty = cls(arm, recipe, seed, {}, {}, {})
         return empty.with_trained(trained, recipe)
 
     def with_trained(
