@@ -11,7 +11,7 @@ from s2c2a.evaluation.metrics import (
     orientation_errors_deg,
     recovery_time,
     step_lengths,
-    stray,
+    tip_drifts,
     tilt_errors_deg,
 )
 
@@ -228,7 +228,7 @@ def stray_of(ways, distances):
             for distance, way in zip(distances, ways, strict=True)
         ]
     )
-    return stray(tips, obstacles, 0.08)
+    return tip_drifts(tips, obstacles, 0.08)
 
 
 def test_stillness_is_the_distance_from_where_the_tip_was_at_first():
@@ -258,7 +258,7 @@ def test_an_obstacle_is_far_when_more_than_eight_centimetres_lie_between_it_and_
 
 def test_every_obstacle_must_be_far():
     obstacles = np.array([[[0.3, 0, 0, 0.1], [0, 0.15, 0, 0.1]]])
-    assert np.isnan(stray(np.zeros((1, 3)), obstacles, 0.08)).all()
+    assert np.isnan(tip_drifts(np.zeros((1, 3)), obstacles, 0.08)).all()
 
 
 NEAR = {"near": 3.0, "period": 0.1}

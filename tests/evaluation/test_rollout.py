@@ -76,7 +76,7 @@ class Script:
     def sent(self, action):
         self.cut.append(action)
 
-    def told(self):
+    def diagnostics(self):
         number = len(self.seen)
         states = np.full((3, 6), 400.0 + number)
         return {
@@ -252,7 +252,7 @@ def test_a_sensor_that_fails_for_long_ends_the_run_in_our_error_with_the_arm_at_
     robot.bad = range(4, 100)
     with pytest.raises(
         S2C2AError,
-        match=r"step 15 of 'long': 'cables' is not finite; the arm was led to rest",
+        match=r"step 15 of 'long': 'cables' is not finite; the arm was moved to rest",
     ):
         rollout(robot, script, task)
     np.testing.assert_allclose(
@@ -288,7 +288,7 @@ def test_an_error_on_the_way_closes_the_robot_and_goes_on(
 
 def test_a_tension_arm_is_led_back_to_its_pretension(simulated):
     robot, script = Counter(simulated), Script(simulated)
-    script.told = dict
+    script.diagnostics = dict
     task = Task("rest", (Goal.of(3),) * STEPS)
     rollout(robot, script, task)
     np.testing.assert_allclose(

@@ -105,7 +105,7 @@ def test_constraint_is_the_distance_of_the_module_that_is_held():
 
 
 @pytest.mark.parametrize(
-    ("metric", "predicted"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
+    ("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
 )
 def test_orientations_are_scored_against_the_desired_axis(metric, expected):
     """An end that lies in x, where 70 deg from the vertical towards y are desired."""
@@ -304,5 +304,5 @@ def test_an_episode_without_true_states_or_of_another_length_is_not_scored():
     )
     with pytest.raises(S2C2AError, match="no true states"):
         score_run(blind, task, "paper")
-    with pytest.raises(S2C2AError, match="has 4 steps, and 'made up' has 3"):
+    with pytest.raises(S2C2AError, match="has 4 steps; task 'made up' has 3"):
         score_run(episode, Task("made up", tuple(goals[:3])), "paper")

@@ -98,7 +98,7 @@ class Actor:
     def sent(self, action):
         self.corrected.append(action)
 
-    def told(self):
+    def diagnostics(self):
         return {"planned": np.full((self.arm.module_count, 3), float(len(self.steps)))}
 
 

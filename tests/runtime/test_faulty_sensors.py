@@ -6,7 +6,7 @@ import pytest
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Ask, CommandLimits, Loop
-from s2c2a.runtime.limits import TURN
+from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import circle
@@ -72,13 +72,19 @@ def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_and_never_jum
     limits = CommandLimits.of(arm)
     steps = run(arm, strategy, task, spoiling(FAULTS[fault], count))
     commands = np.array([limits.rest, *(step.action for step in steps)])
-    degrees = limits.sizes(np.diff(commands, axis=0)) / limits.step * arm.step_limit_deg
+    degrees = (
+        limits.change_sizes(np.diff(commands, axis=0))
+        / limits.step_limit
+        * arm.step_limit_deg
+    )
     turns = (
-        limits.sizes(np.diff(commands, 2, axis=0)) / limits.step * arm.step_limit_deg
+        limits.change_sizes(np.diff(commands, 2, axis=0))
+        / limits.step_limit
+        * arm.step_limit_deg
     )
     stages = [step.stage for step in steps]
     assert degrees.max() <= 4.0 + 1e-6
-    assert turns.max() <= TURN * 4.0 + 1e-6
+    assert turns.max() <= DEFAULT_ACCELERATION_RATIO * 4.0 + 1e-6
     assert set(stages[:BEGIN]) == {Stage.RUN}
     if count < 50:
         assert Stage.RELEASE not in stages

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.runtime import CommandLimits
-from s2c2a.runtime.limits import TURN
+from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -104,7 +104,7 @@ def test_whatever_is_asked_no_step_is_larger_than_a_limit(make_arm, kind, seed):
     assert np.isfinite(commands).all()
     assert (commands >= geometry.action_low - room).all()
     assert (commands <= geometry.action_high + room).all()
-    turn = arm.acceleration_limit_deg or TURN * arm.step_limit_deg
+    turn = arm.acceleration_limit_deg or DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg
     for change, turned in zip(changes[1:], np.diff(changes, axis=0), strict=True):
         assert size_deg(change, geometry).max() <= arm.step_limit_deg * SLACK
         assert size_deg(turned, geometry).max() <= turn * SLACK
@@ -211,7 +211,7 @@ def test_what_is_no_number_asks_for_nothing(twin, nothing):
 def led(limits, last):
     """Commands of a gentle way back to rest."""
     commands, change = [last], np.zeros_like(last)
-    while (limits.sizes(commands[-1] - limits.rest) > 1e-6).any() and len(
+    while (limits.change_sizes(commands[-1] - limits.rest) > 1e-6).any() and len(
         commands
     ) < 2000:
         command = limits.towards_rest(commands[-1], change)
@@ -245,7 +245,7 @@ def test_the_way_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
     last, change, turn = (
         commands[-1],
         changes[-1],
-        arm.acceleration_limit_deg or TURN * arm.step_limit_deg,
+        arm.acceleration_limit_deg or DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg,
     )
     most = (
         20
@@ -276,6 +276,8 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
 
 def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
     own, others = CommandLimits.of(twin), CommandLimits.with_steps(twin, 8.0, 2.0)
-    np.testing.assert_allclose(TURN * own.step, own.turn)
-    np.testing.assert_allclose(others.step, 2.0 * own.step)
-    np.testing.assert_allclose(others.turn, 0.5 * own.step)
+    np.testing.assert_allclose(
+        DEFAULT_ACCELERATION_RATIO * own.step_limit, own.acceleration_limit
+    )
+    np.testing.assert_allclose(others.step_limit, 2.0 * own.step_limit)
+    np.testing.assert_allclose(others.acceleration_limit, 0.5 * own.step_limit)

@@ -18,7 +18,7 @@ RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.IDLE,
     Stage.FAULT,
 )
-NOTHING = Ask(asked=False)
+NOTHING = Ask(enabled=False)
 
 
 @pytest.fixture
@@ -35,7 +35,9 @@ def sizes_of(puppet):
     commands = np.array([limits.rest, *puppet.sent])
     changes = np.diff(commands, axis=0)
     turns = np.diff(changes, axis=0, prepend=np.zeros((1, *limits.rest.shape)))
-    return limits.sizes(changes) / limits.step, limits.sizes(turns) / limits.turn
+    return limits.change_sizes(changes) / limits.step_limit, limits.change_sizes(
+        turns
+    ) / limits.acceleration_limit
 
 
 def ticked(loop, count):
@@ -86,17 +88,6 @@ def test_a_late_step_is_counted_and_told_and_missed_ones_are_left_out(
     assert loop.late_steps == 1
 
 
-def test_missed_steps_are_caught_up_with_where_that_is_chosen(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, when_late="catch up")
-    loop.open()
-    actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
-    steps = [loop.tick(Ask()) for _ in range(7)]
-    np.testing.assert_allclose(
-        [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.55, 0.55, 0.6]
-    )
-    assert loop.late_steps == 3
-
-
 def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(
     loop, actor
 ):
@@ -126,7 +117,7 @@ def test_an_arm_that_is_not_asked_any_more_holds_where_the_driver_says_with_no_g
 ):
     for _ in range(3):
         loop.tick(Ask(Goal.of(3).with_position([0.1, 0.0, 0.5])))
-    step = loop.tick(Ask(Goal.of(3).with_position([0.3, 0.0, 0.5]), asked=False))
+    step = loop.tick(Ask(Goal.of(3).with_position([0.3, 0.0, 0.5]), enabled=False))
     assert step.stage is HOLD
     assert actor.steps[-1][1].position_weights.max() == 0
     assert len(actor.starts) == 1
@@ -224,7 +215,9 @@ def test_an_arm_left_alone_holds_then_goes_to_rest_and_can_run_again_at_once(
     loop = Loop(puppet, actor, clock, patience=Patience(unsound=10, alone=5))
     loop.open()
     stages = [loop.tick(Ask()).stage for _ in range(3)]
-    stages += [loop.tick(Ask(asked=False, attended=False)).stage for _ in range(15)]
+    stages += [
+        loop.tick(Ask(enabled=False, operator_present=False)).stage for _ in range(15)
+    ]
     way = int(steps_to_rest(actor))
     assert stages == [RUN] * 3 + [HOLD] * 6 + [RELEASE] * way + [IDLE] * (9 - way)
     assert loop.tick(Ask()).stage is RUN
@@ -306,10 +299,8 @@ def test_an_error_beside_the_loop_leads_it_to_rest_too(puppet, actor, clock):
     assert puppet.notes == ["open", "close"]
 
 
-def test_the_way_to_rest_after_a_long_wait_is_paced_also_where_missed_steps_are_caught_up_with(
-    puppet, actor, clock
-):
-    with Loop(puppet, actor, clock, when_late="catch up") as loop:
+def test_the_path_to_rest_after_a_long_wait_is_paced(puppet, actor, clock):
+    with Loop(puppet, actor, clock) as loop:
         for _ in range(8):
             loop.tick(Ask())
         clock.let_pass(60.0)
@@ -361,13 +352,13 @@ def test_a_driver_for_another_arm_or_in_need_of_what_the_body_does_not_say_is_re
 ):
     actor.sensors = ("cables", "flex")
     with pytest.raises(
-        S2C2AError, match="flex is needed, and this body says cables, warmth"
+        S2C2AError, match="needs flex; the robot provides cables, warmth"
     ):
         Loop(puppet, actor, clock)
     actor.sensors, actor.arm = ("cables",), make_arm(2)
     with pytest.raises(
         S2C2AError,
-        match=r"made for \(2, 3\) modules and cables each, and 'twin_arm' has \(3, 3\)",
+        match=r"\(2, 3\); 'twin_arm' has \(3, 3\)",
     ):
         Loop(puppet, actor, clock)
 
@@ -384,7 +375,7 @@ def test_another_driver_begins_when_the_arm_next_runs_from_rest(loop, actor, twi
 
 def test_a_watcher_is_told_of_every_step(puppet, actor, clock):
     seen = []
-    loop = Loop(puppet, actor, clock, watch=seen.append)
+    loop = Loop(puppet, actor, clock, on_step=seen.append)
     loop.open()
     assert [loop.tick(Ask()) for _ in range(3)] == seen
 

@@ -29,7 +29,7 @@ class Watch:
             if values is not None
         }
         time = self.time if time is None else time
-        return self.check.fault(
+        return self.check.find_fault(
             Reading(time, said), self.time if now is None else now, moved
         )
 
@@ -45,8 +45,8 @@ def test_sound_readings_are_believed(fault):
 
 FAULTS = {
     "missing": (None, "'bends' is missing"),
-    "too few": (np.zeros(1), r"'bends' is of shape \(1,\), not \(2,\)"),
-    "deep": (np.zeros((1, 2)), r"of shape \(1, 2\)"),
+    "too few": (np.zeros(1), r"'bends' has shape \(1,\), expected \(2,\)"),
+    "deep": (np.zeros((1, 2)), r"has shape \(1, 2\)"),
     "NaN": (np.array([0.0, np.nan]), "'bends' is not finite"),
     "infinite": (np.array([0.0, -np.inf]), "'bends' is not finite"),
     "infinite both ways": (np.array([np.inf, -np.inf]), "'bends' is not finite"),
@@ -55,9 +55,9 @@ FAULTS = {
     "above": (np.array([1.1, 0.0]), "'bends' is out of its range"),
     "a million times": (1e6 * SOUND, "'bends' is out of its range"),
     "jumped": (SOUND + np.array([0.0, 0.21]), "'bends' has jumped"),
-    "words": (np.array(["a", "b"]), "'bends' is no array of numbers"),
-    "objects": (np.array([None, None]), "'bends' is no array of numbers"),
-    "a list": ([0.1, -0.2], "'bends' is no array of numbers"),
+    "words": (np.array(["a", "b"]), "'bends' is not an array of numbers"),
+    "objects": (np.array([None, None]), "'bends' is not an array of numbers"),
+    "a list": ([0.1, -0.2], "'bends' is not an array of numbers"),
 }
 
 
@@ -204,5 +204,5 @@ def test_one_limit_a_number_is_heeded_one_by_one():
 def test_opened_anew_a_check_has_seen_nothing(fault):
     for _ in range(6):
         fault(moved=0.04)
-    fault.check.begin()
+    fault.check.reset()
     assert fault(SOUND + 0.9, moved=0.04, time=0.0, now=0.0) == ""

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.runtime import Ask, Loop, Step, episode_of
+from s2c2a.runtime import Ask, Loop, StepRecord, episode_of
 from s2c2a.spaces import Reading, Stage
 
 NAN = np.full((3, 3), np.nan)
@@ -22,7 +22,7 @@ def step(twin):
         reading = Reading(
             0.1 * number if time is None else time, {"cables": cables} | others
         )
-        return Step(
+        return StepRecord(
             number,
             7.0 + 0.1 * number,
             stage,
@@ -55,7 +55,7 @@ def test_an_episode_has_a_row_a_step_and_a_column_for_what_there_is(step, twin):
 
 
 def test_no_step_is_no_episode(twin):
-    with pytest.raises(RecordingError, match="nothing happened"):
+    with pytest.raises(RecordingError, match="no control step was done"):
         episode_of([], twin)
 
 
@@ -109,7 +109,7 @@ def test_a_sensor_that_is_missing_or_of_another_shape_for_a_while_is_nan_then(
     ]
     steps = [step(number, cables=cables) for number, cables in enumerate(odd)]
     steps += [step(number) for number in range(4, 10)]
-    steps[5] = Step(5, 7.5, Stage.HOLD, Reading(0.5, {}), None, np.zeros((3, 3)))
+    steps[5] = StepRecord(5, 7.5, Stage.HOLD, Reading(0.5, {}), None, np.zeros((3, 3)))
     cables = episode_of(steps, twin).sensor("cables")
     assert cables.shape == (10, 3, 3)
     np.testing.assert_array_equal(
