@@ -1,4 +1,4 @@
-"""Limits of commands, on arms of all kinds: no step exceeds value, rate, or acceleration."""
+"""Limits of commands in value, rate, and acceleration, on arms of all kinds."""
 
 import numpy as np
 import pytest
@@ -231,7 +231,7 @@ def commands_to_rest(limits, last):
 
 @QUICK
 @given(KINDS.map(lambda kind: kind | {"turn": None}), st.integers(0, 2**32))
-def test_the_return_to_rest_takes_the_fewest_steps_and_modules_arrive_together(
+def test_the_return_to_rest_takes_the_fewest_steps_for_all_modules(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)

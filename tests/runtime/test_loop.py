@@ -1,4 +1,4 @@
-"""Control loop with a minimal robot and driver: pace, stages, limits, return to rest."""
+"""Control loop with a minimal robot and driver: pace, stages, limits, and rest."""
 
 import os
 import signal
@@ -30,7 +30,7 @@ def loop(puppet, actor, clock):
 
 
 def sizes_of(puppet):
-    """Sizes of changes of commands, and of changes of these, relative to their limits."""
+    """Rates and accelerations of commands, relative to their limits."""
     limits = CommandLimits.of(puppet.arm)
     commands = np.array([limits.rest, *puppet.sent])
     changes = np.diff(commands, axis=0)

@@ -84,7 +84,7 @@ def test_the_fastest_possible_change_is_no_jump(fault):
 
 
 def test_after_a_gap_a_sensor_may_have_changed_more(fault):
-    """0.55 rad in three periods is less than 2 rad/s; the unsound readings between do not count."""
+    """0.55 rad in three periods are less than 2 rad/s."""
     fault()
     fault(np.full(2, np.nan))
     fault(np.full(2, np.nan))
@@ -136,7 +136,7 @@ def test_sensors_of_an_arm_that_hardly_moves_may_repeat_for_a_while(fault):
 
 def test_one_of_two_sensors_can_be_frozen_alone():
     fault = PeriodicCheck(("bends", "flex"))
-    said = [
+    faults = [
         fault(SOUND + 0.001 * step, last_change=0.04, flex=np.ones(3))
         for step in range(5)
     ]

@@ -216,7 +216,7 @@ def table_lines(
 ) -> list[tuple[str, ...]]:
     """Return the cells of every row, in the order of `HEADER`."""
     others = {_key(row): row for row in beside}
-    lines = []
+    lines: list[tuple[str, ...]] = []
     for row in rows:
         _, _, detail = row.experiment.partition(", ")
         task = f"{row.arm}: {row.task}" + (f" ({detail})" if detail else "")

@@ -236,7 +236,7 @@ class Loop:
     def _reset(self) -> None:
         self._check.reset()
         self._limiter = CommandLimiter(self._limits)
-        self.phase = Phase()
+        self.phase: Phase = Phase()
         self.fault = ""
         self._stopped = False
 
