@@ -1,4 +1,4 @@
-"""Descriptions of what a state estimator found, for a step and for a run."""
+"""Descriptions of state estimates, for a step and for a run."""
 
 import numpy as np
 import pytest

@@ -137,7 +137,7 @@ def test_no_azimuth_error_exceeds_half_a_turn():
 
 
 def test_orientation_errors_are_angles_between_axes():
-    """180 deg of azimuth at a tilt of 30 deg are 60 deg; 25 deg at 90 deg are 25 deg."""
+    """180 deg of azimuth at a tilt of 30 deg are 60 deg; 25 at 90 are 25."""
     states, desired = pointing(
         [(40, 0), (30, 0), (90, 0), (50, 7)], [(55, 0), (30, 180), (90, 25), (50, 7)]
     )

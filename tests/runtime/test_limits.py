@@ -101,10 +101,10 @@ def follow(limits, desired_commands):
 def test_no_step_exceeds_a_limit_whatever_is_desired(make_arm, kind, seed):
     arm, limits, geometry = built(make_arm, kind)
     commands, changes = follow(limits, random_commands(geometry, seed))
-    room = 1e-12 * np.abs(geometry.action_scale)[:, None]
+    tolerance = 1e-12 * np.abs(geometry.action_scale)[:, None]
     assert np.isfinite(commands).all()
-    assert (commands >= geometry.action_low - room).all()
-    assert (commands <= geometry.action_high + room).all()
+    assert (commands >= geometry.action_low - tolerance).all()
+    assert (commands <= geometry.action_high + tolerance).all()
     turn = acceleration_limit_deg(arm)
     for change, turned in zip(changes[1:], np.diff(changes, axis=0), strict=True):
         assert size_deg(change, geometry).max() <= arm.step_limit_deg * SLACK
@@ -189,7 +189,7 @@ def test_a_constant_target_is_reached_on_a_straight_path_without_overshoot(
 
 
 def test_braking_from_full_rate_stops_at_the_target(make_arm):
-    """Four degrees a step, half a degree of acceleration, from rest to the full bend."""
+    """4 deg a step, 0.5 deg of acceleration, from rest to the full bend."""
     _, limits, geometry = built(
         make_arm,
         {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},

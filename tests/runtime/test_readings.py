@@ -19,19 +19,18 @@ class PeriodicCheck:
     """Passes one reading a period to a check."""
 
     def __init__(self, required=("bends",), sensors=SENSORS):
-        self.check, self.time = ReadingCheck(sensors, required, PERIOD), 0.0
+        self.check = ReadingCheck(sensors, required, PERIOD)
+        self.time = 0.0
 
     def __call__(self, bends=SOUND, last_change=0.0, time=None, now=None, **others):
         self.time += PERIOD
-        said = {
-            name: values
-            for name, values in ({"bends": bends} | others).items()
-            if values is not None
+        sensors = {"bends": bends, **others}
+        present = {
+            name: values for name, values in sensors.items() if values is not None
         }
         time = self.time if time is None else time
-        return self.check.find_fault(
-            Reading(time, said), self.time if now is None else now, last_change
-        )
+        now = self.time if now is None else now
+        return self.check.find_fault(Reading(time, present), now, last_change)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Text about what a state estimator found: payload, bend bias, rejected sensors.
+"""Descriptions of estimates: payload, bend bias, force, and rejected sensors.
 
 Empty for strategies without an estimator, which have no `rejected.*` columns.
 """

@@ -76,7 +76,7 @@ class CommandLimits:
         """Return the allowed command nearest to the desired one.
 
         From the returned command the arm can still brake before a limit of value. A
-        desired command that moves is followed; one that stands is reached without
+        desired command that moves is followed; a constant one is reached without
         overshoot.
 
         Args:

@@ -115,6 +115,7 @@ class Loop:
         self._opened_at = 0.0
         self._step_count = 0
         self.late_steps = 0
+        self.phase = Phase()
         self.use(driver)
         self._reset()
 
@@ -144,10 +145,10 @@ class Loop:
                 f"'{self.arm.name}' has {ours}; choose a controller for this arm"
             )
         sensors = self._robot.sensors
-        required = []
-        for name in driver.sensors:
-            source = FOLLOWS_FROM.get(name, name)
-            required.append(name if name in sensors else source)
+        required = [
+            name if name in sensors else FOLLOWS_FROM.get(name, name)
+            for name in driver.sensors
+        ]
         missing = [name for name in required if name not in sensors]
         if missing:
             raise S2C2AError(
@@ -236,7 +237,7 @@ class Loop:
     def _reset(self) -> None:
         self._check.reset()
         self._limiter = CommandLimiter(self._limits)
-        self.phase: Phase = Phase()
+        self.phase = Phase()
         self.fault = ""
         self._stopped = False
 
@@ -292,7 +293,7 @@ class Loop:
         return desired, time.perf_counter() - began
 
     def _is_passive(self, fault: str) -> bool:
-        """Whether the controller has no say in this step."""
+        """Whether the controller does not act in this step."""
         return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
 
     def _control(

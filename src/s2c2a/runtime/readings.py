@@ -15,7 +15,7 @@ FROZEN_CHANGE = 0.02  # of the full bend
 
 
 class RepeatDetector:
-    """Tells new measurements of named sensors from repeated ones, bit by bit.
+    """Distinguishes new measurements of named sensors from repeated ones, bit by bit.
 
     A sensor that runs has noise in its last bits, so an exact repetition means that
     the robot handed out the same measurement again.
