@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.runtime import Ask, CommandLimits, Loop
+from s2c2a.runtime import CommandLimits, Loop, StepRequest
 from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
@@ -28,7 +28,7 @@ COUNTS = (1, 5, 50)
 def run(arm, strategy, task, faults=lambda reading: reading):
     """Records of the first steps of a task."""
     with Loop(SimulatedRobot(arm), strategy, faults=faults) as loop:
-        return [loop.tick(Ask(goal)) for goal in task.goals[:LAST]]
+        return [loop.tick(StepRequest(goal)) for goal in task.goals[:LAST]]
 
 
 def tips_of(steps):

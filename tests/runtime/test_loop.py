@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
-from s2c2a.runtime import Ask, CommandLimits, Loop, Patience
+from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
 from s2c2a.spaces import Reading, Stage
 
 RUN, HOLD, RELEASE, IDLE, FAULT = (
@@ -18,7 +18,7 @@ RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.IDLE,
     Stage.FAULT,
 )
-DISABLED = Ask(enabled=False)
+DISABLED = StepRequest(enabled=False)
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def sizes_of(puppet):
 
 def run_steps(loop, count):
     """Records of some steps of an enabled loop."""
-    return [loop.tick(Ask()) for _ in range(count)]
+    return [loop.tick(StepRequest()) for _ in range(count)]
 
 
 def steps_to_rest(actor):
@@ -57,7 +57,7 @@ def at_rest(puppet):
 
 
 def test_steps_begin_a_control_period_apart(loop, puppet):
-    steps = [loop.tick(Ask()) for _ in range(20)]
+    steps = [loop.tick(StepRequest()) for _ in range(20)]
     np.testing.assert_allclose(puppet.moments, 0.1 * np.arange(20))
     np.testing.assert_allclose([step.moment for step in steps], 0.1 * np.arange(20))
     assert [step.number for step in steps] == list(range(20))
@@ -67,7 +67,7 @@ def test_steps_begin_a_control_period_apart(loop, puppet):
 def test_computing_time_is_not_added_to_the_period(loop, actor, puppet, clock):
     actor.before_step = lambda number: clock.let_pass(0.06)
     for _ in range(10):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     np.testing.assert_allclose(puppet.moments, 0.1 * np.arange(10) + 0.06)
     assert loop.late_steps == 0
 
@@ -76,7 +76,7 @@ def test_a_late_step_is_counted_and_missed_steps_are_skipped(
     loop, actor, puppet, clock
 ):
     actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
-    steps = [loop.tick(Ask()) for _ in range(6)]
+    steps = [loop.tick(StepRequest()) for _ in range(6)]
     np.testing.assert_allclose(
         [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.6, 0.7]
     )
@@ -90,7 +90,7 @@ def test_a_driver_starts_once_and_gets_the_reading_and_the_goal_of_every_step(
     loop, actor
 ):
     goals = [Goal.of(3).with_position([0.0, 0.0, 0.1 * step]) for step in range(3)]
-    steps = [loop.tick(Ask(goal)) for goal in goals]
+    steps = [loop.tick(StepRequest(goal)) for goal in goals]
     assert len(actor.starts) == 1
     assert actor.starts[0] is steps[0].reading
     assert [
@@ -110,8 +110,10 @@ def test_a_disabled_arm_stays_at_rest_and_its_driver_is_not_called(loop, actor, 
 
 def test_an_arm_that_is_disabled_holds_with_an_empty_goal(loop, actor):
     for _ in range(3):
-        loop.tick(Ask(Goal.of(3).with_position([0.1, 0.0, 0.5])))
-    step = loop.tick(Ask(Goal.of(3).with_position([0.3, 0.0, 0.5]), enabled=False))
+        loop.tick(StepRequest(Goal.of(3).with_position([0.1, 0.0, 0.5])))
+    step = loop.tick(
+        StepRequest(Goal.of(3).with_position([0.3, 0.0, 0.5]), enabled=False)
+    )
     assert step.stage is HOLD
     assert actor.steps[-1][1].position_weights.max() == 0
     assert len(actor.starts) == 1
@@ -120,7 +122,7 @@ def test_an_arm_that_is_disabled_holds_with_an_empty_goal(loop, actor):
 def test_a_driver_that_exceeds_limits_is_slowed_and_informed_of_the_sent_command(
     loop, actor, puppet
 ):
-    steps = [loop.tick(Ask()) for _ in range(12)]
+    steps = [loop.tick(StepRequest()) for _ in range(12)]
     change, turn = sizes_of(puppet)
     assert change.max() == pytest.approx(1.0)
     assert turn.max() <= 1 + 1e-9
@@ -137,11 +139,11 @@ def test_a_driver_without_sense_moves_nothing_faster_than_the_limits(
     loop, actor, puppet, share
 ):
     for _ in range(5):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     actor.share = share
     with np.errstate(invalid="ignore", over="ignore"):
         for _ in range(20):
-            assert loop.tick(Ask()).stage is RUN
+            assert loop.tick(StepRequest()).stage is RUN
     change, turn = sizes_of(puppet)
     assert np.isfinite(puppet.sent).all()
     assert max(change.max(), turn.max()) <= 1 + 1e-9
@@ -163,7 +165,7 @@ def nan_cables(begin, count):
 def test_after_a_short_fault_the_arm_continues_where_it_held(puppet, actor, clock):
     loop = Loop(puppet, actor, clock, faults=nan_cables(4, 5))
     loop.open()
-    steps = [loop.tick(Ask()) for _ in range(15)]
+    steps = [loop.tick(StepRequest()) for _ in range(15)]
     assert [step.stage for step in steps] == [RUN] * 4 + [HOLD] * 5 + [RUN] * 6
     assert {step.fault for step in steps[4:9]} == {"'cables' is not finite"}
     assert {step.fault for step in steps[9:]} == {""}
@@ -184,7 +186,7 @@ def test_after_a_long_fault_the_arm_rests_and_stays_stopped_until_it_is_opened(
         patience=Patience(unsound=10, alone=10),
     )
     loop.open()
-    steps = [loop.tick(Ask()) for _ in range(60)]
+    steps = [loop.tick(StepRequest()) for _ in range(60)]
     stages = [step.stage for step in steps]
     assert stages[:14] == [RUN] * 4 + [HOLD] * 10
     assert stages[14:18] == [RELEASE] * 4  # 16 deg
@@ -194,7 +196,7 @@ def test_after_a_long_fault_the_arm_rests_and_stays_stopped_until_it_is_opened(
     change, turn = sizes_of(puppet)
     assert max(change.max(), turn.max()) <= 1 + 1e-9
     loop.open()
-    assert loop.tick(Ask()).stage is RUN
+    assert loop.tick(StepRequest()).stage is RUN
     assert loop.fault == ""
     assert len(actor.starts) == 2
 
@@ -204,13 +206,14 @@ def test_an_arm_without_operator_holds_then_rests_and_can_run_again_at_once(
 ):
     loop = Loop(puppet, actor, clock, patience=Patience(unsound=10, alone=5))
     loop.open()
-    stages = [loop.tick(Ask()).stage for _ in range(3)]
+    stages = [loop.tick(StepRequest()).stage for _ in range(3)]
     stages += [
-        loop.tick(Ask(enabled=False, operator_present=False)).stage for _ in range(15)
+        loop.tick(StepRequest(enabled=False, operator_present=False)).stage
+        for _ in range(15)
     ]
     count = int(steps_to_rest(actor))
     assert stages == [RUN] * 3 + [HOLD] * 6 + [RELEASE] * count + [IDLE] * (9 - count)
-    assert loop.tick(Ask()).stage is RUN
+    assert loop.tick(StepRequest()).stage is RUN
     assert len(actor.starts) == 2
 
 
@@ -218,7 +221,7 @@ def test_a_release_needs_no_sound_reading(puppet, actor, clock):
     loop = Loop(puppet, actor, clock, faults=nan_cables(5, 1000))
     loop.open()
     for _ in range(5):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     # one more than the distance takes, to reverse
     assert [step.stage for step in loop.to_rest()] == [RELEASE] * 6 + [IDLE]
     assert at_rest(puppet)
@@ -227,7 +230,7 @@ def test_a_release_needs_no_sound_reading(puppet, actor, clock):
 def test_an_arm_whose_sensors_never_become_sound_does_not_start(puppet, actor, clock):
     loop = Loop(puppet, actor, clock, faults=nan_cables(0, 1000))
     loop.open()
-    stages = [loop.tick(Ask()).stage for _ in range(14)]
+    stages = [loop.tick(StepRequest()).stage for _ in range(14)]
     assert stages == [Stage.START] * 10 + [FAULT] * 4
     assert actor.starts == []
     assert at_rest(puppet)
@@ -294,7 +297,7 @@ def test_an_error_outside_the_loop_moves_the_arm_to_rest_too(puppet, actor, cloc
 def test_the_path_to_rest_after_a_long_wait_is_paced(puppet, actor, clock):
     with Loop(puppet, actor, clock) as loop:
         for _ in range(8):
-            loop.tick(Ask())
+            loop.tick(StepRequest())
         clock.let_pass(60.0)
     assert at_rest(puppet)
     np.testing.assert_allclose(np.diff(puppet.moments[8:]), 0.1)
@@ -333,10 +336,10 @@ def test_after_an_error_every_tick_repeats_it_until_the_arm_is_opened_again(
     assert loop.phase.stage is FAULT
     puppet.before_send = lambda number: None
     with pytest.raises(S2C2AError, match="cable torn"):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     assert list(loop.to_rest()) == []
     loop.open()
-    assert loop.tick(Ask()).stage is RUN
+    assert loop.tick(StepRequest()).stage is RUN
 
 
 def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(
@@ -357,11 +360,11 @@ def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(
 
 def test_another_driver_starts_when_the_arm_next_runs_from_rest(loop, actor, twin):
     for _ in range(4):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     other = type(actor)(twin)
     loop.use(other)
     list(loop.to_rest())
-    loop.tick(Ask())
+    loop.tick(StepRequest())
     assert (len(actor.steps), len(other.starts), len(other.steps)) == (4, 1, 1)
 
 
@@ -369,7 +372,7 @@ def test_the_callback_receives_every_step(puppet, actor, clock):
     records = []
     loop = Loop(puppet, actor, clock, on_step=records.append)
     loop.open()
-    assert [loop.tick(Ask()) for _ in range(3)] == records
+    assert [loop.tick(StepRequest()) for _ in range(3)] == records
 
 
 def test_a_sensor_that_is_not_required_may_fail(puppet, actor, clock):
@@ -380,15 +383,15 @@ def test_a_sensor_that_is_not_required_may_fail(puppet, actor, clock):
 
     loop = Loop(puppet, actor, clock, faults=corrupt)
     loop.open()
-    assert {loop.tick(Ask()).stage for _ in range(5)} == {RUN}
+    assert {loop.tick(StepRequest()).stage for _ in range(5)} == {RUN}
 
 
 def test_an_arm_with_old_readings_is_held(puppet, actor, clock):
     loop = Loop(puppet, actor, clock)
     loop.open()
-    loop.tick(Ask())
+    loop.tick(StepRequest())
     clock.let_pass(0.05)
     old = puppet.read()
     puppet.read = lambda: old
-    assert [loop.tick(Ask()).stage for _ in range(4)] == [RUN, HOLD, HOLD, HOLD]
+    assert [loop.tick(StepRequest()).stage for _ in range(4)] == [RUN, HOLD, HOLD, HOLD]
     assert "no newer" in loop.fault

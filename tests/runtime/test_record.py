@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.runtime import Ask, Loop, StepRecord, episode_of
+from s2c2a.runtime import Loop, StepRecord, StepRequest, episode_of
 from s2c2a.spaces import Reading, Stage
 
 NAN = np.full((3, 3), np.nan)
@@ -153,7 +153,7 @@ def test_faults_are_kept_with_the_episode(puppet, actor, clock, twin):
 
     loop = Loop(puppet, actor, clock, faults=corrupt)
     loop.open()
-    episode = episode_of([loop.tick(Ask()) for _ in range(10)], twin)
+    episode = episode_of([loop.tick(StepRequest()) for _ in range(10)], twin)
     assert episode.options["faults"] == ["'cables' is not finite"]
     np.testing.assert_array_equal(
         episode["stage"], [Stage.RUN] * 3 + [Stage.HOLD] * 3 + [Stage.RUN] * 4

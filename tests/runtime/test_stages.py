@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from s2c2a.errors import S2C2AError
 from s2c2a.runtime.stages import (
-    Ask,
     Patience,
     Phase,
+    StepRequest,
     next_phase,
     with_fault,
     with_release,
@@ -98,7 +98,7 @@ def after(phase, now):
     """Phase that follows in a situation."""
     return next_phase(
         phase,
-        Ask(None, now.enabled, now.operator_present),
+        StepRequest(None, now.enabled, now.operator_present),
         now.sound,
         now.at_rest,
         PATIENCE,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, Clock, Loop, StepRecord, episode_of
+from s2c2a.runtime import Clock, Loop, StepRecord, StepRequest, episode_of
 from s2c2a.spaces import Stage
 from s2c2a.strategies import AnyStrategy
 from s2c2a.tasks import Task
@@ -37,9 +37,9 @@ def rollout(
     with Loop(robot, strategy, clock) as loop:
         steps: list[StepRecord] = []
         for number, goal in enumerate(task.goals, 1):
-            steps.append(loop.tick(Ask(goal)))
+            steps.append(loop.tick(StepRequest(goal)))
             while steps[-1].stage is Stage.START:
-                steps.append(loop.tick(Ask(goal)))
+                steps.append(loop.tick(StepRequest(goal)))
             if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
                 steps += loop.to_rest()
                 raise S2C2AError(

@@ -24,9 +24,9 @@ from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
-    Ask,
     Patience,
     Phase,
+    StepRequest,
     next_phase,
     with_fault,
     with_release,
@@ -165,7 +165,7 @@ class Loop:
         self._due = self._clock.now()
         self._opened_at = self._due - first_reading.time
 
-    def tick(self, request: Ask) -> StepRecord:
+    def tick(self, request: StepRequest) -> StepRecord:
         """Wait for the next control step and do it.
 
         Raises:
@@ -205,7 +205,7 @@ class Loop:
         """Release the arm and yield the steps until it is at rest."""
         self.release()
         while self.phase.stage is Stage.RELEASE:
-            yield self.tick(Ask(enabled=False))
+            yield self.tick(StepRequest(enabled=False))
 
     def close(self) -> None:
         """Move a real arm to rest, whatever it reads, and close the robot.
@@ -267,7 +267,7 @@ class Loop:
         now = reading.time if self._robot.own_time else moment - self._opened_at
         return self._check.find_fault(reading, now, self._limiter.last_change)
 
-    def _update_stage(self, request: Ask, fault: str) -> Stage:
+    def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
         previous = self.phase
         self.phase = next_phase(
@@ -280,7 +280,7 @@ class Loop:
         return previous.stage
 
     def _act(
-        self, reading: Reading, request: Ask, fault: str, previous_stage: Stage
+        self, reading: Reading, request: StepRequest, fault: str, previous_stage: Stage
     ) -> tuple[Actions, float]:
         """Choose the desired command; return it with the time that this took [s]."""
         began = time.perf_counter()
@@ -297,7 +297,7 @@ class Loop:
         return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
 
     def _control(
-        self, reading: Reading, request: Ask, previous_stage: Stage
+        self, reading: Reading, request: StepRequest, previous_stage: Stage
     ) -> Actions:
         """Return the controller's action; without a goal while the arm is held."""
         if self.phase.stage is Stage.HOLD:

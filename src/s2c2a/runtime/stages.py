@@ -55,7 +55,7 @@ class Patience:
 
 
 @dataclass(frozen=True)
-class Ask:
+class StepRequest:
     """Request for one control step.
 
     Attributes:
@@ -68,6 +68,9 @@ class Ask:
     goal: Goal | None = None
     enabled: bool = True
     operator_present: bool = True
+
+
+Ask = StepRequest  # former name, still imported by `data`, `estimation`, and `live`
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class Phase:
 
 
 def next_phase(
-    phase: Phase, request: Ask, sound: bool, at_rest: bool, patience: Patience
+    phase: Phase, request: StepRequest, sound: bool, at_rest: bool, patience: Patience
 ) -> Phase:
     """Return the phase of this step.
 
