@@ -1,4 +1,4 @@
-"""Letting strategies work on tasks, and scoring them."""
+"""Evaluation: runs of strategies on tasks, their scores, and their reports."""
 
 from s2c2a.evaluation.estimates import belief_said, said_of_belief
 from s2c2a.evaluation.metrics import (
