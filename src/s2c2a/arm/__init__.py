@@ -1,4 +1,4 @@
-"""The arm on paper: what it is made of, in numbers that a user can measure."""
+"""Arm descriptions: parameters of an arm that a user can measure."""
 
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.arm.files import arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm

@@ -96,7 +96,7 @@ class CameraView:
         self._history.append((time, states))
 
     def read(self, time: float) -> dict[str, np.ndarray]:
-        """Return the image that arrived since the last control step, if there is one."""
+        """Return the image that arrived since the last control step, if any."""
         camera = self._camera
         number = np.floor((time - camera.delay) * camera.rate + 1e-9)
         exposure = number / camera.rate  # s
