@@ -99,29 +99,31 @@ class Reading:
 
     These names have the same meaning on every arm. Robots can have other sensors.
 
-    | sensor               | meaning                                    | shape              | unit   |
-    | -------------------- | ------------------------------------------ | ------------------ | ------ |
-    | `cables`             | displacements, or tensions of a tension arm | (modules, cables) | m or N |
-    | `states`             | true states, base frame, from motion       | (modules, 6)       | m, 1   |
-    |                      | capture or simulation                      |                    |        |
-    | `configurations`     | true configurations                        | (modules, 3)       | 1      |
-    | `tensions`           | cable tensions from motor currents         | (modules, cables)  | N      |
-    | `center_line`        | true center line since the last reading,   | (samples, points,  | m      |
-    |                      | newest last; `CENTER_LINE_POINTS` a module | 3)                 |        |
-    |                      | from base to tip                           |                    |        |
-    | `accelerations`,     | inertial sensors at module ends since the  | (samples, modules, | m/s2,  |
-    | `angular_velocities` | last reading, in the frames there; at rest | 3)                 | rad/s  |
-    |                      | the acceleration points up                 |                    |        |
-    | `camera_positions`   | module ends in a camera image, base frame; | (modules, 3)       | m      |
-    |                      | NaN where not visible, absent without a    |                    |        |
-    |                      | new image                                  |                    |        |
-    | `camera_age`         | age of that image                          | ()                 | s      |
-    | `flex`               | bends of flex sensors along the modules    | (modules, strips)  | rad    |
+    | sensor               | meaning                    | shape              | unit   |
+    | -------------------- | -------------------------- | ------------------ | ------ |
+    | `cables`             | displacements, or tensions | (modules, cables)  | m or N |
+    |                      | of a tension arm           |                    |        |
+    | `states`             | true states, base frame    | (modules, 6)       | m, 1   |
+    | `configurations`     | true configurations        | (modules, 3)       | 1      |
+    | `tensions`           | from motor currents        | (modules, cables)  | N      |
+    | `center_line`        | true center line, base to  | (samples, points,  | m      |
+    |                      | tip, newest sample last    | 3)                 |        |
+    | `accelerations`,     | of module ends, in the     | (samples, modules, | m/s2,  |
+    | `angular_velocities` | frames there               | 3)                 | rad/s  |
+    | `camera_positions`   | module ends in an image,   | (modules, 3)       | m      |
+    |                      | base frame                 |                    |        |
+    | `camera_age`         | age of that image          | ()                 | s      |
+    | `flex`               | bends of flex sensors      | (modules, strips)  | rad    |
+
+    True states come from motion capture or simulation. The center line has
+    `CENTER_LINE_POINTS` points a module; it and the inertial sensors have all samples
+    since the last reading. At rest, accelerations point up. Camera positions are NaN
+    where an end is not visible, and absent without a new image.
 
     Attributes:
         time: time since the arm was opened [s].
         sensors: name -> values.
-    """  # noqa: E501
+    """
 
     time: float
     sensors: Mapping[str, np.ndarray]

@@ -11,8 +11,8 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.validation import explained
 from s2c2a.files import read_text, save_whole, toml_in
+from s2c2a.validation import explained
 
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""

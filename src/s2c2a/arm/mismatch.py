@@ -29,7 +29,10 @@ class Mismatch(Frozen):
         0,
         1,
         "1",
-        "radius of its cables in the modules below, relative to cable_radius; default: in tubes",
+        (
+            "radius of its cables in the modules below, relative to cable_radius; "
+            "default: in tubes"
+        ),
         None,
     )
     mass_error: Number = between(-0.9, 9, "1", "relative error of the mass", 0.0)
@@ -48,7 +51,10 @@ class Mismatch(Frozen):
         0,
         5,
         "1",
-        "relative stiffness increase at full bend, quadratic in the bend about each axis",
+        (
+            "relative stiffness increase at full bend, quadratic in the bend about "
+            "each axis"
+        ),
         0.0,
     )
     relaxing: tuple[Number, Number] = Field(

@@ -30,7 +30,10 @@ class Cable(Frozen):
         0.0001,
         2,
         "m",
-        "largest displacement from rest in either direction; default: cable_radius times full bend",
+        (
+            "largest displacement from rest in either direction; default: "
+            "cable_radius times full bend"
+        ),
         None,
     )
     stiffness: Number = between(
@@ -42,7 +45,9 @@ class Cable(Frozen):
     )
     backlash: Annotated[Numbers, Within(0, 0.02)] = Field(
         default=0.0,
-        description="half-width of the backlash between motor and module; displacement arms [m]",
+        description=(
+            "half-width of the backlash between motor and module; displacement arms [m]"
+        ),
     )
     friction: Number = between(
         0, 1, "1", "capstan friction coefficient of cable in tube", 0.0
@@ -84,7 +89,9 @@ class Module(Frozen):
     cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
         min_length=3,
         max_length=8,
-        description="angles of the cables, from x to y, without a gap of 179 or more [deg]",
+        description=(
+            "angles of the cables, from x to y, without a gap of 179 or more [deg]"
+        ),
     )
     mass: Number = between(0.0005, 10, "kg", "mass")
     bending_stiffness: Number = between(0.0005, 50, "N m2", "EI")
@@ -203,7 +210,10 @@ class ArmSpec(Frozen):
     sensing: str = Field(
         "encoders",
         pattern=SENSING,
-        description="source of configurations: encoders, true configurations, or a user's sensor",
+        description=(
+            "source of configurations: encoders, true configurations, or a user's "
+            "sensor"
+        ),
         json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
     )
     sensing_coupling: (
@@ -214,11 +224,17 @@ class ArmSpec(Frozen):
     )
     coupled_cables: bool = Field(
         False,
-        description="whether cables of distal modules also bend the proximal modules that they pass",
+        description=(
+            "whether cables of distal modules also bend the proximal modules that "
+            "they pass"
+        ),
     )
     gravity_direction: tuple[Number, Number, Number] = Field(
         (0.0, 0.0, -1.0),
-        description="direction of gravity: [0, 0, -1] upright, [0, 0, 1] hanging, [0, 0, 0] none",
+        description=(
+            "direction of gravity: [0, 0, -1] upright, [0, 0, 1] hanging, [0, 0, "
+            "0] none"
+        ),
     )
     control_rate: Number = between(0.5, 1000, "Hz", "control steps a second", 10.0)
     step_limit_deg: Number = between(
@@ -267,6 +283,7 @@ class ArmSpec(Frozen):
             raise ValueError(
                 f"gravity_direction {list(self.gravity_direction)} has length "
                 f"{norm:.3g}; give a unit vector in the base frame ([0, 0, -1] upright, "
+                f""
                 "[0, 0, 1] hanging) or [0, 0, 0] for no gravity"
             )
 

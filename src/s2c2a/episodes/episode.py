@@ -33,10 +33,10 @@ class Episode:
     | `predictive_std`    | predictive standard deviation of ends [m]       | (modules,)        |
     | `extrapolation`     | part of it that is due to extrapolation [m]     |                   |
     | `rescued`           | fallback that replaced the plan, zero if none   |                   |
-    | `standing`          | one if the planner stopped above the lowest cost |                  |
+    | `standing`          | one if the plan stopped above the lowest cost   |                  |
     | `load`              | estimated payload at the tip [kg]               |                   |
     | `bend_biases`       | estimated bend biases [rad]                     | (modules, 2)      |
-    | `push`              | external force at the tip that explains them [N] |                  |
+    | `push`              | external force at the tip from them [N]         |                  |
     | `rejected.NAME`     | one if a sensor was rejected                    |                   |
     | `desired_positions` | base frame [m]; NaN without a target            | (modules, 3)      |
     | `desired_axes`      | base frame [1]; NaN without a target            | (modules, 3)      |
@@ -52,7 +52,7 @@ class Episode:
         RecordingError: columns have different lengths, `time` or `actions` is missing,
             times do not rise, values are not finite where they must be, or shapes do
             not fit the arm.
-    """  # noqa: E501
+    """
 
     arm: ArmSpec
     columns: Mapping[str, np.ndarray]
