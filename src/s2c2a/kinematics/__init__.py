@@ -1,4 +1,7 @@
-"""Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
+"""Piecewise constant curvature kinematics: cables, bends, configurations, states.
+
+Pure JAX, batched and differentiable.
+"""
 
 from s2c2a.arm.geometry import center_line
 from s2c2a.kinematics.bends import (

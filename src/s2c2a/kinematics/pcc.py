@@ -1,4 +1,4 @@
-"""One arm under piecewise constant curvature: cables, bends and a forward model; and what any forward model can do."""
+"""Piecewise constant curvature (PCC) of an arm, and the forward model interface."""
 
 from abc import abstractmethod
 from typing import Any
@@ -9,13 +9,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import per_module
 from s2c2a.kinematics.chain import states_from_configurations
 
 
 class PCC(eqx.Module):
-    r"""The PCC map between actions and bends of one arm.
+    r"""PCC map between the actions and the bends of one arm.
 
-    $$ a = r B b, \qquad b = \frac{1}{r} B^+ a, \qquad B_i = -(\cos\beta_i, \sin\beta_i)
+    $$
+    a = r B b, \qquad b = \frac{1}{r} B^+ a, \qquad
+    B_i = -(\cos\beta_i, \sin\beta_i)
     $$
 
     For three cables at 120 deg this is eqs. (1) and (2) of Chen et al. 2025. On a
@@ -40,7 +43,7 @@ class PCC(eqx.Module):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "PCC":
-        """The map with the arm's nominal numbers."""
+        """Build the map from the arm's nominal parameters."""
         geometry = ArmGeometry.of(arm)
         matrices = geometry.cable_matrices
         radii = geometry.cable_radii[:, None, None]
@@ -48,35 +51,40 @@ class PCC(eqx.Module):
             to_bends = geometry.bend_matrices / radii
             to_actions = matrices * radii
         else:
-            stiffness = jnp.array(
-                [module.bending_stiffness / module.length for module in arm.modules]
-            )[:, None, None]
+            stiffness = per_module(arm, "bending_stiffness") / geometry.lengths
+            stiffness = jnp.asarray(stiffness)[:, None, None]
             to_bends = -matrices.swapaxes(-1, -2) * radii / stiffness
             to_actions = -geometry.bend_matrices.swapaxes(-1, -2) * stiffness / radii
-        arrays = (
-            to_bends,
-            to_actions,
-            geometry.action_neutral,
-            geometry.action_low,
-            geometry.action_high,
+        return cls(
+            to_bends=_float32(to_bends),
+            to_actions=_float32(to_actions),
+            neutral=_float32(geometry.action_neutral),
+            low=_float32(geometry.action_low),
+            high=_float32(geometry.action_high),
         )
-        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
     def bends(
         self, actions: Float[Array | np.ndarray, "*batch modules cables"]
     ) -> Float[Array, "*batch modules 2"]:
-        """Bends [rad] that actions [m or N] hold; common motion of evenly spread cables drops out."""
+        """Return the bends [rad] that actions [m or N] hold.
+
+        Common motion of evenly spread cables has no influence.
+        """
         return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
 
     def actions(
         self, bends: Float[Array, "*batch modules 2"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Actions [m or N] that hold bends [rad], within the arm's limits."""
-        desired = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
-        return jnp.clip(desired, self.low, self.high)
+        """Return the actions [m or N] that hold bends [rad], within the limits."""
+        actions = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
+        return jnp.clip(actions, self.low, self.high)
 
 
-Memory = Any  # a pytree of arrays; () for a model that remembers nothing
+def _float32(values) -> Array:
+    return jnp.asarray(values, dtype=jnp.float32)
+
+
+Memory = Any  # a pytree of arrays; () for a model without memory
 
 
 class ForwardModel(eqx.Module):
@@ -151,23 +159,23 @@ class ForwardModel(eqx.Module):
 
 
 class MemorylessModel(ForwardModel):
-    """A forward model whose memory is empty, as in the paper."""
+    """Forward model with an empty memory, as in the paper."""
 
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        """Nothing to remember."""
+        """See `ForwardModel`; the memory stays empty."""
         return ()
 
     def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
-        """Nothing to remember."""
+        """See `ForwardModel`; the memory stays empty."""
         return memory
 
     def for_planning(self) -> "MemorylessModel":
-        """The model itself: without memory, slopes lead everywhere."""
+        """Return the model itself: without memory, its gradient needs no substitute."""
         return self
 
 
 class PCCForwardModel(MemorylessModel):
-    """The arm as constant-curvature arcs.
+    """Forward model of an arm whose modules are constant-curvature arcs.
 
     Attributes:
         lengths: module lengths [m], shape (modules,).
@@ -177,11 +185,11 @@ class PCCForwardModel(MemorylessModel):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "PCCForwardModel":
-        """The model with the arm's nominal lengths."""
-        return cls(jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32))
+        """Build the model from the arm's nominal lengths."""
+        return cls(_float32(ArmGeometry.of(arm).lengths))
 
     def predict(
         self, configurations: Float[Array, "*batch modules 3"], memory: Memory
     ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        """See `ForwardModel.predict`."""
         return states_from_configurations(configurations, self.lengths)

@@ -192,7 +192,7 @@ def test_a_new_payload_does_not_undo_what_a_body_got_used_to(pulled_arm):
         pulled_arm(relaxing=(0.3, 0.3)), [[10.0, 0.0, 0.0, 0.0]], seconds=20.0
     )
     before = bends(robot)
-    robot.load(0.01)
+    robot.set_payload(0.01)
     robot.step([[10.0, 0.0, 0.0, 0.0]])
     np.testing.assert_allclose(bends(robot), before, rtol=2e-3)
 
