@@ -185,7 +185,7 @@ def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be
 
     with pytest.raises(
         RecordingError,
-        match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)",
+        match=r"episode 3, step 9: 'cables' is .*; correct that, then continue \(--resume\)",
     ):
         collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
     assert len(load_recording(tmp_path / "one.episodes").episodes) == 2

@@ -71,13 +71,13 @@ def fit(start, truth):
 def test_stiffness_play_and_routing_of_a_drawn_arm_are_found_within_their_errors(
     fit, truth
 ):
-    off = (fit.coordinates - truth) / fit.belief.deviations
+    off = (fit.coordinates - truth) / fit.belief.std
     assert np.abs(off).max() < 3
     assert np.sqrt(np.mean(off**2)) < 1.5
 
 
 def test_most_numbers_are_known_far_better_than_before(fit):
-    assert np.median(fit.belief.deviations) < 0.2
+    assert np.median(fit.belief.std) < 0.2
 
 
 def test_the_twin_errs_by_little_more_than_the_noise_where_it_was_not_fitted(fit):
@@ -213,7 +213,7 @@ def test_nothing_seen_and_nothing_to_fit_are_refused(start):
     blind = replace(
         seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)}
     )
-    with pytest.raises(RecordingError, match="nothing was seen"):
+    with pytest.raises(RecordingError, match="no measured states"):
         identify(start, unknowns_of(start, GROUPS), [blind])
     with pytest.raises(S2C2AError, match="choose from stiffness"):
         unknowns_of(start, ("color",))

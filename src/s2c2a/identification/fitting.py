@@ -146,9 +146,7 @@ class _Optimizer:
                 raise
             finished = False
         self._progress("fitting", rounds, rounds)
-        posterior = estimate_posterior(
-            problem, self._residual_jacobian, self._variance
-        )
+        posterior = estimate_posterior(problem, self._residual_jacobian, self._variance)
         return Fit(problem, self._coordinates, posterior, finished)
 
     def _minimize(self, rounds: int) -> bool:

@@ -134,9 +134,7 @@ def held_out(
     blocks = np.arange(ends[-1]) // BLOCK
     excluded = np.split(blocks % HELD_OUT == HELD_OUT - 1, ends[:-1])
     first = first_rows(episodes, one_session)
-    return [
-        rows | unknown for rows, unknown in zip(excluded, first, strict=True)
-    ]
+    return [rows | unknown for rows, unknown in zip(excluded, first, strict=True)]
 
 
 def first_rows(
