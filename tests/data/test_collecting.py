@@ -339,8 +339,8 @@ def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
 
 FAULTS = {
     "babbling": ("baby", "staged, motor"),
-    "episodes": (0, "positive"),
-    "samples": (-1, "positive"),
+    "episodes": (0, "out of range"),
+    "samples": (-1, "out of range"),
     "seed": (-1, "seed"),
 }
 

@@ -234,5 +234,5 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     ],
 )
 def test_options_that_cannot_train_are_refused(wrong):
-    with pytest.raises(TrainingError, match="is out of range; use"):
+    with pytest.raises(TrainingError, match="was asked for; choose"):
         FitOptions(**wrong)

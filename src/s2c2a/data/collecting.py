@@ -66,8 +66,8 @@ class CollectOptions:
         counts = (self.episodes, self.samples, self.seed)
         if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
             raise RecordingError(
-                f"seed {self.seed}, {self.episodes} episodes, and {self.samples} samples "
-                "must be whole numbers, and the seed must not be negative"
+                f"seed {self.seed}, {self.episodes} episodes, {self.samples} samples: "
+                "all must be whole numbers, and the seed must not be negative"
             )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(

@@ -153,7 +153,7 @@ def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
 
 
 def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
-    """Compiled (state, training, validation, keys) -> (state, losses), one epoch a key."""
+    """Compile (state, training, validation, keys) -> (state, losses), an epoch a key."""
 
     def step(carry, inputs):
         weights, state = carry
@@ -237,7 +237,10 @@ def check_limits(
         value = getattr(options, name)
         values = value if isinstance(value, tuple) else (value,)
         if len(values) > MAX_VALUES:
-            raise error(f"{name} has {len(values)} values; use at most {MAX_VALUES}")
+            raise error(
+                f"{len(values)} values of {name} were asked for; "
+                f"use at most {MAX_VALUES}"
+            )
         # false for NaN
         if not all(low <= number <= high for number in values):
-            raise error(f"{name} = {value} is out of range; use {low:g} to {high:g}")
+            raise error(f"{name} = {value} was asked for; choose {low:g} to {high:g}")
