@@ -1,4 +1,4 @@
-"""Recordings: many episodes of one arm as arrays, and what no arm can have said is refused."""
+"""Recordings: episodes of one arm as arrays; invalid values are refused."""
 
 from dataclasses import replace
 

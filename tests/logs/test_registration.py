@@ -59,12 +59,13 @@ def test_lengths_follow_from_the_heights_of_the_ends_above_the_base():
 
 def test_the_base_is_one_arm_length_below_the_tip():
     log_map = make_map([1], 2, arm="length = 0.3", frame='along = "z"')
-    registration = estimate_registration(straight([0.3]) + [0, 0, 1.0], log_map)
+    positions = straight([1.3])
+    registration = estimate_registration(positions, log_map)
     np.testing.assert_allclose(registration.base, [0, 0, 1.0], atol=1e-12)
 
 
 def test_the_axes_are_a_right_handed_frame():
-    log_map = make_map([0], 1, frame="along = [1.0, 2.0, 3.0]")
+    log_map = make_map([0], 1, "length = 0.3", "along = [1.0, 2.0, 3.0]")
     axes = estimate_registration(straight([0.3]), log_map).axes
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)

@@ -41,7 +41,7 @@ def replayed(
     Raises:
         SimulationError: the simulation diverges.
     """
-    results = []
+    results: list[States] = []
     with SimulatedRobot(_widen_travel(arm, episodes), options.fidelity) as robot:
         for episode in episodes:
             if results and not options.one_session:

@@ -59,7 +59,7 @@ def rank_assignments(
     tip = effects[:, -1]
     correlations = np.nan_to_num(np.corrcoef(columns.T))
     correlations = correlations.reshape(len(log_map.drives), -1)
-    candidates = []
+    candidates: list[_Candidate] = []
     for grouping in islice(_groupings(log_map), MAX_GROUPINGS):
         cost = 0.0
         independent = 0

@@ -110,9 +110,9 @@ def _join(tables: Sequence[Table], key: str) -> Table:
     if not len(common):
         paths = " and ".join(table.path for table in tables)
         raise LogError(f"{paths} have no '{key}' in common")
-    numbers = {}
-    labels = {}
-    duplicates = set()
+    numbers: dict[str, np.ndarray] = {}
+    labels: dict[str, np.ndarray] = {}
+    duplicates: set[str] = set()
     for table in tables:
         columns = {*table.numbers, *table.labels} - {key}
         duplicates |= columns & {*numbers, *labels}

@@ -153,7 +153,7 @@ def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
 
 
 def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
-    """Compile (state, training, validation, keys) -> (state, losses), an epoch a key."""
+    """Compile (state, training, validation, keys) -> (state, losses)."""
 
     def step(carry, inputs):
         weights, state = carry
