@@ -13,7 +13,7 @@ SAMPLES = 300
 def shares(
     arm, babbling: str, episode: int, episodes: int = 6, seed: int = 0
 ) -> np.ndarray:
-    """Share of the full bend that each module is asked for, shape (samples, modules, 2), from the actions alone."""
+    """Commanded shares of the full bend, shape (samples, modules, 2)."""
     geometry = ArmGeometry.of(arm)
     actions = episode_actions(geometry, babbling, episode, episodes, SAMPLES, seed)
     return np.einsum(
@@ -178,7 +178,7 @@ def test_no_step_is_faster_than_the_fastest_speed_the_first_from_rest_included()
 
 
 def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Speed and number of steps of the straight lines that a path is made of, the first and the last left out."""
+    """Speed and number of steps of a path's inner line segments."""
     steps = np.diff(
         bend_path(samples, np.random.default_rng(seed)), axis=0, prepend=0.0
     )
@@ -187,7 +187,7 @@ def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_lines_are_no_slower_than_the_slowest_speed():
-    """A line of n steps is rounded up to whole steps, which leaves at least (n - 1) / n of its speed."""
+    """Rounding up to n whole steps leaves at least (n - 1) / n of the speed."""
     speeds, counts = lines(seed=0, samples=5000)
     assert len(counts) > 100
     assert np.all(speeds >= SPEEDS[0] * (counts - 1) / counts)

@@ -1,4 +1,4 @@
-"""Collecting: the same on any number of threads, however often it was killed, and never over another's file."""
+"""Collection: identical for any number of threads, stops, and resumes."""
 
 import errno
 import os
@@ -163,7 +163,7 @@ def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be_gone_on_with(
+def test_an_episode_with_a_failed_sensor_is_dropped_and_can_be_resumed(
     gather, tmp_path, value
 ):
     """Whatever the sensor is: all that is recorded counts."""
@@ -185,7 +185,7 @@ def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be
 
     with pytest.raises(
         RecordingError,
-        match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)",
+        match=r"episode 3, step 9: 'cables' is .*; correct that, then continue \(--res",
     ):
         collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
     assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
@@ -228,7 +228,7 @@ def test_a_recording_of_version_0_1_is_not_gone_on_with(gather, tmp_path):
 
 
 class _Torn(SimulatedRobot):
-    """A robot that counts its kind's openings and closings; the second one opened fails some steps from rest."""
+    """Robot that counts openings and closings; the second one fails."""
 
     opened: list
     closed: list
@@ -262,7 +262,7 @@ def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads)
 
 
 def test_after_a_failure_a_single_arm_is_not_opened_again(gather, torn):
-    """One thread is a real arm: it must not begin the next episode with a torn cable."""
+    """One thread is a real arm: it must not continue with a torn cable."""
     with pytest.raises(OSError, match="cable torn"):
         gather(robot=torn, threads=1)
     assert len(torn.opened) == 2
@@ -339,8 +339,8 @@ def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
 
 FAULTS = {
     "babbling": ("baby", "staged, motor"),
-    "episodes": (0, "positive"),
-    "samples": (-1, "positive"),
+    "episodes": (0, "out of range"),
+    "samples": (-1, "out of range"),
     "seed": (-1, "seed"),
 }
 
@@ -392,7 +392,8 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions(episodes=60, samples=40),
+options = CollectOptions(episodes=60, samples=40)
+collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
 

@@ -1,4 +1,4 @@
-"""Windows of the LSTM worked by hand: every number tells from which episode and which moment it comes."""
+"""Windows of the LSTM, computed by hand: values encode episode and time."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ the arm was at rest."""
 
 
 def telling(*shape: int) -> np.ndarray:
-    """Two episodes of a hundred: 10000 (episode + 1) + 10 t + k / 10, k along the last axis."""
+    """Two episodes of 100 samples: 10000 (episode + 1) + 10 t + k / 10."""
     start = 10000.0 * np.arange(1, 3)[:, None] + 10.0 * np.arange(100)
     return start.reshape(2, 100, *[1] * len(shape)) + np.broadcast_to(
         np.arange(shape[-1]) / 10, shape
@@ -48,7 +48,7 @@ def test_histories_hold_five_tips_and_the_five_actions_before_them_oldest_first(
 
 
 def test_one_window_at_the_start_of_an_episode_worked_in_full():
-    """Episode two, t = 2: tips at 0 0 0 1 2; three times neutral, then A_0 A_1; desired p_3; target A_2."""
+    """Episode two, t = 2: tips 0 0 0 1 2; 3 x neutral, A_0 A_1; p_3; target A_2."""
     row = 69 + 2
     inputs = {name: values[row] for name, values in SPLIT.training.inputs.items()}
     np.testing.assert_array_equal(

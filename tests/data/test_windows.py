@@ -1,4 +1,4 @@
-"""Windows worked by hand: every number tells from which episode and which moment it comes."""
+"""Windows computed by hand: values encode episode and time."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ the arm was at rest."""
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
 
-def telling(*features: int) -> np.ndarray:
-    """Arrays whose numbers are 10000 (episode + 1) + 10 t + k, the same for all but the last axis."""
+def encoded_values(*features: int) -> np.ndarray:
+    """Arrays of 10000 (episode + 1) + 10 t + k, with k along the last axis."""
     episode = 10000.0 * np.arange(1, EPISODES + 1)[:, None]
     moment = 10.0 * np.arange(SAMPLES)
     start = (episode + moment).reshape(EPISODES, SAMPLES, *[1] * len(features))
@@ -28,9 +28,9 @@ def telling(*features: int) -> np.ndarray:
 
 
 CONFIGURATIONS, ACTIONS, STATES = (
-    telling(1, 3),
-    telling(1, 4) + 0.5,
-    telling(1, 6) + 0.25,
+    encoded_values(1, 3),
+    encoded_values(1, 4) + 0.5,
+    encoded_values(1, 6) + 0.25,
 )
 
 
@@ -43,7 +43,7 @@ def part(request):
 
 
 def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
-    """What `telling` holds at these moments, both episodes in turn, shape (episodes * moments, features)."""
+    """Values of `encoded_values` at some steps, shape (episodes * steps, features)."""
     rows = [
         10000.0 * (episode + 1) + 10.0 * moment
         for episode in range(EPISODES)
@@ -104,7 +104,7 @@ def test_episodes_too_short_to_be_cut_are_of_one_part_as_a_whole():
     assert all(place == slice(0, 40) for part in parts for _, place in part)
 
 
-def test_samples_whose_truth_is_not_known_at_all_are_left_out_and_those_known_in_part_stay():
+def test_samples_without_any_known_state_are_dropped_and_partial_ones_stay():
     states = STATES.copy()
     states[0, :10] = np.nan
     states[0, 10, :, 3:] = np.nan
@@ -146,7 +146,7 @@ def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment(
         np.testing.assert_array_equal(samples.targets[:, 0], expected(moments, 6, 0.25))
 
 
-def test_the_target_is_the_action_of_the_moment_and_the_desired_configuration_comes_next(
+def test_the_target_is_the_current_action_and_desired_is_the_next_configuration(
     part,
 ):
     samples, now = part
@@ -190,7 +190,7 @@ def test_no_window_looks_over_the_border_of_a_stretch():
 
 
 def test_one_window_worked_in_full():
-    """Episode two, t = 3: desired C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
+    """Episode two, t = 3: C_4; C_3 to C_0; A_2 A_1 A_0, 2 x neutral; target A_3."""
     samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
     np.testing.assert_array_equal(
         samples.inputs["desired"][row, 0], [20040, 20041, 20042]

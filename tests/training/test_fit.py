@@ -66,7 +66,7 @@ def test_enough_epochs_find_the_answer():
 
 
 def test_the_first_step_is_adams():
-    """Adam's first step is the learning rate against the sign of the gradient, whatever its size."""
+    """Adam's first step is the learning rate times the sign of the gradient."""
     one_batch = with_options(batch_size=128, max_epochs=1, epochs_per_call=1)
     np.testing.assert_allclose(
         fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4
@@ -81,7 +81,7 @@ def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
 
 
 def worse_later(model: Line, batch, key) -> Array:
-    """Falls in training; when validating it rises again once the first weight has passed 0.5."""
+    """Training loss that falls; validation loss that rises above a weight of 0.5."""
     training = squared(model, batch, key)
     return training if key is not None else (model.weights[0, 0] - 0.5) ** 2
 
@@ -234,5 +234,5 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     ],
 )
 def test_options_that_cannot_train_are_refused(wrong):
-    with pytest.raises(TrainingError, match="was asked for; take"):
+    with pytest.raises(TrainingError, match="was asked for; choose"):
         FitOptions(**wrong)

@@ -1,6 +1,6 @@
-"""The simulated arm fitted to a recording: a twin of the arm that was recorded."""
+"""System identification: fit of a simulated arm to a recording of an arm."""
 
-from s2c2a.identification.fitting import Belief, Fit, identify
+from s2c2a.identification.fitting import Fit, Posterior, identify
 from s2c2a.identification.numbers import (
     GROUPS,
     USUAL,
@@ -12,7 +12,7 @@ from s2c2a.identification.numbers import (
 from s2c2a.identification.problem import FitOptions, Problem, held_out, options_for
 from s2c2a.identification.replay import Replay, replayed, thinned
 from s2c2a.identification.report import (
-    Found,
+    FittedNumber,
     TipErrors,
     errors_of,
     fitted_toml,

@@ -1,4 +1,4 @@
-"""Maps: what they may say, and faults told by the key."""
+"""Validation of maps: errors name the key."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
 
-SOUND = """
+VALID = """
 [rows]
 kind = "steps"
 [arm]
@@ -25,13 +25,13 @@ unit = "mm"
 
 
 def test_a_short_map_is_enough():
-    told = map_from_toml(SOUND)
-    assert told.end_modules == [0]
-    assert told.numbers == {"m1", "x", "y", "z"}
+    log_map = map_from_toml(VALID)
+    assert log_map.end_modules == [0]
+    assert log_map.number_columns == {"m1", "x", "y", "z"}
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         (
             'commanded = "m1"',
@@ -67,35 +67,34 @@ def test_a_short_map_is_enough():
         ("[rows]", "[rows", "not valid TOML"),
     ],
 )
-def test_a_fault_names_its_key(old, new, said):
-    assert old in SOUND
-    with pytest.raises(LogError, match=re.escape(said)):
-        map_from_toml(SOUND.replace(old, new, 1))
+def test_an_error_names_its_key(old, new, message):
+    assert old in VALID
+    with pytest.raises(LogError, match=re.escape(message)):
+        map_from_toml(VALID.replace(old, new, 1))
 
 
 def test_two_ends_of_one_module_are_refused():
     end = '[[ends]]\nposition = ["u", "v", "w"]\nunit = "m"\n'
     with pytest.raises(LogError, match="one end"):
-        map_from_toml(SOUND + end)
+        map_from_toml(VALID + end)
 
 
-def test_the_least_map_that_the_page_shows_is_one_and_its_columns_are_those_of_its_log():
+def test_the_documented_map_fits_the_documented_log():
     page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(
         encoding="utf-8"
     )
-    (log,), (text, *_) = (
-        re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("csv", "toml")
-    )
-    assert map_from_toml(text).numbers <= set(log.splitlines()[0].split(";"))
+    log = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)[0]
+    text = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0]
+    assert map_from_toml(text).number_columns <= set(log.splitlines()[0].split(";"))
 
 
-def test_faults_are_told_in_plain_words():
-    text = SOUND.replace("modules = ", "modules = 'three' # ").replace(
+def test_errors_are_plain_language():
+    text = VALID.replace("modules = ", "modules = 'three' # ").replace(
         "control_rate = ", "control_rate = -"
     )
     with pytest.raises(LogError) as caught:
         map_from_toml(text)
-    said = str(caught.value)
-    assert "arm.modules: write a whole number (got 'three')" in said
-    assert "arm.control_rate: write 0.5 or more" in said
-    assert "Input" not in said
+    message = str(caught.value)
+    assert "arm.modules: write a whole number (got 'three')" in message
+    assert "arm.control_rate: write 0.5 or more" in message
+    assert "Input" not in message
