@@ -261,7 +261,7 @@ def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(
     assert figure.stat().st_size > 10_000
 
 
-def test_trials_that_fail_are_told_and_the_search_goes_on(
+def test_failed_trials_are_reported_and_the_search_continues(
     small_sweep, made_here, processes, tmp_path
 ):
     broken = replace(small_sweep.recipe, c2s_fit=FitOptions(batch_size=10**6))
@@ -281,7 +281,7 @@ def test_trials_that_fail_are_told_and_the_search_goes_on(
         best_recipe(sweep, trials)
 
 
-def test_a_sweep_is_judged_by_what_its_tasks_share(small_sweep):
+def test_the_metric_of_a_sweep_must_be_common_to_its_tasks(small_sweep):
     with pytest.raises(
         S2C2AError, match="no metric 'tilt' in all these tasks; they share position"
     ):
@@ -336,9 +336,9 @@ def test_a_worker_of_another_version_that_joins_later_does_nothing(
 
 
 def test_what_the_work_raises_comes_back_from_a_worker(cluster):
-    with pytest.raises(SimulationError, match="blew up") as told:
+    with pytest.raises(SimulationError, match="blew up") as raised:
         next(in_order(cluster, blow_up, [1]))
-    assert told.value.step == 5
+    assert raised.value.step == 5
 
 
 def blow_up(number):
@@ -347,16 +347,16 @@ def blow_up(number):
 
 def test_an_address_that_is_none_is_refused(monkeypatch):
     with pytest.raises(
-        ClusterError, match="no cluster 'nowhere'; take the address of a scheduler"
+        ClusterError, match="no cluster 'nowhere'; give the address of a scheduler"
     ):
         Cluster("nowhere")
     monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
     with pytest.raises(
         ClusterError,
-        match=r"nobody answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`",
+        match=r"no scheduler answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`",
     ):
         Cluster("tcp://127.0.0.1:9")
-    with pytest.raises(ClusterError, match=r"nobody answers at gone\.json"):
+    with pytest.raises(ClusterError, match=r"no scheduler answers at gone\.json"):
         Cluster("gone.json")
 
 
@@ -365,7 +365,7 @@ def test_jobs_are_for_this_machine_alone():
         executor_for(3, "tcp://127.0.0.1:9")
 
 
-def test_a_missing_extra_says_what_to_install():
+def test_a_missing_extra_raises_with_the_install_command():
     with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
         require("sweep", "no_such_package")
 
@@ -374,15 +374,18 @@ def test_a_missing_extra_says_what_to_install():
     ("error", "said"),
     [
         (KilledWorker("job", None, allowed_failures=3), "were killed by one job"),
-        (CancelledError(), "is gone; what was whole is kept"),
+        (CancelledError(), "is gone; repeat the command: finished results"),
     ],
 )
-def test_what_the_cluster_did_is_told_in_words(error, said, scheduler):
-    with pytest.raises(ClusterError, match=said), Cluster(scheduler.scheduler_address):
+def test_errors_of_the_cluster_become_cluster_errors(error, message, scheduler):
+    with (
+        pytest.raises(ClusterError, match=message),
+        Cluster(scheduler.scheduler_address),
+    ):
         raise error
 
 
-def test_what_the_work_did_is_told_as_it_is(scheduler):
+def test_errors_of_the_work_pass_unchanged(scheduler):
     with (
         pytest.raises(ValueError, match="the work's own"),
         Cluster(scheduler.scheduler_address),
@@ -390,7 +393,7 @@ def test_what_the_work_did_is_told_as_it_is(scheduler):
         raise ValueError("the work's own")
 
 
-def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(
+def test_a_lost_scheduler_raises_and_finished_results_are_kept(
     tmp_path,
 ):
     """The command of dask, killed once two episodes are whole; then the rest is done here."""
@@ -425,7 +428,7 @@ def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_ke
         with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
             try:
                 with pytest.raises(
-                    ClusterError, match=r"is gone; what was whole is kept"
+                    ClusterError, match=r"is gone; repeat the command: finished results"
                 ):
                     _collect_until(lost.kill, where, tmp_path / "there.episodes")
             finally:

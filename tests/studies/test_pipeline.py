@@ -1,4 +1,4 @@
-"""Small versions of the project's claims: one seed, fewer epochs, the same thresholds."""
+"""Small versions of the project's claims: one seed, fewer epochs, same thresholds."""
 
 import pytest
 

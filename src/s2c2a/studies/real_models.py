@@ -188,7 +188,7 @@ class Recurrent(_ReferenceModel):
         return train(network, loss, predict, split, fit, fit_key, progress)
 
     def _windows(self, data: TrainingData) -> np.ndarray:
-        """The last readings, oldest first; the first reading also stands for the past."""
+        """The last readings, oldest first; the first one also stands for the past."""
         displacements = cable_displacements(data)
         samples = displacements.shape[1]
         flat = displacements.reshape(*displacements.shape[:2], -1)

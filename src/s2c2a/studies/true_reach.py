@@ -180,7 +180,7 @@ class TrueReach:
         return replace(shape, error=float(self._errors(shape.states[None], goal)[0]))
 
     def _descend(self, start: RestingShape, goal: Goal) -> RestingShape:
-        """Damped least squares with finite differences, and random steps as a fallback."""
+        """Damped least squares with finite differences, and random steps besides."""
         best = start
         random = np.random.default_rng([self._seed, 4])
         size = start.actions.size

@@ -1,1 +1,1 @@
-"""Figures like those of the paper: paths and poses (`space`), plots over time (`time`)."""
+"""Figures like the paper's: paths and poses (`space`), plots over time (`time`)."""
