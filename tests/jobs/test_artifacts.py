@@ -1,4 +1,4 @@
-"""What is made once and kept: found again by all that it depends on, made anew where it is damaged."""
+"""Artifacts are made once, found by all their inputs, and made again if damaged."""
 
 from dataclasses import replace
 from pathlib import Path
