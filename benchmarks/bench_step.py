@@ -1,4 +1,4 @@
-"""What happens in every control step: sense, control, whole ticks. Planning has a file of its own."""
+"""Parts of a control step: sensing, control, and whole steps; see also `bench_plan`."""
 
 import operator
 

@@ -1,4 +1,4 @@
-"""Both networks from a recording to their stop, PyTorch's epochs right after ours; `--device gpu` if there is one."""
+"""Training of both networks, and PyTorch's epochs after it; `--device gpu` for a GPU."""
 
 import time
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""What a user waits for: a strategy file is loaded and does its first tick. `python first_tick.py FILE`."""
+"""Load a strategy file and run its first control step: `python first_tick.py FILE`."""
 
 import sys
 

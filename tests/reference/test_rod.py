@@ -30,7 +30,7 @@ def test_the_tip_agrees_with_separate_code(case):
 
 
 def test_the_curvature_of_a_cross_section_makes_its_energy_stationary():
-    """Energy per length: u K u / 2 - m u, and each tension times the length |v| of its cable."""
+    """Energy per length: u K u / 2 - m u, plus tension times cable length |v|."""
     module = module_like_case_a(torsional_stiffness=0.02)
     arm, pulls, moment = (
         arm_like_case_a(modules=(module,)),

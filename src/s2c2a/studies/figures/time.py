@@ -1,4 +1,4 @@
-"""Figures that answer those of the paper over time (Chen et al. 2025, figures 4, 6, 8 and 14)."""
+"""Figures of quantities over time (Chen et al. 2025, figs. 4, 6, 8 and 14)."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,56 +28,53 @@ from s2c2a.viz.mounting import ABOVE
 from s2c2a.viz.trace import Trace, check_told_apart, standing
 
 SENSED = "#2b9a4b"
-# an axis nearer to the vertical than this has no azimuth worth drawing
-UPRIGHT_DEG = 3.0
+UPRIGHT_DEG = 3.0  # from the vertical; a smaller tilt has no meaningful azimuth
 MIN_SPAN_DEG = 4.0
 
 
 def estimation_figure(
     times: Series, true_deg: Series, sensed_deg: Series, path: str | Path
 ) -> Path:
-    """Draw one module's bending angle as it was and as its cables said (figure 4 of the paper).
+    """Draw the true and the sensed bending angle of one module (fig. 4 of the paper).
 
     Args:
         times: [s], shape (time,).
-        true_deg: true bending angle [deg], shape (time,); NaN where the arm was not
-            seen.
+        true_deg: true bending angle [deg], shape (time,); NaN where unknown.
         sensed_deg: sensed bending angle [deg], shape (time,).
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Raises:
         S2C2AError: the shapes differ, or the file cannot be written.
     """
-    times, true_deg, sensed_deg = (
-        np.asarray(values, dtype=float) for values in (times, true_deg, sensed_deg)
-    )
-    if (
-        times.ndim != 1
-        or not times.size
-        or not times.shape == true_deg.shape == sensed_deg.shape
-    ):
-        shapes = f"{times.shape}, {true_deg.shape} and {sensed_deg.shape}"
+    times = np.asarray(times, dtype=float)
+    true_deg = np.asarray(true_deg, dtype=float)
+    sensed_deg = np.asarray(sensed_deg, dtype=float)
+    same_shapes = times.shape == true_deg.shape == sensed_deg.shape
+    if times.ndim != 1 or not times.size or not same_shapes:
         raise S2C2AError(
-            f"times, true and sensed angles have shapes {shapes}; expected three times (time,)"
+            f"times, true and sensed angles have shapes {times.shape}, "
+            f"{true_deg.shape} and {sensed_deg.shape}; give the same shape (time,) to "
+            "all three, with at least one time"
         )
     figure = new_figure(7.6, 3.4)
     axes = new_axes(
         figure, figure.add_gridspec(1, 1)[0], "time [s]", "bending angle [deg]"
     )
     axes.plot(times, true_deg, color=DESIRED, linewidth=1.7, label="true")
-    off = np.abs(sensed_deg - true_deg)[np.isfinite(sensed_deg - true_deg)]
-    said = (
-        f"sensed   {off.mean():.1f}° off on average, {off.max():.1f}° at most"
-        if off.size
-        else "sensed"
-    )
-    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=said)
+    errors = np.abs(sensed_deg - true_deg)
+    errors = errors[np.isfinite(errors)]
+    label = "sensed"
+    if errors.size:
+        label += (
+            f"   error {errors.mean():.1f}° on average, {errors.max():.1f}° at most"
+        )
+    axes.plot(times, sensed_deg, color=SENSED, linewidth=1.7, label=label)
     axes.margins(x=0.01)
     return save_figure(figure, path)
 
 
 def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:
-    """Draw x, y and z of the followed end over time, a line for each strategy (figure 6, and that of the simulation).
+    """Draw x, y and z of the followed end over time for each strategy (fig. 6).
 
     Args:
         traces: runs of the same task, base frame, each with a label of its own.
@@ -94,10 +91,10 @@ def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:
 
 
 def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
-    """Draw tilt and azimuth [deg] of the end axis over time, desired and true (figure 8 of the paper).
+    """Draw desired and true tilt and azimuth [deg] of the end axis over time (fig. 8).
 
     Tilt is the angle to the z axis of the base frame, azimuth the angle from x to the
-    axis as seen from above; it is left out within 3 deg of the vertical.
+    axis as seen from above; the azimuth is left out within 3 deg of the vertical.
 
     Args:
         traces: runs of the same task, base frame, each with a label of its own.
@@ -114,7 +111,7 @@ def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     _draw_angles(
         tilts, traces, desired, lambda trace: tilts_deg(trace.states[:, module, AXIS])
     )
-    # 30, 45 or 90 deg
+    # multiples of 30, 45 or 90 deg
     azimuths.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 3, 4.5, 9, 10]))
     _draw_angles(azimuths, traces, _desired_azimuth(traces[0]), _azimuth_like_desired)
     return save_figure(figure, path)
@@ -130,44 +127,42 @@ def _stacked(height: float, labels: Sequence[str]) -> Figure:
 def _draw_angles(
     axes: Axes, traces: Sequence[Trace], desired: np.ndarray, angles: Callable
 ) -> None:
-    """Angles [deg] over time; the first trace in front."""
+    """Draw angles [deg] over time, the first trace in front."""
     charts.draw_over_time(
         axes, traces, desired, angles, _named_axis_error, MIN_SPAN_DEG
     )
-    if not any(np.isfinite(one).any() for one in (desired, *map(angles, traces))):
-        charts.say_nothing_here(axes, "nothing to see: upright all the time")
+    series = [desired, *map(angles, traces)]
+    if not np.isfinite(np.concatenate(series)).any():
+        charts.say_nothing_here(axes, "no azimuth: the axis is always upright")
 
 
 def _named_axis_error(trace: Trace) -> str:
-    """Label with mean and standard deviation of the angle between desired and true axis."""
+    """Label with mean and standard deviation of the axis error."""
     return charts.named(trace.label, np.rad2deg(trace.axis_errors), "°", 1)
 
 
 def _azimuth_deg(axes: Float[np.ndarray, "time 3"]) -> Series:
-    """Between -180 and 180 deg; NaN where the axis is nearly vertical."""
+    """Azimuth between -180 and 180 deg; NaN where the axis is nearly vertical."""
     azimuth = np.rad2deg(np.arctan2(axes[:, 1], axes[:, 0]))
-    return np.where(
-        np.abs(tilts_deg(axes) - 90.0) < 90.0 - UPRIGHT_DEG, azimuth, np.nan
-    )
+    tilted = np.abs(tilts_deg(axes) - 90.0) < 90.0 - UPRIGHT_DEG
+    return np.where(tilted, azimuth, np.nan)
 
 
 def _azimuth_like_desired(trace: Trace) -> Series:
-    """The true azimuth, in whichever turn is nearest to the desired one; broken where it would leap across the chart."""
+    """True azimuth in the turn nearest to the desired one; NaN where it would jump."""
     desired = _desired_azimuth(trace)
     known = np.isfinite(desired)
-    near = (
-        np.interp(trace.times, trace.times[known], desired[known])
-        if known.any()
-        else np.zeros_like(desired)
-    )
+    near = np.zeros_like(desired)
+    if known.any():
+        near = np.interp(trace.times, trace.times[known], desired[known])
     azimuth = _azimuth_deg(trace.states[:, trace.pointing_module, AXIS])
     azimuth = near + (azimuth - near + 180.0) % 360.0 - 180.0
-    leaps = np.abs(np.diff(azimuth, prepend=azimuth[:1])) > 180.0
-    return np.where(leaps, np.nan, azimuth)
+    jumps = np.abs(np.diff(azimuth, prepend=azimuth[:1])) > 180.0
+    return np.where(jumps, np.nan, azimuth)
 
 
 def _desired_azimuth(trace: Trace) -> Series:
-    """Without leaps of a whole turn, across gaps too."""
+    """Desired azimuth without jumps of a whole turn, also across gaps."""
     azimuth = _azimuth_deg(trace.desired_axes[:, trace.pointing_module])
     known = np.isfinite(azimuth)
     azimuth[known] = np.unwrap(azimuth[known], period=360.0)
@@ -175,13 +170,13 @@ def _desired_azimuth(trace: Trace) -> Series:
 
 
 def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
-    """Draw how the end flees from an obstacle and follows a target that move (figure 14 of the paper).
+    """Draw runs with a moving obstacle and with a moving target (fig. 14 of the paper).
 
-    Obstacles are dashed where they begin and full where they end.
+    Obstacles are dashed at their first position and filled at their last.
 
     Args:
-        flee: a run with an obstacle that moves, base frame.
-        follow: a run with a target that moves, base frame.
+        flee: a run with a moving obstacle, base frame.
+        follow: a run with a moving target, base frame.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Raises:
@@ -193,9 +188,9 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     flight = new_axes(figure, grid[0, 0], "time [s]", "distance to the obstacle [cm]")
     chase = new_axes(figure, grid[1, 0], "time [s]", "distance to the target [cm]")
     views = [charts.view_axes(figure, grid[row, 1], ABOVE) for row in range(2)]
-    headlines = ("flee", "follow", "flee, from above", "follow, from above")
-    for axes, words in zip((flight, chase, *views), headlines, strict=True):
-        charts.headline(axes, words)
+    titles = ("flee", "follow", "flee, from above", "follow, from above")
+    for axes, title in zip((flight, chase, *views), titles, strict=True):
+        charts.headline(axes, title)
     _draw_flight(flight, flee, colors)
     charts.draw_errors(chase, [follow], colors, lambda trace: trace.label)
     chase.margins(x=0.01)
@@ -224,43 +219,37 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
 
 
 def _draw_flight(axes: Axes, trace: Trace, colors: charts.Colors) -> None:
-    """Distance to the obstacle whose threshold is nearest, and that threshold."""
+    """Draw the distance to the obstacle with the least clearance, and its threshold."""
     distances, thresholds = _nearest_obstacle(trace)
     if not np.isfinite(distances).any():
         charts.say_nothing_here(axes, "no obstacle")
         return
-    axes.plot(
-        trace.times,
-        100 * distances,
-        color=colors[trace.label],
-        linewidth=1.5,
-        zorder=FRONT,
-    )
-    axes.plot(
-        trace.times, 100 * thresholds, color=OBSTACLE, linewidth=1.2, label="threshold"
-    )
-    axes.fill_between(
-        trace.times, 0, 100 * thresholds, color=OBSTACLE + "33", linewidth=0
-    )
+    distances = 100 * distances  # cm
+    thresholds = 100 * thresholds
+    color = colors[trace.label]
+    axes.plot(trace.times, distances, color=color, linewidth=1.5, zorder=FRONT)
+    axes.plot(trace.times, thresholds, color=OBSTACLE, linewidth=1.2, label="threshold")
+    axes.fill_between(trace.times, 0, thresholds, color=OBSTACLE + "33", linewidth=0)
     axes.set_ylim(bottom=0)
     axes.margins(x=0.01)
 
 
 def _nearest_obstacle(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """Distance [m] to the obstacle with the least clearance at each time, and its threshold [m]; NaN where none is."""
-    obstacles = np.concatenate(
-        [np.full((len(trace.times), 1, 4), np.nan), trace.obstacles], axis=1
-    )
-    distances = np.linalg.norm(
-        trace.followed_path[:, None] - obstacles[..., POSITION], axis=-1
-    )
-    clearances = np.where(
-        standing(obstacles) & np.isfinite(distances),
-        distances - obstacles[..., 3],
-        np.inf,
-    )
-    nearest = (np.arange(len(trace.times)), np.argmin(clearances, axis=1))
-    there = np.isfinite(clearances[nearest])
-    return np.where(there, distances[nearest], np.nan), np.where(
-        there, obstacles[..., 3][nearest], np.nan
+    """Distance to the obstacle with the least clearance, and its threshold [m].
+
+    Both are NaN at times without an obstacle.
+    """
+    count = len(trace.times)
+    no_obstacle = np.full((count, 1, 4), np.nan)
+    obstacles = np.concatenate([no_obstacle, trace.obstacles], axis=1)
+    offsets = trace.followed_path[:, None] - obstacles[..., POSITION]
+    distances = np.linalg.norm(offsets, axis=-1)
+    thresholds = obstacles[..., 3]
+    known = standing(obstacles) & np.isfinite(distances)
+    clearances = np.where(known, distances - thresholds, np.inf)
+    nearest = (np.arange(count), np.argmin(clearances, axis=1))
+    known = known[nearest]
+    return (
+        np.where(known, distances[nearest], np.nan),
+        np.where(known, thresholds[nearest], np.nan),
     )
