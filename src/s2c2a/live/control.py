@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
@@ -23,7 +24,6 @@ from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
 from s2c2a.planning import Guard
-from s2c2a.compilation import compilations
 from s2c2a.robots import Body, Robot
 from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
 from s2c2a.spaces import POSITION, Stage
@@ -210,7 +210,9 @@ class ArmControl(Control):
 
     def _advance(self, steps: float) -> None:
         if task := self._task:
-            self._task_position = float(np.clip(self._task_position + steps, 0, len(task.goals) - 1))
+            self._task_position = float(
+                np.clip(self._task_position + steps, 0, len(task.goals) - 1)
+            )
 
     def _publish(self, step: Step) -> None:
         """Publish this step's reading, judged by the goal of the last step."""
@@ -229,7 +231,9 @@ class ArmControl(Control):
         self._predicted = step.diagnostics.get(
             "predicted", self._predicted if step.diagnostics else states
         )
-        predictive_std = float(np.ravel(step.diagnostics.get("predictive_std", np.nan))[-1])
+        predictive_std = float(
+            np.ravel(step.diagnostics.get("predictive_std", np.nan))[-1]
+        )
         task = self._task
         self._show(
             Snapshot(

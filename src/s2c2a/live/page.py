@@ -20,13 +20,14 @@ from s2c2a.live.request import Point, point
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
-from s2c2a.spaces import POSITION, Stage
+from s2c2a.spaces import Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 MIN_GAP = 0.005  # m; a target closer to the reach than that counts as reachable
 STOP_TIMEOUT = 1.5  # s, below the 2 s that the Stop button waits
 PREPARING = "preparing the arm; the first start compiles for up to half a minute"
+MODEL_DRAWN = "no measured states: the arm is drawn as its model predicts"
 STOP_PRESSED = "Stop was pressed on this page"
 
 Survey = tuple[Float[np.ndarray, "modules points 3"], Callable[[Point], float]]
@@ -129,8 +130,7 @@ class LivePage(Window):
             elif not request.driven and request.task:
                 self._control.ask(driven=True)
             elif not request.driven:
-                tip = tuple(latest.states[-1, POSITION])
-                self._control.ask(driven=True, target=tip)
+                self._control.ask(driven=True, target=latest.tip)
             for panel in list(self._panels.values()):
                 panel.refresh()
 
@@ -175,8 +175,8 @@ class LivePage(Window):
             self._snapshots.append(latest)
             self._plots.add(latest)
             self._draw_trails(latest)
-            tip = latest.states[-1, POSITION]
-            self.scene.draw_payload(tip, self._control.request, self._control.limits)
+            control = self._control
+            self.scene.draw_payload(latest.tip, control.request, control.limits)
         self._draw_arm(latest)
         self._draw_goal(latest)
         if self.frames % PLOT_EVERY == 0:
@@ -184,11 +184,9 @@ class LivePage(Window):
         self.frames += 1
 
     def _draw_trails(self, latest: Snapshot) -> None:
-        tip = latest.states[-1, POSITION]
-        self._trail.append(np.array([tip, _desired(latest)[0]]))
-        points = np.zeros((0, 2, 3))
-        if self.session.view[TRAILS]:
-            points = np.array(self._trail)
+        self._trail.append(np.array([latest.tip, _desired(latest)[0]]))
+        visible = self.session.view[TRAILS]
+        points = np.array(self._trail) if visible else np.zeros((0, 2, 3))
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("desired", points[:, 1])
 
@@ -223,8 +221,7 @@ class LivePage(Window):
         if position is not None and np.isfinite(position).all():
             self._gap = self._gap_at(point(position))
         self.scene.draw_target(position, axis, self._gap)
-        tip = latest.states[-1, POSITION]
-        self.scene.draw_obstacles(request.obstacles, task_spheres, tip)
+        self.scene.draw_obstacles(request.obstacles, task_spheres, latest.tip)
 
     def _update_panels(self, latest: Snapshot) -> None:
         """Update what need not change in every frame: plots, status, buttons."""
@@ -236,22 +233,18 @@ class LivePage(Window):
 
     def _status_of(self, latest: Snapshot) -> str:
         """Markdown of the status: who drives, what the arm does, the estimate."""
-        lines = [f"**{self.arm.name}** · {latest.strategy} · {self._drivers()}"]
+        session = self.session
+        driven = session.driver is not None
+        watching = len(session.present) - driven
+        head = f"**{self.arm.name}** · {latest.strategy} · "
+        head += "one browser drives" if driven else "nobody drives"
+        if watching:
+            head += f", {watching} watching"
         if latest.stage is Stage.FAULT:
-            lines.append(f"**stopped:** {latest.fault}")
-            return "\n\n".join(lines)
-        lines.append(" · ".join([self._motion(latest), *self._details(latest)]))
-        if estimate := belief_said(latest.step.diagnostics):
-            lines.append(estimate)
-        return "\n\n".join(lines)
-
-    def _drivers(self) -> str:
-        watching = len(self.session.present)
-        text = "nobody drives"
-        if self.session.driver is not None:
-            text = "one browser drives"
-            watching -= 1
-        return f"{text}, {watching} watching" if watching else text
+            return f"{head}\n\n**stopped:** {latest.fault}"
+        details = " · ".join([self._motion(latest), *self._details(latest)])
+        estimate = belief_said(latest.step.diagnostics)
+        return f"{head}\n\n{details}\n\n{estimate}"
 
     def _motion(self, latest: Snapshot) -> str:
         """What the arm does; "stopped" only while it holds or is at rest."""
@@ -265,24 +258,20 @@ class LivePage(Window):
 
     def _details(self, latest: Snapshot) -> list[str]:
         """Errors, task, recording and warnings that apply now."""
-        texts = []
-        if np.isfinite(latest.error):
-            texts.append(f"error {100 * latest.error:.1f} cm")
-        if np.isfinite(latest.clearance):
-            texts.append(f"clearance {100 * latest.clearance:.1f} cm")
-        if latest.finished:
-            texts.append("task finished")
-        elif latest.task_steps:
-            texts.append(f"step {latest.task_step + 1} of {latest.task_steps}")
-        if self._recorder.running:
-            texts.append("recording")
-        if self._gap > MIN_GAP:
-            texts.append(f"**{100 * self._gap:.1f} cm out of reach**")
-        if "states" not in latest.step.reading.sensors:
-            texts.append("no measured states: the arm is drawn as its model predicts")
-        if latest.fault:
-            texts.append(f"**{latest.fault}**")
-        return texts
+        error = latest.error
+        clearance = latest.clearance
+        step = f"step {latest.task_step + 1} of {latest.task_steps}"
+        measured = "states" in latest.step.reading.sensors
+        texts = {
+            f"error {100 * error:.1f} cm": np.isfinite(error),
+            f"clearance {100 * clearance:.1f} cm": np.isfinite(clearance),
+            "task finished" if latest.finished else step: latest.task_steps,
+            "recording": self._recorder.running,
+            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > MIN_GAP,
+            MODEL_DRAWN: not measured,
+            f"**{latest.fault}**": latest.fault,
+        }
+        return [text for text, applies in texts.items() if applies]
 
 
 def _desired(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:

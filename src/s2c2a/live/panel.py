@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
-from viser import ClientHandle, GuiButtonHandle, GuiSliderHandle, Icon
+from viser import ClientHandle, GuiButtonHandle, GuiEvent, GuiSliderHandle, Icon
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.recorder import Recorder
@@ -27,7 +27,7 @@ from s2c2a.live.request import (
 from s2c2a.live.session import Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
-from s2c2a.spaces import AXIS, POSITION
+from s2c2a.spaces import AXIS
 
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # in arm lengths
@@ -108,9 +108,10 @@ class Panel:
         button = self._gui.add_button(
             label, disabled=not free, color="blue", icon=Icon.HAND_GRAB, order=10
         )
-        self._react(
-            button.on_click, lambda _: self._session.take(self._client), anybody=True
-        )
+
+        @button.on_click
+        async def _(_event: GuiEvent) -> None:
+            self._session.take(self._client)
 
     def _build_driver(self) -> None:
         resume = self._button(
@@ -199,8 +200,8 @@ class Panel:
             if count >= MAX_OBSTACLES:
                 return self._notify(f"no more than {MAX_OBSTACLES} obstacles")
             distance = NEW_DISTANCE * size * (1 + count // 2) * (-1) ** count
-            tip = self._latest.states[-1, POSITION]
-            center = point(tip + distance * across_the_screen(control.arm))
+            offset = distance * across_the_screen(control.arm)
+            center = point(self._latest.tip + offset)
             added = Obstacle(center, checked_value(threshold) / 100)
             control.ask(obstacles=(*obstacles, added))
 
@@ -283,7 +284,7 @@ class Panel:
         return cast(Snapshot, self._control.latest)
 
     def _target_to_tip(self) -> None:
-        self._control.ask(target=tuple(self._latest.states[-1, POSITION]), axis=None)
+        self._control.ask(target=self._latest.tip, axis=None)
 
     def _button(
         self,
@@ -320,21 +321,15 @@ class Panel:
             element.on_update, lambda event: action(checked_value(event.target)), slow
         )
 
-    def _react(
-        self,
-        register: Callable,
-        action: Callable,
-        slow: bool = False,
-        anybody: bool = False,
-    ) -> None:
-        """Register an action of the driver, or of `anybody`.
+    def _react(self, register: Callable, action: Callable, slow: bool = False) -> None:
+        """Register an action of the driver.
 
         Actions run in the order of the messages; `slow` ones in separate threads.
         """
 
         def act(event: Any) -> None:
             try:
-                if anybody or self._session.drives(self._client):
+                if self._session.drives(self._client):
                     action(event)
             except S2C2AError as error:
                 self._notify(str(error))

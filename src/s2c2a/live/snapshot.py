@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.request import Request, RequestLimits
+from s2c2a.live.request import Point, Request, RequestLimits, point
 from s2c2a.runtime import Step
-from s2c2a.spaces import Stage, States
+from s2c2a.spaces import POSITION, Stage, States
 
 PATIENCE = 5.0  # s; time limit of each step of a shutdown
 
@@ -57,6 +57,11 @@ class Snapshot:
     compiled: int = 0
     fault: str = ""
     margins: str = ""
+
+    @property
+    def tip(self) -> Point:
+        """Position of the tip [m], base frame."""
+        return point(self.states[-1, POSITION])
 
     @property
     def finished(self) -> bool:
