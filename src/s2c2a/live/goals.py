@@ -69,7 +69,7 @@ class Disturbable(Protocol):
 
 
 class Disturbances:
-    """Applies the requested disturbances to a robot and sensor faults to its readings."""
+    """Disturbs a robot, and its readings by sensor faults, as requested."""
 
     def __init__(self, robot: Robot, seed: int = 0):
         """Start without disturbances; `seed` is of the sensors' noise.

@@ -94,7 +94,7 @@ class RequestLimits:
     def of(
         cls, arm: ArmSpec, tasks: tuple[str, ...], disturbed: bool = True
     ) -> "RequestLimits":
-        """Limits of an arm: a reach of twice its length; payload and push of its weight.
+        """Limits of an arm: twice its length for targets, its weight for loads.
 
         Without `disturbed`, payload and push are zero.
         """

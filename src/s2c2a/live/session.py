@@ -36,7 +36,7 @@ class Session:
         self.take(client)
 
     def leave(self, client: int) -> None:
-        """Remove a browser; if it drove, nobody drives until a browser takes control."""
+        """Remove a browser; its control stays free until another takes it."""
         self.present = tuple(other for other in self.present if other != client)
         self.release(client)
 

@@ -147,7 +147,7 @@ class Control(ABC):
 
     @abstractmethod
     def order(self, name: str, *arguments: Any) -> None:
-        """Queue `reopen`, or `advance` with a number of task steps, for the next step."""
+        """Queue `reopen`, or `advance` with a number of task steps."""
 
     @abstractmethod
     def use(self, name: str) -> None:

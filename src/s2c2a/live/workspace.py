@@ -16,7 +16,7 @@ from s2c2a.spaces import POSITION, Bends, States
 def workspace(
     arm: ArmSpec, points: int = 400, seed: int = 0
 ) -> Float[np.ndarray, "modules points 3"]:
-    """Ends of the modules [m], base frame, for bends sampled evenly from their discs."""
+    """Ends of the modules [m], base frame, for bends sampled from their discs."""
     random = np.random.default_rng(seed)
     directions = random.uniform(0, 2 * np.pi, (points, arm.module_count))
     radii = np.sqrt(random.uniform(0, 1, directions.shape))
@@ -32,7 +32,7 @@ def bends_of(angles: np.ndarray, directions: np.ndarray) -> Bends:
 
 
 def arcs(arm: ArmSpec, bends: Bends) -> States:
-    """States [m] for bends [rad] of shape (*batch, modules, 2), with modules as arcs."""
+    """States [m] for bends [rad] of shape (*batch, modules, 2), as arcs."""
     lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
     return np.asarray(_states(jnp.asarray(bends, jnp.float32), lengths), dtype=float)
 
