@@ -1,13 +1,12 @@
 """Estimates and stability margins on the page, if the strategy has an estimator."""
 
+import re
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.evaluation import belief_said
 from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.robots.simulation import SimulatedRobot
@@ -15,27 +14,6 @@ from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import task_named
 
 from live_tabs import Tab, until  # type: ignore[import-not-found]
-
-
-def test_the_estimate_names_payload_bend_bias_force_and_rejected_sensors():
-    diagnostics = {
-        "load": np.array(0.048),
-        "bend_biases": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]),
-        "push": np.array(0.31),
-        "rejected.imu": np.array(0.0),
-    }
-    text = belief_said(diagnostics)
-    assert "48 g" in text
-    assert "1.2 deg" in text
-    assert "0.3 N" in text
-    assert "imu" not in text
-    assert "imu" in belief_said(diagnostics | {"rejected.imu": np.array(1.0)})
-
-
-def test_there_is_no_estimate_without_sensors():
-    diagnostics = {"load": np.array(0.0), "bend_biases": np.zeros((3, 2))}
-    assert belief_said(diagnostics) == ""
-    assert belief_said({}) == ""
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +46,14 @@ def test_the_page_shows_the_estimated_payload_and_the_margins(estimating, chromi
     tab = Tab(chromium, page.gate.address)
     tab.page.get_by_text("Drag the violet ball").wait_for()
     control.ask(task="circle", playing=True, payload=0.05)
-    until(lambda: " g · " in page._status.content, what="a payload on the page")
-    until(
-        lambda: 0.03 < float(control.latest.step.diagnostics.get("load", 0.0)) < 0.07,
-        what="the estimated payload",
-    )
-    tab.page.get_by_text(" g · ").first.wait_for()
+
+    def payload_on_page() -> float:
+        """The payload in the status line [g]."""
+        match = re.search(r"(\d+) g\b", page._status.content)
+        return float(match[1]) if match else 0.0
+
+    until(lambda: 30 < payload_on_page() < 70, what="the estimated payload")
+    tab.page.get_by_text(re.compile(r"\d+ g\b")).first.wait_for()
     tab.page.get_by_role("tab", name="More").click()
     tab.page.get_by_text("Stability margins: ").wait_for()
     tab.keep("wide-estimates")
