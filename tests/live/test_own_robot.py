@@ -1,27 +1,25 @@
-"""`live --robot FILE:Class`: an arm without a simulation behind it."""
+"""`live --robot FILE:Class`: a robot without a simulation."""
 
 from pathlib import Path
 
 import pytest
 
-from s2c2a.cli.live import running_page
 from s2c2a.cli.execution import body_for
+from s2c2a.cli.live import running_page
+from s2c2a.live.page import MODEL_DRAWN
 from s2c2a.live.recorder import Recorder
 from s2c2a.spaces import Stage
 
 from live_tabs import until  # type: ignore[import-not-found]
 
 
-def test_a_body_that_nobody_watches_is_driven_drawn_as_expected_and_recorded(tmp_path):
-    body = body_for(
+def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(tmp_path):
+    robot = body_for(
         f"{Path(__file__).with_name('blind_arm.py')}:BlindArm",
         ("port=/dev/ttyUSB0", "baud=115200"),
     )
-    with running_page("twin_arm", body=body, port=0, out=tmp_path) as (control, page):
-        until(
-            lambda: "drawn as its model expects" in page._status.content,
-            what="saying so",
-        )
+    with running_page("twin_arm", body=robot, port=0, out=tmp_path) as (control, page):
+        until(lambda: MODEL_DRAWN in page._status.content, what="the notice")
         assert control.limits.payload == control.limits.push == 0.0
         recorder = Recorder(control, tmp_path)
         recorder.start()
