@@ -68,7 +68,7 @@ def trained(twin, recipe, tmp_path_factory):
     return arm, recording, weights
 
 
-def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
+def test_a_custom_robot_fulfills_the_interface_contract(capsys, twin, tmp_path):
     arm = arm_file(twin, tmp_path, control_rate=20.0)
     main(
         [
@@ -84,7 +84,7 @@ def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
     )
     said = capsys.readouterr().out
     assert "ok: it says cables, states, as declared" in said
-    assert "own_robot.py:LaggingArm lag=0.02 keeps its promises" in said
+    assert "own_robot.py:LaggingArm lag=0.02 fulfills the interface contract" in said
 
 
 def test_a_robot_of_ones_own_is_collected_from_in_its_own_time(trained):
@@ -255,7 +255,7 @@ def test_a_run_that_nobody_watched_is_kept_without_scores(tmp_path, capsys):
             str(tmp_path / "run"),
         ]
     )
-    assert "all of it" in capsys.readouterr().out
+    assert "run directory:" in capsys.readouterr().out
     assert json.loads((tmp_path / "run" / "results.json").read_text()) == []
     (run,), _ = load_episodes(tmp_path / "run" / "twin_arm.episodes")
     assert len(run.ran("actions")) == 10

@@ -1,4 +1,4 @@
-"""Commands `s2c2a arm` (keys, check, describe, draw, copy, random) and `s2c2a robot`."""
+"""Commands `s2c2a arm` (keys, check, describe, draw, copy, random), `s2c2a robot`."""
 
 import re
 from pathlib import Path

@@ -152,8 +152,8 @@ def transfer(
     Repeat the command to continue an interrupted run.
 
     Args:
-        drawn: seeds of randomized arms, as `s2c2a arm random` samples them; the training
-            of each starts from the networks of the next.
+        drawn: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
+            training from the networks of the next.
         counts: module counts of the source and of the target; their modules have half
             the length of the base's.
         halves: seeds of randomized arms with these module counts.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def driver_of(
     arm: "arm.ArmSpec",
 ) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
-    """Forward model and strategy of an arm: the networks of the package, or else PCC."""
+    """Forward model and strategy: the networks of the package, or else PCC."""
     from s2c2a import errors, kinematics, strategies
 
     try:

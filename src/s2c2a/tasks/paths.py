@@ -45,7 +45,10 @@ def square(shares: Shares) -> Path:
 
 
 def eight(shares: Shares) -> Path:
-    """Figure of eight around the axis, from its end at x > 0 [m] (Gerono's lemniscate)."""
+    """Figure of eight around the axis, from its end at x > 0 [m].
+
+    It is Gerono's lemniscate.
+    """
     angles = 2 * np.pi * shares
     x = EIGHT_LENGTH * np.cos(angles) / 2
     y = EIGHT_WIDTH * np.sin(2 * angles) / 2
