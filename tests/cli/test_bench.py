@@ -63,9 +63,7 @@ def test_another_arm_is_timed_with_pcc_and_without_limits(
     assert [entry["at_most"] for entry in saved["seconds"]] == [None] * len(OPERATIONS)
 
 
-def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(
-    twin, make_arm
-):
+def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(twin, make_arm):
     assert isinstance(driver_of(twin)[0], LocalC2S)
     assert isinstance(driver_of(make_arm(modules=1))[0], PCCForwardModel)
 
@@ -86,4 +84,3 @@ def test_calls_are_timed_one_by_one_after_a_warm_up_of_a_tenth():
     assert len(calls) == 22
     assert times.shape == (20,)
     assert bench.Timing("", np.arange(101.0)).percentile(99) == 99.0
-

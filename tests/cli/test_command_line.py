@@ -63,7 +63,8 @@ def test_help_imports_no_large_package():
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "large = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna', 'viser', 'websockets'}\n"
+        "large = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna',"
+        " 'viser', 'websockets'}\n"
         "large &= set(sys.modules)\n"
         "sys.exit(f'imported {large}' if large else 0)\n"
     )
@@ -123,7 +124,8 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
     assert (tmp_path / "two.episodes.png").exists()
     quick = tmp_path / "quick.toml"
     quick.write_text(
-        'based_on = "best"\nc2s.points = 200\nc2s_fit.max_epochs = 10\nc2a_fit.max_epochs = 10\n'
+        'based_on = "best"\nc2s.points = 200\n'
+        "c2s_fit.max_epochs = 10\nc2a_fit.max_epochs = 10\n"
     )
     run("train", str(recording), "--recipe", str(quick), "--out", str(strategy))
     assert (tmp_path / "two.safetensors.png").exists()
@@ -243,9 +245,7 @@ def test_an_invalid_sweep_is_rejected_before_it_writes_files(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_cluster_is_rejected_before_collecting(
-    tmp_path, capsys
-):
+def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):
     output = failing(
         capsys,
         "collect",
