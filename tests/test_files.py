@@ -1,4 +1,4 @@
-"""A file is there whole, or as it was before."""
+"""Atomic file writes."""
 
 import os
 
@@ -8,7 +8,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole, written_whole
 
 
-def test_a_file_is_written_whole_into_folders_that_are_made(tmp_path):
+def test_a_file_is_written_into_new_folders(tmp_path):
     path = save_whole(b"content", tmp_path / "new" / "file.txt")
     assert path.read_bytes() == b"content"
     assert list(path.parent.iterdir()) == [path]
@@ -27,7 +27,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_part(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_path_below_a_file_is_refused(tmp_path):
+def test_a_path_below_a_file_is_rejected(tmp_path):
     save_whole(b"", tmp_path / "file")
     with pytest.raises(S2C2AError, match="cannot write"):
         save_whole(b"", tmp_path / "file" / "below")
@@ -47,7 +47,7 @@ def test_a_block_that_fails_leaves_the_old_file_and_no_part(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_others_may_read_what_the_user_lets_them(tmp_path):
+def test_permissions_follow_the_umask(tmp_path):
     before = os.umask(0o022)
     try:
         assert save_whole(b"", tmp_path / "file").stat().st_mode & 0o777 == 0o644
@@ -55,6 +55,6 @@ def test_others_may_read_what_the_user_lets_them(tmp_path):
         os.umask(before)
 
 
-def test_a_folder_is_no_place_for_a_file():
+def test_a_folder_is_rejected_as_a_file():
     with pytest.raises(S2C2AError, match="is a folder"):
         save_whole(b"", ".")

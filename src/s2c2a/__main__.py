@@ -1,14 +1,14 @@
-"""The command `s2c2a`, and `python -m s2c2a`: Control-C is heeded from its first moment on."""
+"""Entry point of the command `s2c2a` and of `python -m s2c2a`."""
 
 from s2c2a.cli.interrupts import end_at_interrupts
 
 
 def main() -> None:
-    """Entry point."""
+    """Run the command line; Ctrl-C ends it cleanly, even during imports."""
     end_at_interrupts()
-    from s2c2a.cli.main import main as verbs
+    from s2c2a.cli.main import main as run_command
 
-    verbs()
+    run_command()
 
 
 if __name__ == "__main__":

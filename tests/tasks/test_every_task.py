@@ -1,4 +1,4 @@
-"""What holds of every task: it exists under its name, is reachable where it says so, and never jumps."""
+"""Properties of every task: its name, reachable targets, and no jumps."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,25 @@ ARM = TWIN.model_copy(
 )
 """Three modules of 0.2 m that bend by at most 50 deg."""
 PAPER = [
-    "circle", "tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20", "hold-base", "hold-middle",
-    "hold-end", "reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c", "flee", "follow",
-]  # fmt: skip
+    "circle",
+    "tilt-40",
+    "tilt-50",
+    "tilt-60",
+    "tilt-0",
+    "tilt-50-a20",
+    "tilt-50-c20",
+    "hold-base",
+    "hold-middle",
+    "hold-end",
+    "reach-0",
+    "reach-1",
+    "reach-2",
+    "risk-a",
+    "risk-b",
+    "risk-c",
+    "flee",
+    "follow",
+]
 OURS = ["square", "eight", "helix", "star"]
 WITH_TARGET = [name for name in PAPER if name != "flee"] + OURS
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
@@ -57,8 +73,8 @@ def test_no_desired_position_jumps(name):
 
 
 @pytest.mark.parametrize("name", WITH_TARGET)
-def test_every_position_but_those_outside_is_within_reach(name):
-    """To 0.1 cm, as the protocol has it; the target of `follow` goes out on purpose in its last 168 steps."""
+def test_every_position_is_within_reach(name):
+    """Within 0.1 cm (protocol); `follow` leaves the workspace in its last 168 steps."""
     desired = task_named(name, ARM).desired_positions()
     steps = np.linspace(0, min(len(desired), 698 - 168) - 1, 24).astype(int)
     modules = np.flatnonzero(np.isfinite(desired[0, :, 0]))
@@ -67,7 +83,7 @@ def test_every_position_but_those_outside_is_within_reach(name):
 
 
 def states(bends, lengths):
-    """End positions and axes of arcs one on another, shape (modules, 6), in another way than the package's."""
+    """States of a chain of arcs, shape (modules, 6), independent of the package."""
     frame, position, found = Rotation.identity(), np.zeros(3), []
     for (x, y), length in zip(bends, lengths, strict=True):
         angle = max(np.hypot(x, y), 1e-9)
@@ -90,7 +106,7 @@ def limited(values):
 
 
 def misses(task, step, lengths):
-    """How near positions [m] and orientations [deg] of a step come to what is desired, by least squares over bends."""
+    """Smallest position [m] and orientation [deg] errors, by least squares."""
     positions, axes = task.desired_positions()[step], task.desired_axes()[step]
     placed, pointed = np.isfinite(positions[:, 0]), np.isfinite(axes[:, 0])
 
@@ -117,8 +133,8 @@ def misses(task, step, lengths):
 
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)
 @pytest.mark.parametrize("step", [19, 39, 104, 199])
-def test_all_that_is_desired_at_once_is_within_reach_at_once(name, step):
-    """To 0.1 cm and 0.2 deg, as the protocol has it."""
+def test_all_targets_of_a_step_are_within_reach_together(name, step):
+    """Within 0.1 cm and 0.2 deg (protocol)."""
     apart, turned = misses(task_named(name, ARM), step, [0.2, 0.2, 0.2])
     assert apart < 0.001
     assert turned < 0.2

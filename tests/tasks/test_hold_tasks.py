@@ -1,4 +1,4 @@
-"""One module's end stays while something else moves: targets worked by hand from docs/protocol.md."""
+"""Tasks that hold one module's end: targets by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_the_base_module_stays_where_it_is_at_rest():
     ("step", "point"),
     [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])],
 )
-def test_over_a_held_base_the_tip_goes_once_around_anticlockwise(step, point):
+def test_over_a_held_base_the_tip_goes_once_around_counterclockwise(step, point):
     np.testing.assert_allclose(
         desired("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
     )
@@ -97,7 +97,7 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_of_other_modules_than_the_held_one_nothing_is_asked(
+def test_other_modules_than_the_held_one_have_no_target(
     name, module, rest, height, tilt
 ):
     goals, only = (
@@ -125,7 +125,7 @@ def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
     ("name", "modules"),
     [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)],
 )
-def test_an_arm_with_too_few_modules_is_refused(name, modules):
+def test_an_arm_with_too_few_modules_is_rejected(name, modules):
     with pytest.raises(
         TargetError,
         match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}",

@@ -1,4 +1,4 @@
-"""Reaching past obstacles, and fleeing: targets and obstacles worked by hand from docs/protocol.md."""
+"""Reach and flee: targets and obstacles by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_a_reach_lasts_two_hundred_and_forty_steps(name):
     assert (task.name, len(task.goals)) == (name, 240)
 
 
-def test_the_reference_runs_straight_from_rest_at_five_centimetres_a_second():
+def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
     """0.3195 m are 64 steps of 5 mm, nearly."""
     path = np.concatenate([[[0, 0, 0.6]], tips(task_named("reach-0", TWIN))])
     moves = np.diff(path, axis=0)
@@ -50,7 +50,7 @@ def test_then_it_stays_at_the_target():
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
-def test_the_reference_is_the_same_whatever_stands_in_the_way(name):
+def test_the_reference_is_the_same_with_any_obstacles(name):
     np.testing.assert_array_equal(
         tips(task_named(name, TWIN)), tips(task_named("reach-0", TWIN))
     )
@@ -118,7 +118,7 @@ def test_fleeing_takes_eleven_seconds_and_four_tenths():
     assert len(task_named("flee", TWIN).goals) == 114
 
 
-def test_fleeing_asks_for_nothing_but_little_change_and_room():
+def test_flee_has_no_target():
     task = task_named("flee", TWIN)
     assert np.isnan(task.desired_positions()).all()
     assert np.isnan(task.desired_axes()).all()
@@ -141,7 +141,7 @@ def test_fleeing_asks_for_nothing_but_little_change_and_room():
         (114, -0.07),
     ],
 )
-def test_what_is_fled_from_waits_comes_near_waits_and_goes_through(step, x):
+def test_the_obstacle_waits_approaches_waits_and_passes(step, x):
     np.testing.assert_allclose(
         task_named("flee", TWIN).obstacles()[step - 1],
         [[x, 0.02, 0.58, 0.10]],
@@ -149,7 +149,7 @@ def test_what_is_fled_from_waits_comes_near_waits_and_goes_through(step, x):
     )
 
 
-def test_what_is_fled_from_moves_at_five_centimetres_a_second_or_not_at_all():
+def test_the_obstacle_moves_at_five_centimeters_a_second_or_stands():
     speeds = (
         np.linalg.norm(
             np.diff(task_named("flee", TWIN).obstacles()[:, 0], axis=0), axis=-1

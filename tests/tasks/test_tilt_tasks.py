@@ -1,4 +1,4 @@
-"""The circle with desired orientations: targets worked by hand from docs/protocol.md."""
+"""The circle with desired orientations: targets by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def axis(tilt_deg, azimuth_deg):
 
 
 @pytest.mark.parametrize("name", TILTS)
-def test_the_tip_goes_the_way_of_the_circle(name):
+def test_the_tip_follows_the_circle(name):
     task = task_named(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
     np.testing.assert_array_equal(
@@ -92,7 +92,7 @@ def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
     )
 
 
-def test_a_quarter_round_and_turned_anticlockwise_the_tip_points_left_and_back():
+def test_a_quarter_round_and_turned_counterclockwise_the_tip_points_left_and_back():
     assert np.sign(tip_axes("tilt-50-a20")[79]).tolist() == [-1, 1, 1]
     assert np.sign(tip_axes("tilt-50-c20")[79]).tolist() == [1, 1, 1]
 
@@ -125,7 +125,7 @@ def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
 
 
 @pytest.mark.parametrize("name", TILTS)
-def test_orientations_do_not_scale_with_the_arm_and_keep_their_times_at_a_faster_control(
+def test_orientations_depend_on_neither_arm_length_nor_control_rate(
     name,
 ):
     short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})

@@ -1,4 +1,7 @@
-"""What `s2c2a bench` starts: `python -m s2c2a.cli.first_action ARM` loads what drives an arm, acts, and says when."""
+"""Start-up benchmark: compute the first action of an arm in a new process.
+
+`s2c2a bench` starts `python -m s2c2a.cli.first_action ARM`, which prints the time.
+"""
 
 import sys
 import time
@@ -13,21 +16,24 @@ if TYPE_CHECKING:
 def driver_of(
     arm: "arm.ArmSpec",
 ) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
-    """A forward model and a strategy that plans with it: networks where they come with the package, PCC elsewhere."""
+    """Forward model and strategy: the networks of the package, or else PCC."""
     from s2c2a import errors, kinematics, strategies
 
     try:
         networks = strategies.shipped_networks(arm)
     except errors.StrategyError:
-        recipe = strategies.recipe_named("best")
-        return kinematics.PCCForwardModel.of(arm), strategies.pcc_strategy(
-            arm, recipe.planner
-        )
+        planner = strategies.recipe_named("best").planner
+        model = kinematics.PCCForwardModel.of(arm)
+        return model, strategies.pcc_strategy(arm, planner)
     return networks.c2s, strategies.s2c2a_strategy(networks)
 
 
 def first_action(name: str) -> None:
-    """The action of the first control step of an arm, from rest towards a point aside; `name` is a preset or a file."""
+    """Compute the first action of an arm, from rest towards a lateral target.
+
+    Args:
+        name: a preset or an arm file.
+    """
     import numpy as np
 
     from s2c2a import goals, spaces
@@ -38,11 +44,9 @@ def first_action(name: str) -> None:
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
     cables = np.zeros((arm.module_count, arm.cable_count))
     reading = spaces.Reading(0.0, {"cables": cables, "configurations": straight})
-    aside = goals.Goal.of(arm.module_count).with_position(
-        [0.2 * arm.length, 0.0, 0.9 * arm.length]
-    )
+    target = [0.2 * arm.length, 0.0, 0.9 * arm.length]
     strategy.start(reading)
-    strategy.step(reading, aside)
+    strategy.step(reading, goals.Goal.of(arm.module_count).with_position(target))
 
 
 if __name__ == "__main__":

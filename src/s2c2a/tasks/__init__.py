@@ -1,4 +1,4 @@
-"""What is asked of an arm."""
+"""Tasks: goals for every control step, and scores."""
 
 from s2c2a.tasks.circle import circle, tilt
 from s2c2a.tasks.registry import TASKS, task_named
