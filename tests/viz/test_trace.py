@@ -15,7 +15,7 @@ def test_what_was_not_seen_cannot_be_drawn(make_trace, drawn):
         for name, values in episode.columns.items()
         if name != "sensor.states"
     }
-    with pytest.raises(S2C2AError, match="'pcc' holds no true states"):
+    with pytest.raises(S2C2AError, match="'pcc' has no true states"):
         Trace(replace(episode, columns=unseen), "pcc")
     never_driven = {**episode.columns, "stage": np.zeros(len(episode), int)}
     with pytest.raises(S2C2AError, match="nothing to draw"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from s2c2a.viz.video import SIZE, Studio, save_video
+from s2c2a.viz.video import SIZE, VideoRenderer, save_video
 
 
 def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
@@ -37,18 +37,18 @@ def test_a_run_becomes_a_film_where_ffmpeg_is_found(make_trace, arm, tmp_path):
 def test_the_tip_of_a_hanging_arm_is_filmed_below_its_base(
     make_arm, straight, tip_is_below, gravity, below, drawn
 ):
-    studio, trace = (
-        Studio(make_arm(gravity_direction=gravity)),
+    renderer, trace = (
+        VideoRenderer(make_arm(gravity_direction=gravity)),
         drawn("s2c2a", [0.0], straight[None]),
     )
-    assert tip_is_below(np.array(studio.frame(trace, 0))) == below
-    rows = studio.places(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
+    assert tip_is_below(np.array(renderer.frame(trace, 0))) == below
+    rows = renderer.project(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
     assert (rows[1] > rows[0] + 200) == below  # rows are counted from the top
 
 
 def test_a_lying_arm_is_filmed_level_and_from_beside_it(make_arm):
     for gravity in ((1, 0, 0), (0, -1, 0), (-0.6, 0.8, 0)):
-        base, tip = Studio(make_arm(gravity_direction=gravity)).places(
+        base, tip = VideoRenderer(make_arm(gravity_direction=gravity)).project(
             np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]])
         )
         assert tip[0] - base[0] > 3 * abs(tip[1] - base[1])
@@ -57,6 +57,6 @@ def test_a_lying_arm_is_filmed_level_and_from_beside_it(make_arm):
 def test_an_arm_that_is_not_seen_is_not_painted(make_trace, arm):
     unseen = make_trace(states=np.full((200, 3, 6), np.nan))
     red, green, blue = np.moveaxis(
-        np.array(Studio(arm).frame(unseen, 5), dtype=int), -1, 0
+        np.array(VideoRenderer(arm).frame(unseen, 5), dtype=int), -1, 0
     )
     assert np.sum(red - np.maximum(green, blue) > 40) == 0

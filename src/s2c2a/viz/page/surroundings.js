@@ -9,11 +9,10 @@ function paintGround(context, camera, { surroundings, colors }) {
   tracePlaces(context, rim, true);
   context.fillStyle = "rgba(255,255,255,0.72)";
   context.fill();
-  for (const ends of surroundings.grid) {
-    const inMiddle = ends[0][0] === ends[1][0] ? ends[0][0] === 0 : ends[0][1] === 0;
-    const stroke = inMiddle ? colors.strong : colors.grid;
+  surroundings.grid.forEach((ends, k) => {
+    const stroke = surroundings.through_origin[k] ? colors.strong : colors.grid;
     paintLine(context, { places: ends.map((p) => camera.project(p)), stroke, width: 1 });
-  }
+  });
   paintLine(context, { places: rim, stroke: colors.grid, width: 1.2 });
   for (const [name, p] of Object.entries(surroundings.names)) paintWord(context, camera.project(p), name);
 }
