@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from s2c2a.arm import ArmSpec
+from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.charts import draw_arrow, save_figure
 from s2c2a.viz.colors import FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mounting import SIDE, Mounting
@@ -94,7 +95,7 @@ class SideView:
         """Whether the arm runs up or down the paper."""
         return bool(self.directions[1, 1])
 
-    def at(self, z, across=0.0) -> Float[np.ndarray, "*batch 2"]:
+    def at(self, z, across=0.0) -> PlanePoints:
         """Points on paper [inches] at heights and distances across the arm [m]."""
         points = np.stack(np.broadcast_arrays(across, z), axis=-1)
         return self.origin + points @ self.directions.T / self.per_inch
@@ -168,7 +169,7 @@ def _side_height(arm: ArmSpec, mounting: Mounting) -> float:
     return max(height, ROW_HEIGHT * arm.module_count)
 
 
-def _axes_on_paper(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
+def _axes_on_paper(mounting: Mounting) -> Points:
     """Base frame axes in the side view, as columns; one is zero (out of the page)."""
     axes, backward = mounting.flat(SIDE)
     return np.eye(3)[list(axes)] * np.where(backward, -1.0, 1.0)[:, None]
@@ -350,7 +351,7 @@ def _row_heights(middles: np.ndarray, view: SideView, height: float) -> np.ndarr
 def _draw_cross_section(
     axes: Axes, arm: ArmSpec, letter: str, numbers: list[int]
 ) -> None:
-    """Draw a section seen from the tip: x to the right, y up, cables numbered from 1."""
+    """Draw a section seen from the tip: x to the right, y up; number its cables."""
     axes.set(xlim=(-2.1, 2.1), ylim=(-1.95, 2.85), aspect="equal")
     module = arm.modules[numbers[0] - 1]
     color = module_colors(arm.module_count)[numbers[0] - 1]

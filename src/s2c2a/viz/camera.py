@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from s2c2a.viz.arrays import Point, Points
 from s2c2a.viz.mesh import unit
 from s2c2a.viz.mounting import Mounting
 
@@ -20,9 +20,9 @@ class Camera:
         distance: from the eye to the point that the camera looks at [m].
     """
 
-    eye: Float[np.ndarray, "3"]
-    forward: Float[np.ndarray, "3"]
-    right: Float[np.ndarray, "3"]
+    eye: Point
+    forward: Point
+    right: Point
     distance: float
 
     @classmethod
@@ -41,9 +41,7 @@ class Camera:
         right = unit(np.cross(forward, mounting.turn[2]))
         return cls(position, forward, right, float(np.linalg.norm(offset)))
 
-    def coordinates(
-        self, points: Float[np.ndarray, "*n 3"]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def coordinates(self, points: Points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates of points to the right, upward and forward [m], each (*n)."""
         offsets = points - self.eye
         up = np.cross(self.right, self.forward)

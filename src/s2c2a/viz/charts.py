@@ -16,6 +16,7 @@ from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
+from s2c2a.viz.arrays import Point, Points, Series, Spheres
 from s2c2a.viz.colors import DESIRED, FAINT, INK, MUTED, UNCOUNTED, colors_by_label
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace
@@ -34,7 +35,6 @@ LOG_TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
 HANDLE_WIDTH = 0.6
 LETTER_WIDTH = 0.066
 
-Series = Float[np.ndarray, " time"]
 Colors = Mapping[str, str]
 """Label of a trace -> its color."""
 
@@ -185,7 +185,7 @@ def seen(points: Float[np.ndarray, "*batch features"], view: View) -> tuple[Any,
     return points[..., view[0]], points[..., view[1]]
 
 
-def draw_desired(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> None:
+def draw_desired(axes: Axes, path: Points, view: View) -> None:
     """Draw a desired path, with a disc if it stays in place; NaN is left out."""
     finite = path[np.isfinite(path).all(axis=-1)]
     if not len(finite):
@@ -196,9 +196,7 @@ def draw_desired(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> N
     axes.plot(*seen(path, view), **style)
 
 
-def draw_obstacles(
-    axes: Axes, spheres: Float[np.ndarray, "spheres 4"], view: View, **style
-) -> None:
+def draw_obstacles(axes: Axes, spheres: Spheres, view: View, **style) -> None:
     """Draw obstacles as discs with the radii of `Trace.spheres`."""
     look = {
         "facecolor": OBSTACLE + "33",
@@ -212,7 +210,7 @@ def draw_obstacles(
 
 def draw_ends(
     axes: Axes,
-    path: Float[np.ndarray, "time 3"],
+    path: Points,
     view: View,
     color: str,
     order: float = FRONT,
@@ -247,9 +245,7 @@ def _draw_end(axes: Axes, x, y, color: str, fill: str, **style) -> None:
     axes.plot(x, y, "o", markersize=5.5, color=color, markerfacecolor=fill, **style)
 
 
-def draw_ring(
-    axes: Axes, place: Float[np.ndarray, "3"], view: View, size: float, label: str
-) -> None:
+def draw_ring(axes: Axes, place: Point, view: View, size: float, label: str) -> None:
     """Draw a ring around a desired point, with a diameter in points."""
     style: dict[str, Any] = {
         "markersize": size,

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.spaces import States
 from s2c2a.viz import charts
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colors import DESIRED, INK, MUTED, colors_by_label, module_colors
@@ -97,9 +98,7 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
     )
 
 
-def recording_figure(
-    states: Float[np.ndarray, "samples modules 6"], arm: ArmSpec, path: str | Path
-) -> Path:
+def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     """Draw the workspace of a recording, one color for each module (figure 3).
 
     Args:
@@ -132,9 +131,7 @@ def recording_figure(
     return save_figure(figure, path, markerscale=7)
 
 
-def _draw_workspace(
-    axes: Axes, states: Float[np.ndarray, "samples modules 6"], view: tuple[int, int]
-) -> None:
+def _draw_workspace(axes: Axes, states: States, view: tuple[int, int]) -> None:
     """Draw all module ends; inner modules lie in front, for their clouds are small."""
     count = states.shape[1]
     for module, color in enumerate(module_colors(count)):

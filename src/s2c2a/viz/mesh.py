@@ -18,6 +18,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.colors import BASE, DISC, darker, module_colors
 
 AROUND = 20  # corners of a section
@@ -65,7 +66,7 @@ def frames_of(states: States) -> Frames:
 
 def center_line(
     states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
-) -> Float[np.ndarray, "*batch points 3"]:
+) -> Points:
     """Center line of the arm from the base [m], for drawing and not for kinematics.
 
     Args:
@@ -98,7 +99,7 @@ class Piece:
     name: str
     color: str
     tubes: Sequence[tuple[int, int]]
-    outlines: Float[np.ndarray, "strands around 2"]
+    outlines: PlanePoints
     lift: float = 0.0
 
     @cached_property
@@ -175,7 +176,7 @@ class ArmMesh:
         return rings[:, ::COARSER, ::COARSER].reshape(-1, 3)
 
 
-def threads(lines: Float[np.ndarray, "lines points 3"], radius: float) -> Vertices:
+def threads(lines: Points, radius: float) -> Vertices:
     """Corners of thin tubes along lines.
 
     Browsers without a graphics card draw these triangles far faster than wide lines.
@@ -202,12 +203,12 @@ def tube_faces(strands: int, rings: int, around: int) -> Faces:
     return faces.reshape(-1, 3)
 
 
-def unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+def unit(vectors: Points) -> Points:
     """Vectors scaled to length one; zero stays zero."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
-def _circle(angles: np.ndarray) -> Float[np.ndarray, "points 2"]:
+def _circle(angles: np.ndarray) -> PlanePoints:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.viz.arrays import Point, Points
 
 # An arm stands or hangs if this share of gravity acts along its axis, else it lies.
 STEEP = 0.7
@@ -41,7 +42,7 @@ class Mounting:
     """
 
     turn: Float[np.ndarray, "3 3"]
-    gravity: Float[np.ndarray, "3"]
+    gravity: Point
     word: str
 
     @classmethod
@@ -63,7 +64,7 @@ class Mounting:
             word = "stands" if up[2] > 0 else "hangs"
         return cls(np.stack([ahead, np.cross(up, ahead), up]), gravity, word)
 
-    def placed(self, point) -> Float[np.ndarray, "3"]:
+    def placed(self, point) -> Point:
         """Transfer a point near a standing arm of length one to this mounting.
 
         The height above a standing arm's base becomes a depth below a hanging arm's.
@@ -121,10 +122,10 @@ class Surroundings:
     spacing: float
     radius: float
     level: float
-    grid: Float[np.ndarray, "lines 2 3"]
+    grid: Points
     through_origin: Bool[np.ndarray, " lines"]
-    names: dict[str, Float[np.ndarray, "3"]]
-    arrow: Float[np.ndarray, "2 3"] | None
+    names: dict[str, Point]
+    arrow: Points | None
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Surroundings":
@@ -164,7 +165,7 @@ def _round_up(value: float) -> float:
 
 def _grid_lines(
     offsets: Float[np.ndarray, " lines"], radius: float, level: float
-) -> Float[np.ndarray, "lines_twice 2 3"]:
+) -> Points:
     """Ends of chords of a circle: along y at x = offsets, then along x."""
     rim = np.outer([-1, 1], np.sqrt(radius**2 - offsets**2))
     ends = np.stack(np.broadcast_arrays(offsets, rim, level), axis=-1)

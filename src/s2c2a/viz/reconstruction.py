@@ -3,15 +3,13 @@
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.spaces import AXIS, POSITION
+from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.mesh import unit
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def completed(
-    states: Float[np.ndarray, "modules 6"], lengths: Float[np.ndarray, " modules"]
-) -> Float[np.ndarray, "modules 6"]:
+def completed(states: States, lengths: Float[np.ndarray, " modules"]) -> States:
     """Complete the missing positions and axes of one arm's states.
 
     An arc leaves the base, or a known end, along the axis there and ends at the next

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.spaces import AXIS, POSITION
+from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.viz.arrays import Goals, Points, Series, Spheres
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,27 +52,27 @@ class Trace:
             )
 
     @cached_property
-    def times(self) -> Float[np.ndarray, " time"]:
+    def times(self) -> Series:
         """Times of the steps [s]."""
         return self.episode["time"][self._rows]
 
     @cached_property
-    def states(self) -> Float[np.ndarray, "time modules 6"]:
+    def states(self) -> States:
         """End position [m] and end axis of every module."""
         return self.episode.sensor("states")[self._rows]
 
     @cached_property
-    def desired_positions(self) -> Float[np.ndarray, "time modules 3"]:
+    def desired_positions(self) -> Goals:
         """Desired positions of the module ends [m], or NaN."""
         return self._column("desired_positions", self.episode.arm.module_count, 3)
 
     @cached_property
-    def desired_axes(self) -> Float[np.ndarray, "time modules 3"]:
+    def desired_axes(self) -> Goals:
         """Desired end axes of the modules, unit vectors, or NaN."""
         return self._column("desired_axes", self.episode.arm.module_count, 3)
 
     @cached_property
-    def obstacles(self) -> Float[np.ndarray, "time obstacles 4"]:
+    def obstacles(self) -> Spheres:
         """Center and radius of spheres [m].
 
         A sphere is absent where a value is NaN or the radius is not positive.
@@ -101,22 +102,22 @@ class Trace:
         return _outermost_module(self.desired_axes)
 
     @property
-    def followed_path(self) -> Float[np.ndarray, "time 3"]:
+    def followed_path(self) -> Points:
         """Positions of the followed module's end [m]."""
         return self.states[:, self.followed_module, POSITION]
 
     @property
-    def desired_path(self) -> Float[np.ndarray, "time 3"]:
+    def desired_path(self) -> Points:
         """Desired positions of the followed module's end [m], or NaN."""
         return self.desired_positions[:, self.followed_module]
 
-    def spheres(self, step: int) -> Float[np.ndarray, "spheres 4"]:
+    def spheres(self, step: int) -> Spheres:
         """Center and radius of the obstacles present at a step [m]."""
         obstacles = self.obstacles[step]
         return obstacles[standing(obstacles)]
 
     @property
-    def position_errors(self) -> Float[np.ndarray, " time"]:
+    def position_errors(self) -> Series:
         """Distance of the followed end from its desired position [m], or NaN."""
         return np.linalg.norm(self.followed_path - self.desired_path, axis=-1)
 
@@ -141,7 +142,7 @@ class Trace:
         return [(start, end) for start, end in edges[changes].reshape(-1, 2).tolist()]
 
     @property
-    def axis_errors(self) -> Float[np.ndarray, " time"]:
+    def axis_errors(self) -> Series:
         """Angle from the pointing module's desired axis [rad], or NaN."""
         actual = self.states[:, self.pointing_module, AXIS]
         desired = self.desired_axes[:, self.pointing_module]
@@ -149,13 +150,13 @@ class Trace:
         return np.arctan2(sine, np.sum(actual * desired, axis=-1))
 
 
-def standing(obstacles: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
+def standing(obstacles: Spheres) -> np.ndarray:
     """Mask of the obstacles that are present: finite, with a positive radius."""
     return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., 3] > 0)
 
 
 def modules_with_goal(
-    desired: Float[np.ndarray, "time modules 3"],
+    desired: Goals,
 ) -> Int[np.ndarray, " goals"]:
     """Indices of the modules with a finite desired vector at any time."""
     return np.flatnonzero(np.isfinite(desired).all(axis=-1).any(axis=0))

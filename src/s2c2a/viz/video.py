@@ -11,13 +11,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from jaxtyping import Float
 from PIL import Image, ImageDraw
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import save_whole
 from s2c2a.spaces import States
+from s2c2a.viz.arrays import Point, Points
 from s2c2a.viz.camera import Camera
 from s2c2a.viz.colors import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
 from s2c2a.viz.mesh import ArmMesh, unit
@@ -104,7 +104,7 @@ class VideoRenderer:
         draw.text((16, size[1] - 44), text, MUTED, font_size=26)
         return image.resize(SIZE, Image.Resampling.LANCZOS)
 
-    def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    def project(self, points: Points) -> Points:
         """Columns and rows [painted pixels] and depths [m] of points, base frame."""
         right, up, depth = self._camera.coordinates(points)
         center = OVERSAMPLING * np.array(SIZE) / 2
@@ -156,7 +156,7 @@ class VideoRenderer:
             if a * d < b * c:  # faces the camera, for rows run downward
                 draw.polygon([tuple(corner) for corner in corners], tuple(colors[face]))
 
-    def _shade(self, triangles: Float[np.ndarray, "faces 3 3"], color: str):
+    def _shade(self, triangles: Points, color: str):
         """Colors of faces in soft light from above, 0 to 255, shape (faces, 3)."""
         first = triangles[:, 1] - triangles[:, 0]
         second = triangles[:, 2] - triangles[:, 0]
@@ -167,7 +167,7 @@ class VideoRenderer:
     def _draw_line(
         self,
         draw: ImageDraw.ImageDraw,
-        points: Float[np.ndarray, "points 3"],
+        points: Points,
         color: str,
         width: int = 2 * OVERSAMPLING,
     ) -> None:
@@ -180,7 +180,7 @@ class VideoRenderer:
     def _draw_dot(
         self,
         draw: ImageDraw.ImageDraw,
-        point: Float[np.ndarray, "3"],
+        point: Point,
         radius: float,
         fill: str,
         outline: str | None = None,
@@ -190,9 +190,7 @@ class VideoRenderer:
             place = tuple(self.project(point)[:2])
             draw.circle(place, OVERSAMPLING * radius, fill, outline, OVERSAMPLING)
 
-    def _draw_text(
-        self, draw: ImageDraw.ImageDraw, text: str, point: Float[np.ndarray, "3"]
-    ) -> None:
+    def _draw_text(self, draw: ImageDraw.ImageDraw, text: str, point: Point) -> None:
         place = tuple(self.project(point)[:2])
         draw.text(place, text, MUTED, font_size=24, anchor="mm")
 
