@@ -24,7 +24,7 @@ def _module(cables: int = 3, **changes) -> Module:
 
 
 def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarray:
-    """States (time, modules, 6) of a planar arm of 0.6 m, bent by `bend` [rad] a module."""
+    """States (time, modules, 6) of an arm of 0.6 m whose modules bend by `bend`."""
     angles = bend * np.arange(1, modules + 1)
     radius = 0.6 / modules / bend
     sideways = np.stack([radius * (1 - np.cos(angles)), np.sin(angles)], axis=-1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -211,12 +212,12 @@ def _write_heading(figure: Figure, arm: ArmSpec) -> None:
         f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
     )
     description = shorten(arm.description, MAX_DESCRIPTION, placeholder="…")
-    lines = [(arm.name, {"fontsize": 15, "fontweight": "bold", "color": INK})]
+    lines = [(arm.name, 15.0, "bold", INK), (totals, 9, "normal", MUTED)]
     if description:
-        lines.append((description, {"fontsize": 9.5, "color": INK}))
-    lines.append((totals, {"fontsize": 9, "color": MUTED}))
-    for row, (text, style) in enumerate(lines):
+        lines.insert(1, (description, 9.5, "normal", INK))
+    for row, (text, size, weight, color) in enumerate(lines):
         y = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
+        style: dict[str, Any] = {"fontsize": size, "fontweight": weight, "color": color}
         figure.text(0.4 / WIDTH, y, text, parse_math=False, **style)
 
 
@@ -278,9 +279,11 @@ def _number_boundaries(
         style = {"va": "top"}
         gap = TICK_GAP_LYING * view.per_inch
         label_at = ends[-1] + 0.5 * view.per_inch
-    for end in _separated(ends, gap):
-        _write(axes, *(view.at(end) + offset), f"{1000 * end:.4g}", 8, **style)
-    _write(axes, *(view.at(label_at) + offset), "z [mm]", 8, **style)
+    labels = {end: f"{1000 * end:.4g}" for end in _separated(ends, gap)}
+    labels[label_at] = "z [mm]"
+    for height, text in labels.items():
+        x, y = view.at(height) + offset
+        _write(axes, x, y, text, 8, **style)
     for end in ends:
         tick = view.at(end) + offset - np.outer([0.06, 0.16], np.sign(offset))
         axes.plot(*tick.T, color=MUTED, linewidth=0.8)
@@ -377,8 +380,7 @@ def _draw_cable(axes: Axes, number: int, angle: float, color: str) -> None:
     """Draw a numbered cable on the unit circle at an angle [deg]."""
     x = np.cos(np.deg2rad(angle))
     y = np.sin(np.deg2rad(angle))
-    edge = {"markeredgecolor": "white", "markeredgewidth": 1}
-    axes.plot(x, y, "o", color=color, markersize=13, **edge)
+    axes.plot(x, y, "o", color=color, markersize=13, mec="white", mew=1)
     style = {"color": "white", "va": "center_baseline", "fontweight": "bold"}
     _write(axes, x, y, str(number), 7.5, **style)
     _write(axes, 1.62 * x, 1.62 * y, f"{angle:g}°", 8, color=INK)

@@ -175,8 +175,8 @@ def _draw_curve(
     axes: Axes, name: str, table: Float[np.ndarray, "epochs 3"], color: str
 ) -> None:
     epochs, train, validation = table.T
-    dashes = {"linewidth": 1.0, "linestyle": (0, (4, 2)), "alpha": 0.8}
-    axes.plot(epochs, train, color=color, **dashes)
+    dashes = (0, (4, 2))
+    axes.plot(epochs, train, color=color, lw=1.0, linestyle=dashes, alpha=0.8)
     best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
     label = f"{name}   lowest {validation[best]:.3g}"
     axes.plot(epochs, validation, color=color, linewidth=1.7, label=label)

@@ -47,8 +47,8 @@ def worth_figure(
         axes.plot(span, [names.index(name)] * 2, color=FAINT, linewidth=5)
     for payload, color in colors_by_label(payloads).items():
         rows = [row for row, name in enumerate(names) if payload in errors[name]]
-        values = [errors[names[row]][payload] for row in rows]
-        axes.plot(values, rows, "o", color=color, label=payload)
+        means = [errors[names[row]][payload] for row in rows]
+        axes.plot(means, rows, "o", color=color, label=payload)
     label_log_axis(axes)
     axes.set_yticks(range(len(names)), names)
     headline(axes, title)

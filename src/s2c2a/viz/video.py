@@ -148,13 +148,13 @@ class VideoRenderer:
             colors.append(self._shade(faces, piece.color))
             lifts.append(np.full(len(faces), piece.lift))
         places = self.project(np.concatenate(triangles))
-        colors = np.concatenate(colors)
+        shades = np.concatenate(colors)
         nearness = np.concatenate(lifts) - places[..., 2].mean(axis=1)
         for face in np.argsort(nearness):
             corners = places[face, :, :2]
             (a, b), (c, d) = corners[1:] - corners[0]
             if a * d < b * c:  # faces the camera, for rows run downward
-                draw.polygon([tuple(corner) for corner in corners], tuple(colors[face]))
+                draw.polygon([tuple(corner) for corner in corners], tuple(shades[face]))
 
     def _shade(self, triangles: Points, color: str):
         """Colors of faces in soft light from above, 0 to 255, shape (faces, 3)."""

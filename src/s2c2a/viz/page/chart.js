@@ -56,7 +56,7 @@ class Chart {
     });
   }
 
-  // Where steps do not count in the mean.
+  // Shade the steps that the mean leaves out.
   shade(spans) {
     this.context.fillStyle = this.run.colors.uncounted;
     for (const [start, end] of spans) {
