@@ -1,4 +1,4 @@
-"""Plan online: the target and an obstacle move between steps, and nothing pauses or compiles."""
+"""Plan online while the target and an obstacle move; nothing compiles in between."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from s2c2a.strategies import pcc_strategy
 arm = load_arm("twin_arm")
 strategy = pcc_strategy(arm, PAPER)
 
-# paces a real arm, limits what is sent, checks what is read
+# The loop keeps a real arm's control rate, limits its actions, checks its readings.
 with Loop(SimulatedRobot(arm), strategy) as loop:
     for step in range(100):
         time = step * arm.control_period
