@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.arm import ArmSpec
 from s2c2a.strategies import s2c2a_strategy
-from s2c2a.tasks import circle, load_waypoints, out_of_reach, waypoints_task
+from s2c2a.tasks import circle, load_waypoints, unreachable_waypoints, waypoints_task
 
 from driving import at_rest, following, planner_of, ticking, untrained
 
@@ -58,7 +58,9 @@ def test_waypoints_read(benchmark, arm, size, tmp_path):
 def test_waypoints_checked(benchmark, arm, size, tmp_path):
     path = waypoints_file(tmp_path / "waypoints.csv", arm, size)
     benchmark.pedantic(
-        lambda: out_of_reach(load_waypoints(path), arm), rounds=3, warmup_rounds=1
+        lambda: unreachable_waypoints(load_waypoints(path), arm),
+        rounds=3,
+        warmup_rounds=1,
     )
 
 

@@ -13,8 +13,8 @@ import jax
 import numpy as np
 import pytest
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmSpec
+from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
 from s2c2a.planning import Planner
 from s2c2a.robots.simulation import SimulatedRobot

@@ -2,9 +2,9 @@
 
 import sys
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 
-keep_programs()
+enable_compilation_cache()
 
 import numpy as np
 

@@ -19,7 +19,7 @@ from s2c2a.evaluation import rollout
 from s2c2a.live.request import Obstacle
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 from s2c2a.viz import Trace
 from s2c2a.viz.video import save_video
 
@@ -91,7 +91,7 @@ def make_video() -> None:
     """Make the video of the circle task for the README."""
     arm = load_arm("twin_arm")
     strategy = s2c2a_strategy(shipped_networks(arm))
-    run = rollout(SimulatedRobot(arm), strategy, task_named("circle", arm))
+    run = rollout(SimulatedRobot(arm), strategy, load_task("circle", arm))
     save_video(Trace(run, "s2c2a"), arm, FOLDER / "circle", "gif")
 
 

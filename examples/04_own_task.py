@@ -9,7 +9,13 @@ from s2c2a.evaluation import rollout, score_run
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import pcc_strategy
-from s2c2a.tasks import Score, Task, load_waypoints, out_of_reach, waypoints_task
+from s2c2a.tasks import (
+    Score,
+    Task,
+    load_waypoints,
+    unreachable_waypoints,
+    waypoints_task,
+)
 
 
 def figure_of_eight(arm, seconds=16.0, width=0.3, depth=0.15):
@@ -44,6 +50,6 @@ Path("my_path.csv").write_text(
 )
 # Units are s and m. Axes and other modules are optional columns.
 tracks = load_waypoints("my_path.csv")
-for target in out_of_reach(tracks, arm):
+for target in unreachable_waypoints(tracks, arm):
     print(f"at {target.time:g} s the target is {100 * target.gap:.0f} cm out of reach")
 print_scores(waypoints_task("my_path", tracks, arm))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from s2c2a.arm import load_arm
-from s2c2a.kinematics import PCCForwardModel
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, BatchPlanner, Goal
 
 arm = load_arm("twin_arm")

@@ -14,7 +14,7 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
-from s2c2a.cache import throw_out_halves
+from s2c2a.cache import delete_incomplete_programs
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions
@@ -65,7 +65,7 @@ def pytest_configure(config):
     """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
-        throw_out_halves(programs)
+        delete_incomplete_programs(programs)
     settings = {
         "jax_compilation_cache_dir": str(programs),
         "jax_compilation_cache_max_size": 2_000_000_000,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a.cache import cache_folder, keep_programs
+from s2c2a.cache import cache_folder, enable_compilation_cache
 
 NAMES = (
     "JAX_COMPILATION_CACHE_DIR",
@@ -15,8 +15,8 @@ NAMES = (
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS",
 )
 COMPILE = """
-from s2c2a.cache import keep_programs
-keep_programs()
+from s2c2a.cache import enable_compilation_cache
+enable_compilation_cache()
 import os
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 import jax
@@ -41,14 +41,14 @@ def test_an_environment_variable_sets_the_folder(bare, monkeypatch, tmp_path):
 
 def test_programs_are_kept_in_the_folder_with_a_size_limit(bare, monkeypatch, tmp_path):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
-    keep_programs()
+    enable_compilation_cache()
     assert os.environ[NAMES[0]] == str(tmp_path / "programs")
     assert int(os.environ[NAMES[1]]) == 500_000_000
 
 
 def test_a_configured_cache_of_jax_stays(bare, monkeypatch):
     monkeypatch.setenv(NAMES[0], "mine")
-    keep_programs()
+    enable_compilation_cache()
     assert os.environ[NAMES[0]] == "mine"
     assert NAMES[1] not in os.environ
 

@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.executors import Processes, Serial, Threads, all_cores, in_order, max_begun
+from s2c2a.executors import (
+    Processes,
+    Serial,
+    Threads,
+    all_cores,
+    in_order,
+    max_pending_calls,
+)
 
 EXECUTORS = {
     "serial": Serial,
@@ -67,7 +74,7 @@ def test_the_number_of_pending_calls_is_limited():
             executor, square, (taken.append(number) or number for number in range(100))
         )
         next(results)
-        assert len(taken) <= max_begun(executor) == 4
+        assert len(taken) <= max_pending_calls(executor) == 4
         results.close()
 
 
@@ -104,8 +111,8 @@ def test_a_simulation_error_can_be_pickled():
 
 THREADS = """
 import os
-from s2c2a.executors import compute_on_one_thread
-compute_on_one_thread()
+from s2c2a.executors import limit_jax_to_one_thread
+limit_jax_to_one_thread()
 import jax.numpy as jnp
 jnp.ones(3).sum().block_until_ready()
 folder = "/proc/self/task"

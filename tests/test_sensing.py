@@ -5,9 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-
-from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import ReadingError, S2C2AError
 from s2c2a.sensing import (
     PAPER_COUPLING,
     CoupledEstimator,
@@ -16,6 +13,9 @@ from s2c2a.sensing import (
     TrueEstimator,
     estimator_for,
 )
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.errors import ReadingError, S2C2AError
 from s2c2a.spaces import Reading
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 
 from s2c2a.data import forward_samples
-from s2c2a.kinematics import MemorylessModel, PCCForwardModel, bends_from_configurations
+from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models import ForwardOptions
+from s2c2a.models.forward_model import MemorylessModel, PCCForwardModel
 from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
 
 

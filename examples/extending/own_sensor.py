@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.estimation import ConfigurationMap
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.estimation import ConfigurationMap
 from s2c2a.spaces import Reading, Sensor
 
 # V, V/rad

@@ -14,7 +14,7 @@ def cache_folder() -> Path:
     return Path(os.environ.get("S2C2A_CACHE") or platformdirs.user_cache_dir("s2c2a"))
 
 
-def keep_programs() -> None:
+def enable_compilation_cache() -> None:
     """Enable JAX's persistent compilation cache, so that a second start is fast.
 
     JAX evicts the least recently used programs. Call this before the first import of
@@ -30,10 +30,10 @@ def keep_programs() -> None:
         return
     for name, value in settings.items():
         os.environ[name] = str(value)
-    throw_out_halves(folder)
+    delete_incomplete_programs(folder)
 
 
-def throw_out_halves(folder: Path) -> None:
+def delete_incomplete_programs(folder: Path) -> None:
     """Delete cached programs without a time stamp, which a killed process leaves.
 
     JAX stores no new programs while such a file exists.

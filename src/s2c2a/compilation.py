@@ -84,7 +84,7 @@ def _program(
     return jax.jit(run)
 
 
-def where_finite(new: Any, old: Any) -> Any:
+def select_if_finite(new: Any, old: Any) -> Any:
     """Return the new pytree if all its numbers are finite, otherwise the old one."""
     finite = [jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)]
     all_finite = jnp.all(jnp.array(finite, dtype=bool))

@@ -138,11 +138,3 @@ class ComponentRegistry(NamedTuple):
                 f"the {self.name} {custom.name} cannot be built from "
                 f"{custom.parameters}: {error}"
             ) from error
-
-    made = build  # old name, until all callers use the new one
-
-
-# old names, until all callers use the new ones
-Part = Component
-Own = CustomComponent
-Kind = ComponentRegistry

@@ -24,7 +24,7 @@ class StrategyError(S2C2AError):
     """A strategy file is damaged, or belongs to another arm."""
 
 
-class ForeignCodeError(StrategyError):
+class UntrustedCodeError(StrategyError):
     """A file names custom code that the user has not allowed."""
 
 

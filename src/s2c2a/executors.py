@@ -36,13 +36,13 @@ def all_cores() -> int:
     return os.cpu_count() or 1
 
 
-def processes_that_fit() -> int:
+def default_process_count() -> int:
     """Number of worker processes: one per core, limited by memory."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return max(1, min(all_cores(), int(memory / MEMORY_PER_PROCESS)))
 
 
-def compute_on_one_thread() -> None:
+def limit_jax_to_one_thread() -> None:
     """Limit JAX on the CPU to one thread; call it before the first computation.
 
     The order in which XLA adds numbers depends on its number of threads, and so does
@@ -73,7 +73,7 @@ class Threads(ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int | None = None):
-        self.workers = checked_count(workers, all_cores)
+        self.workers = validated_worker_count(workers, all_cores)
         super().__init__(self.workers)
 
 
@@ -81,7 +81,7 @@ class Processes(ProcessPoolExecutor):
     """Processes of this machine with one JAX thread each."""
 
     def __init__(self, workers: int | None = None):
-        self.workers = checked_count(workers, processes_that_fit)
+        self.workers = validated_worker_count(workers, default_process_count)
         # forking a process that has threads, as JAX's has, can hang
         spawn = multiprocessing.get_context("spawn")
         super().__init__(self.workers, mp_context=spawn, initializer=_start_process)
@@ -105,7 +105,7 @@ def _start_process() -> None:
     # a keyboard interrupt ends the worker without a traceback
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
 
 
 def _exit_with_parent() -> None:
@@ -115,7 +115,7 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
-def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
+def validated_worker_count(count: int | None, otherwise: Callable[[], int]) -> int:
     """Number of workers: `count`, or the result of `otherwise` if that is None.
 
     Raises:
@@ -131,7 +131,7 @@ def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
     return count
 
 
-def max_begun(executor: Executor) -> int:
+def max_pending_calls(executor: Executor) -> int:
     """Maximum number of pending calls: one in this process, otherwise two a worker."""
     if isinstance(executor, Serial):
         return 1
@@ -154,7 +154,7 @@ def in_order(
     try:
         for argument in arguments:
             pending.append(executor.submit(work, argument))
-            while len(pending) >= max_begun(executor):
+            while len(pending) >= max_pending_calls(executor):
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()

@@ -51,7 +51,7 @@ def holds(path: str | os.PathLike, text: str) -> bool:
     return False
 
 
-def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
+def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
     """Parse TOML.
 
     Raises:
@@ -70,7 +70,7 @@ def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
 
 
 @contextmanager
-def written_whole(
+def atomic_write(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
 ) -> Iterator[Path]:
     """Yield a temporary path; on success it replaces `path`, on failure it is deleted.
@@ -103,7 +103,7 @@ def written_whole(
         raise
 
 
-def save_whole(
+def write_atomically(
     content: bytes | str, path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
 ) -> Path:
     """Write a file atomically, text as UTF-8.
@@ -113,6 +113,6 @@ def save_whole(
     """
     if isinstance(content, str):
         content = content.encode()
-    with written_whole(path, fault) as temporary:
+    with atomic_write(path, fault) as temporary:
         temporary.write_bytes(content)
     return Path(path)

@@ -47,9 +47,6 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     )
 
 
-found = resolve  # old name, until all callers use the new one
-
-
 def _import_module(name: str):
     """Import a module by its name or by its file."""
     path = Path(name)

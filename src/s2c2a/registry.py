@@ -11,8 +11,8 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from s2c2a.errors import ForeignCodeError, StrategyError
-from s2c2a.plugins import found as resolve
+from s2c2a.errors import StrategyError, UntrustedCodeError
+from s2c2a.plugins import resolve
 
 Base = TypeVar("Base")
 
@@ -50,12 +50,12 @@ class OptionsRegistry(Generic[Base]):
         """Find a class by a name from a file of unknown origin, importing nothing.
 
         Raises:
-            ForeignCodeError: the class is neither the package's nor imported already.
+            UntrustedCodeError: the class is neither the package's nor imported already.
         """
         for found in _subclasses(self.base):
             if self.name_of(found) == name:
                 return found
-        raise ForeignCodeError(
+        raise UntrustedCodeError(
             f"its {self.kind} is '{name}', which is not part of the package, and files "
             f"cannot run code; if you trust it, name it with --{self.kind} module:Name "
             "or file.py:Name, or import it in Python"

@@ -87,9 +87,6 @@ def describe_fault(fault: Any, known: Iterable[str] = ()) -> str:
     return message or fault["msg"].removeprefix("Value error, ")
 
 
-said = describe_fault  # old name, until all callers use the new one
-
-
 def _describe_unknown_key(key: Any, known: Iterable[str]) -> str:
     similar = get_close_matches(str(key)[:MAX_KEY_LENGTH], sorted(known), n=1)
     if not similar:

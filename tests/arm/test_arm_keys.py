@@ -33,7 +33,10 @@ def test_every_key_of_a_whole_file_is_explained():
 def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
-    assert keys["[[modules]]", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "required")
+    assert keys["[[modules]]", "cable_angles_deg"][2:4] == (
+        "3 to 8 numbers",
+        "required",
+    )
     assert keys["", "sensing"][2:4] == (
         '"encoders", "true" or "file.py:Name"',
         '"encoders"',

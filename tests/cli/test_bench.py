@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from s2c2a.cli import bench
-from s2c2a.cli.first_action import driver_of
+from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import PCCForwardModel
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.models.local import LocalC2S
 
 OPERATIONS = [
@@ -64,8 +64,10 @@ def test_another_arm_is_timed_with_pcc_and_without_limits(
 
 
 def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(twin, make_arm):
-    assert isinstance(driver_of(twin)[0], LocalC2S)
-    assert isinstance(driver_of(make_arm(modules=1))[0], PCCForwardModel)
+    assert isinstance(default_model_and_strategy(twin)[0], LocalC2S)
+    assert isinstance(
+        default_model_and_strategy(make_arm(modules=1))[0], PCCForwardModel
+    )
 
 
 def test_a_later_start_is_timed_in_a_new_process():

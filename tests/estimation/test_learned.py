@@ -7,6 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from s2c2a.estimation.learned_sensors import PREFIX
+from s2c2a.estimation.listening import Listener
+from s2c2a.estimation.sensors import Shape
 
 from s2c2a.arm import arm_from_toml, arm_to_toml, load_arm
 from s2c2a.arm.sensors import Flex, Raw, Sensors
@@ -20,10 +23,8 @@ from s2c2a.estimation import (
     learned_sensors,
     untrained_sensors,
 )
-from s2c2a.estimation.learned_sensors import PREFIX
-from s2c2a.estimation.listening import Listener
-from s2c2a.estimation.sensors import Shape
-from s2c2a.kinematics import PCCForwardModel, states_from_bends
+from s2c2a.kinematics import states_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import load_strategy, observer_of, save_strategy, shipped_networks

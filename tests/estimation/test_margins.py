@@ -3,6 +3,15 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from s2c2a.estimation.margins import (
+    MAX_DELAY,
+    MAX_GAIN,
+    PROMISED,
+    _filter_gain,
+    _gain_margin,
+    _loop,
+    _stable,
+)
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.randomized import randomized_arm
@@ -14,15 +23,6 @@ from s2c2a.estimation import (
     margins_of,
     sensors_of,
     with_margins,
-)
-from s2c2a.estimation.margins import (
-    MAX_DELAY,
-    MAX_GAIN,
-    PROMISED,
-    _filter_gain,
-    _gain_margin,
-    _loop,
-    _stable,
 )
 
 ALL = Sensors(imu=Inertial(), camera=Camera())

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.cli.response import cells, check_alone, check_response, kept, verdict
+from s2c2a.cli.response import (
+    cells,
+    check_response,
+    check_response_options,
+    kept,
+    verdict,
+)
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Margins, Swing
+from s2c2a.estimation.excitation import SHARE, chirp, shaken
 from s2c2a.estimation.expected_response import (
     expected_tilts,
     rests_by_description,
@@ -21,8 +28,8 @@ from s2c2a.estimation.frequency_response import (
     spectrum,
     swing,
 )
-from s2c2a.estimation.excitation import SHARE, chirp, shaken
-from s2c2a.kinematics import PCCForwardModel, configurations_from_bends
+from s2c2a.kinematics import configurations_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.robots import Robot
 from s2c2a.robots.simulation import SimulatedRobot
 
@@ -246,5 +253,5 @@ def test_a_mode_that_is_too_fast_for_the_control_rate_is_not_made_up(twin):
 
 def test_options_of_the_response_are_refused_without_it():
     with pytest.raises(S2C2AError, match="--weights go with --response"):
-        check_alone(False, weights="some.safetensors", out=None)
-    check_alone(True, weights="some.safetensors", out=None)
+        check_response_options(False, weights="some.safetensors", out=None)
+    check_response_options(True, weights="some.safetensors", out=None)

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from s2c2a.estimation.listening import Listener
+from s2c2a.estimation.sensors import LATEST, Shape, sensors_of
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
-from s2c2a.estimation.listening import Listener
-from s2c2a.estimation.sensors import LATEST, Shape, sensors_of
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,

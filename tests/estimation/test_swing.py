@@ -6,7 +6,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.estimation.modal_model import (
-    Body,
+    RobotFactory,
     Swing,
     followed,
     identified_swing,
@@ -42,12 +42,14 @@ def ringing(arm, load) -> float:
 
 @pytest.mark.parametrize("load", [0.0, 0.05, 0.1])
 def test_the_first_mode_is_that_of_the_simulated_arm_whatever_it_carries(twin, load):
-    slowest = modes(motion(Body.of(twin), Swing.nominal(), load, PERIOD), PERIOD)[0, 0]
+    slowest = modes(
+        motion(RobotFactory.of(twin), Swing.nominal(), load, PERIOD), PERIOD
+    )[0, 0]
     assert slowest == pytest.approx(ringing(twin, load), rel=0.2)
 
 
 def test_what_swings_comes_to_rest_where_it_should(twin):
-    swinging = motion(Body.of(twin), Swing.nominal(), 0.0, PERIOD)
+    swinging = motion(RobotFactory.of(twin), Swing.nominal(), 0.0, PERIOD)
     desired = np.full(6, 0.1)
     state = np.zeros(12)
     for _ in range(300):
@@ -58,7 +60,7 @@ def test_what_swings_comes_to_rest_where_it_should(twin):
 def test_factors_are_found_again_in_a_swing(twin):
     true = Swing(jnp.asarray(0.7), jnp.asarray(1.2))
     rests = np.repeat(np.random.default_rng(0).normal(0, 0.1, (3, 20, 6)), 10, axis=1)
-    bends = followed(motion(Body.of(twin), true, 0.0, PERIOD), rests)
+    bends = followed(motion(RobotFactory.of(twin), true, 0.0, PERIOD), rests)
     shape = (3, 200, 3, 2)
     found, (without, left) = identified_swing(
         twin, rests.reshape(shape), bends.reshape(shape)

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import belief_said, said_of_belief
+from s2c2a.evaluation import describe_estimates, describe_step_estimates
 
 
 def make_episode(**columns):
@@ -25,19 +25,19 @@ def test_a_run_is_described_by_payload_largest_bend_bias_force_and_rejected_sens
         "rejected.imu": np.array([0.0, 1.0, 1.0, 0.0]),
         "rejected.flex": np.zeros(4),
     }
-    assert said_of_belief(make_episode(**rejected)) == (
+    assert describe_estimates(make_episode(**rejected)) == (
         "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N); "
         "rejected: imu 50 % of the steps"
     )
 
 
 def test_a_run_without_rejected_sensors_is_described_by_its_estimates_alone():
-    text = said_of_belief(make_episode(**{"rejected.imu": np.zeros(4)}))
+    text = describe_estimates(make_episode(**{"rejected.imu": np.zeros(4)}))
     assert text == "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N)"
 
 
 def test_a_run_without_an_estimator_has_no_description():
-    assert said_of_belief(make_episode()) == ""
+    assert describe_estimates(make_episode()) == ""
 
 
 @pytest.mark.parametrize(
@@ -51,8 +51,8 @@ def test_a_step_is_described_likewise(is_rejected, ending):
         "rejected.imu": np.array(is_rejected),
     }
     text = "payload 48 g, largest bend bias 1.2 deg (external force 0.3 N)"
-    assert belief_said(diagnostics) == text + ending
+    assert describe_step_estimates(diagnostics) == text + ending
 
 
 def test_a_step_without_an_estimator_has_no_description():
-    assert belief_said({"payload": np.array(0.0)}) == ""
+    assert describe_step_estimates({"payload": np.array(0.0)}) == ""

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import said_of_plans
+from s2c2a.evaluation import describe_plans
 
 TWIN = load_arm("twin_arm")
 
@@ -37,7 +37,7 @@ def make_episode(**columns):
     ],
 )
 def test_steps_are_counted_by_outcome_and_extrapolation(columns, text):
-    assert said_of_plans(make_episode(**columns)) == text
+    assert describe_plans(make_episode(**columns)) == text
 
 
 def test_plans_that_the_step_limit_holds_back_are_counted():
@@ -51,7 +51,7 @@ def test_plans_that_the_step_limit_holds_back_are_counted():
     episode = make_episode(
         planned=planned, predicted=predicted, desired_positions=desired
     )
-    assert said_of_plans(episode) == (
+    assert describe_plans(episode) == (
         "the step limit of 4 deg held the plan back (a slower --pace avoids that) "
         "in 1 of 4 steps"
     )

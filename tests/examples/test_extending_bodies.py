@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from s2c2a.sensing import estimator_for
 
 from s2c2a.arm import ArmSpec, save_arm
-from s2c2a.cli.execution import body_for
+from s2c2a.cli.execution import robot_factory_for
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Stage
 from s2c2a.strategies import load_strategy, save_recipe
 
@@ -118,7 +118,7 @@ def test_a_custom_robot_runs_on_the_live_page(trained):
     _, _, weights = trained
     spec = load_strategy(weights).arm
     control = arm_control(
-        spec, body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
+        spec, robot_factory_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
     )
     assert control.strategies[0] == "s2c2a · own"
     control.start()

@@ -8,15 +8,12 @@ from textwrap import indent
 import numpy as np
 import pytest
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import (
-    PCCForwardModel,
-    bends_from_configurations,
-    states_from_configurations,
-)
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations, states_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal, Planner
 from s2c2a.strategies import (
     load_recipe,
@@ -115,7 +112,7 @@ def test_a_strategy_file_imports_no_code(
         S2C2AError, match="is code, which a strategy file cannot ask for"
     ):
         s2c2a_strategy(loaded)
-    assert planning_as(loaded, own).recipe.planner.made()[1][-1].height == 0.42
+    assert planning_as(loaded, own).recipe.planner.build()[1][-1].height == 0.42
 
 
 RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'

@@ -8,7 +8,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import TargetError
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 OWN = Path(__file__).parents[2] / "examples" / "extending" / "own_task.py"
 
@@ -48,4 +48,4 @@ def test_an_invalid_custom_task_is_reported(function, message, tmp_path):
         "def makes_a_number(arm):\n    return 3\n"
     )
     with pytest.raises(TargetError, match=message):
-        task_named(f"{file}:{function}", load_arm("twin_arm"))
+        load_task(f"{file}:{function}", load_arm("twin_arm"))

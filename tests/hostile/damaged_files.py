@@ -293,17 +293,17 @@ def _read_results(path: Path) -> list[str]:
 
 def _options(path: Path | None = None) -> list:
     from s2c2a.errors import S2C2AError
-    from s2c2a.jobs.run_folder import MARKER, open_run_folder
+    from s2c2a.jobs.run_folder import MARKER, open_run_directory
 
     with tempfile.TemporaryDirectory() as name:
         folder, options = Path(name) / "run", {"task": "circle", "seeds": [0, 1]}
-        open_run_folder(folder, "x", options, False)
+        open_run_directory(folder, "x", options, False)
         if path is None:
             return [(folder / MARKER).read_bytes()]
         (folder / MARKER).unlink()
         (folder / MARKER).symlink_to(path.absolute())
         with contextlib.suppress(S2C2AError):
-            open_run_folder(folder, "x", options, False, go_on=True)
+            open_run_directory(folder, "x", options, False, go_on=True)
             return [_said("gone on with")]
     raise S2C2AError("refused")
 

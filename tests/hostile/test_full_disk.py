@@ -14,7 +14,7 @@ import pytest
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import RecordingError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.viz.charts import save_figure
 
@@ -116,7 +116,7 @@ def test_a_failed_write_leaves_no_file(gather, limit_file_size, tmp_path):
     figure = plt.figure()
     limit_file_size(1000)
     with pytest.raises(S2C2AError, match="cannot write"):
-        save_whole("x" * 5000, tmp_path / "there.json")
+        write_atomically("x" * 5000, tmp_path / "there.json")
     with pytest.raises(RecordingError, match="cannot write"):
         save_episodes(episodes, tmp_path / "some.episodes")
     with pytest.raises(S2C2AError, match="cannot write"):

@@ -20,7 +20,7 @@ from s2c2a.errors import (
     TargetError,
 )
 from s2c2a.evaluation.report import load_rows
-from s2c2a.files import holds, save_whole
+from s2c2a.files import holds, write_atomically
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_recipe, load_strategy
 from s2c2a.tasks import load_waypoints, waypoints_task
@@ -65,7 +65,7 @@ def test_overwriting_a_link_keeps_its_target(recorded, tmp_path):
     with pytest.raises(RecordingError, match="exists"):
         recorded("x.episodes")
     recorded("x.episodes", overwrite=True)
-    save_whole("new", tmp_path / "x.episodes")
+    write_atomically("new", tmp_path / "x.episodes")
     assert (tmp_path / "mine").read_text() == "of value"
 
 

@@ -19,7 +19,7 @@ from s2c2a.jobs import (
     made,
     run_all,
 )
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.strategies import recipe_named
 from s2c2a.tasks import Score, Task
 
@@ -122,7 +122,7 @@ def test_the_path_of_a_run_depends_on_all_its_inputs(waypoints, cache):
         replace(job, seed=1),
         replace(job, strategy="lstm"),
         replace(job, recipe=replace(PAPER, correction=0.3)),
-        replace(job, conditions=Conditions(Body.simulation(payload=0.05))),
+        replace(job, conditions=Conditions(RobotFactory.simulation(payload=0.05))),
         replace(job, conditions=Conditions(guard="arm")),
     ]
     assert len({one.path(cache) for one in [job, *others]}) == 7
@@ -151,8 +151,8 @@ def test_invalid_jobs_are_rejected_before_anything_is_made(waypoints, cache):
     ):
         jobs_for(["circle"], TWIN, ["magic"], [0], PAPER)
     for conditions, said in (
-        (Conditions(Body("walker")), "no robot 'walker'"),
-        (Conditions(Body.simulation(payload=-1)), "payload"),
+        (Conditions(RobotFactory("walker")), "no robot 'walker'"),
+        (Conditions(RobotFactory.simulation(payload=-1)), "payload"),
     ):
         with pytest.raises(S2C2AError, match=said):
             run_all(

@@ -17,7 +17,7 @@ import pytest
 from distributed import Client, KilledWorker, LocalCluster
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.execution import executor_for, require
+from s2c2a.cli.execution import make_executor, require
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
@@ -25,8 +25,8 @@ from s2c2a.executors import Processes, Serial, in_order
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
-from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
 from s2c2a.jobs.search_space import varied_from
+from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
 from s2c2a.progress import quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
@@ -358,7 +358,7 @@ def test_an_invalid_address_is_rejected(monkeypatch):
 
 def test_a_worker_count_is_for_this_machine_only():
     with pytest.raises(S2C2AError, match="3 side by side asked for; how many workers"):
-        executor_for(3, "tcp://127.0.0.1:9")
+        make_executor(3, "tcp://127.0.0.1:9")
 
 
 def test_a_missing_extra_raises_with_the_install_command():

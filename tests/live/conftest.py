@@ -10,7 +10,7 @@ from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
-from s2c2a.tasks import TASKS, task_named
+from s2c2a.tasks import TASKS, load_task
 
 from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
 
@@ -24,7 +24,7 @@ def strategy():
 @pytest.fixture
 def control(twin, strategy):
     """A running control of the simulated twin."""
-    tasks = {name: partial(task_named, name, twin) for name in TASKS}
+    tasks = {name: partial(load_task, name, twin) for name in TASKS}
     running = ArmControl(
         SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0
     )

@@ -11,7 +11,7 @@ from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 from live_tabs import Tab, until  # type: ignore[import-not-found]
 
@@ -27,7 +27,7 @@ def sensing_arm():
 def estimating(sensing_arm, tmp_path):
     """Control and page of `sensing_arm` with a payload of 50 g."""
     networks = replace(shipped_networks(load_arm("twin_arm")), arm=sensing_arm)
-    tasks = {"circle": partial(task_named, "circle", sensing_arm)}
+    tasks = {"circle": partial(load_task, "circle", sensing_arm)}
     control = ArmControl(
         SimulatedRobot(sensing_arm, payload=0.05),
         {"s2c2a": lambda: s2c2a_strategy(networks)},

@@ -15,7 +15,7 @@ from s2c2a.live.control import arm_control
 from s2c2a.live.gate import STOP, STOP_HEADER
 from s2c2a.live.page import STOP_PRESSED, LivePage
 from s2c2a.live.process import ENDED, NOT_RESPONDING, PAGE_LOST, ControlProcess
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.spaces import Stage
 
 from live_tabs import until  # type: ignore[import-not-found]
@@ -27,11 +27,11 @@ from functools import partial
 from s2c2a.arm import load_arm
 from s2c2a.live.control import arm_control
 from s2c2a.live.process import ControlProcess
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 
 if __name__ == "__main__":
     arm = load_arm("twin_arm")
-    control = ControlProcess(arm, partial(arm_control, arm, Body(), release_after=60.0))
+    control = ControlProcess(arm, partial(arm_control, arm, RobotFactory(), release_after=60.0))
     control.wait_until_ready()
     def report(snapshot):
         values = snapshot.step.moment, snapshot.stage.name, control.halted_by
@@ -52,7 +52,7 @@ if __name__ == "__main__":
 def live(twin, tmp_path):
     """A running control process and its page."""
     running = ControlProcess(
-        twin, partial(arm_control, twin, Body(), release_after=60.0)
+        twin, partial(arm_control, twin, RobotFactory(), release_after=60.0)
     )
     page = LivePage(running, 0, tmp_path)
     running.wait_until_ready()

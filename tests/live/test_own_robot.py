@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a.cli.execution import body_for
+from s2c2a.cli.execution import robot_factory_for
 from s2c2a.cli.live import running_page
 from s2c2a.live.page import MODEL_DRAWN
 from s2c2a.live.recorder import Recorder
@@ -14,7 +14,7 @@ from live_tabs import until  # type: ignore[import-not-found]
 
 
 def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(tmp_path):
-    robot = body_for(
+    robot = robot_factory_for(
         f"{Path(__file__).with_name('blind_arm.py')}:BlindArm",
         ("port=/dev/ttyUSB0", "baud=115200"),
     )

@@ -10,7 +10,7 @@ import pytest
 from s2c2a.errors import S2C2AError
 from s2c2a.live.control import arm_control, tasks_of
 from s2c2a.live.process import ControlProcess
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.tasks import TASKS
 
@@ -19,7 +19,7 @@ from live_tabs import until  # type: ignore[import-not-found]
 
 def start_process(arm, files=()):
     return ControlProcess(
-        arm, partial(arm_control, arm, Body(), files, release_after=1.0)
+        arm, partial(arm_control, arm, RobotFactory(), files, release_after=1.0)
     )
 
 

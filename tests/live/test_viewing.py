@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from s2c2a.cli.view import window_on
+from s2c2a.cli.view import open_window
 from s2c2a.episodes import save_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
@@ -86,7 +86,7 @@ def test_runs_and_recordings_are_distinguished(recording, twin, tmp_path):
         (tmp_path / "a", "Run"),
         (tmp_path / "collected.episodes", "Episode"),
     ):
-        window = window_on((str(path),), 0)
+        window = open_window((str(path),), 0)
         try:
             elements = window.server.gui._gui_input_handle_from_uuid.values()
             assert label in {element.label for element in elements}
@@ -104,7 +104,7 @@ def test_inputs_that_cannot_be_viewed_raise(tmp_path):
         ("none.episodes",),
     ):
         with pytest.raises(S2C2AError):
-            window_on(paths, 0)
+            open_window(paths, 0)
 
 
 def test_a_training_shows_the_curves_of_both_networks_and_of_the_vibration(twin, shown):

@@ -3,12 +3,12 @@
 import jax
 import numpy as np
 import pytest
+from s2c2a.sensing import estimator_for
 
 from s2c2a.data import controller_samples, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models import History
 from s2c2a.models.c2s import state_scaling
-from s2c2a.sensing import estimator_for
 from s2c2a.training import FitOptions, TrainingData
 
 KEY = jax.random.key(1)

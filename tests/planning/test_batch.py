@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.kinematics import PCCForwardModel, states_from_configurations
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import states_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, NO_FALLBACK, PAPER, BatchPlanner, Goal, Planner
 from s2c2a.planning.terms import Axes
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning import (
     BEST,
     NO_FALLBACK,

@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmSpec, Module
 from s2c2a.errors import TargetError
-from s2c2a.kinematics import ForwardModel, PCCForwardModel, states_from_configurations
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import states_from_configurations
+from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning import PAPER, Adam, Goal, Planner
 
 states_of = jax.jit(

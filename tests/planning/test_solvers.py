@@ -7,14 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import (
-    PCCForwardModel,
-    bends_from_configurations,
-    configurations_from_bends,
-)
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Adam, Goal, LeastSquares, Planner, Solver, Term
 from s2c2a.planning.planner import Step
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from nowhere import Nothing
 
 
-class Own(SimulatedRobot):
+class CustomComponent(SimulatedRobot):
     def __init__(self, arm, port: str = "/dev/null", baud: int = 9600, slow: bool = False, gain: float = 1.0,
                  grip: Literal["soft", "hard"] = "soft", anything=None, seed: int = 0):
         super().__init__(arm, seed=seed)
@@ -49,7 +49,7 @@ class Refusing(SimulatedRobot):
 
 
 def maker(arm):
-    return Own(arm)
+    return CustomComponent(arm)
 
 
 number = 7

@@ -286,7 +286,7 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
 
 
 def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
-    own, others = CommandLimits.of(twin), CommandLimits.with_steps(twin, 8.0, 2.0)
+    own, others = CommandLimits.of(twin), CommandLimits.from_degrees(twin, 8.0, 2.0)
     np.testing.assert_allclose(
         DEFAULT_ACCELERATION_RATIO * own.step_limit, own.acceleration_limit
     )

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.runtime import Loop, StepRecord, StepRequest, episode_of
+from s2c2a.runtime import Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Reading, Stage
 
 NAN = np.full((3, 3), np.nan)
@@ -43,7 +43,7 @@ def step(twin):
 
 
 def test_an_episode_has_a_row_a_step_and_a_column_a_quantity(step, twin):
-    episode = episode_of([step(number) for number in range(5)], twin, task="circle")
+    episode = build_episode([step(number) for number in range(5)], twin, task="circle")
     assert set(episode.columns) == {
         "time",
         "stage",
@@ -62,7 +62,7 @@ def test_an_episode_has_a_row_a_step_and_a_column_a_quantity(step, twin):
 
 def test_an_episode_needs_a_step(twin):
     with pytest.raises(RecordingError, match="no control step was done"):
-        episode_of([], twin)
+        build_episode([], twin)
 
 
 def test_diagnostics_of_some_steps_are_nan_in_the_others(step, twin):
@@ -72,7 +72,7 @@ def test_diagnostics_of_some_steps_are_nan_in_the_others(step, twin):
         step(2, Stage.HOLD),
     ]
     np.testing.assert_array_equal(
-        episode_of(steps, twin)["planned"], [NAN, np.ones((3, 3)), NAN]
+        build_episode(steps, twin)["planned"], [NAN, np.ones((3, 3)), NAN]
     )
 
 
@@ -87,7 +87,7 @@ def test_goals_have_columns_only_where_one_is_set(step, twin):
         step(1, goal=Goal.of(3)),
         step(2, Stage.RELEASE, goal=goal),
     ]
-    episode = episode_of(steps, twin)
+    episode = build_episode(steps, twin)
     np.testing.assert_allclose(
         episode["desired_positions"][0], [*NAN[:2], [0.1, 0.0, 0.5]], rtol=1e-6
     )
@@ -97,7 +97,7 @@ def test_goals_have_columns_only_where_one_is_set(step, twin):
         episode["obstacles"][:, 0], [[0.3, 0.0, 0.4, 0.1], [0] * 4, [0] * 4], rtol=1e-6
     )
     assert (
-        set(episode_of(steps[1:], twin).columns)
+        set(build_episode(steps[1:], twin).columns)
         & {"desired_positions", "desired_axes", "obstacles"}
         == set()
     )
@@ -114,7 +114,7 @@ def test_a_sensor_that_is_missing_or_has_another_shape_is_nan_in_that_step(step,
     steps = [step(number, cables=cables) for number, cables in enumerate(invalid)]
     steps += [step(number) for number in range(4, 10)]
     steps[5] = StepRecord(5, 7.5, Stage.HOLD, Reading(0.5, {}), None, np.zeros((3, 3)))
-    cables = episode_of(steps, twin).sensor("cables")
+    cables = build_episode(steps, twin).sensor("cables")
     assert cables.shape == (10, 3, 3)
     np.testing.assert_array_equal(
         np.isnan(cables).all(axis=(1, 2)), [True] * 4 + [False, True] + [False] * 4
@@ -122,7 +122,7 @@ def test_a_sensor_that_is_missing_or_has_another_shape_is_nan_in_that_step(step,
 
 
 def test_a_sensor_without_numbers_does_not_affect_the_others(step, twin):
-    episode = episode_of(
+    episode = build_episode(
         [step(number, warmth=np.array("hot")) for number in range(3)], twin
     )
     np.testing.assert_array_equal(episode.sensor("cables")[:, 0, 0], [0, 1, 2])
@@ -133,13 +133,13 @@ def test_a_sensor_without_numbers_does_not_affect_the_others(step, twin):
 def test_the_loops_clock_continues_where_a_reading_has_no_valid_time(step, twin, time):
     steps = [step(0), step(1), step(2, time=time), step(3, time=time), step(4)]
     np.testing.assert_allclose(
-        episode_of(steps, twin)["time"], [0.0, 0.1, 0.2, 0.3, 0.4]
+        build_episode(steps, twin)["time"], [0.0, 0.1, 0.2, 0.3, 0.4]
     )
 
 
 def test_valid_times_are_kept_bit_for_bit(step, twin):
     times = np.cumsum(np.random.default_rng(0).uniform(0.05, 0.15, 20))
-    episode = episode_of(
+    episode = build_episode(
         [step(number, time=time) for number, time in enumerate(times)], twin
     )
     np.testing.assert_array_equal(episode["time"], times)
@@ -153,7 +153,7 @@ def test_faults_are_kept_with_the_episode(puppet, actor, clock, twin):
 
     loop = Loop(puppet, actor, clock, faults=corrupt)
     loop.open()
-    episode = episode_of([loop.tick(StepRequest()) for _ in range(10)], twin)
+    episode = build_episode([loop.tick(StepRequest()) for _ in range(10)], twin)
     assert episode.options["faults"] == ["'cables' is not finite"]
     np.testing.assert_array_equal(
         episode["stage"], [Stage.RUN] * 3 + [Stage.HOLD] * 3 + [Stage.RUN] * 4

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from s2c2a.components import CustomComponent
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, LSTMOptions
-from s2c2a.components import Own
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
 from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
@@ -173,7 +173,9 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
         ),
         (
             lambda: {
-                "planner": replace(BEST, solver=Own("mine:Solver", {"step": math.nan}))
+                "planner": replace(
+                    BEST, solver=CustomComponent("mine:Solver", {"step": math.nan})
+                )
             },
             r"no finite number at planner\.solver\.parameters\.step",
         ),

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from s2c2a.sensing import estimator_for
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import CollectOptions, Recording
@@ -14,7 +15,6 @@ from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.planning import PAPER, Adam, Goal
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import (
     RECIPES,

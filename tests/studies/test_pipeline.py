@@ -5,7 +5,7 @@ import pytest
 from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
 from s2c2a.strategies import TrainedNetworks, save_strategy
 from s2c2a.studies.calibration import C2S_ERROR
-from s2c2a.studies.circle import track_circle
+from s2c2a.studies.circle import track_reference
 
 
 def errors_on_circle(
@@ -92,6 +92,6 @@ def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
 def test_the_controller_tracks_unseen_references_without_diverging(
     name, speed, trained
 ):
-    errors = track_circle(trained[name], speed, steps=400)
+    errors = track_reference(trained[name], speed, steps=400)
     assert errors.mean() <= 1.5
     assert errors[-100:].mean() <= 1.5 * max(errors[:100].mean(), 0.2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.kinematics import PCCForwardModel
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, NO_FALLBACK, FallbackSearch, LeastSquares, Pull
 from s2c2a.studies import plans as studied
 from s2c2a.studies.plans import (

@@ -127,7 +127,9 @@ def test_goals_are_moved_within_reach_from_a_strength_on(strength):
     names = [one.name for one in requested if hasattr(one, "name")]
     assert names == (list(TASKS) if strength == 1.0 else [])
     assert [
-        (one.count, one.out_of_reach) for one in requested if hasattr(one, "count")
+        (one.count, one.unreachable_waypoints)
+        for one in requested
+        if hasattr(one, "count")
     ] == [
         (7, False),
         (20, True),

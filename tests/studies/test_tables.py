@@ -13,7 +13,13 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.evaluation.report import Row, load_rows, rows_beside, save_table, table_lines
+from s2c2a.evaluation.report import (
+    Row,
+    load_comparison,
+    load_rows,
+    save_table,
+    table_lines,
+)
 from s2c2a.jobs import STRATEGIES, Run, jobs_for
 from s2c2a.jobs.rows import score_rows, tick_rows
 from s2c2a.kinematics import PCC, states_from_bends
@@ -236,9 +242,9 @@ def test_what_never_recovers_comes_back_from_strict_json(tmp_path):
 def test_rows_come_back_from_json_to_stand_beside_others(tmp_path):
     save_table("tracking", [ROW, OTHER], tmp_path)
     assert load_rows(tmp_path / "tracking.json") == [ROW, OTHER]
-    assert rows_beside(tmp_path, "tracking") == [ROW, OTHER]
-    assert rows_beside(tmp_path, "constraint") == []
-    assert rows_beside(None, "tracking") == []
+    assert load_comparison(tmp_path, "tracking") == [ROW, OTHER]
+    assert load_comparison(tmp_path, "constraint") == []
+    assert load_comparison(None, "tracking") == []
 
 
 def test_rows_hold_means_over_seeds_and_the_papers_numbers_beside():

@@ -12,7 +12,7 @@ from s2c2a.spaces import AXIS, POSITION
 from s2c2a.studies import true_reach
 from s2c2a.studies.targets import TOLERANCE, RandomTargets, ReachableTask
 from s2c2a.studies.true_reach import TrueReach, usable_range
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
 
@@ -129,7 +129,7 @@ def test_only_unreachable_goals_are_moved_to_the_nearest_shape(
     (tmp_path / "up.csv").write_text("\n".join(lines))
     name = str(tmp_path / "up.csv")
     asked, moved = (
-        task_named(name, mismatched),
+        load_task(name, mismatched),
         made(ReachableTask(mismatched, name), Cache(tmp_path)),
     )
     before, after = asked.desired_positions()[:, -1], moved.desired_positions()[:, -1]
@@ -157,7 +157,7 @@ def test_random_targets_are_reachable_unless_they_should_not_be(
     cache = Cache(tmp_path)
     inside, beyond = (
         made(RandomTargets(mismatched, 4), cache),
-        made(RandomTargets(mismatched, 4, out_of_reach=True), cache),
+        made(RandomTargets(mismatched, 4, unreachable_waypoints=True), cache),
     )
     assert len(inside.task.goals) == len(beyond.task.goals) == 4 * 50
     assert not inside.distances.any()

@@ -3,7 +3,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import TASKS, Task, circle, task_named
+from s2c2a.tasks import TASKS, Task, circle, load_task
 
 TWIN = load_arm("twin_arm")
 
@@ -121,14 +121,14 @@ def test_the_weights_are_the_protocol_s():
 
 
 def test_tasks_are_found_by_their_names():
-    task = task_named("circle", TWIN)
+    task = load_task("circle", TWIN)
     assert task.name == "circle"
     np.testing.assert_array_equal(task.desired_positions()[:, -1], tip_path(TWIN))
 
 
 def test_an_unknown_task_lists_the_known_ones():
     with pytest.raises(TargetError, match="no task 'triangle'") as caught:
-        task_named("triangle", TWIN)
+        load_task("triangle", TWIN)
     assert all(name in str(caught.value) for name in TASKS)
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import METRICS
 from s2c2a.planning import reach_gaps
-from s2c2a.tasks import TASKS, task_named
+from s2c2a.tasks import TASKS, load_task
 
 TWIN = load_arm("twin_arm")
 LIMIT_DEG = 50.0
@@ -52,7 +52,7 @@ def test_the_tasks_are_those_of_the_protocol():
 
 @pytest.mark.parametrize("name", PAPER + OURS)
 def test_a_task_has_its_name_and_scores_that_exist(name):
-    task = task_named(name, TWIN)
+    task = load_task(name, TWIN)
     assert task.name == name
     assert {score.metric for score in task.scores} <= set(METRICS)
     assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
@@ -63,7 +63,7 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
 @pytest.mark.parametrize("name", WITH_TARGET)
 def test_no_desired_position_jumps(name):
     """Once around at 0.22 m in 160 steps is the fastest: 8.6 mm a step."""
-    desired = task_named(name, TWIN).desired_positions()
+    desired = load_task(name, TWIN).desired_positions()
     asked = np.isfinite(desired[0, :, 0])
     rest = np.array([[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]])
     moves = np.linalg.norm(
@@ -75,7 +75,7 @@ def test_no_desired_position_jumps(name):
 @pytest.mark.parametrize("name", WITH_TARGET)
 def test_every_position_is_within_reach(name):
     """Within 0.1 cm (protocol); `follow` leaves the workspace in its last 168 steps."""
-    desired = task_named(name, ARM).desired_positions()
+    desired = load_task(name, ARM).desired_positions()
     steps = np.linspace(0, min(len(desired), 698 - 168) - 1, 24).astype(int)
     modules = np.flatnonzero(np.isfinite(desired[0, :, 0]))
     gaps = [reach_gaps(ARM, desired[steps, module], int(module)) for module in modules]
@@ -135,6 +135,6 @@ def misses(task, step, lengths):
 @pytest.mark.parametrize("step", [19, 39, 104, 199])
 def test_all_targets_of_a_step_are_within_reach_together(name, step):
     """Within 0.1 cm and 0.2 deg (protocol)."""
-    apart, turned = misses(task_named(name, ARM), step, [0.2, 0.2, 0.2])
+    apart, turned = misses(load_task(name, ARM), step, [0.2, 0.2, 0.2])
     assert apart < 0.001
     assert turned < 0.2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
 DOUBLE = TWIN.model_copy(
@@ -22,7 +22,7 @@ BEGIN = [0.18, 0.0, 0.58 - 1.2 * 0.18**2]
 
 @pytest.fixture(scope="module")
 def task():
-    return task_named("follow", TWIN)
+    return load_task("follow", TWIN)
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_position_is_scored_within_reach_except_approach_and_recovery(task, insi
 def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
     path, inside
 ):
-    double = task_named("follow", DOUBLE)
+    double = load_task("follow", DOUBLE)
     np.testing.assert_allclose(double.desired_positions()[:, -1], 2 * path, atol=1e-6)
     np.testing.assert_array_equal(double.scores[1].steps, inside)
 
@@ -140,6 +140,6 @@ def test_a_faster_control_keeps_the_times(path, monkeypatch):
     monkeypatch.setattr(
         "s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points))
     )
-    fast = task_named("follow", FAST).desired_positions()[:, -1]
+    fast = load_task("follow", FAST).desired_positions()[:, -1]
     np.testing.assert_allclose(fast[1 : 2 * 530 : 2], path[:530], atol=1e-6)
     assert len(fast) == 100 + 960 + 107 + 40 + 107 + 80

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.tasks import Score, circle, task_named
+from s2c2a.tasks import Score, circle, load_task
 
 TWIN = load_arm("twin_arm")
 TILTS = {
@@ -20,7 +20,7 @@ PLAIN = [name for name in TILTS if name not in TURNS]
 
 
 def tip_axes(name, arm=TWIN):
-    return task_named(name, arm).desired_axes()[:, -1]
+    return load_task(name, arm).desired_axes()[:, -1]
 
 
 def angles_to_the_vertical(axes):
@@ -38,7 +38,7 @@ def axis(tilt_deg, azimuth_deg):
 
 @pytest.mark.parametrize("name", TILTS)
 def test_the_tip_follows_the_circle(name):
-    task = task_named(name, TWIN)
+    task = load_task(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
     np.testing.assert_array_equal(
         task.desired_positions(), circle(TWIN).desired_positions()
@@ -55,7 +55,7 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
 
 @pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
 def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
-    axes, tips = tip_axes(name), task_named(name, TWIN).desired_positions()[:, -1]
+    axes, tips = tip_axes(name), load_task(name, TWIN).desired_positions()[:, -1]
     across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
     outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
     np.testing.assert_allclose(across, 0, atol=1e-6)
@@ -105,7 +105,7 @@ def test_a_tilt_of_zero_points_up_all_the_time():
 
 @pytest.mark.parametrize("name", TILTS)
 def test_position_counts_once_orientation_twice_and_change_half(name):
-    goals = task_named(name, TWIN).goals
+    goals = load_task(name, TWIN).goals
     assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
     assert {tuple(goal.axis_weights) for goal in goals} == {(0, 0, 2)}
     assert {float(goal.change_weight) for goal in goals} == {0.5}
@@ -113,12 +113,12 @@ def test_position_counts_once_orientation_twice_and_change_half(name):
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_plain_tilt_is_scored_by_position_and_tilt_on_every_step(name):
-    assert task_named(name, TWIN).scores == (Score("position"), Score("tilt"))
+    assert load_task(name, TWIN).scores == (Score("position"), Score("tilt"))
 
 
 @pytest.mark.parametrize("name", TURNS)
 def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
-    *plain, azimuth = task_named(name, TWIN).scores
+    *plain, azimuth = load_task(name, TWIN).scores
     assert plain == [Score("position"), Score("tilt")]
     assert (azimuth.metric, azimuth.module) == ("azimuth", -1)
     np.testing.assert_array_equal(azimuth.steps, [False] * 40 + [True] * 160)

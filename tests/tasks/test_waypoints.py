@@ -8,9 +8,9 @@ from s2c2a.errors import TargetError
 from s2c2a.tasks import (
     Score,
     Waypoints,
+    load_task,
     load_waypoints,
-    out_of_reach,
-    task_named,
+    unreachable_waypoints,
     waypoints_task,
 )
 
@@ -170,7 +170,7 @@ def test_lengths_do_not_scale_with_the_arm(table):
 
 
 def test_a_file_is_a_task_by_its_name(table):
-    task = task_named(str(table(SLOPE)), TWIN)
+    task = load_task(str(table(SLOPE)), TWIN)
     assert (task.name, len(task.goals)) == ("my_path", 30)
 
 
@@ -301,7 +301,7 @@ def test_a_module_that_the_arm_lacks_is_rejected(table, module):
     with pytest.raises(
         TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"
     ):
-        out_of_reach(tracks, TWIN)
+        unreachable_waypoints(tracks, TWIN)
 
 
 def test_the_tip_cannot_have_two_tracks(table):
@@ -332,14 +332,14 @@ def test_waypoints_out_of_reach_have_module_time_and_gap(table):
             "time,x,y,z,module\n1,0,0,0.7,-1\n2,0.1,0,0.58,-1\n0,0,0,0.2,0\n4,0,0,0.25,0\n"
         )
     )
-    tip, base = out_of_reach(tracks, TWIN)
+    tip, base = unreachable_waypoints(tracks, TWIN)
     assert (tip.module, tip.time, base.module, base.time) == (-1, 1.0, 0, 4.0)
     assert (tip.gap, base.gap) == pytest.approx((0.1, 0.05), abs=1e-4)
 
 
 def test_gaps_below_a_hundredth_of_the_arm_are_ignored(table):
     tracks = load_waypoints(table("time,x,y,z\n1,0,0,0.605\n2,0,0,0.607\n"))
-    assert [far.time for far in out_of_reach(tracks, TWIN)] == [2.0]
+    assert [far.time for far in unreachable_waypoints(tracks, TWIN)] == [2.0]
 
 
 def test_waypoints_need_no_file():
@@ -347,4 +347,4 @@ def test_waypoints_need_no_file():
         -1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None
     )
     assert len(tip_path([track])) == 10
-    assert out_of_reach([track], TWIN) == []
+    assert unreachable_waypoints([track], TWIN) == []

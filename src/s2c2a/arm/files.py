@@ -11,7 +11,7 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.files import read_text, save_whole, toml_in
+from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.validation import explained
 
 PRESETS = Path(__file__).parent / "presets"
@@ -52,7 +52,7 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
         ArmError: it has invalid TOML, an unknown key or an invalid value.
     """
     try:
-        return ArmSpec.model_validate(toml_in(text))
+        return ArmSpec.model_validate(parse_toml(text))
     except S2C2AError as error:
         raise ArmError(
             f"{source}: {error}; correct that place or start again from a preset"
@@ -76,7 +76,7 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         raise ArmError(
             f"{path} exists; choose another name or overwrite it (--overwrite)"
         )
-    save_whole(arm_to_toml(arm), path, ArmError)
+    write_atomically(arm_to_toml(arm), path, ArmError)
 
 
 def _hint(fault) -> str:

@@ -15,7 +15,7 @@ from s2c2a.arm import (
     save_arm,
 )
 from s2c2a.cli.console import Arm, File, print_table
-from s2c2a.cli.execution import RobotName, RobotOptions, body_for
+from s2c2a.cli.execution import RobotName, RobotOptions, robot_factory_for
 
 app = SubcommandApp()
 robot_app = SubcommandApp()
@@ -197,11 +197,11 @@ def check_body(
             stability margins to compare with.
         out: a file (.json) for the measured response, with a figure next to it.
     """
-    from s2c2a.cli.response import check_alone, check_response
+    from s2c2a.cli.response import check_response, check_response_options
     from s2c2a.robots import check_robot
 
-    check_alone(response, weights=weights, out=out)
-    body = body_for(robot, robot_option)
+    check_response_options(response, weights=weights, out=out)
+    body = robot_factory_for(robot, robot_option)
     opened = body.seeded(load_arm(arm), 0)
     if response:
         return check_response(opened, weights, out)

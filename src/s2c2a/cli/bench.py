@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from s2c2a.estimation import Estimate
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
-from s2c2a.cli.first_action import driver_of
+from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.errors import S2C2AError
+from s2c2a.estimation import Estimate
 from s2c2a.executors import all_cores
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.versions import versions
 
 MAX_SYSTEM_LOAD = 0.5
@@ -80,7 +80,7 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
             "machine": machine | {"load": load},
             "seconds": entries,
         }
-        print(f"saved: {save_whole(json.dumps(content, indent=1), out)}")
+        print(f"saved: {write_atomically(json.dumps(content, indent=1), out)}")
 
 
 def control_times(arm: ArmSpec) -> Iterator[Timing]:
@@ -93,7 +93,7 @@ def control_times(arm: ArmSpec) -> Iterator[Timing]:
     from s2c2a import planning, strategies, tasks
     from s2c2a.robots.simulation import SimulatedRobot
 
-    model, strategy = driver_of(arm)
+    model, strategy = default_model_and_strategy(arm)
     goals = tasks.circle(arm).goals
     planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))

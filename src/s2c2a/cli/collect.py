@@ -8,7 +8,13 @@ from typing import Literal
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
-from s2c2a.cli.execution import Address, RobotName, RobotOptions, body_for, executor_for
+from s2c2a.cli.execution import (
+    Address,
+    RobotName,
+    RobotOptions,
+    make_executor,
+    robot_factory_for,
+)
 from s2c2a.errors import S2C2AError
 
 
@@ -53,7 +59,7 @@ def collect(
     from s2c2a import data, strategies
 
     spec = load_arm(arm)
-    body = body_for(robot, robot_option, fidelity)
+    body = robot_factory_for(robot, robot_option, fidelity)
     options = strategies.recipe_from(recipe).collect_options(seed)
     options = replace(
         options,
@@ -69,7 +75,7 @@ def collect(
             )
         threads = 1
     with (
-        executor_for(threads, cluster) if cluster else nullcontext() as executor,
+        make_executor(threads, cluster) if cluster else nullcontext() as executor,
         progress_bar() as progress,
     ):
         recording = data.collect(

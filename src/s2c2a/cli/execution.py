@@ -13,8 +13,8 @@ import tyro
 from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import Processes, Serial, compute_on_one_thread
-from s2c2a.robots.factory import Body, options_from, robot_class
+from s2c2a.executors import Processes, Serial, limit_jax_to_one_thread
+from s2c2a.robots.factory import RobotFactory, options_from, robot_class
 
 if TYPE_CHECKING:
     from s2c2a import jobs
@@ -57,7 +57,7 @@ Folder = Annotated[_OutputOptions, tyro.conf.arg(name="")]
 Work = Annotated[_WorkOptions, tyro.conf.arg(name="")]
 
 
-def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executor:
+def make_executor(jobs: int | None = None, cluster: str | None = None) -> Executor:
     """Return processes of this machine, or the workers of a cluster.
 
     Args:
@@ -103,11 +103,13 @@ def run_directory(
             cache.
     """
     from s2c2a import jobs
-    from s2c2a.jobs.run_folder import open_run_folder
+    from s2c2a.jobs.run_folder import open_run_directory
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     with _executor_of(folder, alone) as executor:
-        directory = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
+        directory = open_run_directory(
+            folder.out, label, options, folder.overwrite, go_on
+        )
         data = directory / "data" if own_data else cache_folder()
         cache = jobs.Cache(data, directory / "runs")
 
@@ -118,13 +120,10 @@ def run_directory(
         yield directory, make
 
 
-making = run_directory  # old name, until all callers use the new one
-
-
 def _executor_of(folder: _OutputOptions, alone: bool) -> Executor:
     if alone or not isinstance(folder, _WorkOptions):
         return Serial()
-    return executor_for(folder.jobs, folder.cluster)
+    return make_executor(folder.jobs, folder.cluster)
 
 
 def require(extra: str, *packages: str) -> None:
@@ -141,9 +140,9 @@ def require(extra: str, *packages: str) -> None:
         )
 
 
-def body_for(
+def robot_factory_for(
     robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0
-) -> Body:
+) -> RobotFactory:
     """Return the description of a robot, from the options of a command.
 
     It does not open the robot.
@@ -153,13 +152,13 @@ def body_for(
             another robot.
     """
     pairs = options_from(options)
-    if Body(robot).simulated:
-        simulation = Body.simulation(fidelity, payload=payload)
-        return Body(robot, (*simulation.options, *pairs))
+    if RobotFactory(robot).simulated:
+        simulation = RobotFactory.simulation(fidelity, payload=payload)
+        return RobotFactory(robot, (*simulation.options, *pairs))
     if fidelity != "fast" or payload:
         raise S2C2AError(
             f"--fidelity and --payload belong to the simulated arm, and --robot is "
             f"{robot}; leave them out"
         )
     robot_class(robot)  # raises an error early if the class does not exist
-    return Body(robot, pairs)
+    return RobotFactory(robot, pairs)

@@ -47,7 +47,10 @@ def randomized_arms(
         seed: random seed of data, training and start.
         work: run directory and parallel execution.
     """
-    from s2c2a.studies.randomized_arms import EXPERIMENT, Unknown, randomized_arms_rows
+    from s2c2a.studies.randomized_arms import (
+        EXPERIMENT,
+        randomized_arms_rows,
+    )
 
     study = Unknown(load_arm(base), arms, strengths, strategies, tasks, targets, seed)
     options = asdict(study) | {"base": base}
@@ -100,7 +103,7 @@ def sensors(
     from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs import checked_seeds
     from s2c2a.studies import sensors as study
-    from s2c2a.viz.sensor_comparison import worth_figure
+    from s2c2a.viz.sensor_comparison import sensor_comparison_figure
 
     options = {
         "arm": arm,
@@ -132,7 +135,9 @@ def sensors(
         for name, task in dict.fromkeys((row.arm, row.task) for row in rows):
             if errors := study.errors_of(rows, name, task):
                 path = directory / f"{name}-{task}.png"
-                figures.append(worth_figure(errors, path, f"{task} with {name}"))
+                figures.append(
+                    sensor_comparison_figure(errors, path, f"{task} with {name}")
+                )
     print_results(f"sensors, {seeds} seeds", rows, figures, directory)
 
 

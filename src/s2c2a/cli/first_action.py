@@ -7,13 +7,13 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 
 if TYPE_CHECKING:
     from s2c2a import arm, kinematics, strategies
 
 
-def driver_of(
+def default_model_and_strategy(
     arm: "arm.ArmSpec",
 ) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
     """Forward model and strategy: the networks of the package, or else PCC."""
@@ -40,7 +40,7 @@ def first_action(name: str) -> None:
     from s2c2a.arm import load_arm
 
     arm = load_arm(name)
-    strategy = driver_of(arm)[1]
+    strategy = default_model_and_strategy(arm)[1]
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
     cables = np.zeros((arm.module_count, arm.cable_count))
     reading = spaces.Reading(0.0, {"cables": cables, "configurations": straight})
@@ -50,6 +50,6 @@ def first_action(name: str) -> None:
 
 
 if __name__ == "__main__":
-    keep_programs()
+    enable_compilation_cache()
     first_action(sys.argv[1])
     print(time.time())

@@ -7,9 +7,9 @@ import tyro
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
-from s2c2a.cli.execution import executor_for
+from s2c2a.cli.execution import make_executor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.identification import Fit, TipErrors
@@ -74,7 +74,7 @@ def identify(
     episodes = recorded.episodes
     if settling is not None:
         episodes = identification.thinned(episodes, rows or DEFAULT_ROWS)
-    with executor_for(jobs) as executor, progress_bar() as progress:
+    with make_executor(jobs) as executor, progress_bar() as progress:
         result = identification.identify(
             start, parameters, episodes, options, executor, progress
         )
@@ -84,7 +84,7 @@ def identify(
     remark = "\n".join(
         [f"Fitted to {recording.name} by `s2c2a identify`.", *_describe(errors)]
     )
-    save_whole(identification.fitted_toml(result, remark), out, ArmError)
+    write_atomically(identification.fitted_toml(result, remark), out, ArmError)
     _print_result(result, errors)
     print(f"arm: {out}")
 

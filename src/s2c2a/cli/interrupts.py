@@ -13,14 +13,14 @@ INTERRUPTED = 130  # exit code
 RETRY_DELAY = 0.1  # s
 
 
-def end_at_interrupts() -> None:
+def exit_on_interrupt() -> None:
     """Let an interrupt end the process silently, before the work starts or after it."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
 
 
 @contextmanager
-def interrupts_heeded() -> Iterator[None]:
+def interrupts_as_exceptions() -> Iterator[None]:
     """Turn interrupts into KeyboardInterrupt, even where Python would lose them.
 
     An interrupt during an import, which the module may turn into an error of its own,

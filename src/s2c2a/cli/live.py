@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
-from s2c2a.cli.execution import RobotName, RobotOptions, body_for, require
+from s2c2a.cli.execution import RobotName, RobotOptions, require, robot_factory_for
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
-    from s2c2a.robots import Body
+    from s2c2a.robots import RobotFactory
 
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
@@ -58,7 +58,7 @@ def live(
         model: class of a custom forward model that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    body = body_for(robot, robot_option, fidelity)
+    body = robot_factory_for(robot, robot_option, fidelity)
     on_message = partial(print, flush=True)
     options = {
         "weights": weights,
@@ -84,7 +84,7 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    body: "Body | None" = None,
+    body: "RobotFactory | None" = None,
     port: int = 8080,
     out: Path = Path("runs"),
     said: "Callable[[str], None]" = lambda _: None,
@@ -107,7 +107,7 @@ def running_page(
     from s2c2a.live.process import ControlProcess
 
     spec = load_arm(arm)
-    robot = body or body_for("sim", ())
+    robot = body or robot_factory_for("sim", ())
     with ExitStack() as stack:
         build = partial(
             _import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options

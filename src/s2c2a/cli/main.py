@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
     bench,
@@ -20,7 +20,7 @@ from s2c2a.cli import (
     train,
     view,
 )
-from s2c2a.cli.interrupts import INTERRUPTED, interrupts_heeded
+from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError
 
 FAULT = 2  # exit code
@@ -60,9 +60,9 @@ app.command(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
-    keep_programs()
+    enable_compilation_cache()
     try:
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             app.cli(
                 prog="s2c2a",
                 description="Plan and control modular soft robot arms.",

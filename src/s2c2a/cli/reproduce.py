@@ -60,7 +60,7 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
                 rows, figures = tables.make_table(
                     table, directory, numbers, make, chosen
                 )
-                compared = report.rows_beside(beside, table)
+                compared = report.load_comparison(beside, table)
                 path = report.save_table(table, rows, directory, compared)
                 title = f"{table}, recipe {chosen.name}, {seeds} seeds"
                 print_results(title, rows, figures, directory)
@@ -110,12 +110,12 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
         work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_across
-    from s2c2a.studies.tables import ingredient_rows
+    from s2c2a.studies.tables import ablation_rows
 
     numbers, _ = _seeds_and_recipe(seeds)
     options = {"seeds": seeds, "arm": arm}
     with run_directory("ingredients", options, work, go_on=True) as (directory, make):
-        rows = ingredient_rows(numbers, make, arm)
+        rows = ablation_rows(numbers, make, arm)
     print(save_across("ingredients", rows, directory).read_text(encoding="utf-8"))
 
 
@@ -189,7 +189,7 @@ def controller(
         folder: run directory.
     """
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.studies.circle import ARMS, tracking_table
+    from s2c2a.studies.circle import ARMS, controller_table
 
     names = (arm,) if arm else ARMS
     numbers, chosen = _seeds_and_recipe(seeds, recipe)
@@ -199,7 +199,7 @@ def controller(
         make,
     ):
         arms = [load_arm(name) for name in names]
-        rows, final_errors = tracking_table(arms, numbers, make, chosen)
+        rows, final_errors = controller_table(arms, numbers, make, chosen)
     save_rows(rows, directory / "results.json")
     print_results("C2A in closed loop, 1000 steps", rows, [], directory)
     print(
@@ -228,17 +228,17 @@ def calibration(
         out: file of the optimized arm; ARM-calibrated.toml by default.
         overwrite: replace that file if it exists.
     """
-    from s2c2a.executors import compute_on_one_thread
+    from s2c2a.executors import limit_jax_to_one_thread
     from s2c2a.studies import calibration as study
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     spec = load_arm(arm)
     numbers, _ = _seeds_and_recipe(seeds)
     study.check_comparable(spec)
     if search:
         path = out or Path(f"{spec.name}-calibrated.toml")
         spec = _calibrated(spec, search, path, overwrite)
-    measured = study.mean_measured(spec, numbers, network)
+    measured = study.mean_measurements(spec, numbers, network)
     rows = [
         _claim_cells(claim, measured[claim.quantity])
         for claim in study.claims_for(spec)

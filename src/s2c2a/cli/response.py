@@ -11,7 +11,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.cli.console import print_table, progress_bar
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.estimation import Margins, Swing
@@ -64,10 +64,10 @@ class ExpectedDynamics:
     @property
     def frequency(self) -> float:
         """Frequency of the first mode, without payload [Hz]."""
-        from s2c2a.estimation.modal_model import Body, modes, motion
+        from s2c2a.estimation.modal_model import RobotFactory, modes, motion
 
         period = self.arm.control_period
-        dynamics = motion(Body.of(self.arm), self.modal_factors, 0.0, period)
+        dynamics = motion(RobotFactory.of(self.arm), self.modal_factors, 0.0, period)
         return float(modes(dynamics, period)[0, 0])
 
     def tilts(self, shaken: "Shaken", direction: int) -> np.ndarray:
@@ -98,10 +98,10 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
     """
     from s2c2a.estimation.excitation import shaken, sight_of
     from s2c2a.estimation.frequency_response import response_of
-    from s2c2a.executors import compute_on_one_thread
+    from s2c2a.executors import limit_jax_to_one_thread
     from s2c2a.strategies import load_strategy
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     arm = robot.arm
     sight_of(robot)  # raises an error if no sensor of the robot measures the tip
     networks = None if weights is None else load_strategy(weights, arm)
@@ -215,7 +215,7 @@ def _save(
     content: dict = {"arm": arm.name, "seen_by": chirps.sight}
     content["measured"] = dict(zip(DIRECTIONS, map(kept, measured), strict=True))
     content["predicted"] = dict(zip(DIRECTIONS, map(kept, expected), strict=True))
-    print(f"saved: {save_whole(json.dumps(content, indent=1), out)}")
+    print(f"saved: {write_atomically(json.dumps(content, indent=1), out)}")
     spectra = {}
     for number, direction in enumerate(DIRECTIONS):
         inputs, outputs = chirps.tilts(number)
@@ -235,7 +235,7 @@ def kept(response: "Response") -> dict[str, float | None]:
     }
 
 
-def check_alone(response: bool, **options: object) -> None:
+def check_response_options(response: bool, **options: object) -> None:
     """Reject options that need --response where it is not given.
 
     Raises:

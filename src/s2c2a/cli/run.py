@@ -127,7 +127,9 @@ def run(
         "weights": weights,
     }
     one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
-    is_unfinished = work.out is not None and not (work.out / f"{spec.name}.html").exists()
+    is_unfinished = (
+        work.out is not None and not (work.out / f"{spec.name}.html").exists()
+    )
     label = f"{paced.name}-{spec.name}"
     with run_directory(
         label, options, work, alone=one_process, go_on=is_unfinished
@@ -157,7 +159,9 @@ def _check_trained(factory: "robots.RobotFactory", jobs: "Sequence[jobs.Job]") -
 
     if factory.simulated:
         return
-    untrained = [job.strategy for job in jobs if job.needs and job.needs[0] != job.weights]
+    untrained = [
+        job.strategy for job in jobs if job.needs and job.needs[0] != job.weights
+    ]
     if untrained:
         names = ", ".join(dict.fromkeys(untrained))
         raise S2C2AError(
@@ -174,16 +178,16 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
         S2C2AError: an impossible pace, or no such task.
     """
     from s2c2a.errors import S2C2AError
-    from s2c2a.tasks import load_waypoints, out_of_reach, task_named
+    from s2c2a.tasks import load_task, load_waypoints, unreachable_waypoints
 
     if not 0.01 <= pace <= 10:
         raise S2C2AError(
             f"a pace of {pace:g} was given; give 0.01 to 10, such as 0.5 for half as fast"
         )
     rate = spec.control_rate / pace
-    paced = task_named(task, spec.model_copy(update={"control_rate": rate}))
+    paced = load_task(task, spec.model_copy(update={"control_rate": rate}))
     if task.endswith(".csv"):
-        for waypoint in out_of_reach(load_waypoints(task), spec):
+        for waypoint in unreachable_waypoints(load_waypoints(task), spec):
             print(
                 f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
                 f"{waypoint.time:g} s, module {waypoint.module}"

@@ -21,7 +21,7 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     Work,
-    executor_for,
+    make_executor,
     require,
     robot_factory_for,
 )
@@ -86,15 +86,15 @@ def sweep(
     require("sweep", "optuna")
     from s2c2a import jobs, strategies
     from s2c2a.jobs import sweep as sweeps
-    from s2c2a.jobs.run_folder import open_run_folder
+    from s2c2a.jobs.run_folder import open_run_directory
     from s2c2a.jobs.search_space import varied_from
-    from s2c2a.tasks import task_named
+    from s2c2a.tasks import load_task
 
     spec = load_arm(arm)
     start = strategies.recipe_from(recipe)
     if not tasks:
         raise S2C2AError("no task to score; name at least one, such as circle")
-    chosen_tasks = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
+    chosen_tasks = tuple(load_task(name, spec) for name in dict.fromkeys(tasks))
     factory = robot_factory_for(robot, robot_option, fidelity, payload)
     plan = sweeps.Sweep(
         arm=spec,
@@ -121,10 +121,10 @@ def sweep(
         "batch": batch,
         "optuna": version("optuna"),
     }
-    executor = executor_for(work.jobs, work.cluster) if factory.simulated else Serial()
+    executor = make_executor(work.jobs, work.cluster) if factory.simulated else Serial()
     label = f"sweep-{chosen_tasks[0].name}-{spec.name}"
     with executor, progress_bar() as progress:
-        directory = open_run_folder(
+        directory = open_run_directory(
             work.out, label, options, work.overwrite, go_on=True
         )
         cache = jobs.Cache(runs_in=directory / "runs")

@@ -9,7 +9,7 @@ import tyro
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import RecipeName, StrategyName, print_table, progress_bar
 from s2c2a.errors import StrategyError
-from s2c2a.executors import compute_on_one_thread
+from s2c2a.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
@@ -51,7 +51,7 @@ def train(
     """
     from s2c2a import strategies, viz
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
     chosen = strategies.recipe_from(recipe)

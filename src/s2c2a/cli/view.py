@@ -36,13 +36,13 @@ def view(
 
     if model:
         model_named(model)
-    with closing(window_on(what, port)) as window:
+    with closing(open_window(what, port)) as window:
         print(f"{', '.join(what)}: {window.gate.address}")
         print("Ctrl-C stops it.", flush=True)
         wait_for_interrupt()
 
 
-def window_on(what: tuple[str, ...], port: int) -> "Window":
+def open_window(what: tuple[str, ...], port: int) -> "Window":
     """Window that shows runs, a recording, a training or an arm.
 
     Raises:

@@ -21,7 +21,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
+from s2c2a.runtime import Ask, CommandLimits, Loop, build_episode
 from s2c2a.spaces import Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
@@ -232,7 +232,7 @@ def _run_episode(
                     f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
                     "correct that, then continue (--resume)"
                 )
-        episode = episode_of(steps, arm)
+        episode = build_episode(steps, arm)
     # without computing times, the file is identical on any machine
     columns = dict(episode.columns)
     columns.pop("tick_time", None)
@@ -256,4 +256,4 @@ def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
     share = fastest(options.babbling, arm.module_count, _speeds(arm, options))
     full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
     step_deg = share * full_bend_deg * (1 + 1e-6)
-    return CommandLimits.with_steps(arm, step_deg, 2 * step_deg)
+    return CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)

@@ -29,7 +29,7 @@ from s2c2a.episodes.blocks import (
 )
 from s2c2a.episodes.episode import Episode
 from s2c2a.errors import DamagedRecordingError, RecordingError, S2C2AError
-from s2c2a.files import written_whole
+from s2c2a.files import atomic_write
 
 ENDING = ".episodes"
 SCHEMA = 2
@@ -54,7 +54,7 @@ def save_episodes(
             "a file of episodes holds at least one, all of the same arm"
         )
     header = _pack_header(episodes[0].arm, options or {}, len(episodes))
-    with written_whole(path, RecordingError) as part, open(part, "wb") as file:
+    with atomic_write(path, RecordingError) as part, open(part, "wb") as file:
         digest = write_block(file, header, b"")
         for episode in episodes:
             digest = write_block(file, _pack(episode), digest)
@@ -160,7 +160,7 @@ class EpisodeWriter:
             RecordingError: it cannot be written, or another process writes to the
                 existing file.
         """
-        with written_whole(path, RecordingError) as part, open(part, "wb") as file:
+        with atomic_write(path, RecordingError) as part, open(part, "wb") as file:
             if Path(path).is_file():
                 with open(path, "rb") as existing:
                     lock(existing, path)

@@ -19,7 +19,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     configurations_from_states,
 )
-from s2c2a.plugins import found as resolve
+from s2c2a.plugins import resolve
 from s2c2a.spaces import Reading
 
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))

@@ -11,7 +11,7 @@ from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
-from s2c2a.components import Part as Component
+from s2c2a.components import Component
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation.configuration_maps import ConfigurationMap

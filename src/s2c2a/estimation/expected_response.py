@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.estimation.excitation import tilts
 from s2c2a.estimation.modal_model import Body, Motion, Swing, followed, motion
-from s2c2a.kinematics import ForwardModel, bends_from_states
+from s2c2a.kinematics import bends_from_states
 from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.models.forward_model import ForwardModel
 
 Felt = Float[np.ndarray, "steps modules 2"]
 

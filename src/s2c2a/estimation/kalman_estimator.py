@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Sensors
-from s2c2a.compilation import compiled, where_finite
+from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap
 from s2c2a.estimation.disturbance_filter import (
@@ -125,7 +125,7 @@ def _update(
     """One update; the last state stays where a result is not finite."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.update(last, configuration, measurements)
-    return _estimate(disturbance_filter, configuration, where_finite(state, last))
+    return _estimate(disturbance_filter, configuration, select_if_finite(state, last))
 
 
 def _estimate(

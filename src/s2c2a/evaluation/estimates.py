@@ -13,7 +13,7 @@ from s2c2a.episodes import Episode
 REJECTED = "rejected."
 
 
-def belief_said(diagnostics: Mapping[str, np.ndarray]) -> str:
+def describe_step_estimates(diagnostics: Mapping[str, np.ndarray]) -> str:
     """Describe the estimates of one control step.
 
     Args:
@@ -35,7 +35,7 @@ def belief_said(diagnostics: Mapping[str, np.ndarray]) -> str:
     return text
 
 
-def said_of_belief(episode: Episode) -> str:
+def describe_estimates(episode: Episode) -> str:
     """Describe the estimates of a run.
 
     The payload is that of the last step, bend bias and external force are the largest

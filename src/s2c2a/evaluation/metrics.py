@@ -186,7 +186,7 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoreResult:
     """Result of one score of one run.
 
     Attributes:
@@ -205,7 +205,7 @@ class Scored:
     averaged: bool
 
 
-def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
+def score_run(episode: Episode, task: Task, recipe: str) -> list[ScoreResult]:
     """Evaluate the scores of a task for one run.
 
     Args:
@@ -256,7 +256,7 @@ def check_scores(task: Task, arm: ArmSpec) -> None:
             )
 
 
-def _score(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
+def _score(episode: Episode, task: Task, score: Score, recipe: str) -> ScoreResult:
     metric = METRICS[score.metric]
     values = metric.per_step(episode, task, score)
     # `recovery` uses the score's steps itself
@@ -267,7 +267,7 @@ def _score(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
         threshold = REACH_THRESHOLDS.get(recipe, DEFAULT_REACH_THRESHOLD)
         value = float(value <= threshold)
     averaged = metric.aggregate is _mean
-    return Scored(score, metric.unit, values, value, averaged)
+    return ScoreResult(score, metric.unit, values, value, averaged)
 
 
 def _compare_states(

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, save_whole, written_whole
+from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.spaces import POSITION
 
@@ -84,7 +84,7 @@ def pair(mean: float, spread: float | None) -> str:
     return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
 
 
-def said_of_plans(episode: Episode) -> str:
+def describe_plans(episode: Episode) -> str:
     """Describe in how many steps of a run planning was difficult; empty if in none.
 
     Counted are steps in which the planner did not solve its problem (`outcome`), the
@@ -132,7 +132,7 @@ def save_rows(rows: Iterable[Row], path: str | Path) -> None:
     written = [
         {key: _json_value(value) for key, value in asdict(row).items()} for row in rows
     ]
-    save_whole(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
+    write_atomically(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
 
 
 def load_rows(path: str | Path) -> list[Row]:
@@ -156,7 +156,7 @@ def _json_value(value: Any) -> Any:
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | Path) -> None:
     """Write a table of comma-separated values."""
     with (
-        written_whole(path) as part,
+        atomic_write(path) as part,
         open(part, "w", newline="", encoding="utf-8") as file,
     ):
         csv.writer(file).writerows([header, *rows])
@@ -177,8 +177,8 @@ def save_table(
     header = [field.name for field in fields(Row)]
     save_csv(header, map(astuple, rows), folder / f"{name}.csv")
     lines = table_lines(rows, beside)
-    save_whole(_latex(lines), folder / f"{name}.tex")
-    return save_whole(_markdown(name, rows, lines, beside), folder / f"{name}.md")
+    write_atomically(_latex(lines), folder / f"{name}.tex")
+    return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
 
 
 def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
@@ -200,10 +200,10 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
     for strategy in dict.fromkeys(row.strategy for row in rows):
         values = [cells[strategy, task, metric] for task, metric, _ in columns]
         lines.append([strategy, *values])
-    return save_whole(_markdown_table(header, lines), folder / f"{name}.md")
+    return write_atomically(_markdown_table(header, lines), folder / f"{name}.md")
 
 
-def rows_beside(folder: Path | None, name: str) -> list[Row]:
+def load_comparison(folder: Path | None, name: str) -> list[Row]:
     """Read the rows of a table in another directory; empty if there is none."""
     if folder is None:
         return []

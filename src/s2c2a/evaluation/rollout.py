@@ -5,7 +5,7 @@ from collections.abc import Callable
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
-from s2c2a.runtime import Clock, Loop, StepRecord, StepRequest, episode_of
+from s2c2a.runtime import Clock, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Stage
 from s2c2a.strategies import AnyStrategy
 from s2c2a.tasks import Task
@@ -48,7 +48,7 @@ def rollout(
                 )
             progress(number, len(task.goals))
         steps += loop.to_rest()
-        return episode_of(
+        return build_episode(
             steps,
             robot.arm,
             strategy=strategy.name,

@@ -18,9 +18,9 @@ from s2c2a.cache import cache_folder
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import DamagedRecordingError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
-from s2c2a.robots import Body as RobotFactory
+from s2c2a.robots import RobotFactory
 from s2c2a.strategies import S2C2A, STRATEGIES, Recipe, StrategyOptions, TrainedNetworks
 
 REVISION = 6
@@ -266,7 +266,7 @@ class GivenNetworks(Artifact[TrainedNetworks]):
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        save_whole(self.content, self.path(cache))
+        write_atomically(self.content, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""

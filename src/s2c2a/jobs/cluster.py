@@ -13,7 +13,11 @@ from distributed.cfexecutor import ClientExecutor
 from distributed.versions import get_versions
 
 from s2c2a.errors import ClusterError
-from s2c2a.executors import checked_count, compute_on_one_thread, processes_that_fit
+from s2c2a.executors import (
+    default_process_count,
+    limit_jax_to_one_thread,
+    validated_worker_count,
+)
 from s2c2a.versions import PACKAGES
 
 LOCAL = "local"
@@ -111,7 +115,7 @@ def _call(
             f"a worker joined that has {differences}; "
             "install the same versions on all machines"
         )
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     return function(*args, **kwargs)
 
 
@@ -123,7 +127,7 @@ def _own_versions() -> Versions:
 def _local_cluster(count: int | None) -> LocalCluster:
     """Workers of this machine, which other machines cannot reach."""
     return LocalCluster(
-        n_workers=checked_count(count, processes_that_fit),
+        n_workers=validated_worker_count(count, default_process_count),
         threads_per_worker=1,
         processes=True,
         dashboard_address="127.0.0.1:0",  # the default listens on all interfaces

@@ -19,10 +19,10 @@ from s2c2a.executors import (
     Result,
     Serial,
     cancel,
-    compute_on_one_thread,
-    max_begun,
+    limit_jax_to_one_thread,
+    max_pending_calls,
 )
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
 from s2c2a.jobs.job import Job
 from s2c2a.progress import Progress, quiet
@@ -165,7 +165,7 @@ class _Batch:
         try:
             while order.is_active():
                 ready.extend(order.get_ready())
-                while ready and len(running) < max_begun(self._executor):
+                while ready and len(running) < max_pending_calls(self._executor):
                     path = ready.popleft()
                     running[self._submit(self._missing[path])] = path
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -191,7 +191,7 @@ class _Batch:
         try:
             content = future.result()
             if content:
-                save_whole(content, path)
+                write_atomically(content, path)
         except ClusterError:  # a failure of the executor, not of the artifact
             raise
         except S2C2AError as error:
@@ -210,10 +210,10 @@ def _fail(error: S2C2AError) -> None:
 
 def _make_on_worker(artifact: Artifact, contents: list[bytes]) -> bytes:
     """Make an artifact in a directory that holds only the files that it needs."""
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     with TemporaryDirectory() as folder:
         cache = Cache(Path(folder), threads=1)
         for need, content in zip(artifact.needs, contents, strict=True):
-            save_whole(content, need.path(cache))
+            write_atomically(content, need.path(cache))
         artifact.make(cache, quiet)
         return artifact.path(cache).read_bytes()

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from s2c2a import episodes, evaluation, strategies, versions
+from s2c2a import episodes, evaluation, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
@@ -21,10 +21,9 @@ from s2c2a.jobs.artifacts import (
     digest_of,
 )
 from s2c2a.progress import Progress
-from s2c2a.robots import Body as RobotFactory
-from s2c2a.robots import Robot
+from s2c2a.robots import Robot, RobotFactory
 from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
-from s2c2a.tasks import Task, task_named
+from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
 """Random bend of every module before a run, in parts of the full bend."""
@@ -63,7 +62,7 @@ class Run:
 
     job: "Job"
     episode: episodes.Episode
-    scores: list[evaluation.Scored]
+    scores: list[evaluation.ScoreResult]
 
     task = property(attrgetter("job.task.name"), doc="Name of the task.")
     strategy = property(attrgetter("job.strategy"), doc="Name of the strategy.")
@@ -111,7 +110,9 @@ class Job(Artifact[Run]):
     @cached_property
     def weighted_task(self) -> Task:
         """The task with the axis weights of the recipe."""
-        return self.task.with_axes_weighed(self.recipe.axis_weight(self.task.name))
+        return self.task.with_scaled_axis_weights(
+            self.recipe.axis_weight(self.task.name)
+        )
 
     @property
     def needs(self) -> tuple[Artifact, ...]:
@@ -183,9 +184,7 @@ class Job(Artifact[Run]):
         return Run(self, episode, scores)
 
     def __str__(self) -> str:
-        return (
-            f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
-        )
+        return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
 
 
 def checked_seeds(first: int, count: int) -> range:
@@ -217,7 +216,7 @@ def jobs_for(
     """
     chosen = []
     for task in dict.fromkeys(tasks):
-        chosen.append(task if isinstance(task, Task) else task_named(task, arm))
+        chosen.append(task if isinstance(task, Task) else load_task(task, arm))
         evaluation.check_scores(chosen[-1], arm)
     return [
         Job(task, arm, strategy, recipe, seed, conditions, weights)

@@ -12,7 +12,7 @@ from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
-from s2c2a.files import holds, save_whole
+from s2c2a.files import holds, write_atomically
 from s2c2a.jobs.job import Run
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
@@ -21,7 +21,7 @@ from s2c2a.viz.video import save_video
 MARKER = "options.json"
 
 
-def open_run_folder(
+def open_run_directory(
     path: Path | None, label: str, options: dict, overwrite: bool, go_on: bool = False
 ) -> Path:
     """Make a run directory and write its options and versions.
@@ -51,7 +51,7 @@ def open_run_folder(
     if go_on and not overwrite and marker.is_file() and holds(marker, text):
         return folder
     _clear(folder, overwrite)
-    save_whole(text, marker)
+    write_atomically(text, marker)
     return folder
 
 

@@ -15,4 +15,4 @@ from s2c2a.kinematics.chain import (
     states_from_bends,
     states_from_configurations,
 )
-from s2c2a.kinematics.pcc import PCC, ForwardModel, MemorylessModel, PCCForwardModel
+from s2c2a.kinematics.pcc import PCC

@@ -24,7 +24,7 @@ from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
 from s2c2a.planning import Guard
-from s2c2a.robots import Body, Robot
+from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
@@ -36,7 +36,7 @@ from s2c2a.strategies import (
     s2c2a_strategy,
     shipped_networks,
 )
-from s2c2a.tasks import TASKS, Task, task_named
+from s2c2a.tasks import TASKS, Task, load_task
 
 Strategies = Mapping[str, Callable[[], AnyStrategy]]
 Tasks = Mapping[str, Callable[[], Task]]
@@ -106,7 +106,9 @@ class ArmControl(Control):
                 f"no strategy '{name}'; choose one of {', '.join(self.strategies)}"
             )
         strategy = self._builders[name]()
-        self._loop.needed_by(strategy)  # raises here, while the arm keeps running
+        self._loop.required_sensors(
+            strategy
+        )  # raises here, while the arm keeps running
         self._commands.append(
             partial(self._change_strategy, strategy, name, _margins_of(strategy))
         )
@@ -262,7 +264,7 @@ def _margins_of(strategy: AnyStrategy) -> str:
 
 def arm_control(
     arm: ArmSpec,
-    body: Body,
+    body: RobotFactory,
     weights: tuple[str, ...] = (),
     guard: Guard = "tip",
     seed: int = 0,
@@ -288,7 +290,7 @@ def tasks_of(arm: ArmSpec) -> Tasks:
     """Tasks that fit an arm, by name; slow ones are built on first use."""
     tasks: dict[str, Callable[[], Task]] = {}
     for name in TASKS:
-        build = cache(partial(task_named, name, arm=arm))
+        build = cache(partial(load_task, name, arm=arm))
         with suppress(S2C2AError):  # an arm of one module has no middle to hold
             if name not in SLOW_TASKS:
                 build()

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.evaluation import belief_said
+from s2c2a.evaluation import describe_step_estimates
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
@@ -243,7 +243,7 @@ class LivePage(Window):
         if latest.stage is Stage.FAULT:
             return f"{head}\n\n**stopped:** {latest.fault}"
         details = " · ".join([self._motion(latest), *self._details(latest)])
-        estimate = belief_said(latest.step.diagnostics)
+        estimate = describe_step_estimates(latest.step.diagnostics)
         return f"{head}\n\n{details}\n\n{estimate}"
 
     def _motion(self, latest: Snapshot) -> str:

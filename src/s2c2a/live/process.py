@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import compute_on_one_thread
+from s2c2a.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
 from s2c2a.spaces import Stage
@@ -221,7 +221,7 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
     for name in vars(signal).keys() & IGNORED_SIGNALS:  # not every system has all
         signal.signal(vars(signal)[name], signal.SIG_IGN)
     sys.setswitchinterval(SWITCH_INTERVAL)
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     messages: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     sender = threading.Thread(
         target=_send_all, args=(messages, pipe), name="snapshots", daemon=True

@@ -9,9 +9,9 @@ from pathlib import Path
 from s2c2a.arm import save_arm
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.live.snapshot import Control, Snapshot
-from s2c2a.runtime import episode_of
+from s2c2a.runtime import build_episode
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page
 
@@ -69,11 +69,11 @@ class Recorder:
             "versions": package_versions,
         }
         text = json.dumps(options, indent=1, default=str)
-        save_whole(f"{text}\n", folder / "options.json")
+        write_atomically(f"{text}\n", folder / "options.json")
         save_arm(arm, folder / "arm.toml", overwrite=True)
         steps = [snapshot.step for snapshot in snapshots]
         strategy = snapshots[-1].strategy
-        episode = episode_of(
+        episode = build_episode(
             steps, arm, verb="live", strategy=strategy, versions=package_versions
         )
         save_episodes([episode], folder / f"{arm.name}{ENDING}")

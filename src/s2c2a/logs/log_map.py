@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from s2c2a.arm.spec import MAX_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, toml_in
+from s2c2a.files import parse_toml, read_text
 from s2c2a.logs.errors import LogError
 from s2c2a.validation import explained
 
@@ -412,7 +412,7 @@ def map_from_toml(text: str, source: str = "map") -> LogMap:
             range.
     """
     try:
-        return LogMap.model_validate(toml_in(text))
+        return LogMap.model_validate(parse_toml(text))
     except ValidationError as error:
         raise LogError(explained(error, f"{source}: {HEADING}", KEYS)) from error
     except S2C2AError as error:

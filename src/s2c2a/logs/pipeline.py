@@ -12,7 +12,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.logs.arm_file import Layout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import Parameters, tilt_rotation
 from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
@@ -240,7 +240,7 @@ def save_imported(
         return None
     options["residual_mm"] = round(1e3 * imported.residual, 2)
     save_episodes(imported.episodes, path, options)
-    return save_whole(imported.text, arm_file_of(path), LogError)
+    return write_atomically(imported.text, arm_file_of(path), LogError)
 
 
 def arm_file_of(path: str | os.PathLike) -> Path:

@@ -13,7 +13,7 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
-from s2c2a.kinematics.pcc import ForwardModel, Memory, MemorylessModel
+from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics import ForwardModel
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.cables import Hysteresis, HysteresisMemory
 from s2c2a.models.disturbances import Disturbances, moments_of_weights
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium, Rest
 from s2c2a.models.trunk import Trunk
 

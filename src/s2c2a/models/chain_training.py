@@ -15,10 +15,11 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.errors import TrainingError
-from s2c2a.kinematics import ForwardModel, bends_from_states
+from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium
 from s2c2a.models.transfer import babbled, carried_over, under_weights
 from s2c2a.models.trunk import Trunk

@@ -17,14 +17,15 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
+from s2c2a.kinematics import bends_from_configurations, limit_lengths
 from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
-from s2c2a.models.uncertainty import Known, known_from
+from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.kernels import Kernels, fitted_kernels
 from s2c2a.models.transfer import babbled, same_places
-from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.uncertainty import Known, known_from
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 

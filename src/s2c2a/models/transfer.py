@@ -21,8 +21,8 @@ from s2c2a.data.babbling import episode_actions
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.cables import Hysteresis
 from s2c2a.models.chain import ChainC2S, ChainMemory
-from s2c2a.models.statics import Equilibrium
 from s2c2a.models.disturbances import Disturbances, moments_of_weights
+from s2c2a.models.statics import Equilibrium
 from s2c2a.training.trained import TrainingData
 
 SUNK = 30  # times that weights and the shape under them are brought together

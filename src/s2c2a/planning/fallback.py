@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
 from s2c2a.planning.solvers import Problem, solve_least_squares
@@ -121,7 +121,7 @@ class Search(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FallbackSearch(Part):
+class FallbackSearch(Component):
     """Random restarts where the plan is stuck. Costs are sums of mu |r|^2.
 
     Attributes:
@@ -340,4 +340,4 @@ def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
 
 
 NO_FALLBACK = FallbackSearch(starts=0)
-FALLBACKS = Kind.of("fallback", FallbackSearch, FallbackSearch)
+FALLBACKS = ComponentRegistry.of("fallback", FallbackSearch, FallbackSearch)

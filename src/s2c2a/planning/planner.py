@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled, where_finite
-from s2c2a.components import Own
+from s2c2a.compilation import compiled, select_if_finite
+from s2c2a.components import CustomComponent
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.goals import Goal
 from s2c2a.estimation import Estimate
+from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
@@ -55,11 +55,15 @@ START_ITERATIONS = 3
 WORKSPACE_SHARE = 0.46 / 0.6
 """Half width of the paper's workspace over arm length (Chen et al. 2025, sec. II-D)."""
 
-AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
-AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
-AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
+AnySolver = Annotated[
+    Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)
+]
+AnyTerm = Annotated[Term | CustomComponent, SkipValidation, BeforeValidator(TERMS.read)]
+AnyGuide = Annotated[
+    Guide | CustomComponent, SkipValidation, BeforeValidator(GUIDES.read)
+]
 AnyFallback = Annotated[
-    FallbackSearch | Own, SkipValidation, BeforeValidator(FALLBACKS.read)
+    FallbackSearch | CustomComponent, SkipValidation, BeforeValidator(FALLBACKS.read)
 ]
 
 
@@ -108,10 +112,10 @@ class PlannerOptions:
             S2C2AError: a component is not found, may not be imported, or rejects its
                 parameters.
         """
-        terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
-        guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
-        fallback = FALLBACKS.made(self.fallback, self.own_code)
-        solver = SOLVERS.made(self.solver, self.own_code)
+        terms = tuple(TERMS.build(term, self.own_code) for term in self.terms)
+        guides = tuple(GUIDES.build(guide, self.own_code) for guide in self.guides)
+        fallback = FALLBACKS.build(self.fallback, self.own_code)
+        solver = SOLVERS.build(self.solver, self.own_code)
         return solver, terms, guides, fallback
 
 
@@ -209,7 +213,7 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, guides, fallback = options.made()
+        solver, terms, guides, fallback = options.build()
         prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
         return cls(arm, model, solver, terms, guides, fallback, prepared, options)
 
@@ -252,8 +256,8 @@ class Step(NamedTuple):
             disturbances = self._with_moments(
                 disturbances, sensed, plan.memory, plan.disturbances
             )
-            disturbances = where_finite(disturbances, plan.disturbances)
-        memory = where_finite(self.model.observe(sensed, plan.memory), plan.memory)
+            disturbances = select_if_finite(disturbances, plan.disturbances)
+        memory = select_if_finite(self.model.observe(sensed, plan.memory), plan.memory)
         last = Plan(plan.configurations, memory, plan.search, disturbances)
         problem = self.problem(last, goal)
         planned = problem.within_limits(self.solver.solve(problem))
@@ -268,7 +272,7 @@ class Step(NamedTuple):
             improved = problem.within_limits(configurations_from_bends(bends))
             planned = jnp.where(search.state.is_replaced, improved, planned)
         unchanged = plan.configurations, Search.none(problem.situation.last.bends)
-        planned, search = where_finite((planned, search), unchanged)
+        planned, search = select_if_finite((planned, search), unchanged)
         return last._replace(configurations=planned, search=search)
 
     def _with_moments(

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import squared_norm
@@ -114,7 +114,7 @@ Residual = tuple[Weights, Float[Array, "*groups axes"]]
 
 
 @dataclass(frozen=True)
-class Term(Part, ABC):
+class Term(Component, ABC):
     """One term of the objective. Its own weight multiplies its residual."""
 
     @abstractmethod
@@ -324,7 +324,7 @@ class Limits(Term):
         return 1.0, self.weight * excess[:, None]
 
 
-TERMS = Kind.of(
+TERMS = ComponentRegistry.of(
     "term",
     Term,
     Positions,

@@ -9,9 +9,7 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import found
 from s2c2a.robots.robot import Robot
-from s2c2a.validation import said
 
 SIMULATED = "sim"
 KNOWN = {SIMULATED: "s2c2a.robots.simulation:SimulatedRobot"}
@@ -24,7 +22,7 @@ def robot_class(name: str) -> type[Robot]:
     Raises:
         S2C2AError: there is no such class, or it is not a complete robot.
     """
-    cls = found("robot", KNOWN.get(name, name), KNOWN)
+    cls = resolve("robot", KNOWN.get(name, name), KNOWN)
     if not (isinstance(cls, type) and issubclass(cls, Robot)):
         raise S2C2AError(
             f"{name} is {cls!r}, not a robot; give a subclass of s2c2a.robots.Robot"
@@ -111,7 +109,6 @@ class RobotFactory:
         return self.make(arm, seed=seed)
 
 
-Body = RobotFactory
 
 
 def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -160,5 +157,5 @@ def _convert_option(
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         raise S2C2AError(
-            f"option {name}={value} of {cls.__name__}: {said(fault)}"
+            f"option {name}={value} of {cls.__name__}: {describe_fault(fault)}"
         ) from error

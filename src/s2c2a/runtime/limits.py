@@ -53,10 +53,10 @@ class CommandLimits:
         Without `acceleration_limit_deg`, the arm reaches its largest rate in one step
         and reverses in two.
         """
-        return cls.with_steps(arm, arm.step_limit_deg, acceleration_limit_deg(arm))
+        return cls.from_degrees(arm, arm.step_limit_deg, acceleration_limit_deg(arm))
 
     @classmethod
-    def with_steps(
+    def from_degrees(
         cls, arm: ArmSpec, step_deg: float, acceleration_deg: float
     ) -> "CommandLimits":
         """Limits of rate and acceleration other than the arm's own, in bends [deg]."""

@@ -50,8 +50,20 @@ class Driver(Protocol):
     def start(self, reading: Reading) -> None:
         """Begin to control an arm at rest."""
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """Return the action of one control step [m or N], shape (modules, cables)."""
+    def estimate(self, reading: Reading, last_command: Actions) -> Any:
+        """Estimate the state of the arm.
+
+        Args:
+            reading: latest.
+            last_command: that was sent in the last step [m or N], shape (modules,
+                cables).
+        """
+
+    def plan(self, estimate: Any, goal: Goal) -> Any:
+        """Plan towards a goal."""
+
+    def act(self, plan: Any, estimate: Any) -> Actions:
+        """Return the command [m or N], shape (modules, cables)."""
 
     def sent(self, action: Actions) -> None:
         """Receive the command that replaced the last action.
@@ -114,6 +126,7 @@ class Loop:
         self._due = 0.0
         self._opened_at = 0.0
         self._step_count = 0
+        self._tick_time = 0.0
         self.late_steps = 0
         self.phase = Phase()
         self.use(driver)
@@ -125,13 +138,13 @@ class Loop:
         Raises:
             S2C2AError: see `Loop`.
         """
-        required = self.needed_by(driver)
+        required = self.required_sensors(driver)
         self.driver = driver
         self._check = ReadingCheck(
             self._robot.sensors, required, self.arm.control_period
         )
 
-    def needed_by(self, driver: Driver) -> list[str]:
+    def required_sensors(self, driver: Driver) -> list[str]:
         """Return the names of the robot's sensors that a controller requires.
 
         Raises:
@@ -179,13 +192,17 @@ class Loop:
             reading = self._faults(self._robot.read())
             fault = self._check_reading(reading, moment)
             previous_stage = self._update_stage(request, fault)
-            desired, tick_time = self._act(reading, request, fault, previous_stage)
-            command = self._limiter.limit(desired)
-            sent = self._send(command)
-            diagnostics = {} if self._is_passive(fault) else self._report(desired)
+            if self._is_passive(fault):
+                sent = self._passive_step()
+                diagnostics = {}
+            else:
+                if previous_stage in (Stage.IDLE, Stage.START):
+                    self.driver.start(reading)
+                sent = self._control_step(reading, self._goal(request))
+                diagnostics = dict(self.driver.diagnostics())
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
-            diagnostics, tick_time, delay, self.fault,
+            diagnostics, self._tick_time, delay, self.fault,
         )  # fmt: skip
         self._step_count += 1
         self._on_step(record)
@@ -279,45 +296,47 @@ class Loop:
             self.fault = ""
         return previous.stage
 
-    def _act(
-        self, reading: Reading, request: StepRequest, fault: str, previous_stage: Stage
-    ) -> tuple[Actions, float]:
-        """Choose the desired command; return it with the time that this took [s]."""
+    def _control_step(self, reading: Reading, goal: Goal) -> Actions:
+        """Do one control step: estimate, plan, act, limit, send.
+
+        Returns:
+            The command that the robot sent [m or N], shape (modules, cables).
+        """
         began = time.perf_counter()
+        estimate = self.driver.estimate(reading, self._limiter.command)
+        plan = self.driver.plan(estimate, goal)
+        desired = self.driver.act(plan, estimate)
+        self._tick_time = time.perf_counter() - began
+        command = self._limiter.limit(desired)
+        sent = self._send(command)
+        if self._limiter.changed(desired):
+            self.driver.sent(command)
+        return sent
+
+    def _passive_step(self) -> Actions:
+        """Hold the last command, or move towards rest; the driver does not act."""
+        self._tick_time = 0.0
         if self.phase.stage is Stage.RELEASE:
             desired = self._limiter.towards_rest()
-        elif self._is_passive(fault):
-            desired = self._limiter.hold()
         else:
-            desired = self._control(reading, request, previous_stage)
-        return desired, time.perf_counter() - began
+            desired = self._limiter.hold()
+        return self._send(self._limiter.limit(desired))
+
+    def _goal(self, request: StepRequest) -> Goal:
+        """The goal of a step: none while the arm is held."""
+        if self.phase.stage is Stage.HOLD or request.goal is None:
+            return self._no_goal
+        return request.goal
 
     def _is_passive(self, fault: str) -> bool:
         """Whether the controller does not act in this step."""
         return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
-
-    def _control(
-        self, reading: Reading, request: StepRequest, previous_stage: Stage
-    ) -> Actions:
-        """Return the controller's action; without a goal while the arm is held."""
-        if self.phase.stage is Stage.HOLD:
-            return self.driver.step(reading, self._no_goal)
-        if previous_stage in (Stage.IDLE, Stage.START):
-            self.driver.start(reading)
-        goal = self._no_goal if request.goal is None else request.goal
-        return self.driver.step(reading, goal)
 
     def _send(self, command: Actions) -> Actions:
         """Send a command; return what the robot sent [m or N] after one period."""
         sent = np.asarray(self._robot.send(command), dtype=float)
         self._robot.advance(self.arm.control_period)
         return sent
-
-    def _report(self, desired: Actions) -> dict[str, np.ndarray]:
-        """Report a limited command to the controller; return its diagnostics."""
-        if self._limiter.changed(desired):
-            self.driver.sent(self._limiter.command)
-        return dict(self.driver.diagnostics())
 
 
 @contextmanager

@@ -47,7 +47,7 @@ class StepRecord:
 Step = StepRecord  # former name, still imported by `estimation` and `live`
 
 
-def episode_of(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
+def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
     """Build an episode with one row a step.
 
     Every sensor and every diagnostic that occurs in any step becomes a column.

@@ -23,8 +23,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import ForeignCodeError, S2C2AError, StrategyError
-from s2c2a.files import save_whole
+from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.files import write_atomically
 from s2c2a.training import FromArm
 
 SCHEMA = 3
@@ -74,7 +74,9 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
             metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST},
         )
     )
-    save_whole(content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path)
+    write_atomically(
+        content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path
+    )
 
 
 def _ordered(content: bytes) -> bytes:
@@ -112,9 +114,7 @@ def read(path: str | os.PathLike) -> tuple[Metadata, Arrays]:
         if digest != _digest(blank):
             raise StrategyError("its digest does not match its content")
         if arrays > MAX_ARRAYS:
-            raise StrategyError(
-                f"it holds {arrays} arrays, more than {MAX_ARRAYS}"
-            )
+            raise StrategyError(f"it holds {arrays} arrays, more than {MAX_ARRAYS}")
         return metadata, load(content)
 
 
@@ -123,8 +123,8 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
     """Whatever is wrong with a file's content becomes a StrategyError."""
     try:
         yield
-    except ForeignCodeError as error:
-        raise ForeignCodeError(f"{path}: {error}") from error
+    except UntrustedCodeError as error:
+        raise UntrustedCodeError(f"{path}: {error}") from error
     except (*_FOREIGN, S2C2AError) as error:
         raise StrategyError(
             f"{path} is no strategy file, or damaged: {error}; train it anew"

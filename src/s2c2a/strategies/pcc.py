@@ -94,7 +94,9 @@ class FittedPCC(StrategyOptions):
     ) -> Strategy:
         """See `StrategyOptions`."""
         if trained is None:
-            raise StrategyError("pcc-fitted needs gains that were fitted to a recording")
+            raise StrategyError(
+                "pcc-fitted needs gains that were fitted to a recording"
+            )
         options = replace(recipe.planner, guard=run.guard)
         gains = np.asarray(trained.networks[GAINS].gains, float)
         return _pcc(self.name, arm, options, 1.0 / gains)

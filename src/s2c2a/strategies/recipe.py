@@ -21,7 +21,7 @@ from pydantic import (
 )
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Own
+from s2c2a.components import CustomComponent
 from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
@@ -36,7 +36,7 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
-from s2c2a.files import read_text, save_whole, toml_in
+from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
 from s2c2a.planning import BEST, PAPER, PlannerOptions
@@ -50,7 +50,7 @@ TAGS = {"name", "model"}
 """Keys that say of which class a table is."""
 
 AnyEstimator = Annotated[
-    EstimatorOptions | Own, SkipValidation, BeforeValidator(ESTIMATORS.read)
+    EstimatorOptions | CustomComponent, SkipValidation, BeforeValidator(ESTIMATORS.read)
 ]
 
 
@@ -138,7 +138,7 @@ class Recipe:
         Raises:
             S2C2AError: it is not found, or may not be imported.
         """
-        return ESTIMATORS.made(self.estimator, self.planner.own_code)
+        return ESTIMATORS.build(self.estimator, self.planner.own_code)
 
     @property
     def training(self) -> dict[str, Any]:
@@ -286,11 +286,11 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
             f"{path} has the name of a recipe of the package; rename the file"
         )
     try:
-        written = toml_in(read_text(path))
+        written = parse_toml(read_text(path))
         table = _complete(written, Path(path).parent) | {"name": Path(path).stem}
         recipe = recipe_in(table, MODELS.named, CONTROLLERS.named)
         # import now what the recipe names, not after the training
-        recipe.planner.made()
+        recipe.planner.build()
         _ = recipe.estimator_options
         return recipe
     except ValidationError as error:
@@ -414,4 +414,4 @@ def save_recipe(recipe: Recipe, path: str | os.PathLike) -> Path:
     """Write a recipe to a file, replacing what is there."""
     table = asdict(recipe)
     del table["name"]
-    return save_whole(tomli_w.dumps(table), path)
+    return write_atomically(tomli_w.dumps(table), path)

@@ -23,7 +23,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def measure(
     values = measured(recording)
     recipe = recipe_named("paper")
     if with_pcc:
-        task = task_named("circle", arm)
+        task = load_task("circle", arm)
         strategy = pcc_strategy(arm, recipe.planner)
         run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
         errors = position_errors(run.after("states"), task.desired_positions())
@@ -104,7 +104,7 @@ def measure(
     return values
 
 
-def mean_measured(
+def mean_measurements(
     arm: ArmSpec, seeds: Sequence[int], with_network: bool
 ) -> dict[str, float]:
     """Means over seeds of `measure`, for the quantities that `claims_for` lists."""

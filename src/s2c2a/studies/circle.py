@@ -18,7 +18,7 @@ from s2c2a.control import NetworkController
 from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
@@ -52,7 +52,7 @@ def circle_table(
         The rows; and the files drawn, a figure and a replay page for each arm.
     """
     arms = [load_arm(name) for name in ARMS]
-    conditions = jobs.Conditions(Body.simulation(fidelity))
+    conditions = jobs.Conditions(RobotFactory.simulation(fidelity))
     groups = [
         jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, conditions)
         for arm in arms
@@ -67,7 +67,7 @@ def circle_table(
     return rows, [path for runs in runs_by_arm for path in draw_runs(folder, runs)]
 
 
-def tracking_table(
+def controller_table(
     arms: Sequence[ArmSpec], seeds: Sequence[int], make: jobs.Make, recipe: Recipe
 ) -> tuple[list[Row], list[float]]:
     """Test C2A in closed loop, because a low held-out error does not show stability.
@@ -91,7 +91,7 @@ def tracking_table(
         used_seeds = tuple(networks.seed for networks in trained)
         heading = jobs.Heading("controller", arm, recipe_name, used_seeds)
         for speed in SPEEDS:
-            errors = [track_circle(networks, speed) for networks in trained]
+            errors = [track_reference(networks, speed) for networks in trained]
             end_errors.append(max(float(run[-END_STEPS:].mean()) for run in errors))
             task = f"circle at {speed:g} of its speed"
             means = [float(run.mean(axis=-1).mean()) for run in errors]
@@ -103,7 +103,7 @@ def tracking_table(
     return rows, end_errors
 
 
-def track_circle(
+def track_reference(
     networks: TrainedNetworks, speed: float, steps: int = 1000
 ) -> Float[np.ndarray, "steps modules"]:
     """Let C2A alone follow configurations sensed while inverse PCC drove the circle.

@@ -20,11 +20,11 @@ from s2c2a.compilation import compiled
 from s2c2a.data.babbling import bend_path
 from s2c2a.evaluation import Row
 from s2c2a.kinematics import (
-    ForwardModel,
     bends_from_configurations,
     configurations_from_bends,
     limit_lengths,
 )
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares

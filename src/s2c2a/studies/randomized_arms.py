@@ -14,12 +14,12 @@ from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row, position_errors
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RECIPES, recipe_named
 from s2c2a.studies.tables import mean_rows
 from s2c2a.studies.targets import RandomTargets, ReachableTask, TargetSequence
-from s2c2a.tasks import Task, task_named
+from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
 
 EXPERIMENT = "randomised-arms"
@@ -35,7 +35,7 @@ REACHABLE_FROM = 0.75  # mismatch strength from which goals are moved within rea
 UNREACHABLE_COUNT = 20  # targets out of reach
 RUNAWAY = 5.0  # cm; a larger error at the end of a target counts as a runaway
 STILL_TIME = 1.0  # s at the end of each target in which the tip should not move
-AGED = jobs.Conditions(Body.simulation(aged=1.0))
+AGED = jobs.Conditions(RobotFactory.simulation(aged=1.0))
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[Trial]:
         randomized, jobs.in_groups(make, groups), strict=True
     ):
         count = len(study.tasks) if strength >= REACHABLE_FROM else 0
-        tasks = results[:count] or [task_named(name, arm) for name in study.tasks]
+        tasks = results[:count] or [load_task(name, arm) for name in study.tasks]
         targets = tuple(results[count:])
         for strategy in study.strategies:
             trials.append(Trial(strength, arm, strategy, tuple(tasks), targets))
@@ -231,5 +231,7 @@ def _target_artifacts(
         artifacts += [ReachableTask(arm, name) for name in study.tasks]
     if study.targets:
         artifacts.append(RandomTargets(arm, study.targets))
-        artifacts.append(RandomTargets(arm, UNREACHABLE_COUNT, out_of_reach=True))
+        artifacts.append(
+            RandomTargets(arm, UNREACHABLE_COUNT, unreachable_waypoints=True)
+        )
     return artifacts

@@ -11,10 +11,11 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.windows import forward_samples
-from s2c2a.kinematics import ForwardModel, bends_from_configurations
+from s2c2a.kinematics import bends_from_configurations
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.layers import LSTM
 from s2c2a.models.trunk import Trunk
 from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train

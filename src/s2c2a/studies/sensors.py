@@ -92,9 +92,7 @@ class Case:
     payload: float
 
 
-def randomized_arms(
-    base: ArmSpec, count: int, strength: float
-) -> tuple[ArmSpec, ...]:
+def randomized_arms(base: ArmSpec, count: int, strength: float) -> tuple[ArmSpec, ...]:
     """So many randomized arms; the given arm for none."""
     arms = [randomized_arm(base, seed, strength) for seed in range(count)]
     return tuple(arms) or (base,)

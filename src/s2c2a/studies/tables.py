@@ -18,7 +18,7 @@ from s2c2a.jobs.run_folder import trace_of
 from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, LeastSquares
 from s2c2a.planning.terms import Evenness
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.sensing import PAPER_COUPLING, estimator_for
 from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.studies.calibration import sensing_rows
@@ -261,7 +261,7 @@ TABLES: dict[str, Table] = {
                 _TWIN,
                 ("circle",),
                 COMPARED,
-                jobs.Conditions(Body.simulation(payload=PAYLOAD)),
+                jobs.Conditions(RobotFactory.simulation(payload=PAYLOAD)),
                 "50 g at the tip",
             ),
         ),
@@ -389,7 +389,7 @@ VARIANTS: dict[str, Recipe] = {
 """Name, which result rows have as their strategy -> recipe."""
 
 
-def ingredient_rows(
+def ablation_rows(
     seeds: Sequence[int], make: jobs.Make, arm: str = "twin_arm"
 ) -> list[Row]:
     """Make rows of the ablation: six tasks with every variant, once a seed.

@@ -12,14 +12,14 @@ from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.goals import Goal
 from s2c2a.jobs import Artifact, Cache
 from s2c2a.jobs.artifacts import Made, digest_of
 from s2c2a.progress import Progress
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.studies.true_reach import RestingShape, TrueReach
-from s2c2a.tasks import Task, task_named
+from s2c2a.tasks import Task, load_task
 
 SEARCH_INTERVAL = 5  # steps of a task between searches; goals between are interpolated
 TOLERANCE = 0.003  # m; a goal that the arm misses by less is not moved
@@ -77,7 +77,7 @@ class _TargetSearch(Artifact[Made]):
         contiguous = {
             name: np.ascontiguousarray(values) for name, values in arrays.items()
         }
-        save_whole(save(contiguous), self.path(cache))
+        write_atomically(save(contiguous), self.path(cache))
 
     def load(self, cache: Cache) -> Made:
         """See `Artifact`."""
@@ -104,14 +104,14 @@ class ReachableTask(_TargetSearch[Task]):
     def key(self) -> tuple:
         """See `_TargetSearch`; the file of a path can change under the same name."""
         digest = hashlib.sha256()
-        for goal in task_named(self.name, self.arm).goals:
+        for goal in load_task(self.name, self.arm).goals:
             for values in goal:
                 digest.update(np.ascontiguousarray(values).tobytes())
         return self.name, digest.hexdigest()
 
     def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
         """See `_TargetSearch`; displacements of the goals."""
-        goals = task_named(self.name, self.arm).goals
+        goals = load_task(self.name, self.arm).goals
         steps = sorted({*range(0, len(goals), SEARCH_INTERVAL), len(goals) - 1})
         shape: RestingShape | None = None
         moves = []
@@ -126,7 +126,7 @@ class ReachableTask(_TargetSearch[Task]):
 
     def read(self, arrays: dict[str, np.ndarray]) -> Task:
         """See `_TargetSearch`."""
-        task = task_named(self.name, self.arm)
+        task = load_task(self.name, self.arm)
         pairs = zip(task.goals, arrays["moves"], strict=True)
         return replace(task, goals=tuple(_moved(goal, move) for goal, move in pairs))
 
@@ -140,23 +140,23 @@ class RandomTargets(_TargetSearch[TargetSequence]):
 
     Attributes:
         count: number of targets.
-        out_of_reach: whether the arm cannot reach them.
+        unreachable_waypoints: whether the arm cannot reach them.
     """
 
     count: int
-    out_of_reach: bool = False
+    unreachable_waypoints: bool = False
 
     @property
     def key(self) -> tuple:
         """See `_TargetSearch`."""
-        return self.count, self.out_of_reach
+        return self.count, self.unreachable_waypoints
 
     def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
         """See `_TargetSearch`; positions and smallest distances [m]."""
-        random = np.random.default_rng([self.count, int(self.out_of_reach)])
+        random = np.random.default_rng([self.count, int(self.unreachable_waypoints)])
         actions = reach.random_actions(self.count, random)
         tips = reach.states(actions)[:, -1, POSITION]
-        if not self.out_of_reach:
+        if not self.unreachable_waypoints:
             return {"positions": tips, "distances": np.zeros(self.count)}
         length = self.arm.length
         outward = tips - [0.0, 0.0, CENTER_HEIGHT * length]
@@ -174,14 +174,14 @@ class RandomTargets(_TargetSearch[TargetSequence]):
         goals: list[Goal] = []
         for tip in arrays["positions"]:
             goals += [self._goal(tip)] * steps
-        name = "beyond" if self.out_of_reach else "held"
+        name = "beyond" if self.unreachable_waypoints else "held"
         return TargetSequence(Task(name, tuple(goals)), arrays["distances"])
 
     def _goal(self, tip: np.ndarray) -> Goal:
         return Goal.of(self.arm.module_count).with_position(tip)
 
     def __str__(self) -> str:
-        where = "out of" if self.out_of_reach else "within"
+        where = "out of" if self.unreachable_waypoints else "within"
         return f"{self.count} targets {where} reach of {self.arm.name}"
 
 

@@ -114,7 +114,7 @@ def hold_and_turn(arm: ArmSpec, name: str) -> Task:
     return Task(name, tuple(goals), scores)
 
 
-def way_out(end: Float[np.ndarray, "3"], control_rate: float) -> Path:
+def approach_path(end: Float[np.ndarray, "3"], control_rate: float) -> Path:
     """Approach along arcs of equal bends to a point; for an arm of length one.
 
     The arc ends near the height of the point; the difference is distributed over the
@@ -141,7 +141,7 @@ def _approach_and_turn(control_rate: float) -> tuple[Steps, Steps]:
 
 def _approach_and_circle(radius: float, height: float, control_rate: float) -> Path:
     """An approach, then one circle at constant height; for an arm of length one."""
-    approach = way_out(np.array([radius, 0.0, height]), control_rate)
+    approach = approach_path(np.array([radius, 0.0, height]), control_rate)
     angles = _approach_and_turn(control_rate)[1][len(approach) :]
     x = radius * np.cos(angles)
     y = radius * np.sin(angles)

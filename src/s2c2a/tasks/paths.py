@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.planning import Goal
-from s2c2a.tasks.circle import way_out
+from s2c2a.tasks.circle import approach_path
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Task
 
 # lengths in m, times in s
@@ -82,7 +82,7 @@ def path(arm: ArmSpec, name: str) -> Task:
     points, time = PATHS[name]
     steps = max(1, round(time * arm.control_rate))
     start = points(np.zeros(1))[0]
-    approach = way_out(start / PAPER_LENGTH, arm.control_rate) * PAPER_LENGTH
+    approach = approach_path(start / PAPER_LENGTH, arm.control_rate) * PAPER_LENGTH
     desired = np.concatenate([approach, points(np.arange(1, steps + 1) / steps)])
     scale = arm.length / PAPER_LENGTH
     return Task.along(name, scale * desired, Goal.of(arm.module_count))

@@ -39,7 +39,7 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 }
 
 
-def task_named(name: str, arm: ArmSpec) -> Task:
+def load_task(name: str, arm: ArmSpec) -> Task:
     """Return a task for an arm.
 
     Args:

@@ -63,7 +63,7 @@ class Task:
         goals = tuple(goal.with_position(position) for position in path)
         return cls(name, goals, scores or (Score("position"),))
 
-    def with_axes_weighed(self, factor: float) -> "Task":
+    def with_scaled_axis_weights(self, factor: float) -> "Task":
         """The same task with all orientation weights mu_o multiplied by a factor."""
         if factor == 1.0:
             return self

@@ -125,7 +125,9 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     return Task(name, tuple(goals), tuple(scores))
 
 
-def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
+def unreachable_waypoints(
+    tracks: Sequence[Waypoints], arm: ArmSpec
+) -> list[OutOfReach]:
     """Waypoints that a constant-curvature arm within its bend limits cannot reach."""
     unreachable = []
     for track in tracks:

@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.viz.arrays import Point, Points, Series, Spheres
 from s2c2a.viz.colors import DESIRED, FAINT, INK, MUTED, UNCOUNTED, colors_by_label
 from s2c2a.viz.mounting import ABOVE, SIDE, View
@@ -127,7 +127,7 @@ def draw_arrow(axes: Axes, start, end, color: str, width: float, head: float) ->
     axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=style, zorder=3)
 
 
-def say_nothing_here(axes: Axes, text: str) -> None:
+def write_placeholder(axes: Axes, text: str) -> None:
     """Write a text in the middle of empty axes."""
     axes.text(
         0.5,
@@ -235,7 +235,7 @@ def draw_run(
     draw_ends(axes, path, view, color, order)
 
 
-def name_ends(axes: Axes) -> None:
+def label_path_ends(axes: Axes) -> None:
     """Add the discs of `draw_ends` to the legend."""
     for label, fill in (("start", "white"), ("end", MUTED)):
         _draw_end(axes, [], [], MUTED, fill, linestyle="none", label=label)
@@ -334,7 +334,7 @@ def draw_errors(
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=UNCOUNTED, linewidth=0, label="not counted")
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
-        say_nothing_here(axes, "no desired position")
+        write_placeholder(axes, "no desired position")
 
 
 def save_figure(figure: Figure, path: str | Path, **options) -> Path:
@@ -360,4 +360,4 @@ def save_figure(figure: Figure, path: str | Path, **options) -> Path:
     legend(figure, **options)
     content = io.BytesIO()
     figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)
-    return save_whole(content.getvalue(), path)
+    return write_atomically(content.getvalue(), path)

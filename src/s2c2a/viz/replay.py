@@ -14,7 +14,7 @@ from string import Template
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.viz import colors
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
@@ -77,7 +77,7 @@ def replay_page(
         data=text,
         scripts="\n".join(_read_source(f"page/{name}.js") for name in SCRIPTS),
     )
-    return save_whole(page.encode("utf-8"), path)
+    return write_atomically(page.encode("utf-8"), path)
 
 
 def _page_data(

@@ -16,7 +16,7 @@ from s2c2a.viz.charts import (
 from s2c2a.viz.colors import FAINT, colors_by_label
 
 
-def worth_figure(
+def sensor_comparison_figure(
     errors: Mapping[str, Mapping[str, float]], path: str | Path, title: str
 ) -> Path:
     """Draw mean errors of the tip, the best set of sensors in the top row.

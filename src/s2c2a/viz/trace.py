@@ -168,7 +168,7 @@ def _outermost_module(desired: np.ndarray) -> int:
     return int(modules[-1]) if modules.size else desired.shape[1] - 1
 
 
-def check_some(traces: Collection) -> None:
+def check_not_empty(traces: Collection) -> None:
     """Check that there is at least one trace.
 
     Raises:
@@ -178,13 +178,13 @@ def check_some(traces: Collection) -> None:
         raise S2C2AError("there is no trace to draw; give at least one")
 
 
-def check_told_apart(traces: Collection[Trace]) -> None:
+def check_unique_labels(traces: Collection[Trace]) -> None:
     """Check that there is at least one trace and that all labels differ.
 
     Raises:
         S2C2AError: there is no trace, or two have the same label.
     """
-    check_some(traces)
+    check_not_empty(traces)
     labels = set()
     for trace in traces:
         if trace.label in labels:
@@ -200,7 +200,7 @@ def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     Raises:
         S2C2AError: there is no trace, or one does not fit the arm.
     """
-    check_some(traces)
+    check_not_empty(traces)
     for trace in traces:
         count = trace.episode.arm.module_count
         if count != arm.module_count:

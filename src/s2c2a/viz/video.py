@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.spaces import States
 from s2c2a.viz.arrays import Point, Points
 from s2c2a.viz.camera import Camera
@@ -210,7 +210,7 @@ def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Pat
         loop=0,
         optimize=True,
     )
-    return save_whole(content.getvalue(), path)
+    return write_atomically(content.getvalue(), path)
 
 
 def _write_mp4(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
@@ -231,4 +231,4 @@ def _write_mp4(frames: Iterator[Image.Image], path: Path, seconds: float) -> Pat
                 f"ffmpeg cannot write the video: {result.stderr.strip()}. "
                 "Remove ffmpeg from the PATH to get a GIF."
             )
-        return save_whole(video.read_bytes(), path)
+        return write_atomically(video.read_bytes(), path)

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import Motor
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.transmission import read_encoders, compute_motor_path
+from s2c2a.robots.simulation.transmission import compute_motor_path, read_encoders
 
 MOTORS = {
     "neither": Motor(),

@@ -30,7 +30,7 @@ from s2c2a.estimation.sensor_models.training import (
     train_sensor,
 )
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.plugins import found as resolve
+from s2c2a.plugins import resolve
 
 SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     BendSensor,

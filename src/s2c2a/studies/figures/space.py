@@ -13,7 +13,7 @@ from s2c2a.viz import center_line, charts
 from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colors import DESIRED, INK, POINTING, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
-from s2c2a.viz.trace import Trace, check_some, check_told_apart
+from s2c2a.viz.trace import Trace, check_not_empty, check_unique_labels
 
 MAX_COLUMNS = 4
 AXES_SHOWN = 16
@@ -35,7 +35,7 @@ def _panels_figure(
     Raises:
         S2C2AError: there is no name, or the file cannot be written.
     """
-    check_some(named)
+    check_not_empty(named)
     bands = -(-len(named) // MAX_COLUMNS)
     columns = -(-len(named) // bands)
     rows = len(views)
@@ -129,7 +129,7 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
     """Draw the arm at moments when all of it is known, a color for each module."""
     known = np.isfinite(trace.states).all(axis=(1, 2))
     if not known.any():
-        charts.say_nothing_here(axes, "the shape of the arm was not recorded")
+        charts.write_placeholder(axes, "the shape of the arm was not recorded")
         return
     arm = trace.episode.arm
     lengths = np.array([module.length for module in arm.modules])
@@ -198,7 +198,7 @@ def obstacles_figure(
         for name, runs in named_traces.items()
     }
     for runs in tasks.values():
-        check_told_apart(runs)
+        check_unique_labels(runs)
     traces = [trace for runs in tasks.values() for trace in runs]
     colors = colors_by_label(trace.label for trace in traces)
     shown = []
@@ -227,6 +227,6 @@ def obstacles_figure(
             charts.draw_run(axes, trace, colors, view, FRONT - 3 * number)
         _include_points(axes, shown, view)
         if axes is axes.figure.axes[0]:
-            charts.name_ends(axes)
+            charts.label_path_ends(axes)
 
     return _panels_figure(tasks, (ABOVE, SIDE), 2.5, draw, path)

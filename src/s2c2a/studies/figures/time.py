@@ -25,7 +25,7 @@ from s2c2a.viz.charts import (
 from s2c2a.viz.colors import DESIRED, colors_by_label
 from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
-from s2c2a.viz.trace import Trace, check_told_apart, standing
+from s2c2a.viz.trace import Trace, check_unique_labels, standing
 
 SENSED = "#2b9a4b"
 UPRIGHT_DEG = 3.0  # from the vertical; a smaller tilt has no meaningful azimuth
@@ -83,7 +83,7 @@ def coordinates_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     Raises:
         S2C2AError: no trace, one label for several, or the file cannot be written.
     """
-    check_told_apart(traces)
+    check_unique_labels(traces)
     figure = _stacked(5.8, [f"{name} [m]" for name in "xyz"])
     for axis, axes in enumerate(figure.axes):
         draw_coordinate(axes, traces, axis)
@@ -103,7 +103,7 @@ def orientation_figure(traces: Sequence[Trace], path: str | Path) -> Path:
     Raises:
         S2C2AError: no trace, one label for several, or the file cannot be written.
     """
-    check_told_apart(traces)
+    check_unique_labels(traces)
     figure = _stacked(4.8, ["tilt [deg]", "azimuth [deg]"])
     tilts, azimuths = figure.axes
     module = traces[0].pointing_module
@@ -133,7 +133,7 @@ def _draw_angles(
     )
     series = [desired, *map(angles, traces)]
     if not np.isfinite(np.concatenate(series)).any():
-        charts.say_nothing_here(axes, "no azimuth: the axis is always upright")
+        charts.write_placeholder(axes, "no azimuth: the axis is always upright")
 
 
 def _named_axis_error(trace: Trace) -> str:
@@ -213,7 +213,7 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     charts.draw_desired(views[1], follow.desired_path, ABOVE)
     for axes, trace in zip(views, (flee, follow), strict=True):
         charts.draw_run(axes, trace, colors, ABOVE)
-    charts.name_ends(views[1])
+    charts.label_path_ends(views[1])
     figure.align_ylabels([flight, chase])
     return save_figure(figure, path)
 
@@ -222,7 +222,7 @@ def _draw_flight(axes: Axes, trace: Trace, colors: charts.Colors) -> None:
     """Draw the distance to the obstacle with the least clearance, and its threshold."""
     distances, thresholds = _nearest_obstacle(trace)
     if not np.isfinite(distances).any():
-        charts.say_nothing_here(axes, "no obstacle")
+        charts.write_placeholder(axes, "no obstacle")
         return
     distances = 100 * distances  # cm
     thresholds = 100 * thresholds
