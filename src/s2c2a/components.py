@@ -139,7 +139,9 @@ class ComponentRegistry(NamedTuple):
                 f"{custom.parameters}: {error}"
             ) from error
 
-    made = build  # old name, until all callers use the new one
+    def made(self, component: Component | CustomComponent, own_code: bool) -> Any:
+        """Old name of `build`, until all callers use the new one."""
+        return self.build(component, own_code)
 
 
 # old names, until all callers use the new ones

@@ -52,7 +52,7 @@ def test_an_interrupt_during_an_import_is_raised_after_it(tmp_path, monkeypatch)
 
     def work():
         with interrupts_heeded():
-            import takes_its_time
+            import takes_its_time  # noqa: F401, PLC0415
 
             time.sleep(5.0)
 
