@@ -6,7 +6,7 @@ from s2c2a.cli.interrupts import end_at_interrupts
 def main() -> None:
     """Run the command line; Ctrl-C ends it cleanly, even during imports."""
     end_at_interrupts()
-    from s2c2a.cli.main import main as run_command
+    from s2c2a.cli.main import main as run_command  # noqa: PLC0415 (slow import)
 
     run_command()
 
