@@ -46,9 +46,9 @@ def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
             hashable and are constants of the program.
     """
     leaves, structure = jax.tree.flatten(parts)
-    kinds = []
-    arrays = []
-    constants = []
+    kinds: list[Any] = []
+    arrays: list[Any] = []
+    constants: list[Any] = []
     for leaf in leaves:
         if isinstance(leaf, jax.Array | np.ndarray):
             kinds.append(_ARRAY)

@@ -138,3 +138,13 @@ class ComponentRegistry(NamedTuple):
                 f"the {self.name} {custom.name} cannot be built from "
                 f"{custom.parameters}: {error}"
             ) from error
+
+    def made(self, component: Component | CustomComponent, own_code: bool) -> Any:
+        """Old name of `build`, until all callers use the new one."""
+        return self.build(component, own_code)
+
+
+# old names, until all callers use the new ones
+Part = Component
+Own = CustomComponent
+Kind = ComponentRegistry

@@ -98,7 +98,7 @@ def _describe_unknown_key(key: Any, known: Iterable[str]) -> str:
 
 def _without_consequences(faults: list[Any]) -> list[Any]:
     """Drop the errors that a list is too short because all its items are invalid."""
-    parents = set()
+    parents: set[tuple] = set()
     for fault in faults:
         location = fault["loc"]
         parents.update(location[:depth] for depth in range(len(location)))

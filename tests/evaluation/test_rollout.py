@@ -72,7 +72,13 @@ class Script:
     def start(self, reading):
         self.starts.append(reading)
 
-    def step(self, reading, goal):
+    def estimate(self, reading, last_command):
+        return reading
+
+    def plan(self, estimate, goal):
+        return goal
+
+    def act(self, goal, reading):
         self.inputs.append((reading, goal))
         share = 0.05 * len(self.inputs) if len(self.inputs) < STEPS else 9.0
         return self.geometry.action_neutral + share * (

@@ -93,7 +93,13 @@ class Actor:
     def start(self, reading):
         self.starts.append(reading)
 
-    def step(self, reading, goal):
+    def estimate(self, reading, last_command):
+        return reading
+
+    def plan(self, estimate, goal):
+        return goal
+
+    def act(self, goal, reading):
         self.before_step(len(self.steps))
         self.steps.append((reading, goal))
         return (

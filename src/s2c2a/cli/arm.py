@@ -98,8 +98,9 @@ def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:
 def _describe_hysteresis(cable: Cable) -> str:
     parts = []
     if cable.backlash:
-        per_cable = isinstance(cable.backlash, tuple)
-        backlashes = cable.backlash if per_cable else (cable.backlash,)
+        backlashes = cable.backlash
+        if not isinstance(backlashes, tuple):
+            backlashes = (backlashes,)
         widths = " ".join(f"{1e3 * backlash:g}" for backlash in backlashes)
         parts.append(f"backlash {widths} mm")
     if cable.friction:

@@ -10,20 +10,22 @@ from typing import TYPE_CHECKING
 from s2c2a.cache import enable_compilation_cache
 
 if TYPE_CHECKING:
-    from s2c2a import arm, kinematics, strategies
+    from s2c2a import arm, strategies
+    from s2c2a.models.forward_model import ForwardModel
 
 
 def default_model_and_strategy(
     arm: "arm.ArmSpec",
-) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
+) -> "tuple[ForwardModel, strategies.Strategy]":
     """Forward model and strategy: the networks of the package, or else PCC."""
-    from s2c2a import errors, kinematics, strategies
+    from s2c2a import errors, strategies
+    from s2c2a.models.forward_model import PCCForwardModel
 
     try:
         networks = strategies.shipped_networks(arm)
     except errors.StrategyError:
         planner = strategies.recipe_named("best").planner
-        model = kinematics.PCCForwardModel.of(arm)
+        model = PCCForwardModel.of(arm)
         return model, strategies.pcc_strategy(arm, planner)
     return networks.c2s, strategies.s2c2a_strategy(networks)
 

@@ -1,5 +1,6 @@
 """Command `s2c2a identify`: fit an arm file to a recording (system identification)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
+    from s2c2a.episodes import Episode
     from s2c2a.identification import Fit, TipErrors
 
 SETTLING_TIME = 0.1  # s; a light arm is then at rest
@@ -71,7 +73,7 @@ def identify(
         _check_same_layout(start, tested.arm)
     options = identification.options_for(recorded, settling, rounds, fidelity)
     parameters = identification.unknowns_of(start, groups, moving=settling is None)
-    episodes = recorded.episodes
+    episodes: Sequence[Episode] = recorded.episodes
     if settling is not None:
         episodes = identification.thinned(episodes, rows or DEFAULT_ROWS)
     with make_executor(jobs) as executor, progress_bar() as progress:

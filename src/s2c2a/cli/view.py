@@ -32,10 +32,10 @@ def view(
         model: class of a custom forward model that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    from s2c2a.models.registry import model_named
+    from s2c2a.models.registry import MODELS
 
     if model:
-        model_named(model)
+        MODELS.named(model)
     with closing(open_window(what, port)) as window:
         print(f"{', '.join(what)}: {window.gate.address}")
         print("Ctrl-C stops it.", flush=True)

@@ -21,7 +21,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, CommandLimits, Loop, build_episode
+from s2c2a.runtime import StepRequest, CommandLimits, Loop, build_episode
 from s2c2a.spaces import Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
@@ -188,7 +188,15 @@ class Player:
         """Start at the first action."""
         self._remaining = iter(self._actions)
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
+    def estimate(self, reading: Reading, last_command: Actions) -> Reading:
+        """The reading itself."""
+        return reading
+
+    def plan(self, estimate: Reading, goal: Goal) -> Goal:
+        """The goal itself, which is ignored."""
+        return goal
+
+    def act(self, plan: Goal, estimate: Reading) -> Actions:
         """Next action."""
         return next(self._remaining)
 
@@ -225,7 +233,7 @@ def _run_episode(
     steps = []
     with Loop(robot, player, limits=limits) as loop:
         for _ in actions:
-            step = loop.tick(Ask())
+            step = loop.tick(StepRequest())
             steps.append(step)
             if step.stage is not Stage.RUN:
                 raise RecordingError(

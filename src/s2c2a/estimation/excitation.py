@@ -12,7 +12,7 @@ from s2c2a.data.collecting import Player
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, Loop, Step
+from s2c2a.runtime import StepRequest, Loop, StepRecord
 from s2c2a.runtime.limits import TURN
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
@@ -132,9 +132,9 @@ def shaken(
     )
     needed = (sight,) if robot.sensors[sight].always else ()
     with Loop(robot, Player(arm, needed, actions)) as loop:
-        steps: list[Step] = []
+        steps: list[StepRecord] = []
         for number in range(len(actions)):
-            steps.append(loop.tick(Ask()))
+            steps.append(loop.tick(StepRequest()))
             if steps[-1].stage is not Stage.RUN:
                 raise S2C2AError(
                     f"the arm was held {steps[-1].moment - steps[0].moment:.1f} s on: {loop.fault}"
@@ -150,7 +150,7 @@ def shaken(
 
 
 def _chirp_of(
-    steps: list[Step], arm: ArmSpec, pcc: PCC, sight: str
+    steps: list[StepRecord], arm: ArmSpec, pcc: PCC, sight: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Asked and felt bends and seen tilts, at every control step: where one was left out, nothing was seen."""
     moments = np.array([step.moment for step in steps])

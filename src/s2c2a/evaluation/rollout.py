@@ -7,13 +7,13 @@ from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Stage
-from s2c2a.strategies import AnyStrategy
+from s2c2a.runtime import Driver
 from s2c2a.tasks import Task
 
 
 def rollout(
     robot: Robot,
-    strategy: AnyStrategy,
+    strategy: Driver,
     task: Task,
     progress: Callable[[int, int], None] = lambda done, total: None,
     clock: Clock | None = None,

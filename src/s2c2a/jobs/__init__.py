@@ -19,7 +19,6 @@ from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
     GivenNetworks,
-    LSTMArtifact,
     NetworksArtifact,
     RecordingArtifact,
 )
@@ -34,7 +33,6 @@ from s2c2a.jobs.execution import (
 )
 from s2c2a.jobs.job import (
     SIMULATED_FAST,
-    STRATEGIES,
     Conditions,
     Job,
     Run,
@@ -42,4 +40,4 @@ from s2c2a.jobs.job import (
     jobs_for,
 )
 from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows
-from s2c2a.jobs.transfer import BegunNetworks
+from s2c2a.jobs.transfer import TransferredNetworks

@@ -95,7 +95,7 @@ class Heading:
         """The heading of one arm's runs under one set of conditions."""
         job = runs[0].job
         conditions = job.conditions
-        robot = conditions.body
+        robot = conditions.robot
         return cls(
             experiment,
             job.arm,

@@ -25,7 +25,7 @@ from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import model_named
 from s2c2a.planning import Guard
 from s2c2a.robots import Robot, RobotFactory
-from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
+from s2c2a.runtime import StepRequest, Loop, Patience, StepRecord, WallClock
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
     AnyStrategy,
@@ -158,7 +158,7 @@ class ArmControl(Control):
                 self._commands.popleft()()
             request = self.request
             self._disturbances.apply(request)
-            ask = Ask(
+            ask = StepRequest(
                 self._goal(request),
                 request.driven and not request.stopped,
                 request.driven,
@@ -216,7 +216,7 @@ class ArmControl(Control):
                 np.clip(self._task_position + steps, 0, len(task.goals) - 1)
             )
 
-    def _publish(self, step: Step) -> None:
+    def _publish(self, step: StepRecord) -> None:
         """Publish this step's reading, judged by the goal of the last step."""
         states = step.reading.sensors.get("states", self._predicted)
         # the loop does not check sensors that the strategy does not need

@@ -16,7 +16,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.live.request import Point, Request, RequestLimits, point
-from s2c2a.runtime import Step
+from s2c2a.runtime import StepRecord
 from s2c2a.spaces import POSITION, Stage, States
 
 PATIENCE = 5.0  # s; time limit of each step of a shutdown
@@ -44,7 +44,7 @@ class Snapshot:
         margins: stability margins of the strategy's closed loop, or empty.
     """
 
-    step: Step
+    step: StepRecord
     stage: Stage
     states: States
     predicted: States

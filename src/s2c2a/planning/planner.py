@@ -103,7 +103,7 @@ class PlannerOptions:
         if not self.terms:
             raise S2C2AError("the planner has no terms; give at least one")
 
-    def made(
+    def build(
         self,
     ) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], FallbackSearch]:
         """Solver, terms, guides and fallback; imports those given by name.

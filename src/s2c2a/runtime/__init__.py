@@ -7,5 +7,5 @@ from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.loop import Driver, Loop
 from s2c2a.runtime.readings import RepeatDetector
-from s2c2a.runtime.record import Step, StepRecord, build_episode
-from s2c2a.runtime.stages import Ask, Patience, StepRequest
+from s2c2a.runtime.record import StepRecord, build_episode
+from s2c2a.runtime.stages import Patience, StepRequest

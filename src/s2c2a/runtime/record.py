@@ -44,7 +44,6 @@ class StepRecord:
     fault: str = ""
 
 
-Step = StepRecord  # former name, still imported by `estimation` and `live`
 
 
 def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:

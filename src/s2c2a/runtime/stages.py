@@ -70,8 +70,6 @@ class StepRequest:
     operator_present: bool = True
 
 
-Ask = StepRequest  # former name, still imported by `data`, `estimation`, and `live`
-
 
 @dataclass(frozen=True)
 class Phase:

@@ -20,7 +20,7 @@ from s2c2a.errors import ArmError, SimulationError
 from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
+from s2c2a.estimation import estimator_for
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
 from s2c2a.tasks import load_task

@@ -20,7 +20,7 @@ from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
+from s2c2a.estimation import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
 from s2c2a.tasks.circle import APPROACH_TIME, circle_path
@@ -118,7 +118,7 @@ def track_reference(
     """
     arm = networks.arm
     controller = NetworkController(networks.c2a)
-    sensed_arm = networks.recipe.felt(arm)  # the sensing that the networks know
+    sensed_arm = networks.recipe.planning_arm(arm)  # the sensing that the networks know
     sense = _configuration_sensor(sensed_arm)
     act = compiled(NetworkController.act, controller)
     errors = []

@@ -174,8 +174,9 @@ def _after_one_step(planners: _Planners, problem: PlanningProblems) -> Compariso
     memory, _ = jax.lax.scan(observe, plan.memory, jnp.asarray(problem.histories))
     last = plan._replace(configurations=problem.histories[-1], memory=memory)
     plan = step.next_plan(last, last.configurations, problem.goals)
-    engaged = step.problem(last.configurations, plan.memory, problem.goals)
-    true = planners.guided_true.problem(last.configurations, plan.memory, problem.goals)
+    shared = last._replace(memory=plan.memory)
+    engaged = step.problem(shared, problem.goals)
+    true = planners.guided_true.problem(shared, problem.goals)
     situation = engaged.situation
     limits = situation.bend_limits
     starts = problem.starts * situation.longest_step + situation.last.bends
@@ -195,10 +196,9 @@ def _after_settling(planners: _Planners, problem: PlanningProblems) -> Compariso
     first = step.started(problem.histories[-1])
     last, _ = jax.lax.scan(repeat, first, None, length=SETTLING)
     plan = step.next_plan(last, last.configurations, problem.goals)
-    engaged = planners.unguided.problem(last.configurations, plan.memory, problem.goals)
-    true = planners.unguided_true.problem(
-        last.configurations, plan.memory, problem.goals
-    )
+    shared = last._replace(memory=plan.memory)
+    engaged = planners.unguided.problem(shared, problem.goals)
+    true = planners.unguided_true.problem(shared, problem.goals)
     limits = engaged.situation.bend_limits
     starts = problem.starts * limits[:, None]
 

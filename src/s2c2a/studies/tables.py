@@ -19,8 +19,8 @@ from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, LeastSquares
 from s2c2a.planning.terms import Evenness
 from s2c2a.robots import RobotFactory
-from s2c2a.sensing import PAPER_COUPLING, estimator_for
-from s2c2a.strategies import RECIPES, Recipe
+from s2c2a.estimation import PAPER_COUPLING, estimator_for
+from s2c2a.strategies import RECIPES, Recipe, RunOptions
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.figures.space import (
     obstacles_figure,
@@ -79,7 +79,7 @@ class Block:
         experiment = f"{table}, {self.label}" if self.label else table
         scores = jobs.score_rows(experiment, runs)
         # the paper's arm carries no payload
-        if "payload" in dict(self.conditions.body.options):
+        if "payload" in dict(self.conditions.robot.options):
             scores = _without_paper(scores)
         return scores + mean_rows(scores) + jobs.tick_rows(experiment, runs)
 
@@ -274,7 +274,7 @@ TABLES: dict[str, Table] = {
             Block(
                 _TWIN,
                 AVOIDING[1:],
-                conditions=jobs.Conditions(guard="arm"),
+                conditions=jobs.Conditions(run=RunOptions("arm")),
                 label="whole arm guarded",
             ),
         ),
@@ -374,13 +374,13 @@ VARIANTS: dict[str, Recipe] = {
     "best, 60 iterations": replace(
         _BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))
     ),
-    "best, no integral correction": replace(_BEST, correction=0.0),
+    "best, no integral correction": replace(_BEST, integral_gain=0.0),
     "best, the paper's weights": replace(_BEST, axis_weights=()),
     "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),
     "best, a network twice as wide": replace(_BEST, c2s=ChainOptions(hidden=128)),
     "paper": _PAPER,
     "paper, slower data": replace(_PAPER, speeds=_BEST.speeds),
-    "paper, integral correction": replace(_PAPER, correction=_BEST.correction),
+    "paper, integral correction": replace(_PAPER, integral_gain=_BEST.integral_gain),
     "paper, 60 iterations": replace(
         _PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))
     ),

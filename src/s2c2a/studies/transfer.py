@@ -189,9 +189,9 @@ def _jobs(study: Transfer, pair: ArmPair, method: str) -> list[jobs.Job]:
     arm, other = pair
     weights = None
     if method != FULL:
-        start = jobs.NetworksArtifact(BEST.felt(other), BEST, study.seed)
-        weights = jobs.BegunNetworks(
-            BEST.felt(arm),
+        start = jobs.NetworksArtifact(BEST.planning_arm(other), BEST, study.seed)
+        weights = jobs.TransferredNetworks(
+            BEST.planning_arm(arm),
             BEST,
             study.seed,
             None if method == SCRATCH else start,

@@ -158,7 +158,7 @@ def _tilted_axes(tilts: Steps, azimuths: Steps) -> Float[np.ndarray, "steps 3"]:
 
 def _arc_height(distance: float) -> float:
     """Height of the end of an arc of length one with this lateral distance."""
-    from scipy.optimize import brentq
+    from scipy.optimize import brentq  # noqa: PLC0415 (slow import)
 
     angle = brentq(lambda f: (1 - np.cos(f)) / f - distance, 1e-9, 2.0)
     return float(np.sin(angle) / angle)
