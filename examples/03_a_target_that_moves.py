@@ -5,7 +5,7 @@ import numpy as np
 from s2c2a.arm import load_arm
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.runtime import StepRequest, Loop
+from s2c2a.runtime import Loop, StepRequest
 from s2c2a.strategies import pcc_strategy
 
 arm = load_arm("twin_arm")

@@ -142,9 +142,3 @@ class ComponentRegistry(NamedTuple):
     def made(self, component: Component | CustomComponent, own_code: bool) -> Any:
         """Old name of `build`, until all callers use the new one."""
         return self.build(component, own_code)
-
-
-# old names, until all callers use the new ones
-Part = Component
-Own = CustomComponent
-Kind = ComponentRegistry

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from s2c2a.cli.interrupts import interrupts_heeded
+from s2c2a.cli.interrupts import interrupts_as_exceptions
 
 
 class Interrupted:
@@ -34,7 +34,7 @@ def interruptible():
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_that_python_swallows_is_repeated():
     def work():
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             Interrupted()
             time.sleep(5.0)
 
@@ -51,7 +51,7 @@ def test_an_interrupt_during_an_import_is_raised_after_it(tmp_path, monkeypatch)
     monkeypatch.syspath_prepend(tmp_path)
 
     def work():
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             import takes_its_time  # noqa: F401, PLC0415
 
             time.sleep(5.0)
@@ -63,7 +63,7 @@ def test_an_interrupt_during_an_import_is_raised_after_it(tmp_path, monkeypatch)
 
 def test_other_exceptions_pass_unchanged():
     def work():
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             raise ImportError("no such module")
 
     with pytest.raises(ImportError, match="no such module"):
@@ -76,7 +76,7 @@ def test_other_unraisable_errors_reach_the_previous_hook(monkeypatch):
         sys, "unraisablehook", lambda error: errors.append(error.exc_type)
     )
     before = sys.unraisablehook
-    with interrupts_heeded():
+    with interrupts_as_exceptions():
         Faulty()
     assert errors == [ValueError]
     assert sys.unraisablehook is before

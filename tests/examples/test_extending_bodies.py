@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from s2c2a.sensing import estimator_for
 
 from s2c2a.arm import ArmSpec, save_arm
 from s2c2a.cli.execution import robot_factory_for
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
+from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
@@ -214,7 +214,7 @@ def test_flex_strips_measure_the_bends(twin):
         for _ in range(15):
             robot.step(np.tile([[-0.008, 0.004, 0.004]], (3, 1)))
         reading = robot.read()
-    sensed = np.asarray(estimator_for(arm)(reading.sensors))
+    sensed = np.asarray(configuration_map_for(arm)(reading.sensors))
     np.testing.assert_allclose(sensed, reading["configurations"], atol=0.03)
 
 

@@ -3,10 +3,10 @@
 import jax
 import numpy as np
 import pytest
-from s2c2a.sensing import estimator_for
 
 from s2c2a.data import controller_samples, forward_samples
 from s2c2a.errors import TrainingError
+from s2c2a.estimation import configuration_map_for
 from s2c2a.models import History
 from s2c2a.models.c2s import state_scaling
 from s2c2a.training import FitOptions, TrainingData
@@ -17,7 +17,7 @@ FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 @pytest.fixture(scope="module")
 def seen(recording) -> TrainingData:
-    sensed = estimator_for(recording.arm).sensed(recording.readings())
+    sensed = configuration_map_for(recording.arm).configurations(recording.readings())
     return TrainingData(
         recording.arm, sensed, recording.actions, recording.sensor("states")
     )

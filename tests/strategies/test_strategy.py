@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from s2c2a.sensing import estimator_for
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.estimation import configuration_map_for
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.planning import PAPER, Adam, Goal
 from s2c2a.robots.simulation import SimulatedRobot
@@ -198,7 +198,9 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
     reading = robot.read()
     either.step(reading, REST)
     np.testing.assert_allclose(
-        either.diagnostics()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6
+        either.diagnostics()["sensed"],
+        configuration_map_for(twin)(reading.sensors),
+        atol=1e-6,
     )
     assert (
         np.linalg.norm(

@@ -107,13 +107,21 @@ class Flex(Frozen):
 
 
 class Raw(Frozen):
-    """Additional sensor of a robot, of any kind; its model is learned from data."""
+    """Additional sensor of a robot, of any kind.
+
+    Its values follow from the bends: by a formula, or as learned from data.
+    """
 
     name: str = Field(
         pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", description="name in readings"
     )
     shape: tuple[Annotated[int, Field(ge=1, le=MAX_NUMBERS)], ...] = Field(
         min_length=1, max_length=4, description="shape of one reading"
+    )
+    model: str = Field(
+        default="",
+        max_length=200,
+        description="class with a formula, file.py:Class; learned from data if empty",
     )
 
     @model_validator(mode="after")
@@ -169,7 +177,9 @@ class Sensors(Frozen):
     @property
     def learned(self) -> "Sensors":
         """Only the sensors whose model is learned from data."""
-        return Sensors(flex=self.flex, raw=self.raw)
+        return Sensors(
+            flex=self.flex, raw=tuple(sensor for sensor in self.raw if not sensor.model)
+        )
 
     def learned_shapes(self, modules: int) -> dict[str, tuple[int, ...]]:
         """Return the shapes of sensors whose model is learned, by name in readings."""
@@ -177,5 +187,6 @@ class Sensors(Frozen):
         if self.flex:
             shapes["flex"] = (modules, len(self.flex.angles_deg))
         for sensor in self.raw:
-            shapes[sensor.name] = sensor.shape
+            if not sensor.model:
+                shapes[sensor.name] = sensor.shape
         return shapes

@@ -194,8 +194,7 @@ def check_body(
         response: measure the frequency response instead: the first mode, the gain and
             the delay. The arm vibrates for about a minute, slowly at first and then
             faster; every module bends by a tenth of its limit (docs/sensors.md).
-        weights: networks from `s2c2a train`; they give the expected response and the
-            stability margins to compare with.
+        weights: networks from `s2c2a train`; they give the expected response.
         out: a file (.json) for the measured response, with a figure next to it.
     """
     from s2c2a.cli.response import check_response, check_response_options

@@ -141,7 +141,11 @@ def require(extra: str, *packages: str) -> None:
 
 
 def robot_factory_for(
-    robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0
+    robot: str,
+    options: tuple[str, ...],
+    fidelity: str = "fast",
+    payload: float = 0.0,
+    events: tuple[str, ...] = (),
 ) -> RobotFactory:
     """Return the description of a robot, from the options of a command.
 
@@ -153,12 +157,14 @@ def robot_factory_for(
     """
     pairs = options_from(options)
     if RobotFactory(robot).simulated:
-        simulation = RobotFactory.simulation(fidelity, payload=payload)
+        simulation = RobotFactory.simulation(
+            fidelity, payload=payload, events="; ".join(events)
+        )
         return RobotFactory(robot, (*simulation.options, *pairs))
-    if fidelity != "fast" or payload:
+    if fidelity != "fast" or payload or events:
         raise S2C2AError(
-            f"--fidelity and --payload belong to the simulated arm, and --robot is "
-            f"{robot}; leave them out"
+            "--fidelity, --payload and --event belong to the simulated arm, and --robot "
+            f"is {robot}; leave them out"
         )
     robot_class(robot)  # raises an error early if the class does not exist
     return RobotFactory(robot, pairs)

@@ -2,20 +2,17 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, print_results, progress_bar
+from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 Compared = Literal["best", "best-long", "paper", "pcc", "pcc-fitted"]
-Events = Annotated[
-    tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar='"TIME KIND ..."')
-]
+
 TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
-KNOWN_PAYLOAD_SET = "encoders-known-payload"
 
 
 def randomized_arms(
@@ -49,10 +46,13 @@ def randomized_arms(
     """
     from s2c2a.studies.randomized_arms import (
         EXPERIMENT,
+        RandomizedArmsStudy,
         randomized_arms_rows,
     )
 
-    study = Unknown(load_arm(base), arms, strengths, strategies, tasks, targets, seed)
+    study = RandomizedArmsStudy(
+        load_arm(base), arms, strengths, strategies, tasks, targets, seed
+    )
     options = asdict(study) | {"base": base}
     with run_directory(EXPERIMENT, options, work, go_on=True) as (directory, make):
         rows = randomized_arms_rows(study, make)
@@ -67,7 +67,7 @@ def sensors(
     strength: float = 0.5,
     sets: tuple[str, ...] = (
         "encoders",
-        KNOWN_PAYLOAD_SET,
+        "encoders-known-payload",
         "bends",
         "imu",
         "current",
@@ -83,7 +83,7 @@ def sensors(
 ) -> None:
     """Tip errors under unknown payloads for sets of sensors (docs/sensors.md).
 
-    Reports the stability margins of each set too. Networks are trained without payload,
+    Networks are trained without payload,
     once for all sets except `flex`, whose sensor model is trained too. Repeat the
     command to continue an interrupted run.
 
@@ -96,7 +96,7 @@ def sensors(
         payloads_g: masses at the tip [g].
         tasks: names of tasks.
         seeds: number of seeds, from zero.
-        event: a disturbance during the run, such as "6 payload 0.05" or "10 blind";
+        event: a disturbance during the run, such as "6 payload 0.05" or "10 sensor_loss";
             repeat the option for several (docs/sensors.md).
         work: run directory and parallel execution.
     """
@@ -115,25 +115,24 @@ def sensors(
         "events": event,
         "seeds": seeds,
     }
-    compared = study.Worth(
-        arms=study.arms_of(load_arm(arm), drawn, strength),
-        sets=tuple(study.TOLD if name == KNOWN_PAYLOAD_SET else name for name in sets),
-        loads=tuple(payload / 1000 for payload in payloads_g),
+    compared = study.SensorStudy(
+        arms=study.randomized_arms(load_arm(arm), drawn, strength),
+        sets=sets,
+        payloads=tuple(payload / 1000 for payload in payloads_g),
         tasks=tasks,
         seeds=tuple(checked_seeds(0, seeds)),
         strength=strength,
-        happens="; ".join(event),
+        events="; ".join(event),
     )
     with run_directory(study.EXPERIMENT, options, work, go_on=True) as (
         directory,
         make,
     ):
-        rows = study.sensors_rows(compared, make)
-        rows += study.margin_rows(compared, make)
+        rows = study.sensor_rows(compared, make)
         save_rows(rows, directory / "results.json")
         figures = []
         for name, task in dict.fromkeys((row.arm, row.task) for row in rows):
-            if errors := study.errors_of(rows, name, task):
+            if errors := study.errors_by_set(rows, name, task):
                 path = directory / f"{name}-{task}.png"
                 figures.append(
                     sensor_comparison_figure(errors, path, f"{task} with {name}")
@@ -248,16 +247,16 @@ def payloads(
     from s2c2a.data import load_recording
     from s2c2a.evaluation.report import save_rows
     from s2c2a.strategies import load_strategy
-    from s2c2a.studies.payloads import EXPERIMENT, load_rows
+    from s2c2a.studies.payloads import EXPERIMENT, payload_rows
 
     loaded = {str(path.with_suffix("")): load_recording(path) for path in recordings}
     options = {
         "weights": weights,
         "recordings": [str(path) for path in recordings],
-        "camera_positions": seen,
+        "seen": seen,
     }
     with run_directory(EXPERIMENT, options, folder) as (directory, _):
-        rows = list(load_rows(load_strategy(weights), loaded, seen))
+        rows = list(payload_rows(load_strategy(weights), loaded, seen))
         save_rows(rows, directory / "results.json")
     print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
 

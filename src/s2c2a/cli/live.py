@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
+from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName, StrategyNames
 from s2c2a.cli.execution import RobotName, RobotOptions, require, robot_factory_for
 from s2c2a.spaces import Stage
 
@@ -27,6 +27,7 @@ Port = Annotated[
 def live(
     arm: Arm = "twin_arm",
     weights: tuple[str, ...] = (),
+    strategy: StrategyNames = (),
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
@@ -46,6 +47,7 @@ def live(
         arm: a preset or an arm file.
         weights: files from `s2c2a train`; the first one starts. By default the networks
             of the package for a preset, and `pcc` for an arm of your own.
+        strategy: more strategies without training, by name or your own file.py:Class.
         robot: the simulated arm, or a class of your own.
         robot_option: further arguments of that class.
         fidelity: of the simulation.
@@ -58,16 +60,17 @@ def live(
         model: class of a custom forward model that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    body = robot_factory_for(robot, robot_option, fidelity)
+    factory = robot_factory_for(robot, robot_option, fidelity)
     on_message = partial(print, flush=True)
     options = {
         "weights": weights,
+        "strategies": strategy,
         "guard": guard,
         "seed": seed,
         "release_after": release_after,
         "model": model,
     }
-    with running_page(arm, body, port, out, on_message, **options) as (control, _):
+    with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         wait_for_interrupt()
     latest = control.latest
     at_rest = latest and latest.stage is Stage.IDLE
@@ -84,20 +87,20 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    body: "RobotFactory | None" = None,
+    factory: "RobotFactory | None" = None,
     port: int = 8080,
     out: Path = Path("runs"),
-    said: "Callable[[str], None]" = lambda _: None,
+    on_message: "Callable[[str], None]" = lambda _: None,
     **options: Any,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
     """Run the control process and its page; close both at the end.
 
     Args:
         arm: a preset or an arm file.
-        body: the robot; the simulated arm if None.
+        factory: the robot; the simulated arm if None.
         port: port of the page.
         out: folder of recordings.
-        said: called with messages for the user.
+        on_message: called with messages for the user.
         options: of `arm_control`.
 
     Raises:
@@ -107,7 +110,7 @@ def running_page(
     from s2c2a.live.process import ControlProcess
 
     spec = load_arm(arm)
-    robot = body or robot_factory_for("sim", ())
+    robot = factory or robot_factory_for("sim", ())
     with ExitStack() as stack:
         build = partial(
             _import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options
@@ -120,9 +123,9 @@ def running_page(
         survey = partial(_import_and_call, "s2c2a.live.workspace:survey", spec)
         page = LivePage(control, port, out, survey)
         stack.callback(page.close)
-        said(f"open {page.gate.address}")
+        on_message(f"open {page.gate.address}")
         control.wait_until_ready()
-        said(f"{arm} is running; Ctrl-C stops it.")
+        on_message(f"{arm} is running; Ctrl-C stops it.")
         yield control, page
 
 

@@ -119,6 +119,8 @@ class BiLSTMController(ControllerOptions):
 
 
 CONTROLLERS = OptionsRegistry(
-    "controller", ControllerOptions, {"bilstm": BiLSTMController}
+    "controller",
+    ControllerOptions,  # type: ignore[type-abstract]
+    {"bilstm": BiLSTMController},
 )
 """Learned controllers by name, for `[c2a] model` in a recipe."""

@@ -21,7 +21,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import StepRequest, CommandLimits, Loop, build_episode
+from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
 from s2c2a.spaces import Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
@@ -178,6 +178,8 @@ def _open_writer(
 
 class Player:
     """Controller that plays back actions; it requires all sensors, to record them."""
+
+    name = "player"
 
     def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
         self.arm = arm

@@ -424,8 +424,8 @@ class DisturbanceFilter(eqx.Module):
         is_present: Bool[Array, " values"],
     ) -> Float[Array, ""]:
         """Moving average of a sensor's innovations, in standard deviations."""
-        weight = min(self.period / AVERAGING_TIME, 1.0)
-        weight = jnp.where(is_present.any(), weight, 0.0)
+        share = min(self.period / AVERAGING_TIME, 1.0)
+        weight = jnp.where(is_present.any(), share, 0.0)
         average = state.average_innovation[number]
         return average + weight * (size - average)
 

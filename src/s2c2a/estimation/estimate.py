@@ -22,7 +22,7 @@ class Estimate(NamedTuple):
         memory: what the estimator carries to its next update.
     """
 
-    configuration: Float[Array, "modules 3"]
+    configuration: Float[Array | np.ndarray, "modules 3"]
     disturbances: Disturbances | None = None
     covariance: Float[Array, "states states"] | None = None
     external_force: Float[Array, ""] | None = None

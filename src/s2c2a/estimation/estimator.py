@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
@@ -208,7 +209,8 @@ class EncoderEstimator(StateEstimator):
         # Equinox takes as long to look a method up as the map takes to run
         self._inputs = configuration_map.inputs
         self._configuration = compiled(operator.call, configuration_map)
-        self._payload = np.float32(payload)
+        self._payload = jnp.asarray(payload, jnp.float32)
+        self._knows_payload = payload > 0.0
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -218,9 +220,9 @@ class EncoderEstimator(StateEstimator):
     def start(self, reading: Reading) -> Estimate:
         """See `StateEstimator`."""
         configuration = self._configuration(self._inputs(reading))
-        if not self._payload:
+        if not self._knows_payload:
             return Estimate(configuration)
-        biases = np.zeros((len(configuration), 2), np.float32)
+        biases = jnp.zeros((len(configuration), 2))
         return Estimate(configuration, Disturbances(self._payload, biases))
 
     def update(

@@ -12,7 +12,7 @@ from s2c2a.data.collecting import Player
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
-from s2c2a.runtime import StepRequest, Loop, StepRecord
+from s2c2a.runtime import Loop, StepRecord, StepRequest
 from s2c2a.runtime.limits import TURN
 from s2c2a.spaces import AXIS, Reading, Stage, States
 

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
-from s2c2a.runtime import Clock, Loop, StepRecord, StepRequest, build_episode
+from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Stage
-from s2c2a.runtime import Driver
 from s2c2a.tasks import Task
 
 

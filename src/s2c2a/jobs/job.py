@@ -20,6 +20,7 @@ from s2c2a.jobs.artifacts import (
     NetworksArtifact,
     digest_of,
 )
+from s2c2a.jobs.transfer import TransferredNetworks
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
@@ -94,7 +95,7 @@ class Job(Artifact[Run]):
     recipe: Recipe
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
-    weights: GivenNetworks | None = None
+    weights: GivenNetworks | TransferredNetworks | None = None
 
     def __post_init__(self):
         """Refuse unknown strategies, and options that they ignore."""
@@ -207,7 +208,7 @@ def jobs_for(
     seeds: Sequence[int],
     recipe: Recipe,
     conditions: Conditions = SIMULATED_FAST,
-    weights: GivenNetworks | None = None,
+    weights: GivenNetworks | TransferredNetworks | None = None,
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.
 

@@ -127,7 +127,7 @@ def _children(value: Any) -> dict[str, Any]:
         return {name: getattr(value, name) for name in names}
     if not isinstance(value, tuple):
         return {}
-    names = [getattr(item, "name", None) for item in value]
+    names = [str(getattr(item, "name", "")) for item in value]
     children = {}
     for number, (name, item) in enumerate(zip(names, value, strict=True)):
         unique = name and names.count(name) == 1

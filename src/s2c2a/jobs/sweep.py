@@ -47,7 +47,8 @@ class Sweep:
         batch: trials sampled together, which can run in parallel but do not learn from
             each other.
         seed: of the sampler.
-        conditions: robot and guard.
+        conditions: robot and options of the runs.
+        strategy: that is trained and run.
     """
 
     arm: ArmSpec
@@ -59,6 +60,7 @@ class Sweep:
     batch: int = 8
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
+    strategy: str = "s2c2a"
 
     def __post_init__(self):
         """Validate the metric and the numbers."""
@@ -260,7 +262,7 @@ def _run_trials(
             jobs_for(
                 sweep.tasks,
                 sweep.arm,
-                ("s2c2a",),
+                (sweep.strategy,),
                 sweep.seeds,
                 recipe,
                 sweep.conditions,

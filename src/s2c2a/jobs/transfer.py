@@ -29,6 +29,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
     """
 
     kind = "networks"
+    strategy = "s2c2a"
     arm: ArmSpec
     recipe: Recipe
     seed: int

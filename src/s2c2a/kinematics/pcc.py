@@ -1,6 +1,5 @@
 """Piecewise constant curvature (PCC) of an arm, and the forward model interface."""
 
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np

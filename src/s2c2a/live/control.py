@@ -22,23 +22,22 @@ from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
-from s2c2a.models.registry import model_named
+from s2c2a.models.registry import MODELS
 from s2c2a.planning import Guard
 from s2c2a.robots import Robot, RobotFactory
-from s2c2a.runtime import StepRequest, Loop, Patience, StepRecord, WallClock
+from s2c2a.runtime import Driver, Loop, Patience, StepRecord, StepRequest, WallClock
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
-    AnyStrategy,
-    Strategy,
+    STRATEGIES,
+    RunOptions,
     load_strategy,
-    pcc_strategy,
     recipe_named,
-    s2c2a_strategy,
     shipped_networks,
 )
+from s2c2a.strategies.pcc import PlainPCC
 from s2c2a.tasks import TASKS, Task, load_task
 
-Strategies = Mapping[str, Callable[[], AnyStrategy]]
+Strategies = Mapping[str, Callable[[], Driver]]
 Tasks = Mapping[str, Callable[[], Task]]
 """Builders by name; strategies and tasks are built on first use."""
 SLOW_TASKS = ("follow",)  # take a second to build, as they solve for reachable points
@@ -77,7 +76,6 @@ class ArmControl(Control):
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         strategy = strategies[self._name]()
         faults = self._disturbances.corrupt
-        self._margins = _margins_of(strategy)
         self._loop = Loop(
             robot, strategy, WallClock(), patience=patience, faults=faults
         )
@@ -109,9 +107,7 @@ class ArmControl(Control):
         self._loop.required_sensors(
             strategy
         )  # raises here, while the arm keeps running
-        self._commands.append(
-            partial(self._change_strategy, strategy, name, _margins_of(strategy))
-        )
+        self._commands.append(partial(self._change_strategy, strategy, name))
 
     def prepare(self) -> None:
         """Build every task in the calling thread."""
@@ -181,11 +177,10 @@ class ArmControl(Control):
         self._task_name = None
         self._task_position = 0.0
 
-    def _change_strategy(self, strategy: AnyStrategy, name: str, margins: str) -> None:
+    def _change_strategy(self, strategy: Driver, name: str) -> None:
         self._loop.use(strategy)
         self._loop.release()
         self._name = name
-        self._margins = margins
 
     @property
     def _task(self) -> Task | None:
@@ -251,25 +246,19 @@ class ArmControl(Control):
                 strategy=self._name,
                 compiled=compilations(),
                 fault=step.fault,
-                margins=self._margins,
             )
         )
 
 
-def _margins_of(strategy: AnyStrategy) -> str:
-    """In words; nothing of what closes no loop."""
-    margins = strategy.margins if isinstance(strategy, Strategy) else None
-    return "" if margins is None else str(margins)
-
-
 def arm_control(
     arm: ArmSpec,
-    body: RobotFactory,
+    robot: RobotFactory,
     weights: tuple[str, ...] = (),
     guard: Guard = "tip",
     seed: int = 0,
     release_after: float = 10.0,
     model: str | None = None,
+    strategies: tuple[str, ...] = (),
 ) -> ArmControl:
     """Control of an arm that is not started yet; see `s2c2a live` for the options.
 
@@ -277,10 +266,10 @@ def arm_control(
         S2C2AError: a strategy file cannot be read, or an option does not fit the arm.
     """
     if model:
-        model_named(model)
+        MODELS.named(model)
     return ArmControl(
-        body.make(arm, seed=seed),
-        strategies_of(arm, weights, guard),
+        robot.make(arm, seed=seed),
+        strategies_of(arm, weights, guard, strategies),
         tasks_of(arm),
         release_after,
     )
@@ -298,29 +287,49 @@ def tasks_of(arm: ArmSpec) -> Tasks:
     return tasks
 
 
-def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> Strategies:
-    """What can drive an arm, by name, built when first asked for; files come first, else what comes with the package.
+def strategies_of(
+    arm: ArmSpec,
+    files: tuple[str, ...],
+    guard: Guard,
+    names: tuple[str, ...] = (),
+) -> Strategies:
+    """Strategies that can drive an arm, by name, built when first used.
 
-    For an arm of the user's own no networks come with the package, and `pcc` needs
-    none.
+    Weight files come first, else the networks of the package; then strategies by name,
+    and PCC, which needs no networks.
+
+    Args:
+        arm: that is driven.
+        files: of weights.
+        guard: which points are kept out of obstacles.
+        names: of strategies without training (`STRATEGIES`, or file.py:Class).
 
     Raises:
-        StrategyError: a file cannot be read.
+        StrategyError: a file cannot be read, or a strategy needs training.
     """
-    networks = {
-        f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files
-    }
-    with suppress(StrategyError):
-        networks = networks or {"s2c2a · best": shipped_networks(arm)}
-    planners = {
-        name: replace(recipe_named(name).planner, guard=guard)
-        for name in ("best", "paper")
-    }
-    s2c2a = {
-        name: cache(partial(s2c2a_strategy, one, guard))
-        for name, one in networks.items()
-    }
-    return s2c2a | {
-        f"pcc · {name}": cache(partial(pcc_strategy, arm, planners[name]))
-        for name in planners
-    }
+    networks = [load_strategy(file, arm) for file in files]
+    labels = [Path(file).stem for file in files]
+    if not networks:
+        with suppress(StrategyError):
+            networks = [shipped_networks(arm)]
+            labels = ["best"]
+    run = RunOptions(guard)
+    builders: dict[str, Callable[[], Driver]] = {}
+    for label, trained in zip(labels, networks, strict=True):
+        options = STRATEGIES.imported(trained.strategy)()
+        build = partial(options.build, arm, trained.recipe, trained, run)
+        builders[f"{options.name} · {label}"] = cache(build)
+    for name in names:
+        options = STRATEGIES.named(name)()
+        recipe = recipe_named("best")
+        if options.collect_options(recipe, 0) is not None:
+            raise StrategyError(
+                f"strategy '{name}' needs training; train it with `s2c2a train "
+                f"--strategy {name}` and give the file with --weights"
+            )
+        build = partial(options.build, arm, recipe, None, run)
+        builders[options.name] = cache(build)
+    for name in ("best", "paper"):
+        build_pcc = partial(PlainPCC().build, arm, recipe_named(name), None, run)
+        builders[f"pcc · {name}"] = cache(build_pcc)
+    return builders

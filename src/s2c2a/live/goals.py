@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.goals import Goal
 from s2c2a.live.request import Request
 from s2c2a.robots import Robot
-from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.spaces import Reading
 from s2c2a.viz.mesh import unit
 

@@ -261,12 +261,9 @@ class Panel:
         for label, visible in view.items():
             checkbox = self._gui.add_checkbox(label, visible)
             self._on_change(checkbox, partial(view.__setitem__, label))
-        margins = self._gui.add_markdown("")
 
         def follow(_: Request) -> None:
             record.label = "Stop recording" if recorder.running else "Record"
-            text = self._latest.margins
-            margins.content = f"Stability margins: {text}." if text else ""
 
         self._followers.append(follow)
 

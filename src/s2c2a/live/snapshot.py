@@ -41,7 +41,6 @@ class Snapshot:
         strategy: name of the strategy.
         compiled: programs compiled by the control process (`programs.compilations`).
         fault: description of the fault, or empty.
-        margins: stability margins of the strategy's closed loop, or empty.
     """
 
     step: StepRecord
@@ -56,7 +55,6 @@ class Snapshot:
     strategy: str
     compiled: int = 0
     fault: str = ""
-    margins: str = ""
 
     @property
     def tip(self) -> Point:

@@ -102,11 +102,11 @@ class ChainC2S(ForwardModel):
             gravity=self.body.gravity,
         )
         tip_mass = jnp.zeros_like(self.body.weights).at[-1].set(1.0)
-        unloaded, lengths, _ = self._at_rest(inputs)
+        unloaded, lengths, _corrections = self._at_rest(inputs)
         own_moments = moments_of(self.body.weights, unloaded.bends, lengths)
 
         def iterate(_: int, last: tuple[Array, Array]) -> tuple[Array, Array]:
-            loaded, lengths, _ = self._at_rest(inputs, last[0])
+            loaded, lengths, _corrections = self._at_rest(inputs, last[0])
             per_kg = moments_of(tip_mass, loaded.bends, lengths)
             sagging = moments_of(self.body.weights, loaded.bends, lengths) - own_moments
             return sagging + disturbances.payload * per_kg, per_kg

@@ -5,7 +5,7 @@ from s2c2a.registry import OptionsRegistry
 
 MODELS = OptionsRegistry(
     "model",
-    ForwardOptions,
+    ForwardOptions,  # type: ignore[type-abstract]
     {"bilstm": C2SOptions, "chain": ChainOptions, "local": LocalOptions},
 )
 """Forward models by name, for `[c2s] model` in a recipe."""

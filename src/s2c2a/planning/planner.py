@@ -165,7 +165,7 @@ class Plan(NamedTuple):
     @property
     def outcome(self) -> Outcome:
         """How the last step was planned; for a single plan, outside compiled code."""
-        return Outcome(SearchState(*np.asarray(self.search.numbers)).outcome)
+        return Outcome(int(SearchState(*np.asarray(self.search.numbers)).outcome))  # type: ignore[call-arg]
 
 
 class Expectation(NamedTuple):

@@ -205,8 +205,8 @@ class Obstacles(Term):
         """In units, shape (points, nearest obstacles, 1)."""
         goal = situation.goal
         length = situation.length
-        reach = goal.thresholds + self.margin * length
-        reach = jnp.where(goal.thresholds > 0.0, reach, -FAR)
+        distance = goal.thresholds + self.margin * length
+        reach = jnp.where(goal.thresholds > 0.0, distance, -FAR)
         last_distances = norm(situation.last.points[:, None] - goal.obstacles)
         count = min(OBSTACLES_AT_HAND, len(reach))
         _, nearest = jax.lax.top_k(reach - last_distances, count)

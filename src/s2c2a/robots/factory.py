@@ -9,7 +9,9 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.plugins import resolve
 from s2c2a.robots.robot import Robot
+from s2c2a.validation import describe_fault
 
 SIMULATED = "sim"
 KNOWN = {SIMULATED: "s2c2a.robots.simulation:SimulatedRobot"}
@@ -107,8 +109,6 @@ class RobotFactory:
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
         """Create the robot of an arm with a seed, if its class accepts one."""
         return self.make(arm, seed=seed)
-
-
 
 
 def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:

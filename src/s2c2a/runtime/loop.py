@@ -40,6 +40,10 @@ class Driver(Protocol):
     """Controller that chooses the action of every control step; strategies are some."""
 
     @property
+    def name(self) -> str:
+        """Name in records and tables."""
+
+    @property
     def arm(self) -> ArmSpec:
         """Arm that it controls."""
 

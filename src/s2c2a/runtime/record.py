@@ -44,8 +44,6 @@ class StepRecord:
     fault: str = ""
 
 
-
-
 def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
     """Build an episode with one row a step.
 

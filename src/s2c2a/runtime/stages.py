@@ -70,7 +70,6 @@ class StepRequest:
     operator_present: bool = True
 
 
-
 @dataclass(frozen=True)
 class Phase:
     """Stage of an arm, with the counters that decide on the next one.

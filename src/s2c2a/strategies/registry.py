@@ -8,7 +8,7 @@ from s2c2a.strategies.s2c2a import S2C2A, S2C2AMotor
 
 STRATEGIES = OptionsRegistry(
     "strategy",
-    StrategyOptions,
+    StrategyOptions,  # type: ignore[type-abstract]
     {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, LSTM, S2C2AMotor)},
 )
 """The paper's strategy and its comparisons, for `--strategy`."""

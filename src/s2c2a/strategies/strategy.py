@@ -1,5 +1,7 @@
 """A strategy: estimate, plan, act (Chen et al. 2025, fig. 1C)."""
 
+from typing import Any
+
 import numpy as np
 
 from s2c2a.arm import ArmSpec
@@ -49,6 +51,9 @@ class Strategy:
         self._act = compiled(type(controller).act, controller)
         self._sent = compiled(type(controller).sent, controller)
         self._plan: Plan | None = None
+        self._estimate: Estimate
+        self._memory: Any
+        self._command: Actions
         self._warm_up()
 
     def start(self, reading: Reading) -> None:

@@ -17,10 +17,10 @@ from scipy.optimize import minimize
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
+from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.estimation import estimator_for
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
 from s2c2a.tasks import load_task
@@ -134,7 +134,7 @@ def measured(recording: Recording) -> dict[str, float]:
 
 def estimation_errors_deg(recording: Recording) -> np.ndarray:
     """Angle between sensed and true configurations, (episodes, samples, modules)."""
-    sensed = estimator_for(recording.arm).sensed(recording.readings())
+    sensed = configuration_map_for(recording.arm).configurations(recording.readings())
     return angles_deg(recording.sensor("configurations"), sensed)
 
 

@@ -15,12 +15,12 @@ from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.compilation import compiled
 from s2c2a.control import NetworkController
+from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.estimation import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
 from s2c2a.tasks.circle import APPROACH_TIME, circle_path
@@ -164,6 +164,6 @@ def recorded_reference(
 
 def _configuration_sensor(arm: ArmSpec) -> Callable[[Reading], np.ndarray]:
     """A compiled function from readings to sensed configurations."""
-    estimator = estimator_for(arm)
+    estimator = configuration_map_for(arm)
     estimate = compiled(operator.call, estimator)
     return lambda reading: np.asarray(estimate(estimator.inputs(reading)))

@@ -7,6 +7,7 @@ first seconds the position of the tip; then it has encoders alone.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -156,7 +157,7 @@ def estimate_episode(
 
 
 def _start(disturbance_filter: DisturbanceFilter, configuration) -> FilterState:
-    return disturbance_filter.start(configuration, np.zeros((), np.float32))
+    return disturbance_filter.start(configuration, jnp.zeros(()))
 
 
 def _update(

@@ -13,13 +13,13 @@ from typing import Any
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, LeastSquares
 from s2c2a.planning.terms import Evenness
 from s2c2a.robots import RobotFactory
-from s2c2a.estimation import PAPER_COUPLING, estimator_for
 from s2c2a.strategies import RECIPES, Recipe, RunOptions
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.figures.space import (
@@ -222,7 +222,7 @@ def _workspace(
     arm = recording.arm
     middle = arm.module_count // 2
     true = recording.sensor("configurations")[-1]
-    sensed = estimator_for(arm).sensed(recording.readings())[-1]
+    sensed = configuration_map_for(arm).configurations(recording.readings())[-1]
     states = recording.sensor("states").reshape(-1, arm.module_count, 6)
     workspace = recording_figure(states, arm, folder / "figure-03-workspace.png")
     estimation = estimation_figure(

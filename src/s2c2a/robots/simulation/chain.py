@@ -212,7 +212,7 @@ def _add_chain(
             if segment == fidelity.segments // 2:
                 _add_slide(body, half.module, number)
             _add_joints(body, half.module, number, segment, fidelity)
-            following = half
+            following: _HalfSegment | None = half
             if segment == last_segment:
                 following = halves[number + 1] if number + 1 < len(halves) else None
             _set_inertia(body, half, following, payload)

@@ -52,7 +52,7 @@ class EventTarget(Protocol):
     def set_payload(self, payload: float) -> None:
         """Replace the mass at the tip [kg]."""
 
-    def apply_force(self, force: Sequence[float]) -> None:
+    def apply_force(self, force: np.ndarray) -> None:
         """Apply an external force at the tip [N], base frame."""
 
     def add_homing_error(self, size: float) -> None:

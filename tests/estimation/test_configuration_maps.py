@@ -5,17 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from s2c2a.sensing import (
-    PAPER_COUPLING,
-    CoupledEstimator,
-    DirectionEstimator,
-    EncoderEstimator,
-    TrueEstimator,
-    estimator_for,
-)
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ReadingError, S2C2AError
+from s2c2a.estimation import (
+    PAPER_COUPLING,
+    CoupledMap,
+    EncoderMap,
+    TrueConfigurationMap,
+    UnitLengthMap,
+    configuration_map_for,
+)
 from s2c2a.spaces import Reading
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
@@ -26,7 +26,7 @@ def under(arm, coupling):
     return ArmSpec.model_validate(arm.model_dump() | {"sensing_coupling": coupling})
 
 
-ENCODERS = eqx.filter_jit(estimator_for(TWIN))
+ENCODERS = eqx.filter_jit(configuration_map_for(TWIN))
 
 
 def paper_configuration(a, turn):
@@ -63,13 +63,13 @@ def test_encoders_tell_configurations_by_equations_2_and_3(pairs):
 
 
 def test_encoders_at_zero_tell_a_straight_arm_exactly():
-    sensed = estimator_for(TWIN)({"cables": np.zeros((3, 3), np.float32)})
+    sensed = configuration_map_for(TWIN)({"cables": np.zeros((3, 3), np.float32)})
     np.testing.assert_array_equal(sensed, np.tile([0, 0, 1], (3, 1)))
 
 
 def test_encoders_do_not_look_at_the_truth():
     cables = np.full((3, 3), 0.001, np.float32)
-    estimate = estimator_for(TWIN)
+    estimate = configuration_map_for(TWIN)
     assert estimate.sensors == ("cables",)
     with_truth = estimate({"cables": cables, "configurations": unit_vectors(0, (3,))})
     np.testing.assert_array_equal(with_truth, estimate({"cables": cables}))
@@ -77,7 +77,7 @@ def test_encoders_do_not_look_at_the_truth():
 
 def test_the_true_estimator_hands_on_the_truth_whatever_the_cables_say():
     truth = unit_vectors(1, (3,))
-    estimate = estimator_for(SIMULATED)
+    estimate = configuration_map_for(SIMULATED)
     assert estimate.sensors == ("configurations",)
     sensed = estimate({"cables": np.full((3, 4), np.nan), "configurations": truth})
     np.testing.assert_allclose(sensed, truth, atol=1e-7)
@@ -85,7 +85,7 @@ def test_the_true_estimator_hands_on_the_truth_whatever_the_cables_say():
 
 def test_an_estimator_takes_what_it_needs_out_of_a_reading_in_single_precision():
     reading = Reading(0.0, {"cables": np.full((3, 3), 0.1), "flex": np.zeros(7)})
-    inputs = estimator_for(TWIN).inputs(reading)
+    inputs = configuration_map_for(TWIN).inputs(reading)
     assert {name: values.dtype for name, values in inputs.items()} == {
         "cables": np.dtype(np.float32)
     }
@@ -97,7 +97,7 @@ def test_configurations_follow_from_states_where_a_body_says_only_those():
     states = np.array(
         [[0, 0, 0.2, 0, 0, 1], [0.05, 0, 0.39, *lean], [0.1, 0, 0.5, *lean]]
     )
-    inputs = estimator_for(SIMULATED).inputs(Reading(0.0, {"states": states}))
+    inputs = configuration_map_for(SIMULATED).inputs(Reading(0.0, {"states": states}))
     np.testing.assert_allclose(
         inputs["configurations"], [[0, 0, 1], lean, [0, 0, 1]], atol=1e-6
     )
@@ -108,14 +108,14 @@ def test_a_reading_that_lacks_what_is_needed_is_refused_with_what_it_has(arm, la
     with pytest.raises(
         ReadingError, match=f"no '{lacking}' in this reading; it has flex"
     ):
-        estimator_for(arm).inputs(Reading(0.0, {"flex": np.zeros(3)}))
+        configuration_map_for(arm).inputs(Reading(0.0, {"flex": np.zeros(3)}))
 
 
 OWN = """
 import jax.numpy as jnp
-from s2c2a.sensing import Estimator
+from s2c2a.estimation import ConfigurationMap
 
-class Flex(Estimator):
+class Flex(ConfigurationMap):
     gain: float
 
     @property
@@ -140,7 +140,7 @@ def own_sensing(tmp_path, name):
 
 
 def test_an_estimator_of_ones_own_is_named_in_the_arm_file(tmp_path):
-    estimate = estimator_for(own_sensing(tmp_path, "Flex"))
+    estimate = configuration_map_for(own_sensing(tmp_path, "Flex"))
     assert estimate.sensors == ("flex",)
     np.testing.assert_array_equal(
         estimate({"flex": np.ones((3, 3))}), 2 * np.ones((3, 3))
@@ -149,16 +149,18 @@ def test_an_estimator_of_ones_own_is_named_in_the_arm_file(tmp_path):
 
 def test_what_is_no_estimator_is_refused(tmp_path):
     with pytest.raises(
-        S2C2AError, match=r"is 3, no subclass of s2c2a\.sensing\.Estimator"
+        S2C2AError, match=r"is 3, no subclass of s2c2a\.sensing\.ConfigurationMap"
     ):
-        estimator_for(own_sensing(tmp_path, "thing"))
+        configuration_map_for(own_sensing(tmp_path, "thing"))
     with pytest.raises(
         S2C2AError, match=r"no sensor 'nose'; choose one of encoders, true"
     ):
-        estimator_for(ArmSpec.model_validate(TWIN.model_dump() | {"sensing": "nose"}))
+        configuration_map_for(
+            ArmSpec.model_validate(TWIN.model_dump() | {"sensing": "nose"})
+        )
 
 
-@pytest.mark.parametrize("kind", [CoupledEstimator, DirectionEstimator])
+@pytest.mark.parametrize("kind", [CoupledMap, UnitLengthMap])
 def test_an_estimator_that_goes_round_another_one_is_not_made_from_an_arm_alone(kind):
     with pytest.raises(
         S2C2AError, match=f"{kind.__name__} goes round another estimator"
@@ -167,9 +169,11 @@ def test_an_estimator_that_goes_round_another_one_is_not_made_from_an_arm_alone(
 
 
 def test_an_arm_file_chooses_its_estimator():
-    assert isinstance(estimator_for(TWIN), EncoderEstimator)
-    assert isinstance(estimator_for(SIMULATED), TrueEstimator)
-    assert isinstance(estimator_for(under(SIMULATED, PAPER_COUPLING)), CoupledEstimator)
+    assert isinstance(configuration_map_for(TWIN), EncoderMap)
+    assert isinstance(configuration_map_for(SIMULATED), TrueConfigurationMap)
+    assert isinstance(
+        configuration_map_for(under(SIMULATED, PAPER_COUPLING)), CoupledMap
+    )
 
 
 def test_the_coupling_is_equation_11():
@@ -181,7 +185,9 @@ def test_the_coupling_is_equation_11():
 
 def test_coupled_sensors_mix_modules_as_worked_by_hand():
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    sensed = estimator_for(under(SIMULATED, PAPER_COUPLING))({"configurations": truth})
+    sensed = configuration_map_for(under(SIMULATED, PAPER_COUPLING))(
+        {"configurations": truth}
+    )
     np.testing.assert_allclose(
         sensed, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]], atol=1e-7
     )
@@ -191,14 +197,14 @@ def test_coupled_encoders_mix_what_the_encoders_say():
     cables = np.array(
         [[-0.01, 0.005, 0.005], [0.0, 0.0, 0.0], [0.002, -0.004, 0.002]], np.float32
     )
-    alone = np.asarray(estimator_for(TWIN)({"cables": cables}))
-    mixed = estimator_for(under(TWIN, PAPER_COUPLING))({"cables": cables})
+    alone = np.asarray(configuration_map_for(TWIN)({"cables": cables}))
+    mixed = configuration_map_for(under(TWIN, PAPER_COUPLING))({"cables": cables})
     by_hand = [sum(PAPER_COUPLING[i][j] * alone[j] for j in range(3)) for i in range(3)]
     np.testing.assert_allclose(mixed, by_hand, atol=1e-6)
 
 
 def test_coupled_vectors_are_shorter_than_one_unless_all_modules_are_alike():
-    estimate = estimator_for(under(SIMULATED, PAPER_COUPLING))
+    estimate = configuration_map_for(under(SIMULATED, PAPER_COUPLING))
     apart = estimate({"configurations": np.eye(3)})
     alike = estimate({"configurations": np.tile([0.0, 0.6, 0.8], (3, 1))})
     assert float(jnp.linalg.norm(apart, axis=-1).max()) < 0.9
@@ -216,7 +222,7 @@ def test_a_coupling_matrix_of_another_size_is_refused(matrix):
 @pytest.mark.parametrize("batch", [(7,), (2, 3)])
 @pytest.mark.parametrize("coupling", [None, PAPER_COUPLING])
 def test_a_whole_recording_is_its_moments_one_by_one(batch, coupling):
-    estimate = eqx.filter_jit(estimator_for(under(TWIN, coupling)))
+    estimate = eqx.filter_jit(configuration_map_for(under(TWIN, coupling)))
     cables = (
         np.random.default_rng(2).uniform(-0.01, 0.01, (*batch, 3, 3)).astype(np.float32)
     )
