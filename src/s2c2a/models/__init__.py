@@ -1,4 +1,4 @@
-"""The models: from configurations to states, and from them to actions; how each is built, trained and asked."""
+"""Learned models: forward models (C2S) and configuration controllers (C2A)."""
 
 from s2c2a.models.actions import C2A, C2AOptions, History, LSTMOptions
 from s2c2a.models.c2s import C2S, C2SOptions, ForwardOptions

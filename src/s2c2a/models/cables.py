@@ -1,10 +1,10 @@
-"""What cables make of their motors' motion.
+"""Cable transmission between motors and modules: hysteresis, creep and delay.
 
-Play is what friction in a housing tube does: the module's side stays where it is until
-the motor has gone so far back. Operators of several widths, weighted, make up any such
-loop (the Prandtl-Ishlinskii basis; Brokate and Sprekels, Hysteresis and Phase
-Transitions, 1996, ch. 2). Creep is the same with slow filters, lag with the last
-reading. All of it is told from the sensed configurations alone.
+Friction in the cable housing causes backlash: the module side stays until the motor has
+moved back by the width of the backlash. A weighted sum of play operators of several
+widths models any such hysteresis loop (Prandtl-Ishlinskii model; Brokate and Sprekels,
+Hysteresis and Phase Transitions, 1996, ch. 2). Slow low-pass filters model creep, the
+last reading models delay. The only input is the sensed configuration.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from s2c2a.training.fit import Fixed
 
 
 class HysteresisMemory(NamedTuple):
-    """What the sensors' past left behind.
+    """Memory of the cable transmission.
 
     Attributes:
         plays: outputs of the play operators, shape (modules, widths, cables).
@@ -32,11 +32,11 @@ class HysteresisMemory(NamedTuple):
 
 
 class Operators(Fixed):
-    """What remembers.
+    """Constants of the play operators and filters.
 
     Attributes:
-        widths: half-widths of the plays [rad], shape (widths,).
-        shares: what every filter takes of its input in a control step, shape (times,).
+        widths: half-widths of the play operators [rad], shape (widths,).
+        shares: filter coefficient per control step, shape (times,).
     """
 
     widths: Float[Array, " widths"]
@@ -44,21 +44,22 @@ class Operators(Fixed):
 
 
 class Hysteresis(eqx.Module):
-    """Weighted plays, filters and the last displacement. Displacements are in units of the cable radius [rad].
+    """Weighted play operators, filters and the last displacement.
+
+    Displacements are in units of the cable radius [rad].
 
     Attributes:
-        operators: the plays and the filters.
-        play_weights: of the displacement itself, every play, and the last displacement,
-            before a softplus: what reaches the module moves with the motor or stays,
+        operators: constants of the play operators and filters.
+        play_weights: of the displacement, every play operator and the last
+            displacement, before a softplus: the module moves with the motor or stays,
             never against it, shape (modules, widths + 2, cables).
         creep_weights: of every filter, shape (modules, times, cables).
-        delays: how many of the filters, from the first, stand for delay and not for
-            creep.
-        engaged: whether slopes are those of cables that follow their motors. A planner
-            takes them: within a play nothing moves, and from the true slope, zero, it
-            would never learn that going on helps.
-        arrived: whether delays are left out. A planner does: at a high rate hardly
-            anything moves in one step.
+        delays: number of filters, from the first, that model delay instead of creep.
+        engaged: whether gradients are those of cables that follow their motors, for
+            planning: within the backlash the true gradient is zero, and the planner
+            would stop.
+        arrived: whether delays are left out, for planning: at a high control rate
+            hardly anything moves within one step.
     """
 
     operators: Operators
@@ -71,13 +72,10 @@ class Hysteresis(eqx.Module):
     def start(
         self, displacements: Float[Array, "*batch modules cables"]
     ) -> HysteresisMemory:
-        """Memory at rest: in the middle of every play."""
-        plays = jnp.repeat(
-            displacements[..., None, :], len(self.operators.widths), axis=-2
-        )
-        crept = jnp.repeat(
-            displacements[..., None, :], len(self.operators.shares), axis=-2
-        )
+        """Memory at rest, in the middle of every play operator."""
+        now = displacements[..., None, :]
+        plays = jnp.repeat(now, len(self.operators.widths), axis=-2)
+        crept = jnp.repeat(now, len(self.operators.shares), axis=-2)
         return HysteresisMemory(plays, crept, displacements)
 
     def advance(
@@ -86,12 +84,12 @@ class Hysteresis(eqx.Module):
         memory: HysteresisMemory,
     ):
         """Memory after one more reading."""
-        band = displacements[..., None, :]
+        now = displacements[..., None, :]
         half = self.operators.widths[:, None]
-        plays = jnp.clip(memory.plays, band - half, band + half)
+        plays = jnp.clip(memory.plays, now - half, now + half)
         if self.engaged:
-            plays = band + jax.lax.stop_gradient(plays - band)
-        crept = memory.crept + self.operators.shares[:, None] * (band - memory.crept)
+            plays = now + jax.lax.stop_gradient(plays - now)
+        crept = memory.crept + self.operators.shares[:, None] * (now - memory.crept)
         return HysteresisMemory(plays, crept, displacements)
 
     def inputs(
@@ -99,7 +97,11 @@ class Hysteresis(eqx.Module):
         displacements: Float[Array, "*batch modules cables"],
         memory: HysteresisMemory,
     ) -> Array:
-        """All that is weighted, shape (*batch, modules, widths + 2 + times, cables), given the memory before."""
+        """Inputs of the weighted sum, from a reading and the memory before it.
+
+        Returns:
+            Shape (*batch, modules, widths + 2 + times, cables).
+        """
         after = self.advance(displacements, memory)
         now = displacements[..., None, :]
         last = memory.last[..., None, :]
@@ -108,15 +110,12 @@ class Hysteresis(eqx.Module):
     def without_delay(
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Array:
-        """The same once the last displacement and the filters of delay have come to where the motors are."""
-        last = len(self.operators.widths) + 1
-        now = jnp.broadcast_to(
-            inputs[..., :1, :], (*inputs.shape[:-2], 1 + self.delays, inputs.shape[-1])
-        )
-        return jnp.concatenate(
-            [inputs[..., :last, :], now, inputs[..., last + 1 + self.delays :, :]],
-            axis=-2,
-        )
+        """Inputs after the last displacement and the delay filters have settled."""
+        first = len(self.operators.widths) + 1
+        settled = jnp.repeat(inputs[..., :1, :], 1 + self.delays, axis=-2)
+        plays = inputs[..., :first, :]
+        creep = inputs[..., first + 1 + self.delays :, :]
+        return jnp.concatenate([plays, settled, creep], axis=-2)
 
     def transmitted(
         self, inputs: Float[Array, "*batch modules inputs cables"]

@@ -1,21 +1,21 @@
-"""How far modules bend when cables only pull, and stretch; and what each does to the others.
+"""Static equilibrium of modules with elastic cables that pull and never push.
 
-Cable i of a module wants the bend that its displacement a_i = r B_i b stands for; where
-it is taut it pulls with its stiffness k. In units of the module's own bending
-stiffness, kappa = k r^2 L / EI, the bend beta at rest solves
+A cable with displacement a_i = r B_i b is taut if the module bends less than b; it then
+pulls with its stiffness k. In units of the module's bending stiffness, kappa =
+k r^2 L / EI, the bend beta at equilibrium solves
 
     beta + kappa sum_i B_i max(0, B_i beta - a_i / r + tau) = m
 
-with m the moment of everything else (gravity, neighbors) and tau what a cable is taut
-by at rest.
+with m the moment of everything else (gravity, neighbors) and tau the pretension of the
+cables, as a displacement.
 
-Cables pull on more than their own module. The center line gets shorter with all that
-runs through it, so that every cable further out is let go by as much; and where cables
-of outer modules run beside the axis of an inner one, its bend takes of their way, and
-their pull bends it. Both are brought together with the bends, a little at a time.
+Cables also act on other modules. All cables that run through a module shorten it, which
+slackens the cables of the modules beyond it. Where cables of outer modules run beside
+the axis of an inner one, its bend changes their path length, and their pull bends it. A
+fixed-point iteration solves for these couplings and the bends together.
 
-A body that relaxes gives way to a bend that it was held at: moments of the bends that
-cables asked for, as filters remember them.
+A viscoelastic module creeps towards the bends that it was held at: filters of past
+cable displacements add a moment.
 """
 
 from typing import NamedTuple
@@ -26,34 +26,33 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-# of taut cables found, bend solved; the energy is convex and piecewise quadratic
-ITERATIONS = 6
-# of such a step; of five cables and more, whole ones can go round in a circle
-SHARES = (1.0, 0.6, 0.35, 0.2)
-NEARLY = 2  # of such steps, where they are nearly at rest
-# times that bends and what modules do to each other are brought together, in one call
-SWEEPS = 2
-FIRST_STIFFNESS = 4.0  # kappa before training
-FIRST_GIVE = 0.1  # of a module's length over the cable radius, for a pull of one
-# of its logarithm: on some arms it is a hundred times smaller, and training has to get
-# there
+NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
+WARM_ITERATIONS = 2  # from bends near the equilibrium
+# line search; with five cables and more, full Newton steps can cycle
+STEP_LENGTHS = (1.0, 0.6, 0.35, 0.2)
+SWEEPS = 2  # of the fixed-point iteration between modules, in one call
+INITIAL_STIFFNESS = 4.0  # kappa
+INITIAL_GIVE = 0.1  # shortening over cable radius, for a pull of one
+# of the logarithm of the shortening: on some arms it is a hundred times smaller, and
+# training has to reach that
 GIVE_UNIT = 30.0
 
 
 class Rest(NamedTuple):
-    """Modules at rest, as far as they are brought together.
+    """State of the modules at equilibrium.
 
     Attributes:
         bends: [rad], shape (*batch, modules, 2).
-        shorter: each module, over the cable radius, shape (*batch, modules).
-        slack: what the way of its cables is shorter by, over the cable radius, shape
-            (*batch, modules, 1).
-        led: bends of inner modules that take of that way [rad], shape (*batch, modules,
-            2).
-        pulled: moments of outer modules' cables, over the bending stiffness [rad], the
-            same shape.
-        pulls: of every cable, times its radius over the bending stiffness [rad], shape
-            (*batch, modules, cables).
+        shorter: shortening of each module over the cable radius, shape (*batch,
+            modules).
+        slack: of its cables from the shortening of inner modules, over the cable
+            radius, shape (*batch, modules, 1).
+        led: bends of inner modules that change the path of its cables [rad], shape
+            (*batch, modules, 2).
+        pulled: moments of outer modules' cables, over the bending stiffness [rad],
+            shape (*batch, modules, 2).
+        pulls: tension of every cable times its radius over the bending stiffness
+            [rad], shape (*batch, modules, cables).
     """
 
     bends: Float[Array, "*batch modules 2"]
@@ -65,20 +64,19 @@ class Rest(NamedTuple):
 
 
 class Equilibrium(eqx.Module):
-    """What a module's rest depends on.
+    """Learned parameters of the static equilibrium.
 
-    What modules do to each other is said as if they were alike in stiffness and cable
-    radius; what is learned makes up for the rest.
+    The couplings assume modules of equal stiffness and cable radius; learned parameters
+    compensate for differences.
 
     Attributes:
         log_stiffness: logarithm of kappa, shape (modules,).
-        tautness: tau, shape (modules,).
-        log_give: logarithm of how much modules become shorter for a pull of one, over
-            its unit, shape (modules,).
-        coupling: at what part of their radius outer modules' cables run through it,
+        tautness: tau [rad], shape (modules,).
+        log_give: logarithm of the shortening for a pull of one, over `GIVE_UNIT`,
             shape (modules,).
-        relaxing: of the moments that bends leave which cables asked for, by filter,
-            shape (modules, times).
+        coupling: distance of outer modules' cables from the axis, in parts of their
+            radius, shape (modules,).
+        relaxing: weight of the creep moment of each filter, shape (modules, times).
     """
 
     log_stiffness: Float[Array, " modules"]
@@ -89,15 +87,13 @@ class Equilibrium(eqx.Module):
 
     @classmethod
     def untrained(cls, modules: int, times: int) -> "Equilibrium":
-        """Before anything is learned: modules that do nothing to each other but get shorter."""
-        give = jnp.full(modules, np.log(FIRST_GIVE) / GIVE_UNIT)
-        zeros = jnp.zeros(modules)
+        """Initial parameters: modules shorten, with no other coupling and no creep."""
         return cls(
-            jnp.full(modules, np.log(FIRST_STIFFNESS)),
-            zeros,
-            give,
-            zeros,
-            jnp.zeros((modules, times)),
+            log_stiffness=jnp.full(modules, np.log(INITIAL_STIFFNESS)),
+            tautness=jnp.zeros(modules),
+            log_give=jnp.full(modules, np.log(INITIAL_GIVE) / GIVE_UNIT),
+            coupling=jnp.zeros(modules),
+            relaxing=jnp.zeros((modules, times)),
         )
 
     def settled(
@@ -108,59 +104,63 @@ class Equilibrium(eqx.Module):
         before: Rest | None,
         engaged: bool,
     ) -> Rest:
-        """Nearer to rest than before.
+        """Advance the fixed-point iteration towards the equilibrium.
 
         Args:
             carried: displacements at the modules, over the cable radius [rad].
             moments: of everything else, over the bending stiffness [rad].
             matrices: B.
-            before: what was known of it, if anything.
-            engaged: see `bend_at_rest`. What modules do to each other has no slope
-                then: together with slopes that are not the true ones it would turn them
-                round.
+            before: an earlier result to start from, if there is one.
+            engaged: see `bend_at_rest`. The couplings then have no gradient: together
+                with gradients that are not the true ones, it would have the wrong sign.
         """
-        stiffness = jnp.exp(self.log_stiffness)
-        give = jnp.exp(self.log_give * GIVE_UNIT)
-        none = jnp.zeros((*carried.shape[:-1], 2))
-        known = before is not None
-        rest = before or Rest(
-            none, none[..., 0], none[..., :1], none, none, jnp.zeros_like(carried)
-        )
-        for sweep in range(SWEEPS):
-            start = rest.bends if known or sweep else None
-            displaced = (
-                carried
-                + rest.slack
-                - jnp.einsum("mnk,...mk->...mn", matrices, rest.led)
-            )
-            bends = bend_at_rest(
-                displaced,
-                moments - rest.pulled,
-                matrices,
-                stiffness,
-                self.tautness,
-                engaged,
-                start,
-            )
-            stretched = (
-                jnp.einsum("mnk,...mk->...mn", matrices, bends)
-                - displaced
-                + self.tautness[:, None]
-            )
-            pulls = stiffness[:, None] * jnp.maximum(stretched, 0.0)
-            shorter = give * _and_outer(jnp.sum(pulls, axis=-1), axis=-1)
-            # half, lest it swings
-            slack = (rest.slack + jnp.cumsum(shorter, axis=-1)[..., None]) / 2.0
-            led = self.coupling[:, None] * bends
-            own = jnp.einsum("mnk,...mn->...mk", matrices, pulls)
-            pulled = self.coupling[:, None] * (_and_outer(own, axis=-2) - own)
-            others = shorter, slack, jnp.cumsum(led, axis=-2) - led, pulled, pulls
-            rest = Rest(bends, *(jax.lax.stop_gradient(others) if engaged else others))
+        start = None
+        if before is None:
+            none = jnp.zeros((*carried.shape[:-1], 2))
+            no_pulls = jnp.zeros_like(carried)
+            rest = Rest(none, none[..., 0], none[..., :1], none, none, no_pulls)
+        else:
+            rest = before
+            start = rest.bends
+        for _ in range(SWEEPS):
+            rest = self._sweep(carried, moments, matrices, rest, engaged, start)
+            start = rest.bends
         return rest
 
+    def _sweep(
+        self, carried, moments, matrices, rest: Rest, engaged: bool, start
+    ) -> Rest:
+        stiffness = jnp.exp(self.log_stiffness)
+        give = jnp.exp(self.log_give * GIVE_UNIT)
+        path_change = jnp.einsum("mnk,...mk->...mn", matrices, rest.led)
+        displacements = carried + rest.slack - path_change
+        bends = bend_at_rest(
+            displacements,
+            moments - rest.pulled,
+            matrices,
+            stiffness,
+            self.tautness,
+            engaged,
+            start,
+        )
+        needed = jnp.einsum("mnk,...mk->...mn", matrices, bends)
+        stretch = needed - displacements + self.tautness[:, None]
+        pulls = stiffness[:, None] * jnp.maximum(stretch, 0.0)
+        shorter = give * _sum_outwards(jnp.sum(pulls, axis=-1), axis=-1)
+        # the mean with the last sweep, against oscillation
+        slack = (rest.slack + jnp.cumsum(shorter, axis=-1)[..., None]) / 2.0
+        led = self.coupling[:, None] * bends
+        led = jnp.cumsum(led, axis=-2) - led
+        own = jnp.einsum("mnk,...mn->...mk", matrices, pulls)
+        pulled = self.coupling[:, None] * (_sum_outwards(own, axis=-2) - own)
+        couplings = shorter, slack, led, pulled, pulls
+        if engaged:
+            couplings = jax.lax.stop_gradient(couplings)
+        return Rest(bends, *couplings)
 
-def _and_outer(values: Array, axis: int) -> Array:
-    """Of each module, and all that are further out."""
+
+def _sum_outwards(values: Array, axis: int) -> Array:
+    """Sum over each module and all modules beyond it."""
     return jnp.flip(jnp.cumsum(jnp.flip(values, axis), axis), axis)
 
 
@@ -173,7 +173,7 @@ def bend_at_rest(
     engaged: bool = False,
     start: Float[Array, "*batch modules 2"] | None = None,
 ) -> Float[Array, "*batch modules 2"]:
-    """Bend vectors [rad] at rest.
+    """Bend vectors at static equilibrium [rad].
 
     Args:
         displacements: at the module, over the cable radius [rad].
@@ -181,62 +181,60 @@ def bend_at_rest(
         matrices: B.
         stiffness: kappa.
         tautness: tau [rad].
-        engaged: take slopes as if every cable were taut. Where one cable holds a module
-            alone, the others can move without effect, and a planner with true slopes
-            would not find that they matter later.
-        start: bends nearly at rest, if they are known.
+        engaged: use gradients as if every cable were taut. Where one cable alone holds
+            a module, the others move without effect, and a planner with true gradients
+            would not see that they matter later.
+        start: bends near the equilibrium, if known.
     """
     desired = displacements - tautness[:, None]
-    every = jnp.broadcast_to(stiffness[:, None], desired.shape)
+    all_taut = jnp.broadcast_to(stiffness[:, None], desired.shape)
     if engaged:
         matrices, stiffness = jax.lax.stop_gradient((matrices, stiffness))
-    linear = _solve(every, desired, moments, matrices)
-    begun, iterations = (linear, ITERATIONS) if start is None else (start, NEARLY)
-    stretched = _stretched(
-        *jax.lax.stop_gradient((begun, desired, moments, matrices, stiffness)),
-        iterations,
-    )
-    bends = _solve(stretched * stiffness[:, None], desired, moments, matrices)
-    return linear + jax.lax.stop_gradient(bends - linear) if engaged else bends
+    linear = _solve_bends(all_taut, desired, moments, matrices)
+    iterations = NEWTON_ITERATIONS if start is None else WARM_ITERATIONS
+    initial = linear if start is None else start
+    constants = jax.lax.stop_gradient((initial, desired, moments, matrices, stiffness))
+    taut = _find_taut_cables(*constants, iterations)
+    bends = _solve_bends(taut * stiffness[:, None], desired, moments, matrices)
+    if engaged:
+        return linear + jax.lax.stop_gradient(bends - linear)
+    return bends
 
 
-def _stretched(bends, desired, moments, matrices, stiffness, iterations: int) -> Array:
-    """Which cables pull at rest: Newton's steps, each shortened to the share with the least energy."""
+def _find_taut_cables(
+    bends, desired, moments, matrices, stiffness, iterations: int
+) -> Array:
+    """Which cables are taut at equilibrium, by Newton's method with a line search."""
 
     def stretches(bends):
         return jnp.einsum("mnk,...mk->...mn", matrices, bends) - desired
 
     def energy(bends):
-        pulled = stiffness * jnp.sum(jnp.maximum(stretches(bends), 0.0) ** 2, axis=-1)
-        return (jnp.sum(bends**2, axis=-1) + pulled) / 2.0 - jnp.sum(
-            moments * bends, axis=-1
-        )
+        stretched = jnp.sum(jnp.maximum(stretches(bends), 0.0) ** 2, axis=-1)
+        elastic = (jnp.sum(bends**2, axis=-1) + stiffness * stretched) / 2.0
+        return elastic - jnp.sum(moments * bends, axis=-1)
 
-    def on(_, bends):
-        step = (
-            _solve(
-                (stretches(bends) > 0.0) * stiffness[:, None],
-                desired,
-                moments,
-                matrices,
-            )
-            - bends
-        )
-        tried = jnp.stack([bends + share * step for share in SHARES])
-        best = jnp.argmin(energy(tried), axis=0)[None, ..., None]
-        return jnp.take_along_axis(tried, best, axis=0)[0]
+    def iterate(_, bends):
+        taut = stretches(bends) > 0.0
+        solution = _solve_bends(taut * stiffness[:, None], desired, moments, matrices)
+        step = solution - bends
+        trials = jnp.stack([bends + length * step for length in STEP_LENGTHS])
+        best = jnp.argmin(energy(trials), axis=0)[None, ..., None]
+        return jnp.take_along_axis(trials, best, axis=0)[0]
 
-    return stretches(jax.lax.fori_loop(0, iterations, on, bends)) > 0.0
+    return stretches(jax.lax.fori_loop(0, iterations, iterate, bends)) > 0.0
 
 
-def _solve(pulls, desired, moments, matrices) -> Array:
-    """(I + sum_i p_i B_i B_i^T) beta = m + sum_i p_i B_i w_i, two by two."""
+def _solve_bends(stiffnesses, desired, moments, matrices) -> Array:
+    """Solve (I + sum_i p_i B_i B_i^T) beta = m + sum_i p_i B_i w_i, two by two."""
     x = matrices[..., 0]
     y = matrices[..., 1]
-    xx, xy, yy = (jnp.sum(pulls * part, axis=-1) for part in (x * x, x * y, y * y))
-    right = moments + jnp.einsum("mnk,...mn->...mk", matrices, pulls * desired)
+    xx = 1.0 + jnp.sum(stiffnesses * (x * x), axis=-1)
+    xy = jnp.sum(stiffnesses * (x * y), axis=-1)
+    yy = 1.0 + jnp.sum(stiffnesses * (y * y), axis=-1)
+    forces = stiffnesses * desired
+    right = moments + jnp.einsum("mnk,...mn->...mk", matrices, forces)
     first = right[..., 0]
     second = right[..., 1]
-    determinant = (1.0 + xx) * (1.0 + yy) - xy**2
-    solution = [(1.0 + yy) * first - xy * second, (1.0 + xx) * second - xy * first]
-    return jnp.stack(solution, axis=-1) / determinant[..., None]
+    solution = [yy * first - xy * second, xx * second - xy * first]
+    return jnp.stack(solution, axis=-1) / (xx * yy - xy**2)[..., None]

@@ -1,9 +1,9 @@
-"""What a chain for another arm begins with: what was learned, module by module, of an arm of the same make.
+"""Transfer of a trained chain to another arm of the same make, module by module.
 
-A module takes the numbers of those at the same place along the arm. The small network
-sees all modules at once and fits no other count of them; one in its place first learns,
-without any recording, what the weights of the new arm's modules do, which its
-description says.
+Each module takes the parameters of the modules at the same position along the old arm.
+The small network has all modules as input and does not fit another module count; its
+replacement is pretrained without recordings on the effect of gravity, from the masses
+in the arm file.
 """
 
 from dataclasses import replace
@@ -25,125 +25,139 @@ from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.models.statics import Equilibrium
 from s2c2a.training.trained import TrainingData
 
-SUNK = 30  # times that weights and the shape under them are brought together
-NEARER = 0.5  # of the way, each time
+SAG_ITERATIONS = 30  # of moments of gravity and the shape under them
+SAG_STEP = 0.5  # relaxation factor of these iterations
 _log_stiffness = attrgetter("equilibrium.log_stiffness")
 
 
 def carried_over(
     chain: ChainC2S, old: ArmSpec, blank: ChainC2S, new: ArmSpec
 ) -> ChainC2S:
-    """The chain of an arm, for another of the same make.
+    """The chain of an arm as initial model of another arm of the same make.
 
     Args:
-        chain: learned.
-        old: of which arm.
-        blank: an untrained one of the new arm.
-        new: that arm.
+        chain: trained.
+        old: the arm of `chain`.
+        blank: an untrained chain of the new arm.
+        new: the new arm.
     """
     places = same_places(old.module_count, new.module_count)
-    begun = replace(chain, body=blank.body)
+    initial = replace(chain, body=blank.body)
     if old.module_count != new.module_count:
-        hysteresis = _hysteresis(chain.hysteresis, places)
-        equilibrium = _each(chain.equilibrium, places)
-        begun = replace(blank, hysteresis=hysteresis, equilibrium=equilibrium)
-    ratio = jnp.asarray(
-        np.log(_stiffness(new) / (places @ _stiffness(old))), jnp.float32
-    )
-    return eqx.tree_at(_log_stiffness, begun, _log_stiffness(begun) + ratio)
+        hysteresis = _interpolate_hysteresis(chain.hysteresis, places)
+        equilibrium = _interpolate(chain.equilibrium, places)
+        initial = replace(blank, hysteresis=hysteresis, equilibrium=equilibrium)
+    ratio = np.log(_relative_stiffness(new) / (places @ _relative_stiffness(old)))
+    log_stiffness = _log_stiffness(initial) + jnp.asarray(ratio, jnp.float32)
+    return eqx.tree_at(_log_stiffness, initial, log_stiffness)
 
 
 def same_places(old: int, new: int) -> Float[np.ndarray, "new old"]:
-    """What of each old module a new one takes: that at the same part of the way from first to last, or its neighbors'.
+    """Linear interpolation weights from old to new modules, by position along the arm.
 
     Rows sum up to one.
     """
-    place = (
-        np.linspace(0.0, old - 1.0, new) if new > 1 else np.array([(old - 1.0) / 2.0])
-    )
-    return np.maximum(1.0 - np.abs(place[:, None] - np.arange(old)), 0.0)
+    middle = (old - 1.0) / 2.0
+    positions = np.linspace(0.0, old - 1.0, new) if new > 1 else np.array([middle])
+    return np.maximum(1.0 - np.abs(positions[:, None] - np.arange(old)), 0.0)
 
 
-def _stiffness(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
-    """Of the cables, over that of the modules, as described; one where motors pull with a force."""
+def _relative_stiffness(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
+    """Nominal stiffness of cables over that of modules; one on a tension arm."""
     springs = ArmGeometry.of(arm).cable_springs
+    if not springs.all():
+        return np.ones(arm.module_count)
     own = np.array([module.bending_stiffness / module.length for module in arm.modules])
-    return springs / own if springs.all() else np.ones(len(own))
+    return springs / own
 
 
-def _hysteresis(
+def _interpolate_hysteresis(
     hysteresis: Hysteresis, places: Float[np.ndarray, "new old"]
 ) -> Hysteresis:
-    """Of other modules: no cable is another's, so each takes the mean of its module's."""
-    plays = jnp.log(jnp.expm1(_mixed(jax.nn.softplus(hysteresis.play_weights), places)))
+    """Each cable takes the mean of its module, since cables do not correspond."""
+    plays = _interpolate_means(jax.nn.softplus(hysteresis.play_weights), places)
     return replace(
         hysteresis,
-        play_weights=plays,
-        creep_weights=_mixed(hysteresis.creep_weights, places),
+        play_weights=jnp.log(jnp.expm1(plays)),
+        creep_weights=_interpolate_means(hysteresis.creep_weights, places),
     )
 
 
-def _mixed(
+def _interpolate_means(
     weights: Float[Array, "old inputs cables"], places: Float[np.ndarray, "new old"]
 ) -> Array:
-    alike = jnp.broadcast_to(weights.mean(axis=-1, keepdims=True), weights.shape)
-    return jnp.einsum("no,oic->nic", places, alike)
+    means = jnp.broadcast_to(weights.mean(axis=-1, keepdims=True), weights.shape)
+    return jnp.einsum("no,oic->nic", places, means)
 
 
-def _each(
+def _interpolate(
     equilibrium: Equilibrium, places: Float[np.ndarray, "new old"]
 ) -> Equilibrium:
-    return jax.tree.map(
-        lambda values: jnp.tensordot(jnp.asarray(places, values.dtype), values, 1),
-        equilibrium,
-    )
+    def interpolate(values: Array) -> Array:
+        return jnp.tensordot(jnp.asarray(places, values.dtype), values, 1)
+
+    return jax.tree.map(interpolate, equilibrium)
 
 
 @eqx.filter_jit
 def under_weights(
     chain: ChainC2S, inputs: Float[Array, "samples modules inputs cables"]
 ) -> Array:
-    """States of modules that sink under their own weights as described, shape (samples, modules, 6).
+    """States of an arm under gravity, for a chain whose network knows no gravity.
 
-    Of a chain whose network does not know of weights.
+    Args:
+        chain: holds the nominal masses.
+        inputs: of the hysteresis (`Hysteresis.inputs`).
+
+    Returns:
+        States [m, 1], shape (samples, modules, 6), base frame.
     """
+    body = chain.body
+    modules = len(body.lengths)
 
-    def sunk(inputs: Array) -> Array:
-        modules = len(chain.body.lengths)
-
-        def deeper(_, hung: Array) -> Array:
-            rest, lengths, _ = chain._at_rest(inputs, hung)
-            body = chain.body
-            weighed = moments_of_weights(
+    def sag(inputs: Array) -> Array:
+        def iterate(_, moments: Array) -> Array:
+            rest, lengths, _ = chain._at_rest(inputs, moments)
+            target = moments_of_weights(
                 body.weights, rest.bends, lengths, body.compliances, body.gravity
             )
-            return hung + NEARER * (weighed - hung)
+            return moments + SAG_STEP * (target - moments)
 
-        hung = jax.lax.fori_loop(0, SUNK, deeper, jnp.zeros((modules, 2)))
-        return chain.states(
-            inputs,
-            ChainMemory(None, Disturbances.none(modules), hung, hung),  # type: ignore[arg-type]
-        )
+        none = jnp.zeros((modules, 2))
+        moments = jax.lax.fori_loop(0, SAG_ITERATIONS, iterate, none)
+        undisturbed = Disturbances.none(modules)
+        memory = ChainMemory(None, undisturbed, moments, moments)  # type: ignore[arg-type]
+        return chain.states(inputs, memory)
 
-    return jax.lax.map(sunk, inputs, batch_size=256)
+    return jax.lax.map(sag, inputs, batch_size=256)
 
 
 def babbled(arm: ArmSpec, options: CollectOptions) -> TrainingData:
-    """What motors would say while data of an arm driven by displacement are collected; its states stand for nothing.
+    """Encoder readings of a babbling arm with displacement actuation, without an arm.
 
     Args:
-        arm: that is not there.
-        options: how data would be collected.
+        arm: the arm.
+        options: of the data collection.
+
+    Returns:
+        Training data whose states are zero and meaningless.
     """
     geometry = ArmGeometry.of(arm)
-    told = (options.episodes, options.samples, options.seed, options.speeds)
-    episodes = [
-        episode_actions(geometry, options.babbling, one, *told)
-        for one in range(options.episodes)
-    ]
-    moved = np.stack(episodes) / geometry.cable_radii[:, None]
-    bends = np.einsum("mkn,...mn->...mk", geometry.bend_matrices, moved)
+    actions = []
+    for number in range(options.episodes):
+        episode = episode_actions(
+            geometry,
+            options.babbling,
+            number,
+            options.episodes,
+            options.samples,
+            options.seed,
+            options.speeds,
+        )
+        actions.append(episode)
+    stacked = np.stack(actions)
+    displacements = stacked / geometry.cable_radii[:, None]
+    bends = np.einsum("mkn,...mn->...mk", geometry.bend_matrices, displacements)
     sensed = np.asarray(configurations_from_bends(jnp.asarray(bends, jnp.float32)))
-    return TrainingData(
-        arm, sensed, np.stack(episodes), np.zeros((*sensed.shape[:-1], 6))
-    )
+    states = np.zeros((*sensed.shape[:-1], 6))
+    return TrainingData(arm, sensed, stacked, states)

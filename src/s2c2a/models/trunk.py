@@ -1,4 +1,4 @@
-"""What a forward model knows of an arm by its description: lengths, cables, weights."""
+"""Constants of a forward model from the arm file: lengths, cables, masses."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,11 +8,11 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.training.fit import FromArm
 
-TAUT = 0.5  # of an arm's cables, as a rule
+TAUT = 0.5  # typical share of cables that are taut
 
 
 class Trunk(FromArm):
-    """Lengths and cables.
+    """Geometry, compliances and masses of an arm.
 
     Attributes:
         lengths: of modules [m], shape (modules,).
@@ -21,14 +21,13 @@ class Trunk(FromArm):
         radii: of the cables [m], shape (modules,).
         compliances: nominal lengths over bending stiffnesses [rad/(N m)], shape
             (modules,).
-        yields: the same of modules whose cables help to hold them [rad/(N m)], shape
+        yields: compliances of modules including their taut cables [rad/(N m)], shape
             (modules,).
-        moments: of a pull of one, over the bending stiffness [rad/N], shape (modules,
-            1).
-        weights: of modules, half at either end, but for what the base carries [kg],
-            shape (modules,).
-        gives: how far ends of modules move for a force across them, while their axes
-            stay: C L^2 / 12 [m/N].
+        moments: bend of a cable tension of 1 N [rad/N], shape (modules, 1).
+        weights: masses lumped at module ends, half of each adjacent module [kg], shape
+            (modules,).
+        gives: deflection of module ends under a lateral force at fixed axes, C L^2 / 12
+            [m/N], shape (modules,).
         gravity: [m/s2], base frame.
     """
 
@@ -45,7 +44,7 @@ class Trunk(FromArm):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Trunk":
-        """The numbers of an arm."""
+        """The constants of an arm."""
         geometry = ArmGeometry.of(arm)
         compliances = np.array(
             [module.length / module.bending_stiffness for module in arm.modules]
@@ -68,13 +67,12 @@ class Trunk(FromArm):
     def displacements(
         self, configurations: Float[Array, "*batch modules 3"]
     ) -> Float[Array, "*batch modules cables"]:
-        """What sensed configurations say of the cables, over the cable radius [rad]."""
-        return jnp.einsum(
-            "mnk,...mk->...mn", self.matrices, bends_from_configurations(configurations)
-        )
+        """Cable displacements over the cable radius [rad], shape (*batch, modules, cables)."""
+        bends = bends_from_configurations(configurations)
+        return jnp.einsum("mnk,...mk->...mn", self.matrices, bends)
 
     def bends(
         self, displacements: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules 2"]:
-        """The other way."""
+        """Bends of cable displacements [rad], shape (*batch, modules, 2)."""
         return jnp.einsum("mkn,...mn->...mk", self.inverses, displacements)
