@@ -33,10 +33,10 @@ def test_the_unit_of_an_output_does_not_matter():
     ) == pytest.approx(one)
 
 
-def test_full_range_is_largest_less_smallest_over_samples():
+def test_full_range_is_the_largest_minus_the_smallest_value():
     values = np.array([[[1.0, 5.0]], [[-2.0, 5.5]], [[0.0, 5.25]]])
     np.testing.assert_array_equal(full_ranges(values), [[3.0, 0.5]])
 
 
-def test_an_output_that_never_changes_has_range_one():
+def test_a_constant_output_has_range_one():
     np.testing.assert_array_equal(full_ranges(np.full((4, 1, 2), 7.0)), [[1.0, 1.0]])
