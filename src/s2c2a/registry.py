@@ -77,7 +77,7 @@ class OptionsRegistry(Generic[Base]):
 
 
 def _subclasses(base: type) -> list[type]:
-    classes = [base]
+    classes: list[type] = [base]
     for child in base.__subclasses__():
         classes += _subclasses(child)
     return classes

@@ -15,15 +15,15 @@ from s2c2a.identification import (
     arm_at,
     errors_of,
     fitted_toml,
-    found_numbers,
+    fitted_numbers,
     held_out,
     identify,
     options_for,
     replayed,
-    stated_for,
+    with_default_starts,
     thinned,
     unknowns_of,
-    untold,
+    undetermined_combinations,
 )
 
 ROWS = 130
@@ -99,7 +99,7 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
 
 
 def test_found_numbers_are_those_of_the_file(fit):
-    found = {one.name: one.value for one in found_numbers(fit)}
+    found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
     assert (
         found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
@@ -117,7 +117,9 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
     how = Replay(settling=2.0)
     seen = recorded(arm, 8, how=how, moved=False)
     unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
-    texts = untold(identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).belief)
+    texts = undetermined_combinations(
+        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).belief
+    )
     assert len(texts) == 1
     assert "modules.0.bending_stiffness" in texts[0]
     assert "+ 0." in texts[0] or "- 0." in texts[0]
@@ -134,7 +136,7 @@ def test_a_shifted_frame_is_identified_and_reported(start):
         [moved],
         FitOptions(frame=True, rounds=4),
     )
-    found = {one.name: one.value for one in found_numbers(fit)}
+    found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
     assert found["frame.shift_z"] == pytest.approx(-0.02, abs=0.002)
     assert errors_of(fit, {})["fitted rows"].rms < 2 * NOISE
@@ -160,13 +162,13 @@ def test_an_arm_at_zero_coordinates_equals_its_file(twin):
 
 
 def test_the_fit_of_shortening_starts_at_an_arm_that_hardly_shortens(twin):
-    assert stated_for(twin, ("stiffness",)) == twin
-    stated = stated_for(twin, ("shortening",))
+    assert with_default_starts(twin, ("stiffness",)) == twin
+    stated = with_default_starts(twin, ("shortening",))
     assert stated.modules[0].mismatch.axial_stiffness == pytest.approx(
         20 * 0.125 / 0.027**2
     )
     assert len(unknowns_of(stated, ("shortening",))) == 3
-    assert stated_for(stated, ("shortening",)) == stated
+    assert with_default_starts(stated, ("shortening",)) == stated
 
 
 def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):

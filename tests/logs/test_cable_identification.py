@@ -8,7 +8,7 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.logs import (
-    import_again,
+    import_session,
     import_logs,
     map_from_toml,
     model_fit,
@@ -91,7 +91,7 @@ def test_a_recording_returns_in_the_base_frame_of_a_stated_arm(recordings, tmp_p
         assert np.isnan(states[..., 3:]).all()
     assert load_episodes(path)[1]["license"] == "none"
     # the same log as another session
-    session = import_again([log.path], map_from_toml(log.map), back)
+    session = import_session([log.path], map_from_toml(log.map), back)
     for episode, original in zip(session.episodes, back.episodes, strict=True):
         for name in ("actions", "sensor.cables", "sensor.states"):
             np.testing.assert_allclose(episode[name], original[name], atol=1e-7)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.logs import import_again, import_logs, map_from_toml, summary
+from s2c2a.logs import import_session, import_logs, map_from_toml, summary
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.rig import Rig, find_similar_rows
 
@@ -55,7 +55,7 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, message, first
     assert old in log.map
     changed = map_from_toml(log.map.replace(old, new, 1))
     with pytest.raises(LogError, match=message):
-        import_again([log.path], changed, recording)
+        import_session([log.path], changed, recording)
 
 
 def test_a_drive_that_winds_more_cable_than_the_arm_is_long_is_refused(first):
@@ -69,7 +69,7 @@ def test_ends_beyond_the_reach_of_the_arm_are_refused(first):
     log, recording = first
     rig = {**recording.options["rig"], "base": [40.0, 0.0, 0.0]}
     with pytest.raises(LogError, match=r"ends are up to 40.* correct their unit"):
-        import_again([log.path], map_from_toml(log.map), with_rig(recording, rig))
+        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
 def test_an_arm_that_differs_from_the_map_is_refused(first, twin):
@@ -99,7 +99,7 @@ def test_a_recording_without_a_valid_rig_is_refused(change, first):
     log, recording = first
     rig = {**recording.options["rig"], **change} if change else None
     with pytest.raises(LogError, match="import its logs again, without --like"):
-        import_again([log.path], map_from_toml(log.map), with_rig(recording, rig))
+        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
 def test_rows_with_similar_cables_show_that_a_camera_has_moved():
@@ -115,8 +115,8 @@ def test_rows_with_similar_cables_show_that_a_camera_has_moved():
 
 def test_sessions_without_a_measured_tip_are_not_compared(first):
     log, recording = first
-    session = import_again([log.path], map_from_toml(log.map), recording)
+    session = import_session([log.path], map_from_toml(log.map), recording)
     cables = np.zeros((4, 3, 3))
     empty = find_similar_rows(cables, np.full((4, 3), np.nan), cables, np.zeros((4, 3)))
-    lines = summary.summary_again(replace(session, similar=empty))
+    lines = summary.session_summary(replace(session, similar=empty))
     assert "cannot be checked" in lines[-1]

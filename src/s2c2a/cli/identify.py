@@ -63,7 +63,7 @@ def identify(
             f"{out} exists; choose another name or overwrite it (--overwrite)"
         )
     groups = fit or identification.USUAL
-    start = identification.stated_for(load_arm(arm), groups)
+    start = identification.with_default_starts(load_arm(arm), groups)
     recorded = data.load_recording(recording)
     if settling is None and recorded.options.get("at_rest"):
         settling = SETTLING_TIME
@@ -135,7 +135,7 @@ def _describe(errors: "dict[str, TipErrors]") -> list[str]:
 
 def _print_result(result: "Fit", errors: "dict[str, TipErrors]") -> None:
     """Print fitted parameters, unidentifiable combinations and errors."""
-    from s2c2a.identification import found_numbers, untold
+    from s2c2a.identification import fitted_numbers, undetermined_combinations
 
     rows = [
         (
@@ -145,11 +145,11 @@ def _print_result(result: "Fit", errors: "dict[str, TipErrors]") -> None:
             f"{number.deviation:.2g}",
             "" if number.seen else "poorly identifiable",
         )
-        for number in found_numbers(result)
+        for number in fitted_numbers(result)
     ]
     header = ("parameter", "start", "fitted", "+-", "")
     print_table("Fitted parameters (SI units, deg)", header, rows, left_aligned=True)
-    if combinations := untold(result.belief):
+    if combinations := undetermined_combinations(result.belief):
         print("Poorly identifiable combinations (the prior outweighs the recording):")
         for combination in combinations:
             print(f"  {combination}")

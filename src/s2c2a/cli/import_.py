@@ -41,8 +41,8 @@ def import_(
     """
     from s2c2a.data import load_recording
     from s2c2a.logs import (
-        import_again,
         import_logs,
+        import_session,
         load_map,
         save_imported,
         summary,
@@ -56,9 +56,9 @@ def import_(
         **log_map.source.model_dump(),
     }
     if like:
-        repeated = import_again(logs, log_map, load_recording(like))
+        repeated = import_session(logs, log_map, load_recording(like))
         save_imported(repeated, out, options)
-        print("\n".join([*summary.summary_again(repeated), f"recording: {out}"]))
+        print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
         return
     imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
     arm_file = save_imported(imported, out, options)

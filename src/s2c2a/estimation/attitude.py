@@ -57,6 +57,8 @@ class Inclinometer:
         shape = (None, self._arm.module_count, 3)
         accelerations = numbers_of_shape(reading.get("accelerations"), shape)
         velocities = numbers_of_shape(reading.get("angular_velocities"), shape)
+        if accelerations is None or velocities is None:
+            return None
         if not _usable(accelerations, velocities):
             return None  # the filter would never forget them
         if not self._repeats.is_repeated("accelerations", accelerations):
@@ -87,9 +89,7 @@ class Inclinometer:
             self._filters.append(attitude_filter)
 
 
-def _usable(accelerations: np.ndarray | None, velocities: np.ndarray | None) -> bool:
-    if accelerations is None or velocities is None:
-        return False
+def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
     if accelerations.shape != velocities.shape:
         return False
     in_range = np.abs(accelerations) < MAX_ACCELERATION

@@ -6,8 +6,8 @@ from s2c2a.identification.numbers import (
     USUAL,
     Unknown,
     arm_at,
-    stated_for,
     unknowns_of,
+    with_default_starts,
 )
 from s2c2a.identification.problem import FitOptions, Problem, held_out, options_for
 from s2c2a.identification.replay import Replay, replayed, thinned
@@ -15,8 +15,8 @@ from s2c2a.identification.report import (
     FittedNumber,
     TipErrors,
     errors_of,
+    fitted_numbers,
     fitted_toml,
-    found_numbers,
     tip_errors,
-    untold,
+    undetermined_combinations,
 )

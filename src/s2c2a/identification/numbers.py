@@ -158,7 +158,7 @@ class Unknown:
         return self.coordinate(self.kind.low), self.coordinate(self.kind.high)
 
 
-def stated_for(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
+def with_default_starts(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
     """Arm with a start for numbers that a group fits and its file lacks.
 
     This is the axial stiffness, which starts at that of an arm that hardly shortens.

@@ -114,7 +114,7 @@ class FittedNumber:
     seen: bool
 
 
-def found_numbers(fit: Fit) -> list[FittedNumber]:
+def fitted_numbers(fit: Fit) -> list[FittedNumber]:
     """All fitted numbers, those of the frame last [rad, m]."""
     unknowns = fit.problem.unknowns
     count = len(unknowns)
@@ -140,7 +140,7 @@ def found_numbers(fit: Fit) -> list[FittedNumber]:
     return numbers
 
 
-def untold(posterior: Posterior) -> list[str]:
+def undetermined_combinations(posterior: Posterior) -> list[str]:
     """Combinations that the recording determines less than the prior, worst first."""
     names = posterior.names
     texts = [
@@ -169,7 +169,7 @@ def _format_combination(
 
 def fitted_toml(fit: Fit, remark: str = "") -> str:
     """Text of the fitted arm's file, with the standard deviation of each number."""
-    numbers = zip(fit.problem.unknowns, found_numbers(fit), strict=False)
+    numbers = zip(fit.problem.unknowns, fitted_numbers(fit), strict=False)
     comments = {unknown.path: _comment(number) for unknown, number in numbers}
     lines = [f"# {line}" for line in remark.splitlines()]
     lines.append("# +- is one standard deviation.")

@@ -19,7 +19,7 @@ from s2c2a.logs.pipeline import (
     Imported,
     ImportedSession,
     arm_file_of,
-    import_again,
     import_logs,
+    import_session,
     save_imported,
 )

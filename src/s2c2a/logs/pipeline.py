@@ -164,7 +164,7 @@ class ImportedSession:
     rows: int
 
 
-def import_again(
+def import_session(
     paths: Sequence[str | os.PathLike], log_map: LogMap, first: Recording
 ) -> ImportedSession:
     """Read logs of another session, with cameras and motors as in the first import.

@@ -41,7 +41,7 @@ def summary(imported: Imported) -> list[str]:
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
 
-def summary_again(session: ImportedSession) -> list[str]:
+def session_summary(session: ImportedSession) -> list[str]:
     """Lines: the same for another session, and the tip's offset from the first one."""
     return [
         *_describe_episodes(session),

@@ -13,6 +13,7 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
@@ -133,9 +134,12 @@ class C2S(MemorylessModel):
     state_scaling: Scaling
 
     def predict(
-        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
-    ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`: disturbances are ignored."""
         return self.state_scaling.back(
             self.network(self.configuration_scaling.forward(configurations))
         )

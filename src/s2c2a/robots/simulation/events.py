@@ -139,6 +139,6 @@ def _apply_event(event: Event, robot: EventTarget) -> None:
         "sensor_loss": robot.lose_sensors,
     }
     if event.kind == "force":
-        robot.apply_force(event.values)
+        robot.apply_force(np.asarray(event.values))
     else:
         methods[event.kind](*event.values)
