@@ -26,7 +26,7 @@ def test_sense(benchmark, networks):
 @pytest.mark.asked("at most 0.15 ms")
 def test_learned_controller(benchmark, networks):
     controller = NetworkController(networks.c2a)
-    correction = networks.recipe.correction
+    correction = networks.recipe.integral_gain
     act(
         benchmark,
         networks.arm,

@@ -194,7 +194,7 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
     output = failing(
         capsys, "run", "circle", *arm, "--weights", str(strategy), "--recipe", "paper"
     )
-    assert "trains otherwise" in output
+    assert "trains differently" in output
 
 
 def test_the_recipe_sets_the_default_number_of_episodes(
@@ -234,13 +234,13 @@ def test_an_invalid_sweep_is_rejected_before_it_writes_files(tmp_path, capsys):
     assert "planner.solver.iterations" in error_of(
         "circle", "--vary", "planner.solver.iteration=5:60"
     )
-    assert "no task 'triangle'" in error_of("triangle", "--vary", "correction=0,1")
-    assert "at least one, such as circle" in error_of("--vary", "correction=0,1")
+    assert "no task 'triangle'" in error_of("triangle", "--vary", "integral_gain=0,1")
+    assert "at least one, such as circle" in error_of("--vary", "integral_gain=0,1")
     assert "they share position" in error_of(
-        "circle", "--vary", "correction=0,1", "--metric", "tilt"
+        "circle", "--vary", "integral_gain=0,1", "--metric", "tilt"
     )
     assert "no recipe" in error_of(
-        "circle", "--vary", "correction=0,1", "--recipe", "none.toml"
+        "circle", "--vary", "integral_gain=0,1", "--recipe", "none.toml"
     )
     assert list(tmp_path.iterdir()) == []
 

@@ -149,7 +149,8 @@ def test_an_estimator_of_ones_own_is_named_in_the_arm_file(tmp_path):
 
 def test_what_is_no_estimator_is_refused(tmp_path):
     with pytest.raises(
-        S2C2AError, match=r"is 3, no subclass of s2c2a\.sensing\.ConfigurationMap"
+        S2C2AError,
+        match=r"is 3; name a subclass of s2c2a\.estimation\.ConfigurationMap",
     ):
         configuration_map_for(own_sensing(tmp_path, "thing"))
     with pytest.raises(
@@ -162,9 +163,7 @@ def test_what_is_no_estimator_is_refused(tmp_path):
 
 @pytest.mark.parametrize("kind", [CoupledMap, UnitLengthMap])
 def test_an_estimator_that_goes_round_another_one_is_not_made_from_an_arm_alone(kind):
-    with pytest.raises(
-        S2C2AError, match=f"{kind.__name__} goes round another estimator"
-    ):
+    with pytest.raises(S2C2AError, match=f"{kind.__name__} wraps another map"):
         kind.of(TWIN)
 
 

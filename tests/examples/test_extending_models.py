@@ -10,7 +10,7 @@ import tomli_w
 
 from s2c2a.cli.main import main
 from s2c2a.errors import StrategyError
-from s2c2a.models.registry import model_named
+from s2c2a.models.registry import MODELS
 from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_recipe
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
@@ -83,7 +83,7 @@ def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
 def test_its_options_round_trip_through_recipe_and_strategy_file(
     recipe, strategy, tmp_path
 ):
-    mine = model_named(MODEL)
+    mine = MODELS.named(MODEL)
     networks = load_strategy(strategy)
     assert type(networks.recipe.c2s) is type(load_recipe(recipe).c2s) is mine
     assert networks.recipe.c2s.hidden == 4
@@ -137,7 +137,7 @@ def test_networks_of_other_code_have_another_cache_key(tmp_path, monkeypatch):
         recipes.append(
             replace(
                 recipe_named("paper"),
-                c2s=model_named(f"{file}:ArcsOptions")(model="mine"),
+                c2s=MODELS.named(f"{file}:ArcsOptions")(model="mine"),
             )
         )
     assert recipes[0].training != recipes[1].training

@@ -14,16 +14,16 @@ from s2c2a.identification import (
     Replay,
     arm_at,
     errors_of,
-    fitted_toml,
     fitted_numbers,
+    fitted_toml,
     held_out,
     identify,
     options_for,
     replayed,
-    with_default_starts,
     thinned,
-    unknowns_of,
     undetermined_combinations,
+    unknowns_of,
+    with_default_starts,
 )
 
 ROWS = 130

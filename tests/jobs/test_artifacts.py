@@ -64,7 +64,7 @@ def test_a_damaged_recording_is_replaced(cache):
 
 def test_the_path_of_networks_depends_on_all_training_inputs(cache):
     networks = NetworksArtifact(TWIN, PAPER, 0)
-    same = replace(PAPER, correction=0.3)
+    same = replace(PAPER, integral_gain=0.3)
     others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
     assert replace(networks, recipe=same).path(cache) == networks.path(cache)
     different = [replace(networks, recipe=one) for one in others] + [
@@ -121,9 +121,9 @@ def test_the_path_of_a_run_depends_on_all_its_inputs(waypoints, cache):
         pcc_job(waypoints),
         replace(job, seed=1),
         replace(job, strategy="lstm"),
-        replace(job, recipe=replace(PAPER, correction=0.3)),
+        replace(job, recipe=replace(PAPER, integral_gain=0.3)),
         replace(job, conditions=Conditions(RobotFactory.simulation(payload=0.05))),
-        replace(job, conditions=Conditions(guard="arm")),
+        replace(job, conditions=Conditions(run=RunOptions("arm"))),
     ]
     assert len({one.path(cache) for one in [job, *others]}) == 7
     assert replace(job).path(cache) == job.path(cache)

@@ -90,7 +90,7 @@ def short_task(tmp_path_factory):
 def quick_recipe(tiny_recipe):
     """Trained for two epochs: how well does not matter here."""
     fit = FitOptions(max_epochs=2, epochs_per_call=2)
-    return replace(tiny_recipe, c2s_fit=fit, c2a_fit=fit, correction=0.2)
+    return replace(tiny_recipe, c2s_fit=fit, c2a_fit=fit, integral_gain=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +223,7 @@ def small_sweep(quick_recipe, short_task):
         TWIN,
         (short_task,),
         quick_recipe,
-        varied_from(["correction=0.1:0.4"], quick_recipe),
+        varied_from(["integral_gain=0.1:0.4"], quick_recipe),
         batch=2,
     )
 
@@ -245,7 +245,7 @@ def test_a_resumed_sweep_gives_the_same_trials(
     assert resumed == whole
     assert sorted(trial.number for trial in whole) == [0, 1, 2, 3, 4]
     assert {trial.number: trial.values for trial in whole}[0] == {
-        "correction": small_sweep.recipe.correction
+        "integral_gain": small_sweep.recipe.integral_gain
     }
     assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
     assert best_recipe(small_sweep, whole) == replace(

@@ -8,8 +8,8 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.logs import (
-    import_session,
     import_logs,
+    import_session,
     map_from_toml,
     model_fit,
     save_imported,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.logs import import_session, import_logs, map_from_toml, summary
+from s2c2a.logs import import_logs, import_session, map_from_toml, summary
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.rig import Rig, find_similar_rows
 

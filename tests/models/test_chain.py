@@ -197,7 +197,7 @@ def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, 
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))
     configurations = way(5, 3, modules)
     memory = observe(model, configurations[0], start(model, configurations[0]))
-    assert memory.cables.plays.shape == (modules, 2, cables)
+    assert memory.plays.shape == (modules, 2, cables)
     states = predict(model, configurations[1], memory)
     assert states.shape == (modules, 6)
     assert np.isfinite(states).all()

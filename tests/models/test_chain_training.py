@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.control.options import BiLSTMController
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
-from s2c2a.models import C2AOptions, ChainOptions
+from s2c2a.models import ChainOptions
 from s2c2a.models.chain_training import samples_along
 from s2c2a.strategies import TrainedNetworks, load_strategy, recipe_named, save_strategy
 from s2c2a.training import FitOptions, TrainingData
@@ -176,7 +177,7 @@ def test_too_few_samples_are_refused(make_arm):
 @pytest.fixture(scope="module")
 def networks(trained, make_arm):
     """A strategy whose forward model is the trained chain."""
-    arm, c2a = make_arm(2), C2AOptions(layers=1, hidden=8)
+    arm, c2a = make_arm(2), BiLSTMController(layers=1, hidden=8)
     recipe = replace(
         recipe_named("best"),
         name="small",

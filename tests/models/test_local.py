@@ -235,7 +235,7 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
         jnp.ones((arm.module_count, 6)) / np.sqrt(3),
     )
     ends = [
-        one._put_together(chained, one.kernels(features))[..., :3]
+        one._corrected(chained, one.kernels(features))[..., :3]
         for one in (silent, half, whole)
     ]
     np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)

@@ -48,7 +48,7 @@ class Uphill(ForwardModel):
     def observe(self, sensed, memory):
         return self.truth.observe(sensed, memory)
 
-    def predict(self, configurations, memory) -> Array:
+    def predict(self, configurations, memory, disturbances=None) -> Array:
         states = self.truth.predict(configurations, memory)
         return 2.0 * jax.lax.stop_gradient(states) - states if self.engaged else states
 

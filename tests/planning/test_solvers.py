@@ -13,7 +13,7 @@ from s2c2a.estimation import Estimate
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Adam, Goal, LeastSquares, Planner, Solver, Term
-from s2c2a.planning.planner import Step
+from s2c2a.planning.planner import Plan, Step
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
@@ -25,7 +25,7 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 )
 def test_adam_strictly_lowers_the_objective(target):
     problem = Step.of(TWIN, MODEL, PAPER).problem(
-        STRAIGHT, (), Goal.of(3).with_position(target)
+        Plan(STRAIGHT, (), None), Goal.of(3).with_position(target)
     )
     ends = [
         STRAIGHT,
@@ -63,7 +63,7 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
         place /= np.linalg.norm(place, axis=-1, keepdims=True)
     options = replace(PAPER, terms=(SquaredDistance(),))
     problem = Step.of(TWIN, MODEL, options).problem(
-        jnp.asarray(first, dtype=jnp.float32), (), Goal.of(3)
+        Plan(jnp.asarray(first, dtype=jnp.float32), (), None), Goal.of(3)
     )
     np.testing.assert_allclose(
         jax.jit(lambda: Adam().solve(problem))(), place, atol=2e-6

@@ -20,9 +20,9 @@ def test_a_recipe_comes_back_from_its_file_under_the_name_of_the_file(recipe, tm
     again = load_recipe(save_recipe(recipe, tmp_path / "mine.toml"))
     assert again.name == "mine"
     assert again.training == recipe.training
-    assert (again.planner, again.correction, again.axis_weights) == (
+    assert (again.planner, again.integral_gain, again.axis_weights) == (
         recipe.planner,
-        recipe.correction,
+        recipe.integral_gain,
         recipe.axis_weights,
     )
 
@@ -58,7 +58,7 @@ def test_names_and_files_are_told_apart(tmp_path):
     [
         (
             lambda text: text.replace("correction =", "corection ="),
-            "corection: no such key; did you mean correction",
+            "corection: no such key; did you mean integral_gain",
         ),
         (
             lambda text: text.replace("depth =", "dept ="),
@@ -139,7 +139,7 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
     assert mine == replace(
         best,
         name="mine",
-        correction=0.1,
+        integral_gain=0.1,
         c2s=replace(best.c2s, hidden=32),
         planner=mine.planner,
     )
@@ -151,7 +151,7 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda: {"correction": math.nan}, "correction = nan was asked for"),
+        (lambda: {"integral_gain": math.nan}, "correction = nan was asked for"),
         (lambda: {"history_noise": math.inf}, "history_noise = inf was asked for"),
         (
             lambda: {"speeds": (0.02, math.inf)},
@@ -195,7 +195,7 @@ def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(change, said)
         lambda: C2AOptions(layers=10**9, hidden=8),
         lambda: LSTMOptions(hidden=10**9),
         lambda: LSTMOptions(history_noise=math.nan),
-        lambda: replace(RECIPES["best"], correction=-1.0),
+        lambda: replace(RECIPES["best"], integral_gain=-1.0),
         lambda: replace(RECIPES["best"], axis_weights=(("hold-", 1e30),)),
     ],
 )

@@ -327,7 +327,7 @@ def test_the_papers_recipe_has_the_papers_numbers():
 def test_the_papers_recipe_has_nothing_of_the_best_ones():
     """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
     paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.correction, paper.directions) == (
+    assert (paper.planner.guard, paper.integral_gain, paper.unit_length) == (
         "tip",
         0.0,
         False,
@@ -344,12 +344,12 @@ def test_the_papers_recipe_has_nothing_of_the_best_ones():
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     best = recipe_named("best")
     at_work = replace(
-        best, name="other", planner=PAPER, correction=0.0, axis_weights=()
+        best, name="other", planner=PAPER, integral_gain=0.0, axis_weights=()
     )
     assert at_work.training == best.training
     for change in (
         {"speeds": (0.03, 0.2)},
-        {"directions": False},
+        {"unit_length": False},
         {"c2s": recipe_named("paper").c2s},
     ):
         assert replace(best, **change).training != best.training

@@ -18,7 +18,6 @@ from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation import Estimate
 from s2c2a.executors import all_cores
 from s2c2a.files import write_atomically
 from s2c2a.versions import versions
@@ -91,6 +90,7 @@ def control_times(arm: ArmSpec) -> Iterator[Timing]:
     import jax
 
     from s2c2a import planning, strategies, tasks
+    from s2c2a.estimation import Estimate
     from s2c2a.robots.simulation import SimulatedRobot
 
     model, strategy = default_model_and_strategy(arm)

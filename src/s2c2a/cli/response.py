@@ -15,7 +15,7 @@ from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.estimation import ModalFactors
-    from s2c2a.estimation.excitation import Shaken
+    from s2c2a.estimation.excitation import Excitation
     from s2c2a.estimation.frequency_response import Response
     from s2c2a.robots import Robot
     from s2c2a.strategies import TrainedNetworks
@@ -61,7 +61,7 @@ class ExpectedDynamics:
         step = modal_step(LinearizedArm.of(self.arm), self.modal_factors, period)
         return float(modes(step, period)[0, 0])
 
-    def tilts(self, chirps: "Shaken", direction: int) -> np.ndarray:
+    def tilts(self, chirps: "Excitation", direction: int) -> np.ndarray:
         """Expected tilt of the tip during a chirp [rad]."""
         from s2c2a.estimation import MODAL_MODEL
         from s2c2a.estimation.expected_response import (
@@ -72,7 +72,7 @@ class ExpectedDynamics:
         from s2c2a.kinematics import configurations_from_bends
 
         factors = self.modal_factors
-        bends = chirps.felt[direction]
+        bends = chirps.encoders[direction]
         if self.networks is None or MODAL_MODEL not in self.networks.networks:
             equilibria = equilibria_by_description(self.arm, factors, bends)
         else:
@@ -89,14 +89,14 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         weights: networks from `s2c2a train`, if any.
         out: a JSON file for the responses, with a figure next to it.
     """
-    from s2c2a.estimation.excitation import shaken, sight_of
-    from s2c2a.estimation.frequency_response import response_of
+    from s2c2a.estimation.excitation import excite, tip_sensor_of
+    from s2c2a.estimation.frequency_response import fit_response
     from s2c2a.executors import limit_jax_to_one_thread
     from s2c2a.strategies import load_strategy
 
     limit_jax_to_one_thread()
     arm = robot.arm
-    sight_of(robot)  # raises an error if no sensor of the robot measures the tip
+    tip_sensor_of(robot)  # raises an error if no sensor of the robot measures the tip
     networks = None if weights is None else load_strategy(weights, arm)
     expectation = ExpectedDynamics(arm, networks)
     frequency = expectation.frequency
@@ -105,7 +105,7 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         def on_progress(done: int, total: int) -> None:
             progress("exciting the arm", done, total)
 
-        chirps = shaken(robot, frequency, on_progress)
+        chirps = excite(robot, frequency, on_progress)
     measured = []
     expected = []
     expected_tilts = []
@@ -113,10 +113,10 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         inputs, outputs = chirps.tilts(direction)
         tilts = expectation.tilts(chirps, direction)
         period = arm.control_period
-        measured.append(response_of(inputs, outputs, period, frequency))
-        expected.append(response_of(inputs, tilts, period, frequency))
+        measured.append(fit_response(inputs, outputs, period, frequency))
+        expected.append(fit_response(inputs, tilts, period, frequency))
         expected_tilts.append(tilts)
-    _print_responses(arm, chirps.sight, measured, expected)
+    _print_responses(arm, chirps.sensor, measured, expected)
     print(compare_responses(measured, expected))
     if out is not None:
         _save(out, chirps, expected_tilts, measured, expected, arm)
@@ -135,7 +135,7 @@ def _print_responses(
         columns += [cells(measured[number]), cells(expected[number])]
     title = f"Response of {arm.name}, measured by '{sensor}'"
     print_table(title, header, zip(ROWS, *columns, strict=True))
-    residual = max(response.left for response in measured)
+    residual = max(response.residual for response in measured)
     warning = "; the response is unreliable" if residual > MAX_RESIDUAL else ""
     print(f"not explained by the model: {100 * residual:.0f} % of the motion{warning}")
 
@@ -155,7 +155,7 @@ def cells(response: "Response") -> tuple[str, ...]:
         damping,
         f"{response.gain:.2f}",
         f"{response.delay:.1f}",
-        f"{np.rad2deg(response.lost):.1f}",
+        f"{np.rad2deg(response.backlash):.1f}",
     )
 
 
@@ -175,7 +175,7 @@ def compare_responses(
 
 def _save(
     out: Path,
-    chirps: "Shaken",
+    chirps: "Excitation",
     expected_tilts: list[np.ndarray],
     measured: "Sequence[Response]",
     expected: "Sequence[Response]",
@@ -185,7 +185,7 @@ def _save(
     from s2c2a.estimation.frequency_response import spectrum
     from s2c2a.viz.response import response_figure
 
-    content: dict = {"arm": arm.name, "seen_by": chirps.sight}
+    content: dict = {"arm": arm.name, "seen_by": chirps.sensor}
     content["measured"] = dict(zip(DIRECTIONS, map(kept, measured), strict=True))
     content["predicted"] = dict(zip(DIRECTIONS, map(kept, expected), strict=True))
     print(f"saved: {write_atomically(json.dumps(content, indent=1), out)}")

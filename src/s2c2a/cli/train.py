@@ -1,6 +1,5 @@
 """`s2c2a train`: the networks of a strategy."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -135,8 +134,7 @@ def _trained(
         if data is not None:
             used = options.recipe(recipe)
             networks = options.train(data, used, seed, training_progress)
-            name = strategies.STRATEGIES.name_of(type(options))
-            return replace(networks, strategy=name)
+            return strategies.labeled(networks, options)
         assert start is not None and arm is not None
         progress("transferring networks", 0, 1)
         return strategies.transferred(start, load_arm(arm), seed)

@@ -21,7 +21,7 @@ from s2c2a.errors import DamagedRecordingError, S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import S2C2A, STRATEGIES, Recipe, StrategyOptions, TrainedNetworks
+from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
 
 REVISION = 6
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
@@ -207,8 +207,8 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
         networks = self.strategy.train(
             recording, self.recipe, self.seed, training_progress
         )
-        name = STRATEGIES.name_of(type(self.strategy))
-        strategies.save_strategy(replace(networks, strategy=name), self.path(cache))
+        labeled = strategies.labeled(networks, self.strategy)
+        strategies.save_strategy(labeled, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""

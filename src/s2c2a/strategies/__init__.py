@@ -11,7 +11,7 @@ from s2c2a.strategies.recipe import (
     recipe_named,
     save_recipe,
 )
-from s2c2a.strategies.registry import STRATEGIES
+from s2c2a.strategies.registry import STRATEGIES, labeled
 from s2c2a.strategies.s2c2a import (
     S2C2A,
     estimator_of,

@@ -56,6 +56,7 @@ class Metadata(BaseModel):
     schema_version: int
     version: str
     strategy: str
+    strategy_options: dict
     arm: str
     recipe: dict
     seed: Annotated[int, Field(ge=-(2**63), lt=2**63)]

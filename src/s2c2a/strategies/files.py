@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from pydantic import TypeAdapter
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
@@ -48,6 +49,7 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         schema_version=SCHEMA,
         version=s2c2a.__version__,
         strategy=networks.strategy,
+        strategy_options=dict(networks.strategy_options),
         arm=arm_to_toml(networks.arm),
         recipe=asdict(recipe),
         seed=networks.seed,
@@ -81,7 +83,8 @@ def load_strategy(
         )
     with damaged(path):
         recipe = _recipe(metadata.recipe)
-        strategy = STRATEGIES.imported(metadata.strategy)()
+        kind = STRATEGIES.imported(metadata.strategy)
+        strategy = TypeAdapter(kind).validate_python(metadata.strategy_options)
         blanks = _blanks(strategy, recipe, trained_for, metadata)
         networks = filled(blanks, trained_for, arrays)
         curves = _curves(arrays)
@@ -95,6 +98,7 @@ def load_strategy(
         metadata.percent,
         curves,
         metadata.strategy,
+        metadata.strategy_options,
     )
 
 

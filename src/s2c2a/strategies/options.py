@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from jaxtyping import PRNGKeyArray
+from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
@@ -46,6 +47,8 @@ class StrategyOptions(ABC):
         supports: which settings of a run it supports
             (`EstimationSettings.check_supported`).
     """
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     name: ClassVar[str] = ""
     supports: ClassVar[frozenset[str]] = frozenset()

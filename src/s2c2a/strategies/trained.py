@@ -1,7 +1,7 @@
 """Trained networks of an arm, from which a strategy is built."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ class TrainedNetworks:
             range].
         curves: network -> rows of epoch, training loss, validation loss.
         strategy: name of the strategy.
+        strategy_options: numbers of its options class.
     """
 
     arm: ArmSpec
@@ -34,6 +35,7 @@ class TrainedNetworks:
     percent: Mapping[str, tuple[float, float]]
     curves: Mapping[str, np.ndarray]
     strategy: str = "s2c2a"
+    strategy_options: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(
