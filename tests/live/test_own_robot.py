@@ -18,7 +18,10 @@ def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(tmp_p
         f"{Path(__file__).with_name('blind_arm.py')}:BlindArm",
         ("port=/dev/ttyUSB0", "baud=115200"),
     )
-    with running_page("twin_arm", body=robot, port=0, out=tmp_path) as (control, page):
+    with running_page("twin_arm", factory=robot, port=0, out=tmp_path) as (
+        control,
+        page,
+    ):
         until(lambda: MODEL_DRAWN in page._status.content, what="the notice")
         assert control.limits.payload == control.limits.push == 0.0
         recorder = Recorder(control, tmp_path)

@@ -109,7 +109,7 @@ def test_inputs_that_cannot_be_viewed_raise(tmp_path):
 
 def test_a_training_shows_the_curves_of_both_networks_and_of_the_vibration(twin, shown):
     networks = shipped_networks(twin)
-    assert set(networks.curves) == {"C2S", "C2A", "swing"}
+    assert set(networks.curves) == {"C2S", "C2A", "modal_model"}
     tab = shown(view_training(networks, 0))
     tab.page.get_by_text("of the full range").first.wait_for()
     until(lambda: tab.page.locator(".uplot").count() == 3, what="three charts")

@@ -211,5 +211,5 @@ def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):
     still = synthetic(twin, [1.0] * 3)
     cables = still.sensor("cables")
     cables[:, :, 1] = 0.0
-    with pytest.raises(RecordingError, match="stood still"):
+    with pytest.raises(RecordingError, match="did not move"):
         fitted_gains(recorded(twin, cables, still.sensor("states")))

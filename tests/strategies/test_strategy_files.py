@@ -430,6 +430,6 @@ def test_no_module_is_imported_because_a_file_names_it(
     monkeypatch.syspath_prepend(tmp_path)
     recipe = contents(strategy_file)[1]["recipe"]
     for name in ("trap:Anything", "trap.py:Anything", "trap"):
-        with pytest.raises(StrategyError, match="none is run because a file says so"):
+        with pytest.raises(StrategyError, match="files cannot run code"):
             load_strategy(rewrite({"recipe": recipe | {"c2s": {"model": name}}}))
     assert "trap" not in sys.modules

@@ -61,10 +61,10 @@ def tip_errors(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
 class Disturbable(Protocol):
     """A robot that accepts an external force and a payload, as the simulated arm."""
 
-    def push(self, force: Float[np.ndarray, "3"]) -> None:
+    def apply_force(self, force: Float[np.ndarray, "3"]) -> None:
         """Apply a force at the tip [N], base frame, until the next call."""
 
-    def load(self, payload: float) -> None:
+    def set_payload(self, payload: float) -> None:
         """Attach a mass at the tip [kg] that replaces the last one."""
 
 
@@ -91,9 +91,9 @@ class Disturbances:
     def apply(self, request: Request) -> None:
         """Apply changes of the force and payload to the robot."""
         if self._robot is not None and request.payload != self._request.payload:
-            self._robot.load(request.payload)
+            self._robot.set_payload(request.payload)
         if self._robot is not None and request.push != self._request.push:
-            self._robot.push(np.array(request.push))
+            self._robot.apply_force(np.array(request.push))
         self._request = request
 
     def corrupt(self, reading: Reading) -> Reading:

@@ -132,10 +132,7 @@ class LSTMStrategy:
             StrategyError: the strategy was not started, or the reading holds no true
                 states.
         """
-        if self._memory is None:
-            raise StrategyError(
-                "this strategy was not started; call start(reading) with the arm at rest"
-            )
+        self._check_started()
         states = _states(reading)
         self._sensed = self._configurations(states)
         return Estimate(self._sensed, memory=states[-1, POSITION])
@@ -166,8 +163,19 @@ class LSTMStrategy:
         """Ignore it: the next step starts from what the LSTM chose."""
 
     def diagnostics(self) -> dict[str, np.ndarray]:
-        """Measured configurations, shape (modules, 3)."""
+        """Measured configurations, shape (modules, 3).
+
+        Raises:
+            StrategyError: the strategy was not started.
+        """
+        self._check_started()
         return {"sensed": np.asarray(self._sensed)}
+
+    def _check_started(self) -> None:
+        if self._memory is None:
+            raise StrategyError(
+                "this strategy was not started; call start(reading) with the arm at rest"
+            )
 
     def _warm_up(self) -> None:
         heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
