@@ -42,9 +42,15 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     Raises:
         S2C2AError: the file cannot be written.
     """
-    # whoever reads the file decides what may be imported
-    planner = replace(networks.recipe.planner, own_code=True)
-    recipe = replace(networks.recipe, planner=planner)
+    recipe = networks.recipe
+    recipe = replace(
+        recipe,
+        # by class, wherever its file was
+        c2s=replace(recipe.c2s, model=MODELS.name_of(type(recipe.c2s))),
+        c2a=replace(recipe.c2a, model=CONTROLLERS.name_of(type(recipe.c2a))),
+        # whoever reads the file decides what may be imported
+        planner=replace(recipe.planner, own_code=True),
+    )
     metadata = Metadata(
         schema_version=SCHEMA,
         version=s2c2a.__version__,

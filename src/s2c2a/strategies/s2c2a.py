@@ -264,14 +264,17 @@ def s2c2a_batch_planner(
 def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
     """The same networks, used by another recipe.
 
+    The estimator may differ: it does without what was not trained for it.
+
     Raises:
         StrategyError: that recipe trains differently.
     """
-    if recipe.training != networks.recipe.training:
+    ours = networks.recipe.training | {"estimator": ""}
+    if recipe.training | {"estimator": ""} != ours:
         raise StrategyError(
             f"recipe '{recipe.name}' trains differently from '{networks.recipe.name}', "
             "by which these networks were trained; leave it out, or base one on theirs "
-            "that differs in its planner alone"
+            "that differs in planner and estimator alone"
         )
     return replace(networks, recipe=recipe)
 
