@@ -14,21 +14,63 @@ import jax
 from jax.extend import core
 
 TRANSCENDENTAL = set(
-    """
-    acos asin atan2 cos erf exp expm1 log log1p logistic pow rsqrt sin sqrt tan
-    tanh
-    """.split()
+    [
+        "acos",
+        "asin",
+        "atan2",
+        "cos",
+        "erf",
+        "exp",
+        "expm1",
+        "log",
+        "log1p",
+        "logistic",
+        "pow",
+        "rsqrt",
+        "sin",
+        "sqrt",
+        "tan",
+        "tanh",
+    ]
 )
 ARITHMETIC = set(
-    """
-    abs add add_any and clamp div eq ge gt integer_pow le lt max min mul ne neg
-    not or select_n sign square sub
-    """.split()
+    [
+        "abs",
+        "add",
+        "add_any",
+        "and",
+        "clamp",
+        "div",
+        "eq",
+        "ge",
+        "gt",
+        "integer_pow",
+        "le",
+        "lt",
+        "max",
+        "min",
+        "mul",
+        "ne",
+        "neg",
+        "not",
+        "or",
+        "select_n",
+        "sign",
+        "square",
+        "sub",
+    ]
 )
 REDUCTIONS = set(
-    """
-    argmax argmin cumsum reduce_and reduce_max reduce_min reduce_or reduce_sum
-    """.split()
+    [
+        "argmax",
+        "argmin",
+        "cumsum",
+        "reduce_and",
+        "reduce_max",
+        "reduce_min",
+        "reduce_or",
+        "reduce_sum",
+    ]
 )
 
 

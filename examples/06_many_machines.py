@@ -21,24 +21,17 @@ from s2c2a.robots.simulation import SimulatedRobot
 WORKERS = int(sys.argv[1]) if len(sys.argv) > 1 else all_cores()
 EPISODE = 50.0  # s of simulated time: 500 samples at 10 Hz
 HOURS = 1_000_000
+ARM = load_arm("twin_arm")
+ROBOT = partial(SimulatedRobot, ARM, "fast")
 
 
-def measure_collection(
-    folder: str, executor, episodes: int
-) -> tuple[Path, float, float]:
+def measure_collection(folder: str, executor, episodes: int):
     """Collect episodes; return the file, wall time and process CPU time [s]."""
     path = Path(folder) / "twin.episodes"
-    robot = partial(SimulatedRobot, load_arm("twin_arm"), "fast")
+    options = CollectOptions(episodes=episodes)
     start = time.perf_counter()
     cpu_start = time.process_time()
-    collect(
-        path,
-        load_arm("twin_arm"),
-        robot,
-        CollectOptions(episodes=episodes),
-        executor=executor,
-        overwrite=True,
-    )
+    collect(path, ARM, ROBOT, options, executor=executor, overwrite=True)
     return path, time.perf_counter() - start, time.process_time() - cpu_start
 
 
@@ -62,8 +55,7 @@ def main() -> None:
         recording, _, cpu_time = measure_collection(folder, Serial(), 8)
         speed = 8 * EPISODE / cpu_time
         sample = recording.stat().st_size / (8 * 500)
-        print(f"fast, one thread: {speed:.0f} arm seconds per second of its core")
-        print(f"{sample:.0f} bytes a sample")
+        print(f"fast, one thread: {speed:.0f} arm seconds per core second")
         with Cluster("local", WORKERS) as executor:
             measure_collection(folder, executor, 2 * WORKERS)  # warm-up
             _, wall_time, _ = measure_collection(folder, executor, 8 * WORKERS)
@@ -71,12 +63,11 @@ def main() -> None:
             full = call_overhead(executor, int(500 * sample))
     rate = 8 * WORKERS * EPISODE / wall_time
     print(f"{WORKERS} workers: {rate:.0f} arm seconds per second")
-    print(f"client and scheduler: {1e3 * full:.1f} ms a call of {sample / 2:.0f} kB")
-    print(f"client and scheduler: {1e3 * empty:.1f} ms an empty call")
+    print(f"client: {1e3 * full:.1f} ms a call of {sample / 2:.0f} kB")
+    print(f"client: {1e3 * empty:.1f} ms an empty call")
     for workers in (1, 8 * WORKERS, 32 * WORKERS, 128 * WORKERS):
-        cluster = LocalCluster(
-            n_workers=1, threads_per_worker=workers, dashboard_address="127.0.0.1:0"
-        )
+        options = {"threads_per_worker": workers, "dashboard_address": "127.0.0.1:0"}
+        cluster = LocalCluster(n_workers=1, **options)
         with cluster, Cluster(cluster.scheduler_address) as executor:
             start = time.perf_counter()
             sizes = [int(500 * sample)] * (4 * workers)
@@ -88,8 +79,10 @@ def main() -> None:
     days = HOURS * 3600 / speed / 86400
     disk = HOURS * 3600 * 10 * sample
     hours = HOURS * 0.02 / rate
-    print(f"a million arm-hours: {days:.0f} core-days, {disk / 1e12:.1f} TB,")
-    print(f"{hours:.0f} h of one client")
+    print(
+        f"a million arm-hours: {days:.0f} core-days, {disk / 1e12:.1f} TB, "
+        f"{hours:.0f} h of one client"
+    )
 
 
 if __name__ == "__main__":  # workers are processes that import this file

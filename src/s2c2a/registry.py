@@ -78,6 +78,7 @@ class OptionsRegistry(Generic[Base]):
 
 def _subclasses(base: type) -> list[type]:
     classes: list[type] = [base]
+    child: type
     for child in base.__subclasses__():
         classes += _subclasses(child)
     return classes

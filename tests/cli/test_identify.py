@@ -60,7 +60,7 @@ def test_the_fitted_arm_has_a_smaller_error_which_is_reported(files, capsys):
         ((), "exists"),
         (("--overwrite", "--rows", "10"), "say --settling"),
         (("--overwrite", "--fit", "color"), "choose from stiffness"),
-        (("--overwrite", "--settling", "-1"), "s to settle"),
+        (("--overwrite", "--settling", "-1"), "settling of"),
         (("--overwrite", "--arm", "twin_arm"), "give the arm that was recorded"),
     ],
 )

@@ -143,5 +143,7 @@ def test_missing_and_malformed_values_become_nan(arm, values):
 def test_a_formula_that_is_no_sensor_model_is_refused(arm):
     raw = Raw(name="strings", shape=(3, 2), model="collections:OrderedDict")
     changed = arm.model_copy(update={"sensors": Sensors(raw=(raw,))})
-    with pytest.raises(S2C2AError, match="subclass of s2c2a.estimation.FormulaSensor"):
+    with pytest.raises(
+        S2C2AError, match=r"subclass of s2c2a\.estimation\.FormulaSensor"
+    ):
         sensors_of(changed)

@@ -78,7 +78,7 @@ def test_a_custom_robot_fulfills_the_interface_contract(capsys, twin, tmp_path):
         ]
     )
     output = capsys.readouterr().out
-    assert "ok: it says cables, states, as declared" in output
+    assert "ok: readings contain cables, states, as declared" in output
     assert "own_robot.py:LaggingArm lag=0.02 fulfills the interface contract" in output
 
 
@@ -153,14 +153,14 @@ def test_an_invalid_option_of_a_custom_robot_is_reported(capsys):
 def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     twin, recipe, tmp_path, capsys
 ):
-    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     robot, recording = (
         ["--robot", f"{SENSOR}:FlexArm", "--arm", arm],
         str(tmp_path / "flex.episodes"),
     )
     main(["robot", "check", *robot])
     assert (
-        "ok: it says cables, states, configurations, flex, as declared"
+        "ok: readings contain cables, states, configurations, flex, as declared"
         in capsys.readouterr().out
     )
     few = ["--episodes", "3", "--samples", "60", "--recipe", recipe]
@@ -183,7 +183,7 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
 
 
 def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
-    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     recording = str(tmp_path / "no_flex.episodes")
     main(
         [
@@ -206,9 +206,7 @@ def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
 def test_flex_strips_measure_the_bends(twin):
 
     robot = robot_class(f"{SENSOR}:FlexArm")(twin)
-    arm = ArmSpec.model_validate(
-        twin.model_dump() | {"sensing": f"{SENSOR}:FlexEstimator"}
-    )
+    arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexMap"})
     check_robot(robot)
     with robot:
         for _ in range(15):

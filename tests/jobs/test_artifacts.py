@@ -20,7 +20,7 @@ from s2c2a.jobs import (
     run_all,
 )
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import recipe_named
+from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task
 
 ARMS = Path(__file__).parents[2] / "examples" / "arms"

@@ -37,17 +37,19 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
     def move(leaf):
         return leaf + jnp.asarray(random.normal(0, 0.2, leaf.shape), dtype=leaf.dtype)
 
-    parts = lambda m: [
-        m.hysteresis.play_weights,
-        m.hysteresis.creep_weights,
-        m.equilibrium.log_stiffness,
-        m.equilibrium.tautness,
-        m.equilibrium.coupling,
-        m.equilibrium.relaxing,
-        m.mixing,
-        m.network.layers[-1].weight,
-        m.network.layers[-1].bias,
-    ]
+    def parts(m):
+        return [
+            m.hysteresis.play_weights,
+            m.hysteresis.creep_weights,
+            m.equilibrium.log_stiffness,
+            m.equilibrium.tautness,
+            m.equilibrium.coupling,
+            m.equilibrium.relaxing,
+            m.mixing,
+            m.network.layers[-1].weight,
+            m.network.layers[-1].bias,
+        ]
+
     return eqx.tree_at(parts, model, [move(leaf) for leaf in parts(model)])
 
 

@@ -186,7 +186,7 @@ def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(change, said)
     ],
 )
 def test_absurd_numbers_are_refused_where_they_are_given(absurd):
-    with pytest.raises(S2C2AError, match="was given; give|asked for; (choose|use)"):
+    with pytest.raises(S2C2AError, match=r"was given; give|asked for; (choose|use)"):
         absurd()
 
 

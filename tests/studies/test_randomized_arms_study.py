@@ -107,9 +107,9 @@ def test_runs_use_aged_arms_and_recordings_new_ones():
         0.5, TWIN, "pcc-fitted", (Task("still", (Goal.of(3),)),), ()
     )
     (job,) = trial.make_jobs(seed=4)
-    assert dict(job.conditions.body.options)["aged"] == 1.0
+    assert dict(job.conditions.robot.options)["aged"] == 1.0
     assert (job.strategy, job.recipe.name, job.seed) == ("pcc-fitted", "best", 4)
-    assert "aged" not in dict(jobs.artifacts.DATA.options)
+    assert "aged" not in dict(jobs.artifacts.SIMULATION.options)
 
 
 @pytest.mark.parametrize("strength", [0.5, 1.0])

@@ -135,6 +135,7 @@ def _trained(
             used = options.recipe(recipe)
             networks = options.train(data, used, seed, training_progress)
             return strategies.labeled(networks, options)
-        assert start is not None and arm is not None
+        assert start is not None
+        assert arm is not None
         progress("transferring networks", 0, 1)
         return strategies.transferred(start, load_arm(arm), seed)

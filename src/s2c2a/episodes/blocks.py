@@ -117,7 +117,7 @@ def open_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) 
             f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`"
         )
     try:
-        file = open(path, mode, buffering)
+        file = open(path, mode, buffering)  # noqa: SIM115  # closed by the caller
         begin = file.read(8)
         size = os.fstat(file.fileno()).st_size
     except OSError as error:
@@ -150,7 +150,7 @@ def lock(file: BinaryIO, path: str | os.PathLike) -> None:
         RecordingError: another process has the lock.
     """
     try:
-        import fcntl
+        import fcntl  # noqa: PLC0415  # not on Windows
     except ImportError:
         return
     try:

@@ -109,7 +109,7 @@ def fit_response(
     frequency, damping, delay, backlash = map(float, best)
     gain = float(weights[0] + weights[1])
     is_immediate = weights[1] > MAX_IMMEDIATE * gain
-    if expected * period > RESOLVED and is_immediate or frequency * period > RESOLVED:
+    if (expected * period > RESOLVED and is_immediate) or frequency * period > RESOLVED:
         frequency = damping = np.nan
     residual = float(np.sqrt(np.mean(errors**2)) / np.std(outputs[known]))
     return Response(frequency, damping, gain, delay, backlash, residual)

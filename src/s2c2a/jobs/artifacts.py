@@ -172,7 +172,7 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     arm: ArmSpec
     recipe: Recipe
     seed: int
-    strategy: StrategyOptions = S2C2A()
+    strategy: StrategyOptions = S2C2A()  # noqa: RUF009  # frozen
 
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:

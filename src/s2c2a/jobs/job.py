@@ -40,7 +40,7 @@ class Conditions:
     """
 
     robot: RobotFactory = RobotFactory.simulation()  # noqa: RUF009  # frozen
-    run: RunOptions = RunOptions()
+    run: RunOptions = RunOptions()  # noqa: RUF009  # frozen
 
     @property
     def fidelity(self) -> str:

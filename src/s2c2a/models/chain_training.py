@@ -318,7 +318,7 @@ def _fitted(
     inputs: np.ndarray, true: np.ndarray, module: int, plays: int
 ) -> np.ndarray:
     """Weights of one module's inputs."""
-    from scipy.optimize import lsq_linear
+    from scipy.optimize import lsq_linear  # noqa: PLC0415  # heavy
 
     own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
     others = [inputs[other, :, 0] for other in range(len(inputs)) if other != module]

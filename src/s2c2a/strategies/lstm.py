@@ -41,7 +41,7 @@ class LSTM(StrategyOptions):
         options: size and training of the network.
     """
 
-    options: LSTMOptions = LSTMOptions()
+    options: LSTMOptions = LSTMOptions()  # noqa: RUF009  # frozen
     name = "lstm"
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:

@@ -31,7 +31,7 @@ class RunOptions:
     """
 
     guard: Guard = "tip"
-    estimation: EstimationSettings = EstimationSettings()
+    estimation: EstimationSettings = EstimationSettings()  # noqa: RUF009  # frozen
 
 
 @dataclass(frozen=True)
