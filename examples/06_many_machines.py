@@ -20,7 +20,6 @@ from s2c2a.robots.simulation import SimulatedRobot
 
 WORKERS = int(sys.argv[1]) if len(sys.argv) > 1 else all_cores()
 EPISODE = 50.0  # s of simulated time: 500 samples at 10 Hz
-HOURS = 1_000_000
 ARM = load_arm("twin_arm")
 ROBOT = partial(SimulatedRobot, ARM, "fast")
 
@@ -49,7 +48,7 @@ def dummy_episode(seconds: float, size: int) -> bytes:
 
 
 def main() -> None:
-    """Print the cost of a call, the rates, and estimates for a million arm-hours."""
+    """Print the cost of a call and the rates."""
     with tempfile.TemporaryDirectory() as folder:
         measure_collection(folder, Serial(), 1)
         recording, _, cpu_time = measure_collection(folder, Serial(), 8)
@@ -76,13 +75,6 @@ def main() -> None:
             rate = done / (time.perf_counter() - start)
         ideal = workers * speed / EPISODE
         print(f"{workers:4d} dummy workers: {rate:5.1f} of {ideal:6.1f} calls a second")
-    days = HOURS * 3600 / speed / 86400
-    disk = HOURS * 3600 * 10 * sample
-    hours = HOURS * 0.02 / rate
-    print(
-        f"a million arm-hours: {days:.0f} core-days, {disk / 1e12:.1f} TB, "
-        f"{hours:.0f} h of one client"
-    )
 
 
 if __name__ == "__main__":  # workers are processes that import this file

@@ -26,7 +26,7 @@ class Arcs(MemorylessModel):
     arcs: PCCForwardModel
     network: eqx.nn.MLP
 
-    def predict(self, configurations, memory):
+    def predict(self, configurations, memory, disturbances=None):
         """States [m, 1], shape (*batch, modules, 6), base frame."""
         bends = bends_from_configurations(configurations)  # (*batch, modules, 2)
         flat = bends.reshape(-1, bends.shape[-2] * bends.shape[-1])
