@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from operations import count_operations
-from s2c2a.planning import LeastSquares
 from s2c2a.compilation import compiled
+from s2c2a.planning import LeastSquares
 from s2c2a.tasks import circle
 
 from driving import Call, following, planner_of, straight
@@ -72,7 +72,7 @@ def _calling(program: Callable[..., Any], *inputs: Any) -> Call:
 
 
 def _turning(piece: Callable[..., Any], *inputs: Any) -> Call:
-    """A call that repeats a part, each time on the last result, so that none is skipped."""
+    """A call that repeats a part, each time on the result of the last."""
     return _calling(compiled(_turned, piece, *inputs))
 
 
@@ -91,7 +91,7 @@ def _look(drift, model, plan):
 
 
 def _look_with_slopes(drift, model, plan):
-    """The Jacobian as least squares computes it: all directions of bends in one batch."""
+    """The Jacobian as least squares computes it: all directions in one batch."""
     modules = plan.configurations.shape[0]
     directions = (
         jnp.zeros((2 * modules, modules, 3))

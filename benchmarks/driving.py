@@ -64,7 +64,7 @@ def planner_of(networks: TrainedNetworks) -> Planner:
 
 
 def following(planner: Planner, goals: Sequence[Goal]) -> Call:
-    """A call that plans for each goal in turn from the last plan, with ideal sensing."""
+    """A call that plans for each goal from the last plan, with ideal sensing."""
     plan = planner.start(straight(len(goals[0].positions)))
     asked = cycle(goals)
 

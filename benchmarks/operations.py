@@ -13,23 +13,59 @@ from typing import Any
 import jax
 from jax.extend import core
 
-TRANSCENDENTAL = set(
-    """
-    acos asin atan2 cos erf exp expm1 log log1p logistic pow rsqrt sin sqrt tan
-    tanh
-    """.split()
-)
-ARITHMETIC = set(
-    """
-    abs add add_any and clamp div eq ge gt integer_pow le lt max min mul ne neg
-    not or select_n sign square sub
-    """.split()
-)
-REDUCTIONS = set(
-    """
-    argmax argmin cumsum reduce_and reduce_max reduce_min reduce_or reduce_sum
-    """.split()
-)
+TRANSCENDENTAL = {
+    "acos",
+    "asin",
+    "atan2",
+    "cos",
+    "erf",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "logistic",
+    "pow",
+    "rsqrt",
+    "sin",
+    "sqrt",
+    "tan",
+    "tanh",
+}
+ARITHMETIC = {
+    "abs",
+    "add",
+    "add_any",
+    "and",
+    "clamp",
+    "div",
+    "eq",
+    "ge",
+    "gt",
+    "integer_pow",
+    "le",
+    "lt",
+    "max",
+    "min",
+    "mul",
+    "ne",
+    "neg",
+    "not",
+    "or",
+    "select_n",
+    "sign",
+    "square",
+    "sub",
+}
+REDUCTIONS = {
+    "argmax",
+    "argmin",
+    "cumsum",
+    "reduce_and",
+    "reduce_max",
+    "reduce_min",
+    "reduce_or",
+    "reduce_sum",
+}
 
 
 def count_operations(function: Callable[..., Any], *inputs: Any) -> Counter:

@@ -217,7 +217,7 @@ class FittedArcs(_ReferenceModel):
         progress: Progress = quiet,
     ) -> Trained:
         """See `ForwardOptions`; least squares over all known positions."""
-        from scipy.optimize import least_squares
+        from scipy.optimize import least_squares  # noqa: PLC0415 # slow to import
 
         split = forward_samples(self._bends(data), data.states, data.lengths)
         parts = (split.training, split.validation, split.test)
