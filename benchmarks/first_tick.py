@@ -4,13 +4,13 @@ import sys
 
 from s2c2a.cache import keep_programs
 
-keep_programs()
+keep_programs()  # before JAX is imported
 
-import numpy as np
+import numpy as np  # noqa: E402
 
-from s2c2a.goals import Goal
-from s2c2a.spaces import Reading
-from s2c2a.strategies import load_strategy, s2c2a_strategy
+from s2c2a.goals import Goal  # noqa: E402
+from s2c2a.spaces import Reading  # noqa: E402
+from s2c2a.strategies import load_strategy, s2c2a_strategy  # noqa: E402
 
 networks = load_strategy(sys.argv[1])
 arm = networks.arm

@@ -123,8 +123,8 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
 def _children(value: Any) -> dict[str, Any]:
     """Fields of a dataclass, or items of a tuple by their unique name or number."""
     if is_dataclass(value):
-        names = [field.name for field in fields(value) if field.init]
-        return {name: getattr(value, name) for name in names}
+        options = [field.name for field in fields(value) if field.init]
+        return {name: getattr(value, name) for name in options}
     if not isinstance(value, tuple):
         return {}
     names = [getattr(item, "name", None) for item in value]

@@ -209,7 +209,7 @@ def _after_settling(planners: _Planners, problem: PlanningProblems) -> Compariso
 
 
 def _compare(
-    plan: Plan, engaged: Problem, true: Problem, starts: Array, project: Projection
+    plan: Plan, engaged: Problem, true: Problem, starts: Numbers, project: Projection
 ) -> Comparison:
     """Compare a plan with searches from the starts and from the plan itself."""
     situation = engaged.situation
