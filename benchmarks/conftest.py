@@ -104,7 +104,7 @@ def arm(request):
 
 @pytest.fixture(scope="session")
 def networks_of(arm):
-    """Trained networks of a recipe, seed 0: from the cache or trained first, untimed."""
+    """Trained networks of a recipe, seed 0, cached or trained first (untimed)."""
     from s2c2a.jobs import Cache, NetworksArtifact, made
     from s2c2a.strategies import recipe_named
 

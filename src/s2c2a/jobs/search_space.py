@@ -128,10 +128,10 @@ def _children(value: Any) -> dict[str, Any]:
     if not isinstance(value, tuple):
         return {}
     names = [getattr(item, "name", None) for item in value]
-    children = {}
+    children: dict[str, Any] = {}
     for number, (name, item) in enumerate(zip(names, value, strict=True)):
         unique = name and names.count(name) == 1
-        children[name if unique else str(number)] = item
+        children[str(name if unique else number)] = item
     return children
 
 
