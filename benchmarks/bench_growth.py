@@ -1,4 +1,4 @@
-"""Growth of times with modules, cables, obstacles, waypoints, for untrained networks."""
+"""Growth of times with modules, cables, obstacles, waypoints (untrained networks)."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Training of both networks, and PyTorch's epochs after it; `--device gpu` for a GPU."""
+"""Training of both networks, then PyTorch's epochs; `--device gpu` for a GPU."""
 
 import time
 from importlib import import_module

@@ -25,7 +25,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Select the device; keep no compiled program, so that benchmarks are independent."""
+    """Select the device; keep no compiled program, so that runs are independent."""
     import jax
 
     jax.config.update("jax_enable_compilation_cache", False)
@@ -104,7 +104,7 @@ def arm(request):
 
 @pytest.fixture(scope="session")
 def networks_of(arm):
-    """Trained networks of a recipe, seed 0: from the cache, or trained first, untimed."""
+    """Trained networks of a recipe, seed 0, cached or trained first (untimed)."""
     from s2c2a.jobs import Cache, NetworksArtifact, made
     from s2c2a.strategies import recipe_named
 

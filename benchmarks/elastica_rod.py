@@ -118,7 +118,7 @@ def _rod(case: RodCase, elements: int, stiffer: float):
 def _at_joints(
     case: RodCase, elements: int
 ) -> tuple[Float[np.ndarray, "joints 2"], Float[np.ndarray, " joints"]]:
-    """Moments [N m] and additions to GJ [N m^2] of the cables, at the base and joints."""
+    """Moments [N m] and additions to GJ [N m^2] of the cables, at base and joints."""
     share = elements // case.arm.module_count
     pairs = zip(case.arm.modules, case.tensions, strict=True)
     every = np.repeat(

@@ -244,7 +244,7 @@ def _slope(segment: _Segment, to_end: float, section: np.ndarray) -> np.ndarray:
 
 
 def _curvature(segment: _Segment, moment: np.ndarray) -> np.ndarray:
-    """Curvature u [1/m] for a moment R^T m [N m], both (batch, 3), cross-section frame."""
+    """Curvature u [1/m] for a moment [N m], both (batch, 3), cross-section frame."""
     module = segment.module
     levers = segment.levers
     tensions = segment.tensions

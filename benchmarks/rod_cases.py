@@ -38,7 +38,7 @@ class RodCase:
 
 
 def rod_cases() -> tuple[RodCase, ...]:
-    """Cases A to E: without gravity, hanging bend, hanging S, lying arm, with payload."""
+    """Cases A to E: no gravity, hanging bend, hanging S, lying arm, with payload."""
     bend = [[9, 1, 1], [9, 1, 9], [9, 1, 1]]
     s_shape = [[9, 1, 1], [1, 1, 8], [1, 9, 1]]
     return (
@@ -74,7 +74,7 @@ def _case(
     force: np.ndarray,
     tip: list,
 ) -> RodCase:
-    """Transform gravity, force and tip from the world to the base frame; row vectors."""
+    """Transform gravity, force and tip from world to base frame; row vectors."""
     arm = _arm(f"rod-case-{name}", tuple(gravity @ mount))
     return RodCase(
         name, arm, np.array(tensions, dtype=float), force @ mount, np.array(tip) @ mount

@@ -128,7 +128,7 @@ def rod(
 
 
 def rest(model: mujoco.MjModel, shape: Shape) -> mujoco.MjData:
-    """The chain at rest under the loads of a shape, by Newton's method with load steps."""
+    """The chain at rest under a shape's loads, by Newton's method with load steps."""
     data = mujoco.MjData(model)
     gravity = model.opt.gravity.copy()
     for share in LOAD_SHARES:
@@ -171,7 +171,7 @@ def _newton_step(
 def _joint_forces(
     model: mujoco.MjModel, data: mujoco.MjData, share: float, shape: Shape
 ) -> np.ndarray:
-    """Joint torques of springs, gravity and a fraction of the wrenches at rest [N m]."""
+    """Joint torques of springs, gravity and a fraction of the wrenches [N m]."""
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
     forces = data.qfrc_passive - data.qfrc_bias

@@ -128,7 +128,7 @@ def test_impossible_tensions_are_refused(tensions):
 
 def test_a_load_beyond_what_shooting_can_follow_is_reported():
     arm = arm_like_case_a(modules=(module_like_case_a(),))
-    with pytest.raises(SimulationError, match="load the arm less"):
+    with pytest.raises(SimulationError, match="reduce the load"):
         rod_shape(arm, np.zeros((1, 3)), np.array([0, 500.0, 0]), steps_per_module=10)
 
 
