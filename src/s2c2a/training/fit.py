@@ -238,9 +238,9 @@ def check_limits(
         values = value if isinstance(value, tuple) else (value,)
         if len(values) > MAX_VALUES:
             raise error(
-                f"{len(values)} values of {name} were asked for; "
-                f"use at most {MAX_VALUES}"
+                f"{len(values)} values of {name} were "
+                f"asked for; take at most {MAX_VALUES}"
             )
         # false for NaN
         if not all(low <= number <= high for number in values):
-            raise error(f"{name} = {value} was asked for; choose {low:g} to {high:g}")
+            raise error(f"{name} = {value} was asked for; take {low:g} to {high:g}")
