@@ -1,7 +1,4 @@
-"""Measure the overhead and the limits of a cluster on this machine.
-
-Pass the number of workers; docs/cluster.md explains the results.
-"""
+"""Measure the overhead of a cluster on this machine: `06_many_machines.py WORKERS`."""
 
 import sys
 import tempfile

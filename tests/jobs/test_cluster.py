@@ -253,7 +253,8 @@ def test_a_resumed_sweep_gives_the_same_trials(
     )
     table, figure = save_trials(whole, small_sweep, tmp_path)
     assert (
-        table.read_text().splitlines()[0] == "trial,position,integral_gain,failed because"
+        table.read_text().splitlines()[0]
+        == "trial,position,integral_gain,failed because"
     )
     assert len(table.read_text().splitlines()) == 6
     assert figure.stat().st_size > 10_000

@@ -80,7 +80,10 @@ def test_s2c2a_live_opens_its_page_before_the_arm_and_then_drives(chromium, tmp_
         if "http" in text:
             tabs.append(Tab(chromium, text.split()[-1]))
 
-    with running_page("twin_arm", port=0, out=tmp_path, on_message=look) as (control, _):
+    with running_page("twin_arm", port=0, out=tmp_path, on_message=look) as (
+        control,
+        _,
+    ):
         tab = ready(tabs[0])
         assert len(texts) == 2
         start = tab.place_of(control.request.target, control.arm)

@@ -205,9 +205,9 @@ def real(
         seeds: number of training seeds, from zero.
         folder: run directory.
     """
-    from s2c2a.studies.real import EXPERIMENT, Asked, real_rows
+    from s2c2a.studies.real import EXPERIMENT, RealComparison, real_rows
 
-    study = Asked.of(recording, unseen, block, last, models)
+    study = RealComparison.of(recording, unseen, block, last, models)
     options = {
         "recording": str(recording),
         "unseen": [str(path) for path in unseen],

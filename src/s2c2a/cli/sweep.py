@@ -145,7 +145,7 @@ def _print_trials(trials: "list[Trial]", plan: "Sweep") -> None:
         values = [
             f"{trial.values[key]:.6g}" if key in trial.values else "" for key in keys
         ]
-        failed = f"failed: {trial.said}"
+        failed = f"failed: {trial.failure}"
         score = failed if trial.score is None else f"{trial.score:.4f}"
         rows.append((str(trial.number), *values, score))
     title = f"{len(trials)} trials, best first"

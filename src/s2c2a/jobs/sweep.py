@@ -99,11 +99,6 @@ class Trial:
     score: float | None
     failure: str = ""
 
-    @property
-    def said(self) -> str:
-        """The failure, under the name that the command line reads."""
-        return self.failure
-
 
 def search(
     sweep: Sweep,

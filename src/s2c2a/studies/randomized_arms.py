@@ -84,9 +84,6 @@ class RandomizedArmsStudy:
         ]
 
 
-Unknown = RandomizedArmsStudy  # the name that the command line imports
-
-
 @dataclass(frozen=True, eq=False)  # tasks hold arrays
 class Trial:
     """One strategy on one arm.

@@ -168,9 +168,6 @@ class RealComparison(NamedTuple):
         return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))
 
 
-Asked = RealComparison  # the name that the command line imports
-
-
 def _check_same_arm(
     name: str, arm: ArmSpec, first_name: str, first_arm: ArmSpec
 ) -> None:
