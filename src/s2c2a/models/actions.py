@@ -101,7 +101,7 @@ class C2AOptions(Size):
                 normalized.
             fit: how to train.
             key: for weights, order and noise.
-            progress: told epoch, most epochs, validation loss.
+            progress: called with epoch, number of epochs, validation loss.
 
         Raises:
             TrainingError: too few samples, or the loss is not finite.
@@ -224,7 +224,7 @@ class LSTMOptions(Size):
             tips: true tip positions [m], base frame.
             actions: as really sent [m or N].
             key: for weights, order and noise.
-            progress: told epoch, most epochs, validation loss.
+            progress: called with epoch, number of epochs, validation loss.
 
         Raises:
             TrainingError: too few samples, or the loss is not finite.

@@ -76,7 +76,7 @@ class ForwardOptions(ABC):
             data: to learn from.
             fit: how to train.
             key: of everything random.
-            progress: told epoch, most epochs, validation loss.
+            progress: called with epoch, number of epochs, validation loss.
 
         Raises:
             TrainingError: too few samples, or the loss is not finite.

@@ -1,4 +1,4 @@
-"""How the chain is made and trained: hysteresis first, by least squares, then everything together."""
+"""Options and training of the chain: hysteresis by least squares, then everything."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -27,31 +27,30 @@ from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 NO_WEIGHT = -7.0  # before a softplus
-LENGTH_UNIT = 0.4  # of the arm's length: an error of one in position
-AXIS_WEIGHT = 0.3  # of squared errors of axes beside those of positions
-DELAY = 0.1  # s; time constant of the filter for it
+LENGTH_UNIT = 0.4  # of the arm's length; scale of position errors
+AXIS_WEIGHT = 0.3  # of squared axis errors, relative to positions
+DELAY = 0.1  # s; time constant of the filter that stands for delay
 MAX_CREEP = 0.5  # of a filter's weight before training
 PULL = 3e-3
-"""Of a model that began elsewhere towards where it began, for a squared change of one
-beside squared errors."""
+"""Penalty of squared changes from the start, when training continues from another arm."""
 REHEARSED = FitOptions(
     learning_rate=2e-3, max_epochs=20, patience=20, epochs_per_call=10, decay=True
 )
-"""How a new network learns what weights do."""
+"""Training of a new network on the effect of weights."""
 
 
 @dataclass(frozen=True)
 class ChainOptions(ForwardOptions):
-    """What the forward model of the `best` recipe is made of.
+    """Options of the chain model.
 
     Attributes:
         hidden: units of each hidden layer of its network.
         depth: number of hidden layers.
-        play_widths: half-widths of plays, in parts of the cable radius [rad]; none, and
-            the model knows no play.
+        play_widths: half-widths of the play operators, in parts of the cable radius
+            [rad]; empty for no backlash.
         creep_times: time constants of filters [s].
-        statics: whether cables only pull and stretch, where the sensors are motors'
-            encoders; else the network has to find out.
+        statics: whether to model that cables only pull and stretch, if the sensors are
+            encoders.
     """
 
     hidden: int = 64
@@ -72,7 +71,7 @@ class ChainOptions(ForwardOptions):
     model: str = field(default="chain", kw_only=True)
 
     def __post_init__(self):
-        """Refuse what cannot be built."""
+        """Refuse impossible numbers."""
         check_limits(
             self,
             hidden=(1, 4096),
@@ -82,9 +81,9 @@ class ChainOptions(ForwardOptions):
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
-        """Before anything is learned: no hysteresis, and a network that says nearly nothing."""
+        """See `ForwardOptions`: no hysteresis, and a network with outputs near zero."""
         modules = arm.module_count
-        # else the last reading does
+        # at longer control periods, the last reading stands for the delay
         delays = (DELAY,) if arm.control_period < DELAY else ()
         taken = [
             1.0 - np.exp(-arm.control_period / time)
@@ -184,7 +183,7 @@ class ChainOptions(ForwardOptions):
         chain: Any = getattr(model, "chain", model)
         return np.stack(
             [
-                np.asarray(said(model, jnp.asarray(one)))
+                np.asarray(predict_states(model, jnp.asarray(one)))
                 for one in inputs_along(chain, data)
             ]
         )
@@ -240,7 +239,10 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
     )
 
 
-said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
+@eqx.filter_jit
+def predict_states(model: ChainC2S, inputs: Array) -> Array:
+    """States for inputs of the hysteresis model, compiled."""
+    return model.states(inputs)
 
 
 def answer(model: Any, batch: Batch) -> Array:

@@ -23,7 +23,7 @@ NetworkProgress = Callable[[str, int, int, float], None]
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a strategy is told about a run.
+    """Options of a run that strategies use.
 
     Attributes:
         guard: which points are kept out of obstacles.

@@ -160,7 +160,7 @@ def search(
     arm: ArmSpec,
     seed: int,
     evaluations: int,
-    told: Callable[[int, float], None] = lambda *_: None,
+    on_evaluation: Callable[[int, float], None] = lambda *_: None,
 ) -> ArmSpec:
     """Fit stiffnesses and hysteresis to the claims (Nelder-Mead on logarithms).
 
@@ -171,7 +171,7 @@ def search(
         arm: the starting point.
         seed: of the recording and of the run of `pcc`.
         evaluations: most evaluations.
-        told: called with the number of evaluations and the misfit after each one.
+        on_evaluation: called with the number of evaluations and the misfit after each one.
 
     Returns:
         The arm with the smallest misfit.
@@ -192,7 +192,7 @@ def search(
         for claim in claims:
             relative = values[claim.quantity] / claim.paper - 1
             total += (relative / claim.tolerance) ** 2
-        told(count, total)
+        on_evaluation(count, total)
         return total
 
     start = np.zeros(1 + 2 * arm.module_count)
