@@ -240,7 +240,7 @@ def _is_felt_through_cables(arm: ArmSpec) -> bool:
 
 
 @eqx.filter_jit
-def predict_states(model: ChainC2S, inputs: Array) -> Array:
+def predict_states(model: Any, inputs: Array) -> Array:
     """States for inputs of the hysteresis model, compiled."""
     return model.states(inputs)
 
