@@ -21,7 +21,8 @@ def predict(
         transition: F, derivative of the motion by the state.
         process_noise: diagonal of Q.
     """
-    return transition @ covariance @ transition.T + jnp.diag(process_noise)
+    propagated = transition @ covariance @ transition.T
+    return jnp.asarray(propagated + jnp.diag(process_noise))
 
 
 def innovation_covariance(
@@ -30,7 +31,8 @@ def innovation_covariance(
     noise_std: Float[Array | np.ndarray, " values"],
 ) -> Float[Array, "values values"]:
     """S = H P H' + R."""
-    return jacobian @ covariance @ jacobian.T + jnp.diag(noise_std**2)
+    predicted = jacobian @ covariance @ jacobian.T
+    return jnp.asarray(predicted + jnp.diag(noise_std**2))
 
 
 def update(
@@ -56,8 +58,8 @@ def update(
     gain = jnp.linalg.solve(innovation_cov, jacobian @ covariance).T
     remaining = jnp.eye(len(mean)) - gain @ jacobian
     noise = innovation_cov - jacobian @ covariance @ jacobian.T
-    covariance = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
-    return mean + gain @ residual, covariance
+    updated = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
+    return jnp.asarray(mean + gain @ residual), jnp.asarray(updated)
 
 
 def normalized_innovation(
