@@ -19,7 +19,7 @@ from s2c2a.goals import Goal
 from s2c2a.planning import Planner
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies import AnyStrategy, TrainedNetworks, recipe_named, s2c2a_strategy
+from s2c2a.strategies import Strategy, TrainedNetworks, recipe_named, s2c2a_strategy
 from s2c2a.tasks import Task
 
 Call = Callable[[], object]
@@ -79,7 +79,7 @@ def following(planner: Planner, goals: Sequence[Goal]) -> Call:
 
 
 def ticking(
-    strategy: AnyStrategy, goals: Sequence[Goal], readings: Sequence[Reading]
+    strategy: Strategy, goals: Sequence[Goal], readings: Sequence[Reading]
 ) -> Call:
     """A call that does one control step: readings and their goals, again and again."""
     strategy.start(readings[0])

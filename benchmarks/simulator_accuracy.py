@@ -39,7 +39,7 @@ def static_errors() -> list[StaticError]:
 def settled_tip(arm: ArmSpec, case: RodCase, fidelity: str) -> np.ndarray:
     """Where the simulated tip comes to rest [m], base frame."""
     with SimulatedRobot(arm, fidelity) as robot:
-        robot.push(case.tip_force)
+        robot.apply_force(case.tip_force)
         last = np.full(3, np.inf)
         for _ in range(MAX_STEPS):
             robot.step(case.tensions)

@@ -299,7 +299,8 @@ def test_a_module_that_the_arm_lacks_is_rejected(table, module):
     ):
         waypoints_task("mine", tracks, TWIN)
     with pytest.raises(
-        TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"
+        TargetError,
+        match=rf"module {int(module)} does not exist; 'twin_arm' has 3",
     ):
         unreachable_waypoints(tracks, TWIN)
 
