@@ -1,4 +1,4 @@
-"""Many plans in one call, from 1 to 4096 arms at rest; `--device gpu` where there is one."""
+"""Batched plans of 1 to 4096 arms at rest; `--device gpu` uses a GPU."""
 
 import jax
 import numpy as np

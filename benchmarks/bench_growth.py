@@ -1,4 +1,4 @@
-"""How times grow with modules, cables, obstacles, waypoints. Networks are untrained: speed asks for shapes alone."""
+"""Growth of times with modules, cables, obstacles, waypoints (untrained networks)."""
 
 import time
 
@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.arm import ArmSpec
 from s2c2a.strategies import s2c2a_strategy
-from s2c2a.tasks import circle, load_waypoints, out_of_reach, waypoints_task
+from s2c2a.tasks import circle, load_waypoints, unreachable_waypoints, waypoints_task
 
 from driving import at_rest, following, planner_of, ticking, untrained
 
@@ -58,7 +58,9 @@ def test_waypoints_read(benchmark, arm, size, tmp_path):
 def test_waypoints_checked(benchmark, arm, size, tmp_path):
     path = waypoints_file(tmp_path / "waypoints.csv", arm, size)
     benchmark.pedantic(
-        lambda: out_of_reach(load_waypoints(path), arm), rounds=3, warmup_rounds=1
+        lambda: unreachable_waypoints(load_waypoints(path), arm),
+        rounds=3,
+        warmup_rounds=1,
     )
 
 
@@ -79,7 +81,7 @@ def grow(benchmark, arm: ArmSpec, recipe: str, what: str) -> None:
 
 
 def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:
-    """The arm's modules over and over, from base to tip, each so much shorter that the arm's length stays."""
+    """The arm with its modules repeated and shortened, so that its length stays."""
     kinds = [arm.modules[number % arm.module_count] for number in range(count)]
     scale = arm.length / sum(module.length for module in kinds)
     return changed(
@@ -92,7 +94,7 @@ def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:
 
 
 def arm_of_cables(arm: ArmSpec, count: int) -> ArmSpec:
-    """The arm with so many cables in every module, evenly spread from where its first one was."""
+    """The arm with this many cables in every module, evenly spread."""
     angles = [
         module.cable_angles_deg[0] + 360.0 * np.arange(count) / count
         for module in arm.modules
@@ -108,7 +110,7 @@ def arm_of_cables(arm: ArmSpec, count: int) -> ArmSpec:
 
 
 def changed(arm: ArmSpec, modules: list) -> ArmSpec:
-    """Another arm with these modules, checked anew; coupling of sensors is for the arm that it was given for."""
+    """The arm with other modules, validated, and without its sensing coupling."""
     values = arm.model_dump() | {
         "sensing_coupling": None,
         "modules": [module.model_dump() for module in modules],
@@ -117,7 +119,7 @@ def changed(arm: ArmSpec, modules: list) -> ArmSpec:
 
 
 def among_obstacles(arm: ArmSpec, count: int):
-    """The circle with so many obstacles about it, none so near that the tip could not go round."""
+    """The circle with obstacles around it that leave a path for the tip."""
     directions = np.random.default_rng(0).normal(size=(64, 3))
     centers = (
         arm.length * directions / np.linalg.norm(directions, axis=-1, keepdims=True)

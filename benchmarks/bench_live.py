@@ -1,4 +1,4 @@
-"""What the live page must show: its start, control steps under watching browsers, drags, a flood, a long run.
+"""Speed of the live page: start, control steps with viewers, drags, floods, long runs.
 
 Figures stand beside the table, whose times are those of the whole scripts.
 """
@@ -90,7 +90,7 @@ def browser():
 
 @pytest.mark.asked("at most 6 s")
 def test_second_start(benchmark, browser, request):
-    """From the start of a process to the page that says who drives; the browser is open before."""
+    """Time from the start of a process to the usable page in an open browser."""
     benchmark.pedantic(
         start_and_look,
         args=(browser, request.config.getoption("--arm")),
@@ -237,7 +237,7 @@ def looking(browser, address: str):
 
 
 def drag(control) -> np.ndarray:
-    """20 cm in one second, then still: distances of the tip from the target from 1.5 s later on [m]."""
+    """Drag 20 cm in 1 s; distances of the tip from the target after 1.5 s more [m]."""
     scale = control.arm.length / 0.6
     start = scale * np.array([0.10, -0.10, 0.568])
     end = scale * np.array([0.10, 0.10, 0.568])
@@ -285,7 +285,7 @@ def wander_for(control, seconds: float) -> None:
 
 
 def wander(control) -> None:
-    """Half a second of a drag to a random place, some of them out of reach, at 50 messages a second."""
+    """Half a second of a drag to a random position, at 50 messages a second."""
     start = np.array(control.request.target or (0.0, 0.0, control.arm.length))
     turn, out, high = RANDOM.uniform((-np.pi, 0.0, 0.5), (np.pi, 0.7, 1.1))
     end = control.arm.length * np.array([out * np.cos(turn), out * np.sin(turn), high])
@@ -330,7 +330,7 @@ def readers(page, count: int):
 
 
 def flood(page) -> None:
-    """Malformed messages, with a new connection whenever the gate shows their sender out."""
+    """Malformed messages, with a new connection after each rejection."""
     sent = 0
     address = f"ws://127.0.0.1:{page.gate.port}"
     form = {
@@ -352,7 +352,7 @@ def flood(page) -> None:
 
 
 def resident(control) -> float:
-    """Memory of this process and of the control process [MB]; NaN where the system does not say."""
+    """Memory of this process and of the control process [MB]; NaN if unknown."""
     with suppress(OSError):
         pages = [
             int(Path(f"/proc/{one}/statm").read_text().split()[1])

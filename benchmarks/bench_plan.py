@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.tasks import circle
 
 from driving import following, module_with, planner_of, straight, times_over
@@ -49,11 +50,11 @@ def test_plan_beside_one_without_room_for_obstacles(in_turn, networks):
 def difference(networks, planner, goals, torch_planner) -> float:
     """Largest difference of any number between plans from the same start."""
     theirs = torch_planner.planner_of(networks)
-    plan = planner.start(straight(networks.arm.module_count))
+    plan = planner.start(Estimate(straight(networks.arm.module_count)))
     worst = 0.0
     for goal in goals[:COMPARED]:
         last = plan.configurations
-        plan = planner.plan(plan, last, goal)
+        plan = planner.plan(plan, Estimate(last), goal)
         planned = theirs.plan(
             torch_planner.tensor(last), torch_planner.TorchGoal.of(goal)
         ).numpy()

@@ -1,4 +1,4 @@
-"""Where the time of a plan goes: each piece alone, many times within one call, and its operations counted."""
+"""Parts of a plan: time of each, repeated within one call, and counted operations."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from operations import count_operations
-from s2c2a.planning import LeastSquares
 from s2c2a.compilation import compiled
+from s2c2a.estimation import Estimate
+from s2c2a.planning import LeastSquares
 from s2c2a.tasks import circle
 
 from driving import Call, following, planner_of, straight
@@ -25,7 +26,7 @@ def planned(networks):
     planner = planner_of(networks)
     return (
         planner,
-        planner.start(straight(networks.arm.module_count)),
+        planner.start(Estimate(straight(networks.arm.module_count))),
         circle(networks.arm).goals,
     )
 
@@ -72,7 +73,7 @@ def _calling(program: Callable[..., Any], *inputs: Any) -> Call:
 
 
 def _turning(piece: Callable[..., Any], *inputs: Any) -> Call:
-    """A call that does a piece many times over, each time with what the last one gave, so that none can be left out."""
+    """A call that repeats a part, each time on the last result, so that none is skipped."""
     return _calling(compiled(_turned, piece, *inputs))
 
 
@@ -91,7 +92,7 @@ def _look(drift, model, plan):
 
 
 def _look_with_slopes(drift, model, plan):
-    """As least squares looks: every direction of bends goes through the model side by side."""
+    """The Jacobian as least squares computes it: all directions of bends in one batch."""
     modules = plan.configurations.shape[0]
     directions = (
         jnp.zeros((2 * modules, modules, 3))

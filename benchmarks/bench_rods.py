@@ -1,4 +1,4 @@
-"""Error beside speed: five arms at rest, simulated here and in PyElastica, against an independent rod."""
+"""Speed and error of five arms at rest, here and in PyElastica, against a rod model."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ LONGEST = 400
 
 
 class Layout(NamedTuple):
-    """How fine a rod in PyElastica is: elements, a time step [s] that is stable with them, and how stiff it is made."""
+    """Discretization in PyElastica: elements, stable time step [s], axial stiffness."""
 
     elements: int
     time_step: float
@@ -72,7 +72,7 @@ def test_pyelastica(in_turn, benchmark, case, layout):
 
 
 def tell(benchmark, engine, case) -> float:
-    """Arm seconds in a second, and the tip's distance from the rod's when both rest [m]."""
+    """Simulated seconds a second, and the error of the tip at rest [m]."""
     if benchmark.stats:
         benchmark.extra_info["arm seconds a second"] = (
             CHUNK / benchmark.stats.stats.median

@@ -1,4 +1,4 @@
-"""Simulating the arm while it babbles, by fidelity and threads, the error at rest beside it."""
+"""Simulation of a babbling arm by fidelity and threads, and its error at rest."""
 
 from concurrent.futures import ThreadPoolExecutor
 

@@ -1,4 +1,4 @@
-"""What happens in every control step: sense, control, whole ticks. Planning has a file of its own."""
+"""Parts of a control step: sensing, control, and whole steps; see also `bench_plan`."""
 
 import operator
 
@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.compilation import compiled
 from s2c2a.control import Controller, CorrectedController, InversePCC, NetworkController
 from s2c2a.kinematics import PCC
-from s2c2a.compilation import compiled
 from s2c2a.tasks import circle
 from s2c2a.tasks.lines import reach
 
@@ -26,7 +26,7 @@ def test_sense(benchmark, networks):
 @pytest.mark.asked("at most 0.15 ms")
 def test_learned_controller(benchmark, networks):
     controller = NetworkController(networks.c2a)
-    correction = networks.recipe.correction
+    correction = networks.recipe.integral_gain
     act(
         benchmark,
         networks.arm,

@@ -1,4 +1,4 @@
-"""Both networks from a recording to their stop, PyTorch's epochs right after ours; `--device gpu` if there is one."""
+"""Training of both networks, then PyTorch's epochs; `--device gpu` for a GPU."""
 
 import time
 from importlib import import_module
@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from s2c2a.executors import all_cores, compute_on_one_thread
+from s2c2a.executors import all_cores, limit_jax_to_one_thread
 from s2c2a.jobs import Cache, RecordingArtifact, made
 from s2c2a.strategies import Recipe, recipe_named, train_s2c2a
 
@@ -18,7 +18,7 @@ EPOCHS = 20  # that PyTorch trains of each network
 @pytest.fixture(scope="module", autouse=True)
 def _one_thread():
     # as whatever trains does; heeded until JAX's first computation
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
 
 
 class Course:

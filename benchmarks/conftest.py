@@ -1,4 +1,4 @@
-"""What all benchmarks share: arm, device, cores, trained networks, and a word beside each line of the table."""
+"""Shared by all benchmarks: arm, device, cores, trained networks, table header."""
 
 import os
 import time
@@ -25,7 +25,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Take the device; keep nothing that is compiled, so that no figure depends on what ran before."""
+    """Select the device; keep no compiled program, so that runs are independent."""
     import jax
 
     jax.config.update("jax_enable_compilation_cache", False)
@@ -36,12 +36,13 @@ def pytest_configure(config):
             jax.devices()
         except Exception as error:  # JAX has several for it
             raise pytest.UsageError(
-                'JAX finds no GPU here; take --device cpu, or `pip install ".[gpu]"` where there is one'
+                "JAX finds no GPU here; choose --device cpu, or install "
+                '`pip install ".[gpu]"` on a machine with a GPU'
             ) from error
 
 
 def pytest_collection_finish(session):
-    """Keep this process, and all that it starts, to its cores, where the system can; JAX has no threads yet."""
+    """Set the core affinity of this process before JAX starts threads, if possible."""
     counts = [
         mark.args[0] for item in session.items for mark in item.iter_markers("cores")
     ]
@@ -103,7 +104,7 @@ def arm(request):
 
 @pytest.fixture(scope="session")
 def networks_of(arm):
-    """Trained networks of a recipe, seed 0: from the cache, or trained first, which no figure holds."""
+    """Trained networks of a recipe, seed 0, cached or trained first (untimed)."""
     from s2c2a.jobs import Cache, NetworksArtifact, made
     from s2c2a.strategies import recipe_named
 
@@ -131,7 +132,7 @@ def _beside(request, arm, benchmark):
 
 @pytest.fixture
 def in_turn(benchmark):
-    """(call, theirs, rival, rounds): time a call, a rival's in turn with it: what the machine does falls on both."""
+    """(call, theirs, rival, rounds): time a call and a rival alternately."""
 
     def timed(call, theirs, rival: str, rounds: int) -> None:
         times = []

@@ -1,4 +1,4 @@
-"""Calls that benchmarks time: plans one after the other, ticks on the readings of a run, arms that are simulated.
+"""Calls for the benchmarks: sequences of plans, control steps, and simulated arms.
 
 Whatever benchmarks ask of robots, readings, planners and strategies stands here.
 """
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec
+from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
 from s2c2a.planning import Planner
 from s2c2a.robots.simulation import SimulatedRobot
@@ -26,7 +27,7 @@ WATCHED = 200  # control steps whose readings are played again
 
 
 def module_with(package: str, module: str) -> ModuleType:
-    """A module of this folder that needs a package; without it the benchmark is skipped."""
+    """Import a module of this folder, or skip the benchmark without its package."""
     pytest.importorskip(
         package, reason=f"{package} is not installed: `pip install '.[bench]'`"
     )
@@ -64,14 +65,14 @@ def planner_of(networks: TrainedNetworks) -> Planner:
 
 
 def following(planner: Planner, goals: Sequence[Goal]) -> Call:
-    """A call that plans for one goal after the other, each from the last plan, the sensors agreeing with it."""
-    plan = planner.start(straight(len(goals[0].positions)))
+    """A call that plans for each goal in turn from the last plan, with ideal sensing."""
+    plan = planner.start(Estimate(straight(len(goals[0].positions))))
     asked = cycle(goals)
 
     def call() -> None:
         nonlocal plan
         plan = jax.block_until_ready(
-            planner.plan(plan, plan.configurations, next(asked))
+            planner.plan(plan, Estimate(plan.configurations), next(asked))
         )
 
     return call
@@ -87,7 +88,7 @@ def ticking(
 
 
 def ticks_on(networks: TrainedNetworks, task: Task, guard="tip") -> Call:
-    """Ticks on the readings of a simulated run of the task, in which the tip is guarded."""
+    """Control steps on the readings of a simulated run, with the tip guarded."""
     strategy = s2c2a_strategy(networks)
     with SimulatedRobot(networks.arm) as robot:
         readings = [robot.read()]

@@ -90,7 +90,7 @@ class ElasticaRod:
 
 
 def _rod(case: RodCase, elements: int, stiffer: float):
-    """A straight rod along z with one element below the base; every module of a case has the same body."""
+    """A straight rod along z with one element below the base and equal modules."""
     module = case.arm.modules[0]
     size = case.arm.length / elements
     stiffness = module.bending_stiffness
@@ -118,7 +118,7 @@ def _rod(case: RodCase, elements: int, stiffer: float):
 def _at_joints(
     case: RodCase, elements: int
 ) -> tuple[Float[np.ndarray, "joints 2"], Float[np.ndarray, " joints"]]:
-    """Moments of the cables [N m] and what they add to GJ [N m^2], at the base and at all joints up the arm."""
+    """Moments [N m] and additions to GJ [N m^2] of the cables, at base and joints."""
     share = elements // case.arm.module_count
     pairs = zip(case.arm.modules, case.tensions, strict=True)
     every = np.repeat(
@@ -131,7 +131,7 @@ def _at_joints(
 def _cables(
     module: Module, tensions: Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, "3"]:
-    """Moment about both axes of the cross-section [N m], and torsional stiffness [N m^2]."""
+    """Moment about both cross-section axes [N m], and torsional stiffness [N m^2]."""
     angles = np.deg2rad(module.cable_angles_deg)
     levers = module.cable_radius * np.stack([np.cos(angles), np.sin(angles)])
     x, y = levers @ tensions

@@ -1,16 +1,16 @@
-"""What a user waits for: a strategy file is loaded and does its first tick. `python first_tick.py FILE`."""
+"""Load a strategy file and run its first control step: `python first_tick.py FILE`."""
 
 import sys
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 
-keep_programs()
+enable_compilation_cache()
 
-import numpy as np
+import numpy as np  # noqa: E402
 
-from s2c2a.goals import Goal
-from s2c2a.spaces import Reading
-from s2c2a.strategies import load_strategy, s2c2a_strategy
+from s2c2a.goals import Goal  # noqa: E402
+from s2c2a.spaces import Reading  # noqa: E402
+from s2c2a.strategies import load_strategy, s2c2a_strategy  # noqa: E402
 
 networks = load_strategy(sys.argv[1])
 arm = networks.arm

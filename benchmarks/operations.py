@@ -1,4 +1,4 @@
-"""Operations of a program, counted in what JAX traces of it: the floor that no compiler goes below.
+"""Operations counted in the JAX trace of a program: a lower bound for any compiler.
 
 Loops count as often as they turn, those whose turns follow from data once; of branches
 the cheapest counts, so a plan counts as one without obstacles. XLA's own cost analysis
@@ -13,21 +13,69 @@ from typing import Any
 import jax
 from jax.extend import core
 
-# fmt: off
-TRANSCENDENTAL = {
-    "acos", "asin", "atan2", "cos", "erf", "exp", "expm1", "log", "log1p", "logistic", "pow", "rsqrt", "sin", "sqrt",
-    "tan", "tanh",
-}
-ARITHMETIC = {
-    "abs", "add", "add_any", "and", "clamp", "div", "eq", "ge", "gt", "integer_pow", "le", "lt", "max", "min", "mul",
-    "ne", "neg", "not", "or", "select_n", "sign", "square", "sub",
-}
-REDUCTIONS = {"argmax", "argmin", "cumsum", "reduce_and", "reduce_max", "reduce_min", "reduce_or", "reduce_sum"}
-# fmt: on
+TRANSCENDENTAL = set(
+    [
+        "acos",
+        "asin",
+        "atan2",
+        "cos",
+        "erf",
+        "exp",
+        "expm1",
+        "log",
+        "log1p",
+        "logistic",
+        "pow",
+        "rsqrt",
+        "sin",
+        "sqrt",
+        "tan",
+        "tanh",
+    ]
+)
+ARITHMETIC = set(
+    [
+        "abs",
+        "add",
+        "add_any",
+        "and",
+        "clamp",
+        "div",
+        "eq",
+        "ge",
+        "gt",
+        "integer_pow",
+        "le",
+        "lt",
+        "max",
+        "min",
+        "mul",
+        "ne",
+        "neg",
+        "not",
+        "or",
+        "select_n",
+        "sign",
+        "square",
+        "sub",
+    ]
+)
+REDUCTIONS = set(
+    [
+        "argmax",
+        "argmin",
+        "cumsum",
+        "reduce_and",
+        "reduce_max",
+        "reduce_min",
+        "reduce_or",
+        "reduce_sum",
+    ]
+)
 
 
 def count_operations(function: Callable[..., Any], *inputs: Any) -> Counter:
-    """Of one call: "arithmetic", "transcendental", and the bytes that matrix products read and write ("bytes")."""
+    """Counts of one call: "arithmetic", "transcendental", and "bytes" of products."""
     return _of_program(jax.make_jaxpr(function)(*inputs).jaxpr)
 
 
@@ -66,7 +114,7 @@ def _of_equation(equation: core.JaxprEqn) -> Counter:
 
 
 def _programs_in(parameters: dict[str, Any]) -> Iterator[core.Jaxpr]:
-    """Programs within an equation; of a linear solve that knows its derivatives, the solving alone."""
+    """Programs within an equation; of a differentiable linear solve, the solve only."""
     if "jaxprs" in parameters:
         parameters = {"solve": parameters["jaxprs"].solve}
     for value in parameters.values():

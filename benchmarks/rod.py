@@ -1,4 +1,4 @@
-"""The shape of a cable-driven arm at rest as an elastic rod: a reference that shares no code with the simulators.
+"""The resting shape of a cable-driven arm as an elastic rod, an independent reference.
 
 The arm is a Kirchhoff rod (Antman 2005, ch. 8): it bends (EI) and twists (GJ) but
 neither stretches nor shears. At arc length s let p be the center line, R = [d1 d2 d3]
@@ -46,7 +46,11 @@ _MOMENT = 4
 
 @dataclass(frozen=True)
 class _Segment:
-    """One module under load: end force (3,) [N], weight (3,) [N/m], levers (cables, 2) [m], tensions (cables,) [N]."""
+    """One module with loads, levers and tensions.
+
+    Shapes: end force (3,) [N], weight (3,) [N/m], levers (cables, 2) [m], tensions
+    (cables,) [N].
+    """
 
     module: Module
     end_force: np.ndarray
@@ -61,7 +65,7 @@ def rod_shape(
     tip_force: Float[np.ndarray, "3"] = _NO_FORCE,
     steps_per_module: int = 100,
 ) -> States:
-    """States of the arm at rest, found by shooting on the base moment while tensions, weight and tip force grow.
+    """States of the arm at rest, by shooting on the base moment as all loads increase.
 
     The equilibrium is the one that grows out of the straight arm; it need not be stable
     (a standing arm may buckle). Shooting loses about 0.4 sqrt(|n| L^2 / EI) digits to a
@@ -107,7 +111,7 @@ def _finite(name: str, values, shape: tuple[int, ...]) -> np.ndarray:
 def _segments(
     arm: ArmSpec, tensions: np.ndarray, tip_force: np.ndarray
 ) -> list[_Segment]:
-    """The modules, base first, each with the force that the arm beyond it hands down."""
+    """The modules, base first, each with the force of the arm beyond it."""
     gravity = _GRAVITY * np.array(arm.gravity_direction)
     segments = []
     force = tip_force
@@ -146,7 +150,7 @@ def _scaled(segments: list[_Segment], share: float) -> list[_Segment]:
 
 
 def _base_moment(segments: list[_Segment], steps: int) -> np.ndarray:
-    """Moment at the base [N m], shape (3,), followed from the unloaded arm with strides that halve on failure."""
+    """Moment at the base [N m], shape (3,), by continuation with adaptive steps."""
     moment = np.zeros(3)
     share = 0.0
     stride = _LOAD_STRIDE
@@ -170,7 +174,8 @@ def _base_moment(segments: list[_Segment], steps: int) -> np.ndarray:
 def _smaller(stride: float, share: float) -> float:
     if stride < _MIN_STRIDE:
         raise SimulationError(
-            f"no equilibrium found beyond {share:.1%} of the load; load the arm less, or make it shorter or stiffer",
+            f"no equilibrium found beyond {share:.1%} of the load; "
+            "reduce the load, or make the arm shorter or stiffer",
             step=0,
         )
     return stride / 2
@@ -179,7 +184,7 @@ def _smaller(stride: float, share: float) -> float:
 def _shoot(
     segments: list[_Segment], guess: np.ndarray, steps: int
 ) -> np.ndarray | None:
-    """Base moment [N m] that leaves no moment at the tip, or None where the search fails."""
+    """Base moment [N m] with zero moment at the tip, or None if the search fails."""
     scale = segments[0].module.bending_stiffness / sum(
         part.module.length for part in segments
     )
@@ -200,7 +205,7 @@ def _shoot(
 def _module_ends(
     segments: list[_Segment], moments: np.ndarray, steps: int
 ) -> list[np.ndarray]:
-    """Cross-sections (batch, 3, 5) at the module ends for base moments (batch, 3) [N m]."""
+    """Cross-sections (batch, 3, 5) at module ends for base moments (batch, 3) [N m]."""
     section = np.zeros((len(moments), 3, 5))
     section[:, :, _FRAME] = np.eye(3)
     section[:, :, _MOMENT] = moments
@@ -224,7 +229,7 @@ def _runge_kutta(segment: _Segment, section: np.ndarray, steps: int) -> np.ndarr
 
 
 def _slope(segment: _Segment, to_end: float, section: np.ndarray) -> np.ndarray:
-    """Derivative of a cross-section along s, `to_end` meters before the module's end."""
+    """Derivative of a cross-section along s, `to_end` meters before the module end."""
     force = segment.end_force + segment.weight * to_end
     frame = section[:, :, _FRAME]
     axis = section[:, :, _AXIS]
@@ -239,7 +244,7 @@ def _slope(segment: _Segment, to_end: float, section: np.ndarray) -> np.ndarray:
 
 
 def _curvature(segment: _Segment, moment: np.ndarray) -> np.ndarray:
-    """Curvature u [1/m] for a moment R^T m [N m] on rod and cables, both (batch, 3) in the cross-section's frame."""
+    """Curvature u [1/m] for a moment [N m], both (batch, 3), cross-section frame."""
     module = segment.module
     levers = segment.levers
     tensions = segment.tensions

@@ -1,4 +1,4 @@
-"""Five arms at rest whose tips were computed once by separate code: what a simulator of arms has to reproduce."""
+"""Five arms at rest with tips from an independent computation, for any simulator."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class RodCase:
 
 
 def rod_cases() -> tuple[RodCase, ...]:
-    """The cases A to E: a bend without gravity, hanging bend, hanging S in space, lying arm, hanging bend with load."""
+    """Cases A to E: no gravity, hanging bend, hanging S, lying arm, with payload."""
     bend = [[9, 1, 1], [9, 1, 9], [9, 1, 1]]
     s_shape = [[9, 1, 1], [1, 1, 8], [1, 9, 1]]
     return (
@@ -74,7 +74,7 @@ def _case(
     force: np.ndarray,
     tip: list,
 ) -> RodCase:
-    """Carry gravity, force and tip from the world frame into the base frame; row vectors, hence `@ mount`."""
+    """Transform gravity, force and tip from world to base frame; row vectors."""
     arm = _arm(f"rod-case-{name}", tuple(gravity @ mount))
     return RodCase(
         name, arm, np.array(tensions, dtype=float), force @ mount, np.array(tip) @ mount

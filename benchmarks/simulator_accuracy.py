@@ -1,4 +1,4 @@
-"""How far the simulated arm at rest is from an independent rod under the same cables."""
+"""Distance of the simulated arm at rest from a rod model with the same cables."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The simulator's chain as a rod, against the shapes and vibrations of a Cosserat rod that SoRoSim computed.
+"""The simulator's chain compared with a Cosserat rod in SoRoSim: shapes and vibration.
 
     python benchmarks/sorosim.py FOLDER [--segments 20]
 
@@ -46,7 +46,7 @@ LATE = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """The rod at rest: gravity's direction, force and moment [N, N m] and position [m] at middle and tip, our frame."""
+    """The rod at rest: gravity, wrench [N, N m] and positions [m] of middle and tip."""
 
     gravity: Float[np.ndarray, "3"]
     moments: Float[np.ndarray, "2 3"]
@@ -56,7 +56,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """The rod let go from a shape: damping over stiffness [s], places of middle and tip [m] every 5 ms."""
+    """A released rod: damping over stiffness [s], positions of middle and tip [m]."""
 
     held: Shape
     damping_time: float
@@ -97,7 +97,7 @@ def rod(
     segments: int = SEGMENTS,
     damping_time: float = 0.05,
 ) -> mujoco.MjModel:
-    """The rod as an arm of two modules without pull in its cables, so that its middle is a module's end."""
+    """The rod as an arm of two modules without cable tensions."""
     area = np.pi * RADIUS**2
     bending = YOUNG * np.pi * RADIUS**4 / 4
     half = Module(
@@ -128,7 +128,7 @@ def rod(
 
 
 def rest(model: mujoco.MjModel, shape: Shape) -> mujoco.MjData:
-    """The chain at rest under a shape's loads, by Newton's method while they grow together with gravity."""
+    """The chain at rest under a shape's loads, by Newton's method with load steps."""
     data = mujoco.MjData(model)
     gravity = model.opt.gravity.copy()
     for share in LOAD_SHARES:
@@ -146,7 +146,7 @@ def rest(model: mujoco.MjModel, shape: Shape) -> mujoco.MjData:
 def _newton_step(
     model: mujoco.MjModel, data: mujoco.MjData, share: float, shape: Shape
 ) -> np.ndarray:
-    """Towards balance of all forces on the joints, at most LARGEST_STEP in any of them."""
+    """Newton iterations to equilibrium with steps of at most LARGEST_STEP."""
     start = data.qpos.copy()
 
     def unbalanced(joints):
@@ -171,7 +171,7 @@ def _newton_step(
 def _joint_forces(
     model: mujoco.MjModel, data: mujoco.MjData, share: float, shape: Shape
 ) -> np.ndarray:
-    """What springs, gravity and a share of the wrenches do to the joints [N m], at rest."""
+    """Joint torques of springs, gravity and a fraction of the wrenches [N m]."""
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
     forces = data.qfrc_passive - data.qfrc_bias
@@ -211,7 +211,7 @@ def vibration(
 
 
 def first_mode(places: Float[np.ndarray, "times 2 3"]) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of the tip's late swing: one decaying sine about a constant, fitted."""
+    """Frequency [Hz] and damping ratio of the tip's late vibration, a fitted sine."""
     tip = places[round(LATE / PERIOD) :, 1]
     times = PERIOD * np.arange(len(tip))
 
@@ -251,11 +251,13 @@ def main() -> None:
         ]
     )
     print(
-        f"{len(errors)} shapes, {given.segments} segments: tip error mean {1e3 * errors.mean():.2f} mm, ",
+        f"{len(errors)} shapes, {given.segments} segments: "
+        f"tip error mean {1e3 * errors.mean():.2f} mm, ",
         end="",
     )
     print(
-        f"95 % {1e3 * np.percentile(errors, 95):.2f}, largest {1e3 * errors.max():.2f}; ",
+        f"95 % {1e3 * np.percentile(errors, 95):.2f}, "
+        f"largest {1e3 * errors.max():.2f}; ",
         end="",
     )
     print(f"{(errors <= 0.01 * LENGTH).mean():.1%} within 1 % of the length")
@@ -269,11 +271,13 @@ def _tell_vibration(number: int, release: Release, ours: np.ndarray) -> None:
     (here, here_damped) = first_mode(ours)
     apart = 1e3 * np.linalg.norm(ours[:, 1] - release.places[:, 1], axis=-1)
     print(
-        f"release {number}: first mode {there:.3f} Hz there, {here:.3f} here ({here / there - 1:+.2%}), ",
+        f"release {number}: first mode {there:.3f} Hz there, "
+        f"{here:.3f} here ({here / there - 1:+.2%}), ",
         end="",
     )
     print(
-        f"damping ratio {there_damped:.4f} and {here_damped:.4f}; tips apart {np.sqrt(np.mean(apart**2)):.2f} mm rms"
+        f"damping ratio {there_damped:.4f} and {here_damped:.4f}; "
+        f"tips apart {np.sqrt(np.mean(apart**2)):.2f} mm rms"
     )
 
 

@@ -1,4 +1,4 @@
-"""The paper's networks in PyTorch, with the weights of ours: `nn.LSTM` in both directions, layer upon layer.
+"""The paper's networks in PyTorch with the weights of the JAX networks.
 
 Needs PyTorch; the extra `bench` brings it.
 """
@@ -13,7 +13,7 @@ from s2c2a.models.layers import BiLSTM, Scaling, SumAndRange
 
 
 class TorchBiLSTM(nn.Module):
-    """`BiLSTM` as PyTorch has it: gates in the same order, weights transposed, two biases of which one is zero."""
+    """PyTorch's form of `BiLSTM`: transposed weights, and a second bias of zero."""
 
     def __init__(self, network: BiLSTM):
         super().__init__()
@@ -114,7 +114,7 @@ class TorchC2A(nn.Module):
     def forward(
         self, desired: Tensor, configurations: Tensor, actions: Tensor
     ) -> Tensor:
-        """Normalized actions, shape (batch, modules, cables), from what is desired and what was sensed and done."""
+        """Normalized actions, shape (batch, modules, cables)."""
         parts = [
             self.configuration_scaling.forward(desired),
             self.configuration_scaling.forward(configurations).flatten(-2),

@@ -1,4 +1,4 @@
-"""The paper's planner in eager PyTorch: `nn.LSTM`, `backward()`, `torch.optim.Adam`, one Python loop.
+"""The paper's planner in eager PyTorch: `nn.LSTM`, `backward()`, Adam, a Python loop.
 
 The same objective, projection and limits as ours, so that both give the same plan.
 Weights are frozen, and where no obstacle is in use none is looked at: PyTorch is not
@@ -93,7 +93,8 @@ def planner_of(networks: TrainedNetworks) -> TorchPlanner:
     solver = networks.recipe.planner.solver
     if not (isinstance(solver, Adam) and isinstance(networks.c2s, C2S)):
         raise StrategyError(
-            f"the recipe '{networks.recipe.name}' does not plan as the paper; take the paper's"
+            f"the planner of the recipe '{networks.recipe.name}' is not the paper's; "
+            "choose the recipe 'paper'"
         )
     return TorchPlanner(networks.arm, networks.c2s, solver)
 

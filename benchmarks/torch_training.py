@@ -1,4 +1,4 @@
-"""Training the paper's networks in PyTorch: the same sizes, data, batches, losses, noise and Adam as ours.
+"""Training of the paper's networks in PyTorch, with the settings of the JAX training.
 
 Needs PyTorch; the extra `bench` brings it.
 """
@@ -31,7 +31,7 @@ COMPARED = 64  # samples
 
 
 class TorchTraining:
-    """A network in training, an epoch at a time: shuffled batches, then the validation loss, the best weights kept."""
+    """A network in training: shuffled batches, validation loss, best weights kept."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class TorchTraining:
         return time.perf_counter() - began
 
     def take_best_threads(self, most: int) -> int:
-        """Train a few batches with one thread and with the most, and stay with what is faster."""
+        """Train a few batches with one and with all threads, and keep the faster."""
         took = {}
         for threads in (1, most):
             torch.set_num_threads(threads)
@@ -92,7 +92,7 @@ class TorchTraining:
 def trainings(
     recording: Recording, recipe: Recipe, seed: int
 ) -> dict[str, TorchTraining]:
-    """Both networks of the paper's recipe before their first epoch, by the names that `train_s2c2a` tells."""
+    """Both networks of the paper's recipe before training, by their names."""
     torch.manual_seed(seed)
     sensed = recipe.estimator(recording.arm).sensed(recording.readings())
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
@@ -112,7 +112,8 @@ def c2s_training(
     """
     if not isinstance(recipe.c2s, C2SOptions):
         raise StrategyError(
-            f"the forward model of '{recipe.name}' is no biLSTM; take the recipe 'paper'"
+            f"the forward model of the recipe '{recipe.name}' is no biLSTM; "
+            "choose the recipe 'paper'"
         )
     split = forward_samples(sensed, recording.sensor("states"))
     blank = recipe.c2s.untrained(recording.arm, key)
@@ -177,7 +178,7 @@ def _check_same(ours: C2A, theirs: TorchC2A, batch: Batch) -> None:
 
 
 def _normalized(samples: Samples, layer: SumAndRange) -> Samples:
-    """Actions in the network's units; past ones have an axis of ages before their cables."""
+    """Normalized actions; past ones have an axis of ages before their cables."""
     neutral = np.asarray(layer.neutral)
     unit = np.asarray(layer.unit)
     past = (samples.inputs["actions"] - neutral[:, None]) / unit[:, None]

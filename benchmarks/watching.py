@@ -1,4 +1,4 @@
-"""Watchers that take everything in and draw nothing: `python watching.py PORT COUNT`."""
+"""Viewers that receive everything and draw nothing: `python watching.py PORT COUNT`."""
 
 import sys
 import threading

@@ -14,12 +14,12 @@ module = Module(
     mass=0.04,  # kg
     bending_stiffness=0.08,  # N m2
     bend_limit_deg=60,
-    cable=Cable(stiffness=8000, play=0.0002),  # N/m, m
+    cable=Cable(stiffness=8000, backlash=0.0002),  # N/m, m
 )
 arm = ArmSpec(
     name="my_arm",
     actuation="displacement",
-    gravity_direction=(0, 0, 1),  # it hangs: gravity along its own axis
+    gravity_direction=(0, 0, 1),  # a hanging arm: gravity along +z of the base
     motor=Motor(time_constant=0.05, speed_limit=0.1, pulley_radius=0.008),
     modules=(module, module),
 )
@@ -29,14 +29,12 @@ robot = SimulatedRobot(arm)
 check_robot(robot)
 
 with robot:
-    # rad: module I towards x, module II towards -y
+    # bends [rad]: module 1 towards x, module 2 towards -y
     desired = np.array([[0.6, 0.0], [0.0, -0.4]])
     action = np.asarray(PCC.of(arm).actions(desired))
     for _ in range(30):
-        robot.step(action)  # send, and let one control period pass
+        robot.step(action)  # send the action and wait for one control period
     for number, state in enumerate(robot.read()["states"], start=1):
-        position = state[:3]
-        axis = state[3:]
-        print(
-            f"module {number} ends at {position.round(3)} m and points along {axis.round(2)}"
-        )
+        position = state[:3].round(3)
+        axis = state[3:].round(2)
+        print(f"module {number} ends at {position} m and points along {axis}")

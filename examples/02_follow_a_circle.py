@@ -1,4 +1,4 @@
-"""The whole pipeline in twenty lines: collect, train, follow a circle. Takes a minute or two."""
+"""Collect data, train the networks and follow a circle, in one or two minutes."""
 
 import sys
 from dataclasses import replace

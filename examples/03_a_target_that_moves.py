@@ -1,17 +1,17 @@
-"""Plan online: the target and an obstacle move between steps, and nothing pauses or compiles."""
+"""Plan online while the target and an obstacle move; nothing compiles in between."""
 
 import numpy as np
 
 from s2c2a.arm import load_arm
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.runtime import Ask, Loop
+from s2c2a.runtime import Loop, StepRequest
 from s2c2a.strategies import pcc_strategy
 
 arm = load_arm("twin_arm")
 strategy = pcc_strategy(arm, PAPER)
 
-# paces a real arm, limits what is sent, checks what is read
+# The loop keeps a real arm's control rate, limits its actions, checks its readings.
 with Loop(SimulatedRobot(arm), strategy) as loop:
     for step in range(100):
         time = step * arm.control_period
@@ -22,5 +22,5 @@ with Loop(SimulatedRobot(arm), strategy) as loop:
             .with_position(target)
             .with_obstacles([obstacle], [0.05])
         )
-        tip = loop.tick(Ask(goal)).reading["states"][-1, :3]
+        tip = loop.tick(StepRequest(goal)).reading["states"][-1, :3]
     print(f"the tip is at {tip.round(3)} m, its target was at {np.round(target, 3)} m")

@@ -14,10 +14,11 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
-from s2c2a.cache import throw_out_halves
+from s2c2a.cache import delete_incomplete_programs
+from s2c2a.control.options import BiLSTMController
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
-from s2c2a.models import C2AOptions, C2SOptions, ChainOptions
+from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
     Recipe,
@@ -51,7 +52,7 @@ EPISODES, SAMPLES = 6, 100
 MAX_MAPS = 30_000
 NO_DIGEST = "0" * 64
 TINY, QUICK = (
-    C2AOptions(layers=1, hidden=8),
+    BiLSTMController(layers=1, hidden=8),
     FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6),
 )
 
@@ -65,7 +66,7 @@ def pytest_configure(config):
     """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
-        throw_out_halves(programs)
+        delete_incomplete_programs(programs)
     settings = {
         "jax_compilation_cache_dir": str(programs),
         "jax_compilation_cache_max_size": 2_000_000_000,

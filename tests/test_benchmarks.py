@@ -1,4 +1,4 @@
-"""Benchmarks stand outside the package; that they can still be run is tested here."""
+"""The benchmarks can be collected and run."""
 
 import importlib
 import json
@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
-LEFT, RIGHT, SQUARE = (
-    np.ones((3, 4), np.float32),
-    np.ones((4, 5), np.float32),
-    np.eye(6, dtype=np.float32),
-)
+LEFT = np.ones((3, 4), np.float32)
+RIGHT = np.ones((4, 5), np.float32)
+SQUARE = np.eye(6, dtype=np.float32)
 
 
 @pytest.fixture
@@ -28,18 +26,18 @@ def count_operations(monkeypatch):
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "pytest", str(FOLDER), *arguments]
-    # no worker's child
-    alone = {
+    # the subprocess must not take itself for a worker of pytest-xdist
+    environment = {
         name: value
         for name, value in os.environ.items()
         if not name.startswith("PYTEST_")
     }
     return subprocess.run(
-        command, env=alone, capture_output=True, text=True, check=False
+        command, env=environment, capture_output=True, text=True, check=False
     )
 
 
-def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
+def test_all_benchmarks_are_collected_and_the_cheapest_one_runs(tmp_path):
     pytest.importorskip(
         "pytest_benchmark",
         reason="pytest-benchmark comes with the extras bench and dev",
@@ -54,13 +52,13 @@ def test_all_benchmarks_are_found_and_the_cheapest_one_runs(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 passed" in done.stdout
     figures = json.loads(written.read_text())
-    assert [one["name"] for one in figures["benchmarks"]] == ["test_inverse_pcc"]
+    assert [entry["name"] for entry in figures["benchmarks"]] == ["test_inverse_pcc"]
     assert figures["benchmarks"][0]["stats"]["median"] > 0
     assert figures["machine_info"]["arm"] == "twin_arm"
     assert "jax" in figures["machine_info"]["versions"]
 
 
-def test_a_gpu_that_is_not_there_is_refused():
+def test_a_missing_gpu_is_rejected():
     pytest.importorskip(
         "pytest_benchmark",
         reason="pytest-benchmark comes with the extras bench and dev",
@@ -103,12 +101,14 @@ def test_a_gpu_that_is_not_there_is_refused():
     ],
     ids=["product", "many products", "elements", "loop", "cheapest branch"],
 )
-def test_operations_are_counted_as_by_hand(count_operations, function, inputs, counted):
+def test_operation_counts_match_hand_counts(
+    count_operations, function, inputs, counted
+):
     found = count_operations(function, *inputs)
     assert {kind: found[kind] for kind in counted} == counted
 
 
-def test_programs_within_programs_count_and_equations_are_solved_once(count_operations):
+def test_nested_programs_count_and_a_linear_solve_counts_once(count_operations):
     found = count_operations(jax.jit(lambda a: jnp.linalg.solve(a, a[0])), SQUARE)[
         "arithmetic"
     ]

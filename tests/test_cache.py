@@ -1,4 +1,4 @@
-"""What is kept between runs goes where the user says, and is found again."""
+"""Cache folder and JAX's persistent compilation cache."""
 
 import os
 import subprocess
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a.cache import cache_folder, keep_programs
+from s2c2a.cache import cache_folder, enable_compilation_cache
 
 NAMES = (
     "JAX_COMPILATION_CACHE_DIR",
@@ -15,45 +15,45 @@ NAMES = (
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS",
 )
 COMPILE = """
-from s2c2a.cache import keep_programs
-keep_programs()
+from s2c2a.cache import enable_compilation_cache
+enable_compilation_cache()
 import os
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"  # however quick this machine is
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 import jax
-print(float(jax.jit(lambda x: jax.numpy.linalg.svd(jax.numpy.outer(x, x) + 1.0)[1].sum())(jax.numpy.arange(5.0))))
+import jax.numpy as jnp
+function = jax.jit(lambda x: jnp.linalg.svd(jnp.outer(x, x) + 1.0)[1].sum())
+print(float(function(jnp.arange(5.0))))
 """
 
 
 @pytest.fixture
 def bare(monkeypatch):
     for name in (*NAMES, "S2C2A_CACHE"):
-        monkeypatch.setenv(name, "")  # so that whatever a test leaves is taken back
+        monkeypatch.setenv(name, "")  # restored after the test
         monkeypatch.delenv(name)
 
 
-def test_the_folder_is_where_the_user_says(bare, monkeypatch, tmp_path):
+def test_an_environment_variable_sets_the_folder(bare, monkeypatch, tmp_path):
     assert cache_folder().name == "s2c2a"
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
     assert cache_folder() == tmp_path
 
 
-def test_programs_are_kept_in_the_folder_and_bounded(bare, monkeypatch, tmp_path):
+def test_programs_are_kept_in_the_folder_with_a_size_limit(bare, monkeypatch, tmp_path):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
-    keep_programs()
+    enable_compilation_cache()
     assert os.environ[NAMES[0]] == str(tmp_path / "programs")
     assert int(os.environ[NAMES[1]]) == 500_000_000
 
 
-def test_who_has_set_up_a_cache_of_jax_keeps_it(bare, monkeypatch):
+def test_a_configured_cache_of_jax_stays(bare, monkeypatch):
     monkeypatch.setenv(NAMES[0], "mine")
-    keep_programs()
+    enable_compilation_cache()
     assert os.environ[NAMES[0]] == "mine"
     assert NAMES[1] not in os.environ
 
 
-def test_a_second_process_finds_what_the_first_compiled_and_a_damaged_one_is_made_anew(
-    bare, tmp_path
-):
+def test_processes_share_programs_and_replace_damaged_ones(bare, tmp_path):
     environment = {**os.environ, "S2C2A_CACHE": str(tmp_path)}
 
     def run() -> str:

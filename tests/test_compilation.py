@@ -56,7 +56,7 @@ def test_other_numbers_of_the_same_shape_share_a_program(caplog):
     assert (float(first(x)), float(second(x))) == (7.0, 11.0)
 
 
-def test_what_is_no_array_is_built_in_and_told_apart(caplog):
+def test_other_leaves_are_constants_of_the_program(caplog):
     x = np.float32(2.0)
     programs = [
         compiled(evaluated_by_line, a_line(3.0, offset)) for offset in (10.0, 20.0)
@@ -65,7 +65,7 @@ def test_what_is_no_array_is_built_in_and_told_apart(caplog):
     assert [float(program(x)) for program in programs] == [16.0, 26.0]
 
 
-def test_numbers_that_python_calls_equal_are_told_apart():
+def test_equal_numbers_of_different_types_have_separate_programs():
     kinds = [
         compiled(jnp.multiply, number)(np.int32(3)).dtype.kind
         for number in (1, 1.0, True)
@@ -73,13 +73,13 @@ def test_numbers_that_python_calls_equal_are_told_apart():
     assert kinds == ["i", "f", "i"]
 
 
-def test_shapes_are_told_apart():
+def test_shapes_have_separate_programs():
     lines = [Line(jnp.arange(size, dtype=jnp.float32), 0.0) for size in (2, 3)]
     answers = [compiled(evaluated_by_line, line)(np.float32(2.0)) for line in lines]
     assert [answer.tolist() for answer in answers] == [[0.0, 2.0], [0.0, 2.0, 4.0]]
 
 
-def test_static_fields_are_told_apart(caplog):
+def test_static_fields_have_separate_programs(caplog):
     lines = [Line(jnp.asarray(1.0), 0.5, names) for names in (("a",), ("b",))]
     programs = [compiled(evaluated_by_line, line) for line in lines]
     assert (

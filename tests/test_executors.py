@@ -1,4 +1,4 @@
-"""Side by side: the same results whoever works; a failure is told, and costs no more than it must."""
+"""Executors: the same results on each, and reported failures."""
 
 import os
 import pickle
@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.executors import Processes, Serial, Threads, all_cores, in_order, max_begun
+from s2c2a.executors import (
+    Processes,
+    Serial,
+    Threads,
+    all_cores,
+    in_order,
+    max_pending_calls,
+)
 
 EXECUTORS = {
     "serial": Serial,
@@ -46,38 +53,38 @@ def executor(request):
         yield made
 
 
-def test_results_come_in_the_order_of_what_they_are_made_from(executor):
+def test_results_keep_the_order_of_the_arguments(executor):
     assert list(in_order(executor, square, range(7))) == [0, 1, 4, 9, 16, 25, 36]
 
 
-def test_nothing_gives_no_result(executor):
+def test_no_arguments_give_no_results(executor):
     assert list(in_order(executor, square, [])) == []
 
 
-def test_what_the_work_raises_comes_out_whole(executor):
-    with pytest.raises(SimulationError, match="blew up") as told:
+def test_exceptions_of_the_work_are_raised_unchanged(executor):
+    with pytest.raises(SimulationError, match="blew up") as caught:
         list(in_order(executor, partial(failing_at, 2), range(20)))
-    assert told.value.step == 3
+    assert caught.value.step == 3
 
 
-def test_no_more_is_begun_than_can_be_done_soon():
+def test_the_number_of_pending_calls_is_limited():
     taken = []
     with Threads(2) as executor:
         results = in_order(
             executor, square, (taken.append(number) or number for number in range(100))
         )
         next(results)
-        assert len(taken) <= max_begun(executor) == 4
+        assert len(taken) <= max_pending_calls(executor) == 4
         results.close()
 
 
-def test_in_this_process_nothing_is_begun_before_the_last_is_handed_over():
+def test_serial_execution_starts_one_call_at_a_time():
     begun = []
     next(in_order(Serial(), begun.append, range(3)))
     assert begun == [0]
 
 
-def test_a_process_that_is_killed_is_told():
+def test_a_killed_process_is_reported():
     with (
         pytest.raises(S2C2AError, match=r"one of 1 processes was killed.*fewer --jobs"),
         Processes(1) as executor,
@@ -86,7 +93,7 @@ def test_a_process_that_is_killed_is_told():
 
 
 @pytest.mark.parametrize("kind", [Threads, Processes])
-def test_fewer_than_one_side_by_side_is_refused(kind):
+def test_fewer_than_one_worker_is_rejected(kind):
     with pytest.raises(S2C2AError, match="0 side by side"):
         kind(0)
 
@@ -97,18 +104,19 @@ def test_all_cores_are_taken_unless_stated():
     assert 1 <= Processes().workers <= all_cores()
 
 
-def test_an_error_of_a_simulation_travels_with_what_it_knows():
+def test_a_simulation_error_can_be_pickled():
     error = pickle.loads(pickle.dumps(SimulationError("blew up", 7, [1.0])))
     assert (str(error), error.step, error.last_states) == ("blew up", 7, [1.0])
 
 
 THREADS = """
 import os
-from s2c2a.executors import compute_on_one_thread
-compute_on_one_thread()
+from s2c2a.executors import limit_jax_to_one_thread
+limit_jax_to_one_thread()
 import jax.numpy as jnp
 jnp.ones(3).sum().block_until_ready()
-names = [open(f"/proc/self/task/{task}/comm").read() for task in os.listdir("/proc/self/task")]
+folder = "/proc/self/task"
+names = [open(f"{folder}/{task}/comm").read() for task in os.listdir(folder)]
 print(len([name for name in names if "XLAEigen" in name]))
 """
 
@@ -117,7 +125,7 @@ print(len([name for name in names if "XLAEigen" in name]))
     not os.path.isdir("/proc/self/task"), reason="threads are counted under /proc"
 )
 def test_a_process_of_ours_computes_on_one_thread():
-    """What XLA adds up in parts depends on how many threads it has, and a seed's networks must not."""
+    """The summation order of XLA depends on its threads; a seed's networks must not."""
     done = subprocess.run(
         [sys.executable, "-c", THREADS], capture_output=True, text=True, check=True
     )
@@ -137,7 +145,7 @@ if __name__ == "__main__":
 @pytest.mark.skipif(
     not os.path.isdir("/proc/self"), reason="looks for the process under /proc"
 )
-def test_no_worker_outlives_one_that_was_killed(tmp_path):
+def test_workers_end_with_a_killed_parent(tmp_path):
     (tmp_path / "orphans.py").write_text(ORPHANS)
     with subprocess.Popen(
         [sys.executable, tmp_path / "orphans.py"], stdout=subprocess.PIPE, text=True
@@ -147,7 +155,7 @@ def test_no_worker_outlives_one_that_was_killed(tmp_path):
     ended = False
     for _ in range(100):
         try:
-            # nobody fetched it
+            # a zombie: its exit code has not been read
             ended = (
                 Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0]
                 == "Z"

@@ -1,85 +1,84 @@
-"""How large the house is, and that its rooms stay small: `python tests/test_house.py` prints the figures."""
+"""Sizes of functions and density of lines: `python tests/test_house.py` prints them."""
 
 import ast
 import io
+import sys
 import tokenize
-from collections import Counter
 from pathlib import Path
 from statistics import median, quantiles
 
-HOUSE = Path(__file__).parents[1] / "src" / "s2c2a"
-FILES = sorted(HOUSE.rglob("*.py"))
-WORDS = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-SPACE = {
-    *(
-        tokenize.COMMENT,
-        tokenize.NL,
-        tokenize.NEWLINE,
-        tokenize.INDENT,
-        tokenize.DEDENT,
-        tokenize.ENDMARKER,
-    ),
+PACKAGE = Path(__file__).parents[1] / "src" / "s2c2a"
+FILES = sorted(PACKAGE.rglob("*.py"))
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+LAYOUT = {
+    tokenize.COMMENT,
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.INDENT,
+    tokenize.DEDENT,
+    tokenize.ENDMARKER,
 }
 
 
 def code_lines(text: str) -> set[int]:
-    """Numbers of the lines that hold code: no blanks, comments, docstrings."""
-    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    code = {
-        line
-        for one in tokens
-        if one.type not in SPACE
-        for line in range(one.start[0], one.end[0] + 1)
-    }
+    """Numbers of the lines that hold code: no blanks, comments or docstrings."""
+    lines = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in LAYOUT:
+            lines |= set(range(token.start[0], token.end[0] + 1))
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, WORDS) and ast.get_docstring(node) is not None:
-            code -= set(range(node.body[0].lineno, node.body[0].end_lineno + 1))
-    return code
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None:
+            docstring = node.body[0]
+            lines -= set(range(docstring.lineno, docstring.end_lineno + 1))
+    return lines
 
 
-def sizes() -> tuple[Counter, list[int]]:
-    """Code lines of every room, and of every function, its heading counted."""
-    rooms, functions = Counter(), []
+def syntax_nodes(text: str) -> int:
+    """Number of syntax nodes without docstrings."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return sum(1 for _ in ast.walk(tree))
+
+
+def function_sizes() -> list[int]:
+    """Code lines of every function."""
+    sizes = []
     for file in FILES:
-        text, room = (
-            file.read_text(encoding="utf-8"),
-            file.relative_to(HOUSE).parts[:-1],
-        )
+        text = file.read_text(encoding="utf-8")
         lines = code_lines(text)
-        rooms[room[0] if room else "."] += len(lines)
-        functions += [
-            len(lines & set(range(node.lineno, node.end_lineno + 1)))
-            for node in ast.walk(ast.parse(text))
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        ]
-    return rooms, functions
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, FUNCTIONS):
+                sizes.append(len(lines & set(range(node.lineno, node.end_lineno + 1))))
+    return sizes
 
 
-def test_functions_and_files_are_small():
-    functions = sizes()[1]
-    assert median(functions) <= 5
-    assert quantiles(functions, n=10)[-1] <= 20
-    assert (
-        max(len(file.read_text(encoding="utf-8").splitlines()) for file in FILES) <= 300
-    )
+def density() -> tuple[int, int]:
+    """Syntax nodes and code lines of the package."""
+    texts = [file.read_text(encoding="utf-8") for file in FILES]
+    nodes = sum(syntax_nodes(text) for text in texts)
+    return nodes, sum(len(code_lines(text)) for text in texts)
 
 
-def test_what_drives_an_arm_is_more_than_the_page_and_more_than_the_pictures():
-    rooms = sizes()[0]
-    sensing = len(code_lines((HOUSE / "sensing.py").read_text(encoding="utf-8")))
-    drives = sensing + sum(
-        rooms[name]
-        for name in ("models", "planning", "control", "kinematics", "runtime")
-    )
-    assert drives > max(rooms["live"], rooms["viz"])
+def test_functions_are_small():
+    sizes = function_sizes()
+    assert median(sizes) <= 8
+    assert quantiles(sizes, n=10)[-1] <= 25
+
+
+def test_a_line_does_one_thing():
+    nodes, lines = density()
+    assert nodes / lines <= 9.0
 
 
 if __name__ == "__main__":
-    rooms, functions = sizes()
-    tenth = quantiles(functions, n=10)[-1]
-    print(
-        f"{rooms.total()} code lines in {len(FILES)} files: {dict(rooms.most_common())}"
-    )
-    print(
-        f"{len(functions)} functions: median {median(functions)}, 90th percentile {tenth}, most {max(functions)}"
+    sizes = function_sizes()
+    nodes, lines = density()
+    tenth = quantiles(sizes, n=10)[-1]
+    sys.stdout.write(
+        f"{nodes} nodes in {lines} code lines of {len(FILES)} files: "
+        f"{nodes / lines:.2f} a line\n{len(sizes)} functions: median {median(sizes)}, "
+        f"90th percentile {tenth}, largest {max(sizes)}\n"
     )

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 
 from s2c2a.data import forward_samples
-from s2c2a.kinematics import MemorylessModel, PCCForwardModel, bends_from_configurations
+from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models import ForwardOptions
+from s2c2a.models.forward_model import MemorylessModel, PCCForwardModel
 from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
 
 
@@ -25,7 +26,7 @@ class Arcs(MemorylessModel):
     arcs: PCCForwardModel
     network: eqx.nn.MLP
 
-    def predict(self, configurations, memory):
+    def predict(self, configurations, memory, disturbances=None):
         """States [m, 1], shape (*batch, modules, 6), base frame."""
         bends = bends_from_configurations(configurations)  # (*batch, modules, 2)
         flat = bends.reshape(-1, bends.shape[-2] * bends.shape[-1])

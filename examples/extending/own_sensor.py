@@ -1,7 +1,7 @@
 """A sensor of your own, in one file: two flex sensors a module, and what tells configurations from their voltage.
 
-The body says `flex`, and the arm file names the estimator: `sensing =
-"own_sensor.py:FlexEstimator"`. Then
+The body says `flex`, and the arm file names the map: `sensing =
+"own_sensor.py:FlexMap"`. Then
 
     s2c2a robot check --robot own_sensor.py:FlexArm --arm flex_arm.toml
     s2c2a collect --robot own_sensor.py:FlexArm --arm flex_arm.toml --out flex.episodes
@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.estimation import ConfigurationMap
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import Estimator
 from s2c2a.spaces import Reading, Sensor
 
 # V, V/rad
@@ -23,7 +23,7 @@ REST = 1.5
 GAIN = 0.8
 
 
-class FlexEstimator(Estimator):
+class FlexMap(ConfigurationMap):
     """Configurations from voltages: a module bends towards x and y by what its two strips say."""
 
     @property
@@ -31,7 +31,7 @@ class FlexEstimator(Estimator):
         return ("flex",)
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> "FlexEstimator":
+    def of(cls, arm: ArmSpec) -> "FlexMap":
         return cls()
 
     def __call__(self, sensors):

@@ -1,14 +1,14 @@
-"""The command `s2c2a`, and `python -m s2c2a`: Control-C is heeded from its first moment on."""
+"""Entry point of the command `s2c2a` and of `python -m s2c2a`."""
 
-from s2c2a.cli.interrupts import end_at_interrupts
+from s2c2a.cli.interrupts import exit_on_interrupt
 
 
 def main() -> None:
-    """Entry point."""
-    end_at_interrupts()
-    from s2c2a.cli.main import main as verbs
+    """Run the command line; Ctrl-C ends it cleanly, even during imports."""
+    exit_on_interrupt()
+    from s2c2a.cli.main import main as run_command  # noqa: PLC0415 (slow import)
 
-    verbs()
+    run_command()
 
 
 if __name__ == "__main__":

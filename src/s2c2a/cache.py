@@ -1,4 +1,4 @@
-"""What is kept between runs: recordings, networks, compiled programs. All of it is safe to delete."""
+"""Cache folder of recordings, networks and compiled programs; it is safe to delete."""
 
 import os
 from contextlib import suppress
@@ -6,36 +6,40 @@ from pathlib import Path
 
 import platformdirs
 
-MAX_BYTES_OF_PROGRAMS = 500_000_000
+MAX_PROGRAM_BYTES = 500_000_000
 
 
 def cache_folder() -> Path:
-    """Where things are kept; `S2C2A_CACHE` moves it."""
+    """Path of the cache folder; the environment variable `S2C2A_CACHE` overrides it."""
     return Path(os.environ.get("S2C2A_CACHE") or platformdirs.user_cache_dir("s2c2a"))
 
 
-def keep_programs() -> None:
-    """Have JAX keep what it compiles, so that a second start is quick; the longest unused goes first.
+def enable_compilation_cache() -> None:
+    """Enable JAX's persistent compilation cache, so that a second start is fast.
 
-    It works before JAX is imported, and where the user has said nothing else of JAX's
-    own cache.
+    JAX evicts the least recently used programs. Call this before the first import of
+    JAX. It does nothing if the user has configured JAX's cache.
     """
     folder = cache_folder() / "programs"
     settings = {
         "JAX_COMPILATION_CACHE_DIR": folder,
-        "JAX_COMPILATION_CACHE_MAX_SIZE": MAX_BYTES_OF_PROGRAMS,
+        "JAX_COMPILATION_CACHE_MAX_SIZE": MAX_PROGRAM_BYTES,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": 0.05,
     }
-    if not any(name in os.environ for name in settings):
-        os.environ.update({name: str(value) for name, value in settings.items()})
-        throw_out_halves(folder)
+    if any(name in os.environ for name in settings):
+        return
+    for name, value in settings.items():
+        os.environ[name] = str(value)
+    delete_incomplete_programs(folder)
 
 
-def throw_out_halves(folder: Path) -> None:
-    """Programs without the time of their last use, as a killed process leaves them: JAX keeps nothing beside them."""
+def delete_incomplete_programs(folder: Path) -> None:
+    """Delete cached programs without a time stamp, which a killed process leaves.
+
+    JAX stores no new programs while such a file exists.
+    """
     with suppress(OSError):
         for program in folder.glob("*-cache"):
-            if not program.with_name(
-                program.name.removesuffix("-cache") + "-atime"
-            ).exists():
+            stamp = program.name.removesuffix("-cache") + "-atime"
+            if not program.with_name(stamp).exists():
                 program.unlink(missing_ok=True)

@@ -1,9 +1,9 @@
-"""Compiled programs, shared by all that differs in numbers alone.
+"""JIT compilation with shared programs: arrays become inputs, not constants.
 
-A function that closes over trained weights has them compiled into it: every network
-then pays seconds for a program of its own. Here arrays go in as inputs, so one program
-serves all networks of one shape, and what JAX keeps on disk
-(`jax_compilation_cache_dir`) serves them too.
+A jitted function that closes over trained weights compiles them into the program, so
+each network pays seconds for a program of its own. Here arrays are inputs: one program
+serves all networks of one shape. The persistent compilation cache of JAX
+(`jax_compilation_cache_dir`) then serves all of them too.
 """
 
 from collections.abc import Callable, Hashable
@@ -17,71 +17,75 @@ from jax import monitoring
 
 MAX_PROGRAMS = 128
 _ARRAY = "array"
-_COMPILING = "/jax/core/compile/backend_compile_duration"
-_compiled = [0]
+_COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
+_compilation_count = [0]
 
 
 def compilations() -> int:
-    """How many programs this process has compiled, or fetched from those kept, since this module was imported."""
-    return _compiled[0]
+    """Number of programs compiled, or read from the cache, since the import."""
+    return _compilation_count[0]
 
 
-def _heard(event: str, duration_secs: float, **_: str | int) -> None:
-    if event == _COMPILING:
-        _compiled[0] += 1
+def _count_compilation(event: str, duration_secs: float, **_: str | int) -> None:
+    if event == _COMPILATION_EVENT:
+        _compilation_count[0] += 1
 
 
-monitoring.register_event_duration_secs_listener(_heard)
+monitoring.register_event_duration_secs_listener(_count_compilation)
 
 
 def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
-    """`function(*parts, *inputs)` as a compiled function of the inputs; it compiles when first called.
+    """Return `function(*parts, *inputs)` as a jitted function of the inputs.
+
+    The first call compiles it.
 
     Args:
-        function: of a module, or otherwise the same object for the same work.
-        parts: pytrees; arrays in them are inputs of the program, everything else is
-            hashable and built into it.
+        function: a module-level function, or otherwise an object whose identity does
+            not change between calls.
+        parts: pytrees. Their arrays are inputs of the program; all other leaves must be
+            hashable and are constants of the program.
     """
     leaves, structure = jax.tree.flatten(parts)
-    kinds = tuple(
-        _ARRAY if isinstance(leaf, jax.Array | np.ndarray) else type(leaf)
-        for leaf in leaves
-    )
-    arrays = tuple(
-        leaf for leaf, kind in zip(leaves, kinds, strict=True) if kind is _ARRAY
-    )
-    built_in = tuple(
-        None if kind is _ARRAY else leaf
-        for leaf, kind in zip(leaves, kinds, strict=True)
-    )
-    program = _program(function, structure, built_in, kinds)
-    return lambda *inputs: program(arrays, *inputs)
+    kinds: list[Any] = []
+    arrays: list[Any] = []
+    constants: list[Any] = []
+    for leaf in leaves:
+        if isinstance(leaf, jax.Array | np.ndarray):
+            kinds.append(_ARRAY)
+            arrays.append(leaf)
+            constants.append(None)
+        else:
+            kinds.append(type(leaf))
+            constants.append(leaf)
+    program = _program(function, structure, tuple(constants), tuple(kinds))
+    array_inputs = tuple(arrays)
+    return lambda *inputs: program(array_inputs, *inputs)
 
 
 @lru_cache(MAX_PROGRAMS)
 def _program(
-    function: Callable[..., Any], structure: Hashable, built_in: tuple, kinds: tuple
+    function: Callable[..., Any], structure: Hashable, constants: tuple, kinds: tuple
 ):
-    """One for all that is equal; kinds tell 1, 1.0 and True apart, which Python calls equal."""
+    """Jitted function, shared by equal arguments.
+
+    `kinds` keeps 1, 1.0 and True apart, which compare equal in Python.
+    """
 
     def run(arrays, *inputs):
-        given = iter(arrays)
+        remaining = iter(arrays)
         leaves = [
-            next(given) if kind is _ARRAY else leaf
-            for kind, leaf in zip(kinds, built_in, strict=True)
+            next(remaining) if kind is _ARRAY else constant
+            for kind, constant in zip(kinds, constants, strict=True)
         ]
         return function(*jax.tree.unflatten(structure, leaves), *inputs)
 
-    # what profiles and logs of compilations show
+    # profiles and compilation logs show this name
     run.__name__ = getattr(function, "__name__", "run")
     return jax.jit(run)
 
 
-def where_finite(new: Any, old: Any) -> Any:
-    """The new pytree, or the old one where anything in the new one is not finite."""
-    sound = jnp.all(
-        jnp.array(
-            [jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)], dtype=bool
-        )
-    )
-    return jax.tree.map(lambda one, other: jnp.where(sound, one, other), new, old)
+def select_if_finite(new: Any, old: Any) -> Any:
+    """Return the new pytree if all its numbers are finite, otherwise the old one."""
+    finite = [jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)]
+    all_finite = jnp.all(jnp.array(finite, dtype=bool))
+    return jax.tree.map(lambda a, b: jnp.where(all_finite, a, b), new, old)

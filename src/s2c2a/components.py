@@ -1,4 +1,8 @@
-"""Parts that recipes name: frozen dataclasses of checked numbers, of the package or found by name outside of it."""
+"""Components that recipes name: cost terms, guides, solvers and fallback searches.
+
+A component is a frozen dataclass of validated numbers. It comes with the package, or
+is custom code that a recipe names.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -7,20 +11,20 @@ from typing import Any, ClassVar, NamedTuple
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import found
+from s2c2a.plugins import resolve
 
-LEAST = {"unit": 1e-6, "learning_rate": 1e-9, "iterations": 1}
-"""Of numbers by these names; of all others zero."""
-MOST = {"iterations": 10_000}
-"""Of all others a million."""
+MIN_VALUES = {"unit": 1e-6, "learning_rate": 1e-9, "iterations": 1}
+"""Lower limits by field name; all other fields have 0."""
+MAX_VALUES = {"iterations": 10_000}
+"""Upper limits by field name; all other fields have 1 000 000."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """A term, a guide, a solver, ...: its numbers are finite, not negative, and within `LEAST` and `MOST`.
+class Component:
+    """Base of all components; numbers lie within `MIN_VALUES` and `MAX_VALUES`.
 
     Attributes:
-        name: of its class, by which files ask for it.
+        name: name of the class, by which files refer to it.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
@@ -28,27 +32,31 @@ class Part:
     name: str = field(init=False)
 
     def __post_init__(self):
-        """Refuse what cannot be worked with."""
+        """Validate all numbers."""
         object.__setattr__(self, "name", type(self).__name__)
-        for name, value in (
-            (each.name, getattr(self, each.name)) for each in fields(self)
-        ):
-            least = LEAST.get(name, 0)
-            most = MOST.get(name, 1_000_000)
-            if isinstance(value, int | float) and not least <= value <= most:
-                raise S2C2AError(
-                    f"{value} {name} asked for in {self}; take {least} to {most}"
-                )
+        for attribute in fields(self):
+            self._check_range(attribute.name)
+
+    def _check_range(self, name: str) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, int | float):
+            return
+        lowest = MIN_VALUES.get(name, 0)
+        highest = MAX_VALUES.get(name, 1_000_000)
+        if not lowest <= value <= highest:
+            raise S2C2AError(
+                f"{value} {name} asked for in {self}; take {lowest} to {highest}"
+            )
 
 
 @dataclass(frozen=True)
-class Own:
-    """A part from outside the package, asked for by name; it is looked for when it is needed.
+class CustomComponent:
+    """Reference to a component outside the package; `build` imports it.
 
     Attributes:
-        name: `file.py:Name`, `module:Name` or an entry point's
-            (`s2c2a.plugins.found`).
-        parameters: what it is built with.
+        name: `file.py:Name`, `module:Name` or the name of an entry point
+            (`s2c2a.plugins.resolve`).
+        parameters: arguments of its constructor.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
@@ -59,72 +67,78 @@ class Own:
     )
 
 
-class Kind(NamedTuple):
-    """Terms, guides, solvers, ...
+class ComponentRegistry(NamedTuple):
+    """Registry of one type of component: cost terms, guides, solvers, ...
 
     Attributes:
-        name: of the kind.
-        form: the class that they derive from.
-        known: those of the package, by name.
+        name: of the type, such as "solver".
+        form: base class of all components of this type.
+        known: components of the package, by name.
     """
 
     name: str
-    form: type[Part]
-    known: Mapping[str, type[Part]]
+    form: type[Component]
+    known: Mapping[str, type[Component]]
 
     @classmethod
-    def of(cls, name: str, form: type[Part], *known: type[Part]) -> "Kind":
-        """With those of the package."""
-        return cls(name, form, {part.__name__: part for part in known})
+    def of(
+        cls, name: str, form: type[Component], *known: type[Component]
+    ) -> "ComponentRegistry":
+        """Registry with these components of the package."""
+        return cls(name, form, {component.__name__: component for component in known})
 
-    def read(self, given: Any) -> Part | Own:
-        """From a table of a file, or a name alone; parts pass as they are.
+    def read(self, value: Any) -> Component | CustomComponent:
+        """Component from a table of a file or from a name; components pass unchanged.
 
         Raises:
-            ValueError: it is neither (pydantic's `ValidationError` is one).
+            ValueError: the value is neither (pydantic's `ValidationError` is one).
         """
-        if isinstance(given, Part | Own):
-            return given
-        table = (
-            {"name": given}
-            if isinstance(given, str)
-            else TypeAdapter(dict).validate_python(given)
-        )
-        part = self.known.get(str(table.get("name")))
-        if part is None:
-            return TypeAdapter(Own).validate_python(table)
-        return TypeAdapter(part).validate_python(
-            {key: value for key, value in table.items() if key != "name"}
-        )
+        if isinstance(value, Component | CustomComponent):
+            return value
+        if isinstance(value, str):
+            value = {"name": value}
+        table = TypeAdapter(dict).validate_python(value)
+        component = self.known.get(str(table.get("name")))
+        if component is None:
+            return TypeAdapter(CustomComponent).validate_python(table)
+        numbers = {key: number for key, number in table.items() if key != "name"}
+        return TypeAdapter(component).validate_python(numbers)
 
-    def made(self, part: Part | Own, own_code: bool) -> Any:
-        """The part to work with.
+    def build(self, component: Component | CustomComponent, own_code: bool) -> Any:
+        """Return the component itself; import it if it is custom.
 
         Args:
-            part: of the package, or by name.
-            own_code: whether files and modules may be imported for it.
+            component: of the package, or a reference to custom code.
+            own_code: whether files and modules may be imported.
 
         Raises:
-            S2C2AError: it may not be or cannot be imported, is of another kind, or does
-                not take its parameters.
+            S2C2AError: the import is not allowed or fails, the component is of another
+                type, or its constructor rejects the parameters.
         """
-        if isinstance(part, Own):
-            part = self._found(part, own_code)
-        if not isinstance(part, self.form):
+        if isinstance(component, CustomComponent):
+            component = self._import(component, own_code)
+        if not isinstance(component, self.form):
             raise S2C2AError(
-                f"{part} is no {self.name}; derive it from {self.form.__module__}.{self.form.__name__}"
+                f"{component} is no {self.name}; derive it from "
+                f"{self.form.__module__}.{self.form.__name__}"
             )
-        return part
+        return component
 
-    def _found(self, own: Own, own_code: bool) -> Any:
-        if ":" in own.name and not own_code:
+    def _import(self, custom: CustomComponent, own_code: bool) -> Any:
+        if ":" in custom.name and not own_code:
             raise S2C2AError(
-                f"the {self.name} {own.name} is code, which a strategy file cannot ask for; name it in a recipe file "
-                "of your own and give that with --recipe"
+                f"the {self.name} {custom.name} is code, which a strategy file cannot "
+                "ask for; name it in a recipe file of your own and give that with "
+                "--recipe"
             )
         try:
-            return found(self.name, own.name, self.known)(**own.parameters)
+            return resolve(self.name, custom.name, self.known)(**custom.parameters)
         except TypeError as error:
             raise S2C2AError(
-                f"the {self.name} {own.name} cannot be built from {own.parameters}: {error}"
+                f"the {self.name} {custom.name} cannot be built from "
+                f"{custom.parameters}: {error}"
             ) from error
+
+    def made(self, component: Component | CustomComponent, own_code: bool) -> Any:
+        """Old name of `build`, until all callers use the new one."""
+        return self.build(component, own_code)

@@ -1,59 +1,59 @@
-"""The errors of the package, all under one base."""
+"""Exceptions of the package, all derived from one base."""
 
 
 class S2C2AError(Exception):
-    """Base of every error that a user can cause or mend.
+    """Base of all errors that a user can cause or fix.
 
-    The message says what was got, what is allowed and what to do next.
+    The message says what was given, what is allowed and what to do next.
     """
 
 
 class ArmError(S2C2AError):
-    """An arm description is impossible, incomplete or of the wrong form."""
+    """An arm description is physically impossible, incomplete or malformed."""
 
 
 class RecordingError(S2C2AError):
-    """A recording or an episode cannot be read, written or continued."""
+    """A recording or an episode cannot be read, written or resumed."""
 
 
 class DamagedRecordingError(RecordingError):
-    """A file of episodes is cut off, damaged, or none at all."""
+    """An episode file is truncated, damaged or of another format."""
 
 
 class StrategyError(S2C2AError):
-    """A strategy file is damaged, or was trained for another arm."""
+    """A strategy file is damaged, or belongs to another arm."""
 
 
-class ForeignCodeError(StrategyError):
-    """A file of somebody's names code that the user has not asked for."""
+class UntrustedCodeError(StrategyError):
+    """A file names custom code that the user has not allowed."""
 
 
 class TargetError(S2C2AError):
-    """A target or an obstacle is not a finite number of the right shape."""
+    """A target or an obstacle is not finite, or has the wrong shape."""
 
 
 class ReadingError(S2C2AError):
-    """A reading lacks what is needed, or is not plausible."""
+    """A sensor reading is incomplete or implausible."""
 
 
 class ActionError(S2C2AError):
-    """An action is not a finite number of the right shape."""
+    """An action is not finite, or has the wrong shape."""
 
 
 class TrainingError(S2C2AError):
-    """Training cannot start or has failed to learn."""
+    """Training cannot start, or has diverged."""
 
 
 class ClusterError(S2C2AError):
-    """A cluster cannot be reached, is of other versions, or failed."""
+    """A cluster cannot be reached, runs other versions, or has failed."""
 
 
 class SimulationError(S2C2AError):
-    """The simulated arm left the physically possible.
+    """The simulated arm has reached a physically impossible state.
 
     Attributes:
-        step: control step, counted from the last `open`, in which it happened.
-        last_states: the last good states, shape (modules, 6), base frame, meters; None
+        step: control step of the failure, counted from the last `open`.
+        last_states: last valid states, shape (modules, 6), base frame, meters; None
             before the first.
     """
 
@@ -63,5 +63,5 @@ class SimulationError(S2C2AError):
         self.last_states = last_states
 
     def __reduce__(self):
-        """Errors travel between processes."""
+        """Support pickling, since errors travel between processes."""
         return type(self), (*self.args, self.step, self.last_states)

@@ -1,8 +1,8 @@
-"""Who does work side by side: executors of the standard kind, for this process, threads, all cores; dask's fit too.
+"""Executors for parallel work: this process, threads, or processes on all cores.
 
-What is handed to them is a function and what it is given. It depends on nothing else
-(its seed is part of what it is given), so its result is the same wherever and in
-whatever order it is worked out, and what is lost is done again.
+They follow `concurrent.futures.Executor`; the executor of dask fits too. A task is a
+function and its argument, with the random seed in the argument. Its result therefore
+does not depend on the executor or on the order, and a lost task can be repeated.
 """
 
 import multiprocessing
@@ -20,144 +20,149 @@ from s2c2a.errors import S2C2AError
 Given = TypeVar("Given")
 Result = TypeVar("Result")
 
-BEGUN_EACH = 2
-"""Calls begun or waiting for each worker: nobody idles, and few results wait in
-memory."""
-WORKERS_UNSAID = 32
-"""Workers that an executor is taken to have if it does not say how many, by an
-attribute `workers`."""
-MEMORY_EACH = 1.5e9
-"""What a process takes that trains networks or drives a strategy [bytes], with some
-room (docs/cluster.md)."""
+PENDING_PER_WORKER = 2
+"""Pending calls per worker: no worker idles, and few results wait in memory."""
+DEFAULT_WORKERS = 32
+"""Assumed number of workers of an executor without an attribute `workers`."""
+MEMORY_PER_PROCESS = 1.5e9
+"""Memory of a process that trains networks or runs a strategy [bytes], with a margin
+(docs/cluster.md)."""
 
 
 def all_cores() -> int:
-    """How many cores this process may use."""
-    return (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
-def processes_that_fit() -> int:
-    """One for every core, and no more than memory holds."""
+def default_process_count() -> int:
+    """Number of worker processes: one per core, limited by memory."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return max(1, min(all_cores(), int(memory / MEMORY_EACH)))
+    return max(1, min(all_cores(), int(memory / MEMORY_PER_PROCESS)))
 
 
-def compute_on_one_thread() -> None:
-    """Let JAX's CPU take one thread in this process; it heeds this until its first computation.
+def limit_jax_to_one_thread() -> None:
+    """Limit JAX on the CPU to one thread; call it before the first computation.
 
-    How XLA cuts up a sum depends on how many threads it has, and so does the last bit
-    of a trained weight. With one, a seed gives the same networks on any number of
-    cores. These networks are so small that more threads gain nothing.
+    The order in which XLA adds numbers depends on its number of threads, and so does
+    the last bit of a trained weight. With one thread, a seed gives the same networks on
+    any number of cores. The networks are so small that more threads gain nothing.
     """
-    # the second is what older versions of XLA read
+    # older versions of XLA read NPROC
     os.environ.update(PJRT_NPROC="1", NPROC="1")
 
 
 class Serial(Executor):
-    """This process: a call is over when it has been submitted. An interrupt comes out at once."""
+    """Executor in this process: `submit` runs the call. Interrupts pass through."""
 
-    def submit(self, fn: Callable[..., Result], /, *given, **named) -> Future[Result]:
-        """Do it now."""
-        done: Future[Result] = Future()
+    def submit(self, fn: Callable[..., Result], /, *args, **kwargs) -> Future[Result]:
+        """Run the call now and return its finished future."""
+        future: Future[Result] = Future()
         try:
-            done.set_result(fn(*given, **named))
+            future.set_result(fn(*args, **kwargs))
         except Exception as error:
-            done.set_exception(error)
-        return done
+            future.set_exception(error)
+        return future
 
 
 class Threads(ThreadPoolExecutor):
-    """Threads of this process, for work that is not Python's: the physics of MuJoCo; one a core unless stated."""
+    """Threads of this process, one per core by default.
+
+    They suit work that releases Python's lock, such as the physics of MuJoCo.
+    """
 
     def __init__(self, workers: int | None = None):
-        self.workers = checked_count(workers, all_cores)
+        self.workers = validated_worker_count(workers, all_cores)
         super().__init__(self.workers)
 
 
 class Processes(ProcessPoolExecutor):
-    """Processes of this machine, one thread each: cores are shared out once, not twice."""
+    """Processes of this machine with one JAX thread each."""
 
     def __init__(self, workers: int | None = None):
-        self.workers = checked_count(workers, processes_that_fit)
+        self.workers = validated_worker_count(workers, default_process_count)
         # forking a process that has threads, as JAX's has, can hang
         spawn = multiprocessing.get_context("spawn")
-        super().__init__(self.workers, mp_context=spawn, initializer=_begin_process)
+        super().__init__(self.workers, mp_context=spawn, initializer=_start_process)
 
     def __exit__(self, kind, error, trace):
-        """Wait for what is being done and leave the rest; a process that was killed has taken the others with it.
+        """Wait for running calls and cancel the others.
 
         Raises:
-            S2C2AError: one was.
+            S2C2AError: the system killed a worker, which breaks the whole pool.
         """
         self.shutdown(cancel_futures=True)
         if isinstance(error, BrokenProcessPool):
             raise S2C2AError(
-                f"one of {self.workers} processes was killed, perhaps for want of memory; what was whole is kept: say "
-                "the same again to go on, with fewer --jobs if it happens again"
+                f"one of {self.workers} processes was killed, perhaps because memory "
+                "ran out; finished work is kept. Repeat the command to continue, with "
+                "fewer --jobs if it happens again"
             ) from error
 
 
-def _begin_process() -> None:
-    # an interrupt from the keyboard ends it without a word
+def _start_process() -> None:
+    # a keyboard interrupt ends the worker without a traceback
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    compute_on_one_thread()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    limit_jax_to_one_thread()
 
 
-def _end_with_parent() -> None:
-    """A process that waits for work would outlive one that was killed, for ever."""
+def _exit_with_parent() -> None:
+    """End this process with its parent; an idle worker would otherwise never end."""
     if parent := multiprocessing.parent_process():
         parent.join()
         os._exit(1)
 
 
-def checked_count(count: int | None, otherwise: Callable[[], int]) -> int:
-    """How many side by side.
+def validated_worker_count(count: int | None, otherwise: Callable[[], int]) -> int:
+    """Number of workers: `count`, or the result of `otherwise` if that is None.
 
     Raises:
-        S2C2AError: fewer than one.
+        S2C2AError: `count` is less than one.
     """
-    if count is not None and count < 1:
+    if count is None:
+        return otherwise()
+    if count < 1:
         raise S2C2AError(
-            f"{count} side by side asked for; take at least one, or leave it out for all cores"
+            f"{count} side by side asked for; take at least one, or leave it out for "
+            "all cores"
         )
-    return otherwise() if count is None else count
+    return count
 
 
-def max_begun(executor: Executor) -> int:
-    """How many calls may be begun and not yet handed over, now; in this process none before the last is handed over."""
-    return (
-        1
-        if isinstance(executor, Serial)
-        else BEGUN_EACH * getattr(executor, "workers", WORKERS_UNSAID)
-    )
+def max_pending_calls(executor: Executor) -> int:
+    """Maximum number of pending calls: one in this process, otherwise two a worker."""
+    if isinstance(executor, Serial):
+        return 1
+    return PENDING_PER_WORKER * getattr(executor, "workers", DEFAULT_WORKERS)
 
 
 def in_order(
-    executor: Executor, work: Callable[[Given], Result], given: Iterable[Given]
+    executor: Executor,
+    work: Callable[[Given], Result],
+    arguments: Iterable[Given],
 ) -> Iterator[Result]:
-    """Results in the order of what they are made from; a failure or interrupt cancels what has not begun.
+    """Yield results in the order of their arguments.
+
+    A failure or an interrupt cancels all calls that have not started.
 
     Raises:
-        Exception: whatever the work raises.
+        Exception: any exception of `work`.
     """
-    begun: deque[Future[Result]] = deque()
+    pending: deque[Future[Result]] = deque()
     try:
-        for one in given:
-            begun.append(executor.submit(work, one))
-            while len(begun) >= max_begun(executor):
-                yield begun.popleft().result()
-        while begun:
-            yield begun.popleft().result()
+        for argument in arguments:
+            pending.append(executor.submit(work, argument))
+            while len(pending) >= max_pending_calls(executor):
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
     finally:
-        cancel(begun)
+        cancel(pending)
 
 
 def cancel(futures: Iterable[Future]) -> None:
-    """Give up what has not begun."""
+    """Cancel all calls that have not started."""
     for future in futures:
         future.cancel()

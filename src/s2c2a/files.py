@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and text of others read with care."""
+"""Atomic file writes, and guarded reading of text files from other people."""
 
 import os
 import re
@@ -11,23 +11,24 @@ from typing import Any
 from s2c2a.errors import S2C2AError
 
 MAX_TEXT = 1_000_000
-"""Bytes of a file of text, where nothing else is said."""
-# in a line of TOML: what a dotted key costs grows with the square of its parts
-MAX_DOTS = 1000
+"""Default maximum size of a text file [bytes]."""
+MAX_DOTS = (
+    1000  # per line of TOML: parsing time grows with the square of the key's parts
+)
 
 
 def read_text(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MAX_TEXT
 ) -> str:
-    """The text of a file; of an endless one no more is read than allowed.
+    """Return the text of a UTF-8 file; reading stops at the maximum size.
 
     Args:
         path: the file.
-        fault: what to raise.
-        most: bytes that it may have.
+        fault: class of the exception.
+        most: maximum size [bytes].
 
     Raises:
-        S2C2AError: it cannot be read, is too large, or not UTF-8.
+        S2C2AError: the file cannot be read, is too large or is not UTF-8.
     """
     try:
         with open(path, "rb") as file:
@@ -37,62 +38,64 @@ def read_text(
         return content.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise fault(
-            f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that it is text"
+            f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that "
+            "it is text"
         ) from error
 
 
 def holds(path: str | os.PathLike, text: str) -> bool:
-    """Whether a file is just this text; no more of it is read than that is long."""
+    """Whether the content of a file equals a text; reads no more than its length."""
+    expected = text.encode()
     with suppress(OSError), open(path, "rb") as file:
-        return file.read(len(text.encode()) + 1) == text.encode()
+        return file.read(len(expected) + 1) == expected
     return False
 
 
-def toml_in(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
-    """The table that TOML says.
+def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
+    """Parse TOML.
 
     Raises:
-        S2C2AError: it is none.
+        S2C2AError: the text is not valid TOML.
     """
     try:
         if any(line.count(".") > MAX_DOTS for line in text.splitlines()):
             raise ValueError(f"a line with more than {MAX_DOTS} dots")
-        # such numbers cannot even be shown in an error
+        # Python cannot print such numbers, not even in an error message
         if re.search(r"0[xob]\w{400}", text):
-            raise ValueError("a whole number of hundreds of digits")
+            raise ValueError("an integer of hundreds of digits")
         return tomllib.loads(text)
-    # its own error, or a whole number of thousands of digits
+    # ValueError: invalid TOML, or an integer of thousands of digits
     except (ValueError, RecursionError) as error:
         raise fault(f"not valid TOML: {error}") from error
 
 
 @contextmanager
-def written_whole(
+def atomic_write(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
 ) -> Iterator[Path]:
-    """Where to write a file, beside its place; it is moved there in the end, or goes if that fails.
+    """Yield a temporary path; on success it replaces `path`, on failure it is deleted.
 
-    Missing folders are made; a file of that name is replaced. A process that is killed
-    leaves at most its part, hidden.
+    Missing folders are created. A killed process leaves at most a hidden temporary
+    file.
 
     Args:
         path: the file.
-        fault: what to raise.
+        fault: class of the exception.
 
     Raises:
         S2C2AError: the file cannot be written.
     """
     path = Path(path)
-    part = path.parent / f".{path.name}.{os.getpid()}.part"
+    temporary = path.parent / f".{path.name}.{os.getpid()}.part"
     try:
         if not path.name:
             raise IsADirectoryError(f"{path} is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield part
-        os.replace(part, path)
+        yield temporary
+        os.replace(temporary, path)
     except BaseException as error:
         with suppress(OSError):
-            part.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise fault(
                 f"cannot write {path}: {error}; choose a place where you may write"
@@ -100,14 +103,16 @@ def written_whole(
         raise
 
 
-def save_whole(
+def write_atomically(
     content: bytes | str, path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
 ) -> Path:
-    """Write a file as `written_whole` does; text in UTF-8.
+    """Write a file atomically, text as UTF-8.
 
     Raises:
         S2C2AError: the file cannot be written.
     """
-    with written_whole(path, fault) as part:
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
+    if isinstance(content, str):
+        content = content.encode()
+    with atomic_write(path, fault) as temporary:
+        temporary.write_bytes(content)
     return Path(path)

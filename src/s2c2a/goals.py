@@ -1,4 +1,7 @@
-"""What is asked of the next state: targets, obstacles, weights. Always of one size, so that nothing compiles anew."""
+"""Goals of a control step: targets, obstacles, weights.
+
+All goals have the same array shapes, so that a new goal causes no compilation.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,9 +13,9 @@ from s2c2a.errors import TargetError
 
 MAX_OBSTACLES = 64
 LARGEST = 1e6
-"""A position [m], weight or threshold beyond it is a slip, and would not be a number
-any more once it is squared."""
-Numbers = np.ndarray  # inside the planner, the same fields are traced by JAX
+"""Largest position [m], weight or threshold. Larger values are mistakes, and their
+squares would not be finite in single precision."""
+Numbers = np.ndarray  # inside the planner, JAX traces the same fields
 
 
 class Goal(NamedTuple):
@@ -20,12 +23,13 @@ class Goal(NamedTuple):
 
     Attributes:
         positions: desired module ends [m], base frame, shape (modules, 3).
-        position_weights: mu_p of every module; zero where nothing is asked, shape
+        position_weights: mu_p of every module, zero without a desired position, shape
             (modules,).
         axes: desired end axes, base frame, shape (modules, 3).
-        axis_weights: mu_o of every module, shape (modules,).
+        axis_weights: mu_o of every module, zero without a desired axis, shape
+            (modules,).
         obstacles: centers [m], base frame, shape (MAX_OBSTACLES, 3).
-        thresholds: r of every obstacle [m]; zero where there is none, shape
+        thresholds: r of every obstacle [m], zero for unused rows, shape
             (MAX_OBSTACLES,).
         obstacle_weight: mu_ob.
         change_weight: mu_d.
@@ -42,7 +46,7 @@ class Goal(NamedTuple):
 
     @classmethod
     def of(cls, modules: int, change_weight: float = 0.5) -> "Goal":
-        """A goal that asks for nothing but little change (mu_d)."""
+        """Create a goal without targets; only changes have a cost (mu_d)."""
         return cls(
             positions=np.zeros((modules, 3), np.float32),
             position_weights=np.zeros(modules, np.float32),
@@ -51,25 +55,26 @@ class Goal(NamedTuple):
             obstacles=np.zeros((MAX_OBSTACLES, 3), np.float32),
             thresholds=np.zeros(MAX_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
-            change_weight=np.array(_weight(change_weight), np.float32),
+            change_weight=_weight(change_weight),
         )
 
     def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
-        """Also ask for a module's end position [m], base frame.
+        """Add a desired end position of a module [m], base frame.
 
         Raises:
-            TargetError: not three finite numbers, a negative weight, or no such module.
+            TargetError: the position is not three finite numbers, the weight is
+                negative, or there is no such module.
         """
         vector = _vector(position, "the target position")
         mu = _weight(weight)
         return self._with_module(module, positions=vector, position_weights=mu)
 
     def with_axis(self, axis, weight: float = 2.0, module: int = -1) -> "Goal":
-        """Also ask for a module's end axis, base frame, of any length.
+        """Add a desired end axis of a module, base frame, of any non-zero length.
 
         Raises:
-            TargetError: not three finite numbers, all zero, a negative weight, or no
-                such module.
+            TargetError: the axis is not three finite numbers or is zero, the weight is
+                negative, or there is no such module.
         """
         vector = _vector(axis, "the target axis")
         mu = _weight(weight)
@@ -82,69 +87,82 @@ class Goal(NamedTuple):
 
     @classmethod
     def stacked(cls, goals: Sequence["Goal"]) -> "Goal":
-        """Many goals as one, every array with the number of goals in front.
+        """Stack goals: every array gets the number of goals as its first axis.
 
         Raises:
-            TargetError: none, or for arms of different numbers of modules.
+            TargetError: there is no goal, or goals have different numbers of modules.
         """
         if len({len(goal.positions) for goal in goals}) != 1:
             raise TargetError(
-                "goals of one arm are needed, at least one; got none, or goals for different arms"
+                "goals of one arm are needed, at least one; got none, "
+                "or goals for different arms"
             )
-        return cls(*(np.stack(parts) for parts in zip(*goals, strict=True)))
+        return cls(*map(np.stack, zip(*goals, strict=True)))
 
     def desired_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
-        """Desired module ends [m], base frame; NaN where nothing is asked."""
+        """Return the desired module ends [m], base frame; NaN for the others."""
         return np.where(self.position_weights[..., None] > 0, self.positions, np.nan)
 
     def desired_axes(self) -> Float[np.ndarray, "*goals modules 3"]:
-        """Desired end axes, base frame; NaN where nothing is asked."""
+        """Return the desired end axes, base frame; NaN for the others."""
         return np.where(self.axis_weights[..., None] > 0, self.axes, np.nan)
 
     def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
-        """Centers and thresholds [m], base frame, of those that any goal has."""
-        every = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
-        return every[..., self.thresholds.reshape(-1, MAX_OBSTACLES).max(axis=0) > 0, :]
+        """Return centers and thresholds [m] of all rows that any goal uses."""
+        rows = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
+        used = self.thresholds.reshape(-1, MAX_OBSTACLES).max(axis=0) > 0
+        return rows[..., used, :]
 
     def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
-        """The same with other values of one module, by field."""
+        """Replace the values of one module, by field."""
         count = len(self.positions)
         if not isinstance(module, int | np.integer) or not -count <= module < count:
             raise TargetError(
-                f"no module {module}; this goal is for {count}, from 0 at the base to {count - 1}, or -1"
+                f"no module {module}; this goal is for {count}, from 0 at the base to "
+                f"{count - 1}, or -1"
             )
-        changed = {name: np.array(getattr(self, name)) for name in values}
+        fields = {}
         for name, value in values.items():
-            changed[name][module] = value
-        return self._replace(**changed)
+            fields[name] = np.array(getattr(self, name))
+            fields[name][module] = value
+        return self._replace(**fields)
 
     def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
-        """Replace the obstacles: centers [m], base frame, shape (n, 3), and thresholds r [m], shape (n,).
+        """Replace the obstacles.
+
+        Args:
+            centers: [m], base frame, shape (n, 3).
+            thresholds: r [m], shape (n,).
+            weight: mu_ob.
 
         Raises:
-            TargetError: too many, or not finite numbers of these shapes.
+            TargetError: too many obstacles, or no finite numbers of these shapes.
         """
         centers = _numbers(centers, "obstacles")
         thresholds = _numbers(thresholds, "thresholds of obstacles")
         count = thresholds.size
-        if (
-            thresholds.shape != (count,)
-            or centers.shape not in ((count, 3), (0,))
-            or count > MAX_OBSTACLES
-        ):
+        shapes_fit = thresholds.shape == (count,) and centers.shape in (
+            (count, 3),
+            (0,),
+        )
+        if not shapes_fit or count > MAX_OBSTACLES:
             raise TargetError(
-                f"obstacles of shape {centers.shape} with thresholds of shape {thresholds.shape}; give (n, 3) centers "
-                f"and n thresholds, n at most {MAX_OBSTACLES}"
+                f"obstacles have shape {centers.shape} and thresholds shape "
+                f"{thresholds.shape}; give (n, 3) centers and n thresholds, "
+                f"n at most {MAX_OBSTACLES}"
             )
         if (thresholds < 0).any():
             raise TargetError(
-                f"obstacle thresholds are lengths and must not be negative, got {thresholds.tolist()}"
+                "obstacle thresholds are lengths and must not be negative, "
+                f"got {thresholds.tolist()}"
             )
-        goal = Goal.of(len(self.positions))
+        unused = Goal.of(len(self.positions))
         return self._replace(
-            obstacles=np.concatenate([centers.reshape(-1, 3), goal.obstacles[count:]]),
-            thresholds=np.concatenate([thresholds, goal.thresholds[count:]]),
-            obstacle_weight=np.array(_weight(weight), np.float32),
+            obstacles=np.concatenate(
+                [centers.reshape(-1, 3), unused.obstacles[count:]]
+            ),
+            thresholds=np.concatenate([thresholds, unused.thresholds[count:]]),
+            obstacle_weight=_weight(weight),
         )
 
 
@@ -154,16 +172,17 @@ def _numbers(
     kind: str = "finite numbers",
     shape: tuple[int, ...] | None = None,
 ) -> np.ndarray:
-    """As single precision, of one shape if it is given."""
+    """Convert to single precision and check size and, if given, shape."""
     try:
         with np.errstate(over="ignore"):
             numbers = np.asarray(values, np.float32)
         if (np.abs(numbers) <= LARGEST).all() and shape in (None, numbers.shape):
             return numbers
     except (TypeError, ValueError, OverflowError):
-        pass  # told as all others
+        pass  # the error below covers these values, too
     raise TargetError(
-        f"{name} must be {kind} of at most {LARGEST:g}, got {_shown(values)}; the arm was not moved"
+        f"{name} must be {kind} of at most {LARGEST:g}, got {_format(values)}; "
+        "the arm did not move"
     )
 
 
@@ -171,17 +190,17 @@ def _vector(values, name: str) -> Float[np.ndarray, "3"]:
     return _numbers(values, name, "three finite numbers", (3,))
 
 
-def _shown(values) -> str:
-    try:
-        return f"{values!r:.200}"
-    except ValueError:  # a whole number of thousands of digits
-        return "something too long to show"
-
-
 def _weight(value) -> np.ndarray:
     weight = _numbers(value, "a weight", "one number", ())
     if weight < 0:
         raise TargetError(
-            f"a weight must be one number and not negative, got {_shown(value)}"
+            f"a weight must be one number and not negative, got {_format(value)}"
         )
     return weight
+
+
+def _format(values) -> str:
+    try:
+        return f"{values!r:.200}"
+    except ValueError:  # Python refuses to print an integer of thousands of digits
+        return "a number too long to show"

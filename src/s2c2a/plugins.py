@@ -1,7 +1,7 @@
-"""Things found by name: those of the package, those of other packages, and those in a file of the user's.
+"""Plugins: components found by name in the package, in other packages or in user files.
 
-Sensors, forward models, robots, tasks, terms and solvers are all asked for in this way,
-so that adding one needs no change here (docs/extending.md).
+Sensors, forward models, robots, tasks, cost terms and solvers are all found this way,
+so that a new one needs no change in the package (docs/extending.md).
 """
 
 import importlib
@@ -14,52 +14,57 @@ from typing import Any
 from s2c2a.errors import S2C2AError
 
 
-def found(kind: str, name: str, known: Mapping[str, Any]) -> Any:
-    """What a name stands for: one of those known, an entry point of `s2c2a.<kind>s`, `module:Name` or `file.py:Name`.
+def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
+    """Return the object that a name refers to.
 
-    A file's folder, or for a module the folder where the command was given, becomes a
-    place to import from: processes that are started later find it there too.
+    The name is one of `known`, an entry point of the group `s2c2a.<kind>s`,
+    `module:Name` or `file.py:Name`. The folder of the file (for a module, the current
+    folder) is added to `sys.path`, so that processes started later find it too.
 
     Args:
-        kind: what is looked for, such as "robot".
-        name: what a user typed.
-        known: those of the package, by name.
+        kind: type of the object, such as "robot".
+        name: as the user typed it.
+        known: objects of the package, by name.
 
     Raises:
-        S2C2AError: nothing of that name, or its module cannot be imported.
+        S2C2AError: the name is unknown, or the module cannot be imported.
     """
     if name in known:
         return known[name]
-    where, colon, what = name.rpartition(":")
-    point = (
-        None
-        if colon
-        else next(iter(entry_points(group=f"s2c2a.{kind}s", name=name)), None)
-    )
-    if not colon and point is None:
-        raise S2C2AError(
-            f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your own as module:Name or "
-            "file.py:Name"
-        )
+    module, colon, attribute = name.rpartition(":")
     try:
-        return point.load() if point else getattr(_module(where), what)
-    except Exception as error:  # whatever code of others raises while it is imported
+        if colon:
+            return getattr(_import_module(module), attribute)
+        for entry_point in entry_points(group=f"s2c2a.{kind}s", name=name):
+            return entry_point.load()
+    except Exception as error:  # custom code may raise anything during its import
         raise S2C2AError(
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
+    raise S2C2AError(
+        f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your "
+        "own as module:Name or file.py:Name"
+    )
 
 
-def _module(where: str):
-    """A module by its name, or by its file."""
-    path = Path(where)
-    folder = str(path.resolve().parent) if path.suffix == ".py" else str(Path.cwd())
-    if path.suffix == ".py" and not path.is_file():
-        raise ImportError(f"there is no file {where}")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    module = importlib.import_module(path.stem if path.suffix == ".py" else where)
-    if path.suffix == ".py" and Path(str(module.__file__)).resolve() != path.resolve():
+def _import_module(name: str):
+    """Import a module by its name or by its file."""
+    path = Path(name)
+    if path.suffix != ".py":
+        _add_to_path(str(Path.cwd()))
+        return importlib.import_module(name)
+    if not path.is_file():
+        raise ImportError(f"there is no file {name}")
+    _add_to_path(str(path.resolve().parent))
+    module = importlib.import_module(path.stem)
+    if Path(str(module.__file__)).resolve() != path.resolve():
         raise ImportError(
-            f"another module named {path.stem} was found first, at {module.__file__}; rename the file"
+            f"another module named {path.stem} was found first, at {module.__file__}; "
+            "rename the file"
         )
     return module
+
+
+def _add_to_path(folder: str) -> None:
+    if folder not in sys.path:
+        sys.path.insert(0, folder)

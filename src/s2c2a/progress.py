@@ -1,13 +1,14 @@
-"""Telling how far long work has come."""
+"""Progress callbacks of long work."""
 
 from typing import Protocol
 
 
 class Progress(Protocol):
-    """Told what is being done, how many parts of it are done, and how many there are."""
+    """Callback with the name of the work, the steps done and their total number."""
 
-    def __call__(self, doing: str, done: int, total: int, /) -> None: ...
+    def __call__(self, work: str, done: int, total: int, /) -> None:
+        """Report the state of the work."""
 
 
-def quiet(doing: str, done: int, total: int) -> None:
-    """A progress that tells nobody."""
+def quiet(work: str, done: int, total: int) -> None:
+    """Progress callback that does nothing."""

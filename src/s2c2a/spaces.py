@@ -1,11 +1,11 @@
-"""State, Configuration, Action, Reading: shape, unit, frame and axis order, said once.
+"""States, configurations, bends, actions, readings: shapes, units, frames, axis order.
 
-Frames. The base frame stands where the arm is mounted: z along the straight arm, x
-towards the cable at angle zero. The frame of a module stands on the module's base in
-the same way. Axes are ordered (*batch, time, modules, features).
+Frames. The base frame is where the arm is mounted: z along the straight arm, x towards
+the cable at angle zero. The frame of a module is on the module's base, oriented in the
+same way. Axes are ordered (*batch, time, modules, features).
 
-| word          | symbol | shape (..., modules, k)              | unit | frame  |
-| ------------- | ------ | ------------------------------------ | ---- | ------ |
+| name          | symbol | shape (..., modules, k)               | unit | frame  |
+| ------------- | ------ | ------------------------------------- | ---- | ------ |
 | State         | S      | 6: end position x y z, end axis x y z | m, 1 | base   |
 | Configuration | C      | 3: unit vector of the end axis        | 1    | module |
 | Bend          | b      | 2: angle times its direction          | rad  | module |
@@ -28,14 +28,14 @@ POSITION = slice(0, 3)
 AXIS = slice(3, 6)
 
 CONFIGURATION_HISTORY = 4
-"""How many sensed configurations C2A looks back on, C_t to C_{t-3} (Chen et al. 2025,
-eq. (8))."""
+"""Number of sensed configurations that C2A uses, C_t to C_{t-3} (Chen et al. 2025, eq.
+(8))."""
 ACTION_HISTORY = 5
-"""How many actions C2A looks back on, A_{t-1} to A_{t-5} (the same)."""
+"""Number of actions that C2A uses, A_{t-1} to A_{t-5} (Chen et al. 2025, eq. (8))."""
 
 CENTER_LINE_POINTS = 5
-"""Points of each module's center line that are watched and guarded, evenly spaced, the
-last one at its end."""
+"""Points of each module's center line that readings record and constraints check; they
+are evenly spaced, the last one at the module's end."""
 
 States = Float[np.ndarray, "*batch modules 6"]
 Configurations = Float[np.ndarray, "*batch modules 3"]
@@ -43,43 +43,46 @@ Bends = Float[np.ndarray, "*batch modules 2"]
 Actions = Float[np.ndarray, "*batch modules cables"]
 
 FOLLOWS_FROM = {"configurations": "states"}
-"""Sensors that another one says as well, for bodies that have only the other."""
+"""Sensors that can be computed from another sensor of the robot."""
 
 
 class Stage(IntEnum):
-    """What an arm that is driven is doing (`runtime.stages`); the numbers stand in files."""
+    """Stages of a control loop (`runtime.stages`); files store the numbers."""
 
-    IDLE = 0  # at rest, nothing asked
-    START = 1  # asked, but its readings are not sound yet
-    RUN = 2  # does what is asked
-    HOLD = 3  # stays where it is
-    RELEASE = 4  # is led back to rest
-    FAULT = 5  # stands still until somebody resets it
+    IDLE = 0  # at rest, without a goal
+    START = 1  # has a goal, but readings are not valid yet
+    RUN = 2  # follows its goal
+    HOLD = 3  # holds its configuration
+    RELEASE = 4  # returns to rest
+    FAULT = 5  # stands still until a reset
 
     def __str__(self) -> str:
-        """In words."""
-        return (
-            "at rest",
-            "starting",
-            "running",
-            "holding",
-            "going to rest",
-            "stopped by a fault",
-        )[self]
+        """Return the stage as text for users."""
+        return _STAGE_TEXTS[self]
+
+
+_STAGE_TEXTS = {
+    Stage.IDLE: "at rest",
+    Stage.START: "starting",
+    Stage.RUN: "running",
+    Stage.HOLD: "holding",
+    Stage.RELEASE: "going to rest",
+    Stage.FAULT: "stopped by a fault",
+}
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """What a body declares of one of its sensors.
+    """Declaration of one sensor of a robot.
 
     Attributes:
-        shape: of one reading.
-        unit: of its numbers.
-        low: least plausible number, or one each.
-        high: largest plausible number, or one each.
-        fastest: largest plausible change of a number in a second.
-        always: whether every reading holds it; a camera has its pictures when it has
-            them, and not of everything (NaN).
+        shape: shape of one reading.
+        unit: unit of its values.
+        low: smallest plausible value, or one per value.
+        high: largest plausible value, or one per value.
+        fastest: largest plausible rate of change of a value [unit/s], or one per value.
+        always: whether every reading contains the sensor, with finite values. A camera
+            is in a reading only after a new image, with NaN for what it does not see.
     """
 
     shape: tuple[int, ...]
@@ -92,45 +95,50 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Reading:
-    """What an arm says of itself at one moment; what was not measured is absent.
+    """Measurements of an arm at one time; what was not measured is absent.
 
-    These names mean the same on every arm, others are the body's own:
+    These names have the same meaning on every arm. Robots can have other sensors.
 
-    | sensor           | what it says                                                    | shape              | unit   |
-    | ---------------- | --------------------------------------------------------------- | ------------------ | ------ |
-    | `cables`         | displacements, or tensions of an arm driven by tension          | (modules, cables)  | m or N |
-    | `states`         | true states, base frame: motion capture, or simulation          | (modules, 6)       | m, 1   |
-    | `configurations` | true configurations                                             | (modules, 3)       | 1      |
-    | `tensions`       | tensions of the cables as the motors' currents tell them        | (modules, cables)  | N      |
-    | `center_line`    | where the true center line was since the last reading, the      | (moments, points,  | m      |
-    |                  | newest last; `CENTER_LINE_POINTS` a module from base to tip     | 3)                 |        |
-    | `accelerations`, | what inertial sensors at modules' ends felt since the last      | (samples, modules, | m/s2,  |
-    | `angular_velocities`     | reading, in module frames there; at rest they accelerate upward | 3)                 | rad/s  |
-    | `camera_positions`           | ends as a camera saw them, NaN where it did not, base frame; in | (modules, 3)       | m      |
-    |                  | readings that no picture came with it is absent                 |                    |        |
-    | `camera_age`       | how old that picture is                                         | ()                 | s      |
-    | `flex`           | what strips along the modules say of how far they bend          | (modules, strips)  | rad    |
+    | sensor               | meaning                    | shape              | unit   |
+    | -------------------- | -------------------------- | ------------------ | ------ |
+    | `cables`             | displacements, or tensions | (modules, cables)  | m or N |
+    |                      | of a tension arm           |                    |        |
+    | `states`             | true states, base frame    | (modules, 6)       | m, 1   |
+    | `configurations`     | true configurations        | (modules, 3)       | 1      |
+    | `tensions`           | from motor currents        | (modules, cables)  | N      |
+    | `center_line`        | true center line, base to  | (samples, points,  | m      |
+    |                      | tip, newest sample last    | 3)                 |        |
+    | `accelerations`,     | of module ends, in the     | (samples, modules, | m/s2,  |
+    | `angular_velocities` | frames there               | 3)                 | rad/s  |
+    | `camera_positions`   | module ends in an image,   | (modules, 3)       | m      |
+    |                      | base frame                 |                    |        |
+    | `camera_age`         | age of that image          | ()                 | s      |
+    | `flex`               | bends of flex sensors      | (modules, strips)  | rad    |
+
+    True states come from motion capture or simulation. The center line has
+    `CENTER_LINE_POINTS` points a module; it and the inertial sensors have all samples
+    since the last reading. At rest, accelerations point up. Camera positions are NaN
+    where an end is not visible, and absent without a new image.
 
     Attributes:
-        time: seconds since the arm was opened.
-        sensors: name -> numbers.
+        time: time since the arm was opened [s].
+        sensors: name -> values.
     """
 
     time: float
     sensors: Mapping[str, np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """What a sensor says.
+        """Return the values of a sensor.
 
         Raises:
-            ReadingError: it says nothing in this reading.
+            ReadingError: the sensor is not in this reading.
         """
         if name not in self.sensors:
-            raise ReadingError(
-                f"no '{name}' in this reading; it has {', '.join(self.sensors) or 'nothing'}"
-            )
+            names = ", ".join(self.sensors) or "nothing"
+            raise ReadingError(f"no '{name}' in this reading; it has {names}")
         return self.sensors[name]
 
     def get(self, name: str) -> np.ndarray | None:
-        """The same, None where it says nothing."""
+        """Return the values of a sensor, or None if it is not in this reading."""
         return self.sensors.get(name)

@@ -1,4 +1,4 @@
-"""Faults of a file that a user wrote, told in plain words: of each the key, what is allowed, and what was got."""
+"""Readable validation errors: for each key, what is allowed and what was given."""
 
 import re
 from collections.abc import Callable, Iterable
@@ -9,49 +9,42 @@ from pydantic import ValidationError
 
 ONE = "one"
 EACH = "each"
-"""What tells two kinds of value of one key apart; no user has written it."""
-KIND = re.compile(r"(constrained-)?(str|int|float)|(tuple|list|literal)\[.*")
-"""The same, where a kind has no name of ours."""
-# told, of a file that may be all faults
-MOST = 20
-LONGEST_NAME = 64
-LONGEST = 400
-WORDS = {
+"""Tags of the alternatives of a union type (one value, or one value per item).
+
+Pydantic adds them to the location of an error; they are no keys of the file."""
+TYPE_TAG = re.compile(r"(constrained-)?(str|int|float)|(tuple|list|literal)\[.*")
+"""Tags that pydantic chooses for alternatives without a tag of ours."""
+# limits of the message, since every line of a file may be wrong
+MAX_ERRORS = 20
+MAX_KEY_LENGTH = 64
+MAX_VALUE_LENGTH = 400
+UNKNOWN_KEY = "extra_forbidden", "unexpected_keyword_argument"
+MESSAGES = {
     "missing": "this key is missing",
     "string_type": "write text, in quotes",
     "tuple_type": "write a list, in brackets",
     "model_type": "write a table of keys",
     "dataclass_type": "write a table of keys",
-}
-WORDS |= dict.fromkeys(
-    ("int_type", "int_parsing", "int_from_float"), "write a whole number"
-)
-WORDS |= dict.fromkeys(("float_type", "float_parsing"), "write a number")
-WORDS |= dict.fromkeys(("bool_type", "bool_parsing"), "write true or false")
-"""By kind of fault, where pydantic speaks of Python."""
-UNKNOWN = "extra_forbidden", "unexpected_keyword_argument"
-KEY_WORDS = {
+    "int_type": "write a whole number",
+    "int_parsing": "write a whole number",
+    "int_from_float": "write a whole number",
+    "float_type": "write a number",
+    "float_parsing": "write a number",
+    "bool_type": "write true or false",
+    "bool_parsing": "write true or false",
     "literal_error": "write {expected}",
     "finite_number": "write a finite number",
-}
-KEY_WORDS |= {
     "less_than_equal": "write {le} or less",
     "greater_than_equal": "write {ge} or more",
-}
-KEY_WORDS |= {
     "less_than": "write less than {lt}",
     "greater_than": "write more than {gt}",
-}
-KEY_WORDS |= {
     "too_short": "give at least {min_length}",
     "too_long": "give at most {max_length}",
-}
-KEY_WORDS |= {"string_pattern_mismatch": "write text of the form {pattern}"}
-KEY_WORDS |= {
+    "string_pattern_mismatch": "write text of the form {pattern}",
     "string_too_short": "write something",
     "string_too_long": "write at most {max_length} letters",
 }
-"""The same, with what is allowed."""
+"""Messages by pydantic's type of error, where its own speak of Python."""
 
 
 def explained(
@@ -60,70 +53,79 @@ def explained(
     known: Iterable[str],
     hint: Callable[[Any], str] | None = None,
 ) -> str:
-    """A heading, and a line for each fault.
+    """Format a validation error as a heading and one line for each key.
 
     Args:
-        error: what pydantic found.
-        heading: of what, with {count} where the number of faults stands.
-        known: keys that the file can have, offered where one is misspelt.
-        hint: what else to say of a fault, if anything.
+        error: from pydantic.
+        heading: first line; {count} stands for the number of errors.
+        known: valid keys of the file, suggested for misspelled ones.
+        hint: returns text to append to the line of an error.
     """
     known = set(known)
-    faults = error.errors(include_url=False)
-    # where every part of a list is faulty, pydantic adds that none is left: true, and
-    # no help
-    inside = {
-        fault["loc"][:count] for fault in faults for count in range(len(fault["loc"]))
-    }
-    faults = [
-        fault
-        for fault in faults
-        if not (fault["type"] == "too_short" and fault["loc"] in inside)
-    ]
-    places: dict[str, list[Any]] = {}
-    for fault in faults:
-        places.setdefault(_place(fault), []).append(fault)
-    lines = [heading.replace("{count}", str(len(places)))]
-    # others: of the kinds of value that a key can have
-    for place, (fault, *others) in list(places.items())[:MOST]:
-        words = dict.fromkeys(said(one, known)[:LONGEST] for one in (fault, *others))
-        lines.append(
-            f"  {place}: {', or '.join(words)}{_got(fault)}{hint(fault) if hint else ''}"
+    by_key: dict[str, list[Any]] = {}
+    for fault in _without_consequences(error.errors(include_url=False)):
+        by_key.setdefault(_key(fault), []).append(fault)
+    lines = [heading.replace("{count}", str(len(by_key)))]
+    for key, faults in list(by_key.items())[:MAX_ERRORS]:
+        # a union type gives one error for each of its alternatives
+        messages = dict.fromkeys(
+            describe_fault(fault, known)[:MAX_VALUE_LENGTH] for fault in faults
         )
+        line = f"  {key}: {', or '.join(messages)}{_given_value(faults[0])}"
+        if hint:
+            line += hint(faults[0])
+        lines.append(line)
     return "\n".join(lines)
 
 
-def said(fault: Any, known: Iterable[str] = ()) -> str:
-    """What is wrong, and what is allowed."""
+def describe_fault(fault: Any, known: Iterable[str] = ()) -> str:
+    """Say what is wrong with a value and what is allowed."""
     kind = fault["type"]
-    if kind in UNKNOWN:
-        near = get_close_matches(
-            str(fault["loc"][-1])[:LONGEST_NAME], sorted(known), n=1
-        )
-        if near == [fault["loc"][-1]]:
-            return "no such key here, though another table has one"
-        return f"no such key{f'; did you mean {near[0]}?' if near else ''}"
-    allowed = KEY_WORDS.get(kind, "").format(**fault.get("ctx", {}))
-    return WORDS.get(kind) or allowed or fault["msg"].removeprefix("Value error, ")
+    if kind in UNKNOWN_KEY:
+        return _describe_unknown_key(fault["loc"][-1], known)
+    message = MESSAGES.get(kind, "").format(**fault.get("ctx", {}))
+    return message or fault["msg"].removeprefix("Value error, ")
 
 
-def _place(fault: Any) -> str:
-    *before, last = fault["loc"] or ("",)
-    # who misspells one may write any word
-    key = fault["type"] in UNKNOWN or not _names_a_kind(last)
-    written = [part for part in before if not _names_a_kind(part)] + [last] * key
-    keys = [str(part)[:LONGEST_NAME] for part in written]
-    return ".".join(keys) or "file"
+def _describe_unknown_key(key: Any, known: Iterable[str]) -> str:
+    similar = get_close_matches(str(key)[:MAX_KEY_LENGTH], sorted(known), n=1)
+    if not similar:
+        return "no such key"
+    if similar == [key]:
+        return "no such key here, though another table has one"
+    return f"no such key; did you mean {similar[0]}?"
 
 
-def _names_a_kind(part: Any) -> bool:
-    return part in (ONE, EACH) or bool(KIND.fullmatch(str(part)))
+def _without_consequences(faults: list[Any]) -> list[Any]:
+    """Drop the errors that a list is too short because all its items are invalid."""
+    parents: set[tuple] = set()
+    for fault in faults:
+        location = fault["loc"]
+        parents.update(location[:depth] for depth in range(len(location)))
+    return [
+        fault
+        for fault in faults
+        if fault["type"] != "too_short" or fault["loc"] not in parents
+    ]
 
 
-def _got(fault: Any) -> str:
-    simple = isinstance(fault["input"], int | float | bool | str | list | tuple)
-    return (
-        f" (got {fault['input']!r:.{LONGEST}})"
-        if simple and fault["type"] != "value_error"
-        else ""
-    )
+def _key(fault: Any) -> str:
+    """Dotted key of an error, as the user wrote it."""
+    *parents, last = fault["loc"] or ("",)
+    parts = [part for part in parents if not _is_type_tag(part)]
+    # a misspelled key may look like a tag
+    if fault["type"] in UNKNOWN_KEY or not _is_type_tag(last):
+        parts.append(last)
+    return ".".join(str(part)[:MAX_KEY_LENGTH] for part in parts) or "file"
+
+
+def _is_type_tag(part: Any) -> bool:
+    return part in (ONE, EACH) or bool(TYPE_TAG.fullmatch(str(part)))
+
+
+def _given_value(fault: Any) -> str:
+    value = fault["input"]
+    is_simple = isinstance(value, int | float | bool | str | list | tuple)
+    if not is_simple or fault["type"] == "value_error":
+        return ""
+    return f" (got {value!r:.{MAX_VALUE_LENGTH}})"

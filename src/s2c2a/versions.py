@@ -1,4 +1,4 @@
-"""What results depend on besides their options."""
+"""Versions of the software that results depend on."""
 
 import platform
 from importlib.metadata import version
@@ -9,6 +9,8 @@ PACKAGES = ("jax", "jaxlib", "equinox", "optax", "mujoco", "numpy")
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package and of those that results depend on."""
-    found = {name: version(name) for name in PACKAGES}
-    return {"s2c2a": s2c2a.__version__, "python": platform.python_version()} | found
+    """Versions of this package, of Python and of `PACKAGES`, by name."""
+    numbers = {"s2c2a": s2c2a.__version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        numbers[name] = version(name)
+    return numbers

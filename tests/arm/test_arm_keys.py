@@ -33,7 +33,10 @@ def test_every_key_of_a_whole_file_is_explained():
 def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
-    assert keys["[[modules]]", "cable_angles_deg"][2:4] == ("3 to 8 numbers", "needed")
+    assert keys["[[modules]]", "cable_angles_deg"][2:4] == (
+        "3 to 8 numbers",
+        "required",
+    )
     assert keys["", "sensing"][2:4] == (
         '"encoders", "true" or "file.py:Name"',
         '"encoders"',
@@ -41,7 +44,7 @@ def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     assert keys["", "gravity_direction"][2:4] == ("3 numbers", "[0, 0, -1]")
     assert keys["[[modules]]", "tension_range"].otherwise == "none"
     assert keys["[motor]", "ticks_per_turn"].allowed == "whole, 16 to 16777216"
-    assert keys["", "modules"][2:4] == ("1 to 20 tables", "needed")
+    assert keys["", "modules"][2:4] == ("1 to 20 tables", "required")
     assert keys["", "coupled_cables"][2:4] == ("true or false", "false")
 
 

@@ -98,7 +98,7 @@ def test_impossible_flaws_are_refused(line, said):
 @pytest.mark.parametrize(
     ("table", "line", "said"),
     [
-        ("[modules.cable]", "travel = 0.02", "tension_range is its like"),
+        ("[modules.cable]", "travel = 0.02", "use tension_range"),
         ("[motor]", "homing_error = 0.001", "needs no homing"),
     ],
 )

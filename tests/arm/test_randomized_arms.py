@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, arm_to_toml, randomized_arm, load_arm
+from s2c2a.arm import ArmGeometry, arm_to_toml, load_arm, randomized_arm
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.cli.main import main
 from s2c2a.errors import ArmError

@@ -1,4 +1,4 @@
-"""The command line, as a user types it."""
+"""The command line, end to end."""
 
 import csv
 import json
@@ -14,7 +14,7 @@ from s2c2a.studies.tables import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-VERBS = [
+COMMANDS = [
     "demo",
     "live",
     "view",
@@ -34,38 +34,39 @@ def run(*arguments: str) -> None:
 
 
 def failing(capsys, *arguments: str) -> str:
-    """Run a verb that must end with exit code 2 and return what it said."""
+    """Run a command that must fail with exit code 2, and return its error message."""
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     assert stopped.value.code == 2
     return capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_explains_itself(verb, capsys):
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command, capsys):
     with pytest.raises(SystemExit) as stopped:
-        main([verb, "--help"])
+        main([command, "--help"])
     assert stopped.value.code == 0
     assert "usage" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("table", [*TABLES, "all", "randomised-arms"])
-def test_every_table_explains_itself(table, capsys):
+def test_every_table_has_help(table, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["reproduce", table, "--help"])
     assert stopped.value.code == 0
     assert "usage" in capsys.readouterr().out
 
 
-def test_help_imports_nothing_heavy():
+def test_help_imports_no_large_package():
     code = (
         "import sys\n"
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna', 'viser', 'websockets'}\n"
-        "heavy &= set(sys.modules)\n"
-        "sys.exit(f'imported {heavy}' if heavy else 0)\n"
+        "large = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna',"
+        " 'viser', 'websockets'}\n"
+        "large &= set(sys.modules)\n"
+        "sys.exit(f'imported {large}' if large else 0)\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
@@ -76,9 +77,9 @@ def test_help_imports_nothing_heavy():
 def test_a_preset_can_be_checked_and_described(capsys):
     run("arm", "check", "twin_arm")
     run("arm", "describe", "simulated_arm")
-    said = capsys.readouterr().out
-    assert "twin_arm is sound: 3 modules, 3 cables each" in said
-    assert "first bending mode" in said
+    output = capsys.readouterr().out
+    assert "twin_arm is valid: 3 modules, 3 cables each" in output
+    assert "first bending mode" in output
 
 
 def test_an_arm_can_be_copied_changed_and_drawn(tmp_path, capsys):
@@ -90,13 +91,13 @@ def test_an_arm_can_be_copied_changed_and_drawn(tmp_path, capsys):
     assert "exists" in failing(capsys, "arm", "copy", "twin_arm", str(mine))
 
 
-def test_a_broken_arm_file_is_refused_with_the_key(tmp_path, capsys):
+def test_an_invalid_arm_file_is_rejected_with_its_key(tmp_path, capsys):
     mine = tmp_path / "mine.toml"
     run("arm", "copy", "twin_arm", str(mine))
     mine.write_text(mine.read_text().replace("length = 0.2\n", "length = 200\n", 1))
-    said = failing(capsys, "arm", "check", str(mine))
-    assert "modules.0.length" in said
-    assert "1000" in said
+    output = failing(capsys, "arm", "check", str(mine))
+    assert "modules.0.length" in output
+    assert "1000" in output
 
 
 def test_a_missing_arm_names_the_presets(capsys):
@@ -109,7 +110,7 @@ def test_an_unknown_task_names_the_tasks(capsys, tmp_path):
     )
 
 
-def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tuned_for(
+def test_collect_train_and_run_work_on_an_arm_without_tuning(
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path / "cache"))
@@ -123,7 +124,8 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
     assert (tmp_path / "two.episodes.png").exists()
     quick = tmp_path / "quick.toml"
     quick.write_text(
-        'based_on = "best"\nc2s.points = 200\nc2s_fit.max_epochs = 10\nc2a_fit.max_epochs = 10\n'
+        'based_on = "best"\nc2s.points = 200\n'
+        "c2s_fit.max_epochs = 10\nc2a_fit.max_epochs = 10\n"
     )
     run("train", str(recording), "--recipe", str(quick), "--out", str(strategy))
     assert (tmp_path / "two.safetensors.png").exists()
@@ -139,8 +141,8 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
         "--out",
         str(folder),
     )
-    said = capsys.readouterr().out
-    assert "replay:" in said
+    output = capsys.readouterr().out
+    assert "replay:" in output
     rows = json.loads((folder / "results.json").read_text())
     assert [(row["strategy"], row["metric"], row["unit"]) for row in rows] == [
         ("s2c2a", "position", "cm"),
@@ -189,13 +191,13 @@ def test_data_training_and_a_run_go_from_file_to_file_on_an_arm_that_nobody_tune
         capsys, "run", "circle", "--arm", "simulated_arm", "--weights", str(strategy)
     )
     assert "trained for 'two_module_arm'" in other
-    said = failing(
+    output = failing(
         capsys, "run", "circle", *arm, "--weights", str(strategy), "--recipe", "paper"
     )
-    assert "trains otherwise" in said
+    assert "trains differently" in output
 
 
-def test_a_recipe_says_in_how_many_episodes_data_are_collected_unless_the_user_does(
+def test_the_recipe_sets_the_default_number_of_episodes(
     tmp_path,
 ):
     recipe = tmp_path / "two.toml"
@@ -216,7 +218,7 @@ def test_a_recipe_says_in_how_many_episodes_data_are_collected_unless_the_user_d
         assert (options["episodes"], options["babbling"]) == (count, "mixed")
 
 
-def test_a_task_goes_at_the_pace_that_is_asked_for(tmp_path, capsys):
+def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):
     folder = tmp_path / "quick"
     run("run", "circle", "--strategy", "pcc", "--pace", "4", "--out", str(folder))
     with open(folder / "metrics.csv", newline="") as file:
@@ -225,50 +227,26 @@ def test_a_task_goes_at_the_pace_that_is_asked_for(tmp_path, capsys):
     assert "0.01 to 10" in failing(capsys, "run", "circle", "--pace", "0")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("run", "circle", "--controller", "pcc"), "--controller is now --strategy"),
-        (("run", "circle", "--controller=pcc"), "--controller is now --strategy"),
-        (
-            ("run", "circle", "--strategy", "mine.safetensors"),
-            "--weights mine.safetensors",
-        ),
-        (
-            ("run", "circle", "--strategy=mine.safetensors"),
-            "--weights mine.safetensors",
-        ),
-        (("live", "--strategy", "mine.safetensors"), "--strategy is now --weights"),
-    ],
-)
-def test_an_option_of_an_older_version_is_answered_with_its_new_name(
-    arguments, said, capsys
-):
-    assert said in failing(capsys, *arguments)
-
-
-def test_what_a_sweep_cannot_try_is_refused_before_it_leaves_a_trace(tmp_path, capsys):
-    def said(*arguments):
+def test_an_invalid_sweep_is_rejected_before_it_writes_files(tmp_path, capsys):
+    def error_of(*arguments):
         return failing(capsys, "sweep", *arguments, "--out", str(tmp_path / "sweep"))
 
-    assert "planner.solver.iterations" in said(
+    assert "planner.solver.iterations" in error_of(
         "circle", "--vary", "planner.solver.iteration=5:60"
     )
-    assert "no task 'triangle'" in said("triangle", "--vary", "correction=0,1")
-    assert "at least one, such as circle" in said("--vary", "correction=0,1")
-    assert "they share position" in said(
-        "circle", "--vary", "correction=0,1", "--metric", "tilt"
+    assert "no task 'triangle'" in error_of("triangle", "--vary", "integral_gain=0,1")
+    assert "at least one, such as circle" in error_of("--vary", "integral_gain=0,1")
+    assert "they share position" in error_of(
+        "circle", "--vary", "integral_gain=0,1", "--metric", "tilt"
     )
-    assert "no recipe" in said(
-        "circle", "--vary", "correction=0,1", "--recipe", "none.toml"
+    assert "no recipe" in error_of(
+        "circle", "--vary", "integral_gain=0,1", "--recipe", "none.toml"
     )
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_cluster_that_is_none_is_refused_before_anything_is_collected(
-    tmp_path, capsys
-):
-    said = failing(
+def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):
+    output = failing(
         capsys,
         "collect",
         "--out",
@@ -276,12 +254,12 @@ def test_a_cluster_that_is_none_is_refused_before_anything_is_collected(
         "--cluster",
         "nowhere",
     )
-    assert "no cluster 'nowhere'" in said
-    assert "local for this machine" in said
+    assert "no cluster 'nowhere'" in output
+    assert "local for this machine" in output
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_no_run_is_never_overwritten(tmp_path, capsys):
+def test_a_folder_that_is_no_run_directory_is_never_overwritten(tmp_path, capsys):
     precious = tmp_path / "precious.txt"
     precious.write_text("mine")
     failing(
@@ -297,6 +275,6 @@ def test_a_folder_that_is_no_run_is_never_overwritten(tmp_path, capsys):
     assert precious.read_text() == "mine"
 
 
-def test_the_doctor_finds_this_machine_well(capsys):
+def test_the_doctor_finds_no_problem(capsys):
     run("doctor")
-    assert "keeps its promises" in capsys.readouterr().out
+    assert "fulfills the interface contract" in capsys.readouterr().out

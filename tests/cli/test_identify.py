@@ -1,4 +1,4 @@
-"""`s2c2a identify`: from a recording and a start to the arm file of a twin."""
+"""Command `s2c2a identify`: a recording and an initial arm give a fitted arm file."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 
 @pytest.fixture(scope="module")
 def files(make_arm, tmp_path_factory):
-    """A recording of a soft module, and the arm file of one that is thought to be stiffer."""
+    """A recording of a soft module, and the arm file of a stiffer one."""
     folder = tmp_path_factory.mktemp("identify")
     soft = make_arm(
         modules=1, module={"bending_stiffness": 0.1, "cable": {"stiffness": 1000.0}}
@@ -43,15 +43,15 @@ def command(files, *more: str) -> None:
     main(["identify", *map(str, words), "--fit", "stiffness", "--rounds", "4", *more])
 
 
-def test_it_writes_an_arm_that_errs_less_and_says_by_how_much(files, capsys):
+def test_the_fitted_arm_has_a_smaller_error_which_is_reported(files, capsys):
     command(files, "--on", str(files / "soft.episodes"))
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert load_arm(files / "fitted.toml").modules[
         0
     ].bending_stiffness == pytest.approx(0.1, rel=0.01)
-    assert "modules.0.bending_stiffness" in said
-    assert "fitted rows" in said
-    assert "soft.episodes (39): tip error mean 0.0 mm" in said
+    assert "modules.0.bending_stiffness" in output
+    assert "fitted rows" in output
+    assert "soft.episodes (39): tip error mean 0.0 mm" in output
 
 
 @pytest.mark.parametrize(
@@ -60,11 +60,11 @@ def test_it_writes_an_arm_that_errs_less_and_says_by_how_much(files, capsys):
         ((), "exists"),
         (("--overwrite", "--rows", "10"), "say --settling"),
         (("--overwrite", "--fit", "color"), "choose from stiffness"),
-        (("--overwrite", "--settling", "-1"), "s to settle"),
+        (("--overwrite", "--settling", "-1"), "settling of"),
         (("--overwrite", "--arm", "twin_arm"), "give the arm that was recorded"),
     ],
 )
-def test_what_cannot_be_is_refused_before_any_work(files, capsys, more, fault):
+def test_invalid_arguments_are_rejected_before_the_fit(files, capsys, more, fault):
     (files / "fitted.toml").touch()
     with pytest.raises(SystemExit) as ended:
         command(files, *more)

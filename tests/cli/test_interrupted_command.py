@@ -1,4 +1,4 @@
-"""Control-C at any moment of the command: no traceback, and the exit code says so."""
+"""Ctrl-C at any time of the command: no traceback, and exit code 130."""
 
 import os
 import signal
@@ -9,15 +9,15 @@ import time
 import numpy as np
 import pytest
 
-TELLS_WHEN_IT_HEEDS = """
+SCRIPT = """
 import sys
 
-class Teller:
+class ReadyFinder:
     def find_spec(self, name, *_):
         if name == "s2c2a.cli.main":
-            print("heeds", flush=True)
+            print("ready", flush=True)
 
-sys.meta_path.insert(0, Teller())
+sys.meta_path.insert(0, ReadyFinder())
 sys.argv = ["s2c2a", *{arguments}]
 from s2c2a.__main__ import main
 main()
@@ -26,26 +26,26 @@ main()
 
 @pytest.fixture
 def interrupted():
-    """What comes of a command that is interrupted some seconds after Python itself has begun: exit code, errors."""
+    """Interrupt a command some seconds after its start; return exit code and errors."""
 
-    def run(arguments: tuple[str, ...], after: float, begun=lambda: True):
-        script = TELLS_WHEN_IT_HEEDS.format(arguments=arguments)
-        # a shell's background jobs are not
-        attentive = signal.signal(signal.SIGINT, signal.default_int_handler)
-        running = subprocess.Popen(
+    def run(arguments: tuple[str, ...], after: float, started=lambda: True):
+        script = SCRIPT.format(arguments=arguments)
+        # background jobs of a shell ignore interrupts
+        previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+        process = subprocess.Popen(
             [sys.executable, "-c", script],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        signal.signal(signal.SIGINT, attentive)
-        assert running.stdout.readline() == "heeds\n"
-        while not begun():
+        signal.signal(signal.SIGINT, previous)
+        assert process.stdout.readline() == "ready\n"
+        while not started():
             time.sleep(0.1)
         time.sleep(after)
-        os.kill(running.pid, signal.SIGINT)
-        _, errors = running.communicate(timeout=60)
-        return running.returncode, errors
+        os.kill(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        return process.returncode, errors
 
     return run
 
@@ -59,11 +59,11 @@ def test_an_interrupt_at_any_moment_ends_the_command_without_a_traceback(
     code, errors = interrupted(("arm", "check", "twin_arm"), after)
     assert "Traceback" not in errors, errors
     assert "Exception" not in errors, errors
-    # the last while Python itself ends; a shell calls it 130 too
+    # -SIGINT: while Python itself exits, which a shell reports as 130 too
     assert code in (0, 130, -signal.SIGINT), errors
 
 
-def test_an_interrupted_verb_says_what_is_kept(interrupted, tmp_path):
+def test_an_interrupted_command_says_what_is_kept(interrupted, tmp_path):
     path = tmp_path / "x.episodes"
     arguments = ("collect", "--out", str(path), "--episodes", "500", "--threads", "1")
     code, errors = interrupted(arguments, 1.0, path.exists)

@@ -1,4 +1,4 @@
-"""Ctrl-C is heeded whenever it comes."""
+"""Handling of Ctrl-C at any time."""
 
 import signal
 import sys
@@ -6,35 +6,35 @@ import time
 
 import pytest
 
-from s2c2a.cli.interrupts import interrupts_heeded
+from s2c2a.cli.interrupts import interrupts_as_exceptions
 
 
 class Interrupted:
-    """Is interrupted when it goes, where Python can raise nothing."""
+    """Interrupted in its finalizer, where Python cannot raise an exception."""
 
     def __del__(self):
         raise KeyboardInterrupt
 
 
 class Faulty:
-    """Fails when it goes."""
+    """Fails in its finalizer."""
 
     def __del__(self):
         raise ValueError("while clearing up")
 
 
 @pytest.fixture
-def attentive():
-    """A process that takes interrupts: what a shell starts in the background ignores them."""
+def interruptible():
+    """A process that handles interrupts, even as a background job of a shell."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.usefixtures("attentive")
-def test_an_interrupt_that_python_swallows_comes_once_more():
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_that_python_swallows_is_repeated():
     def work():
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             Interrupted()
             time.sleep(5.0)
 
@@ -42,16 +42,17 @@ def test_an_interrupt_that_python_swallows_comes_once_more():
         work()
 
 
-@pytest.mark.usefixtures("attentive")
-def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_during_an_import_is_raised_after_it(tmp_path, monkeypatch):
     (tmp_path / "takes_its_time.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(0.05)\nwhole = True\n"
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\n"
+        "time.sleep(0.05)\nwhole = True\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
 
     def work():
-        with interrupts_heeded():
-            import takes_its_time
+        with interrupts_as_exceptions():
+            import takes_its_time  # noqa: F401, PLC0415
 
             time.sleep(5.0)
 
@@ -60,20 +61,22 @@ def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path, monkeypatch):
     assert sys.modules.pop("takes_its_time").whole
 
 
-def test_a_fault_without_an_interrupt_stays_one():
+def test_other_exceptions_pass_unchanged():
     def work():
-        with interrupts_heeded():
+        with interrupts_as_exceptions():
             raise ImportError("no such module")
 
     with pytest.raises(ImportError, match="no such module"):
         work()
 
 
-def test_other_faults_go_to_whom_they_went_before(monkeypatch):
-    heard = []
-    monkeypatch.setattr(sys, "unraisablehook", lambda lost: heard.append(lost.exc_type))
+def test_other_unraisable_errors_reach_the_previous_hook(monkeypatch):
+    errors = []
+    monkeypatch.setattr(
+        sys, "unraisablehook", lambda error: errors.append(error.exc_type)
+    )
     before = sys.unraisablehook
-    with interrupts_heeded():
+    with interrupts_as_exceptions():
         Faulty()
-    assert heard == [ValueError]
+    assert errors == [ValueError]
     assert sys.unraisablehook is before

@@ -1,4 +1,4 @@
-"""Progress where nobody watches: lines in a file, now and then, so that a log tells how far work is."""
+"""Progress in a file: lines at intervals, so that a log shows the state of the work."""
 
 from s2c2a.cli import console
 
@@ -11,10 +11,10 @@ def lines_of(capsys) -> list[str]:
     return capsys.readouterr().err.splitlines()
 
 
-def test_each_piece_of_work_has_its_line(capsys):
+def test_each_piece_of_work_has_a_line(capsys):
     assert lines_of(capsys) == ["training C2S ...", "making runs ..."]
 
 
-def test_long_work_says_how_far_it_is(capsys, monkeypatch):
-    monkeypatch.setattr(console, "BETWEEN_LINES", 0.0)
+def test_long_work_prints_the_steps_done(capsys, monkeypatch):
+    monkeypatch.setattr(console, "LINE_INTERVAL", 0.0)
     assert lines_of(capsys)[1:4] == [f"training C2S: {done} of 3" for done in (1, 2, 3)]

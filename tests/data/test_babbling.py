@@ -13,7 +13,7 @@ SAMPLES = 300
 def shares(
     arm, babbling: str, episode: int, episodes: int = 6, seed: int = 0
 ) -> np.ndarray:
-    """Share of the full bend that each module is asked for, shape (samples, modules, 2), from the actions alone."""
+    """Commanded shares of the full bend, shape (samples, modules, 2)."""
     geometry = ArmGeometry.of(arm)
     actions = episode_actions(geometry, babbling, episode, episodes, SAMPLES, seed)
     return np.einsum(
@@ -87,7 +87,7 @@ def test_in_the_first_third_all_modules_bend_alike(preset, episode, request):
 
 
 @pytest.mark.parametrize("episode", [2, 3])
-def test_in_the_second_third_only_the_end_module_goes_its_own_way(twin, episode):
+def test_in_the_second_third_only_the_last_module_has_its_own_path(twin, episode):
     asked = shares(twin, "staged", episode)
     np.testing.assert_allclose(asked[:, 0], asked[:, 1], atol=1e-9)
     assert apart(asked[:, 1], asked[:, 2]) > 0.2
@@ -96,7 +96,7 @@ def test_in_the_second_third_only_the_end_module_goes_its_own_way(twin, episode)
 @pytest.mark.parametrize(
     ("babbling", "episode"), [("staged", 4), ("staged", 5), ("motor", 0), ("motor", 3)]
 )
-def test_in_the_last_third_and_in_motor_babbling_every_module_goes_its_own_way(
+def test_in_the_last_third_and_in_motor_babbling_every_module_has_its_own_path(
     twin, babbling, episode
 ):
     asked = shares(twin, babbling, episode)
@@ -106,7 +106,7 @@ def test_in_the_last_third_and_in_motor_babbling_every_module_goes_its_own_way(
     assert min(distances) > 0.2
 
 
-def test_eighteen_episodes_are_six_a_stage(twin):
+def test_eighteen_episodes_are_six_per_stage(twin):
     kinds = []
     for episode in range(18):
         asked = shares(twin, "staged", episode, episodes=18)
@@ -114,7 +114,7 @@ def test_eighteen_episodes_are_six_a_stage(twin):
     assert kinds == [1] * 6 + [2] * 6 + [3] * 6
 
 
-def test_mixed_babbling_goes_from_one_way_for_all_to_each_its_own(twin):
+def test_mixed_babbling_changes_from_one_path_to_one_for_each_module(twin):
     same, between, own = (
         apart(*shares(twin, "mixed", episode, episodes=18)[:, :2].swapaxes(0, 1))
         for episode in (0, 4, 17)
@@ -140,7 +140,7 @@ def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode
     assert np.ptp(asked) > 0.5
 
 
-def test_an_episode_is_the_same_whichever_were_made_before(twin):
+def test_an_episode_does_not_depend_on_earlier_ones(twin):
     geometry = ArmGeometry.of(twin)
     alone = episode_actions(geometry, "staged", 4, 6, 80, 9)
     after_others = [
@@ -149,7 +149,7 @@ def test_an_episode_is_the_same_whichever_were_made_before(twin):
     np.testing.assert_array_equal(alone, after_others)
 
 
-def test_every_episode_and_every_seed_is_another(twin):
+def test_every_episode_and_every_seed_gives_other_actions(twin):
     one, two, three = (
         shares(twin, "motor", *which) for which in ((0, 6, 0), (1, 6, 0), (0, 6, 1))
     )
@@ -164,7 +164,7 @@ def test_a_longer_episode_begins_like_a_shorter_one(twin):
     np.testing.assert_array_equal(long[:40, 0], short[:, 0])
 
 
-def test_no_step_is_faster_than_the_fastest_speed_the_first_from_rest_included():
+def test_no_step_exceeds_the_fastest_speed():
     for speeds in (SPEEDS, (0.02, 0.06)):
         paths = [
             bend_path(500, np.random.default_rng(seed), speeds) for seed in range(10)
@@ -178,7 +178,7 @@ def test_no_step_is_faster_than_the_fastest_speed_the_first_from_rest_included()
 
 
 def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Speed and number of steps of the straight lines that a path is made of, the first and the last left out."""
+    """Speed and number of steps of a path's inner line segments."""
     steps = np.diff(
         bend_path(samples, np.random.default_rng(seed)), axis=0, prepend=0.0
     )
@@ -187,7 +187,7 @@ def lines(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_lines_are_no_slower_than_the_slowest_speed():
-    """A line of n steps is rounded up to whole steps, which leaves at least (n - 1) / n of its speed."""
+    """Rounding up to n whole steps leaves at least (n - 1) / n of the speed."""
     speeds, counts = lines(seed=0, samples=5000)
     assert len(counts) > 100
     assert np.all(speeds >= SPEEDS[0] * (counts - 1) / counts)

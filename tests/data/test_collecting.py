@@ -1,4 +1,4 @@
-"""Collecting: the same on any number of threads, however often it was killed, and never over another's file."""
+"""Collection: identical for any number of threads, stops, and resumes."""
 
 import errno
 import os
@@ -54,11 +54,11 @@ def test_one_thread_and_two_record_the_same(gather):
     assert_same(gather("one.episodes", threads=1), gather("two.episodes", threads=2))
 
 
-def test_what_is_returned_is_what_is_in_the_file(gather, tmp_path):
+def test_the_returned_recording_equals_the_file(gather, tmp_path):
     assert_same(gather(), load_recording(tmp_path / "one.episodes"))
 
 
-def test_a_recording_says_how_it_was_made(gather, twin):
+def test_a_recording_keeps_its_options(gather, twin):
     made = gather(body="simulation fast")
     assert made.arm == twin
     assert set(made.sensors) == SENSORS
@@ -73,7 +73,7 @@ def test_a_recording_says_how_it_was_made(gather, twin):
     assert made.options == chosen | {"body": "simulation fast"}
 
 
-def test_an_arm_that_may_go_twice_as_far_in_a_step_does(gather, twin):
+def test_speeds_scale_with_the_step_limit(gather, twin):
     quick = gather(
         "quick.episodes",
         twin.model_copy(update={"step_limit_deg": 2 * twin.step_limit_deg}),
@@ -101,12 +101,12 @@ def test_every_sample_is_the_reading_before_its_action(gather, twin):
             robot.step(action)
 
 
-def test_each_episode_has_a_noise_of_its_own(gather):
+def test_each_episode_has_its_own_noise(gather):
     first_readings = gather().sensor("cables")[:, 0]
     assert len(np.unique(first_readings.reshape(4, -1), axis=0)) == 4
 
 
-def test_what_was_really_sent_is_recorded(gather):
+def test_sent_actions_are_recorded(gather):
     class Weak(SimulatedRobot):
         def send(self, action):
             return super().send(0.5 * np.asarray(action))
@@ -116,7 +116,7 @@ def test_what_was_really_sent_is_recorded(gather):
     )
 
 
-def test_what_a_body_does_not_say_is_not_in_the_recording(gather):
+def test_sensors_that_a_robot_lacks_are_not_in_the_recording(gather):
     class Unwatched(SimulatedRobot):
         @property
         def sensors(self):
@@ -131,7 +131,7 @@ def test_what_a_body_does_not_say_is_not_in_the_recording(gather):
     assert np.isfinite(made.sensor("cables")).all()
 
 
-def test_a_sensor_of_a_bodys_own_is_recorded_as_it_says(gather):
+def test_a_custom_sensor_of_a_robot_is_recorded(gather):
     class Warm(SimulatedRobot):
         @property
         def sensors(self):
@@ -148,7 +148,7 @@ def test_a_sensor_of_a_bodys_own_is_recorded_as_it_says(gather):
     np.testing.assert_array_equal(made.sensor("warmth")[..., 1], made.time)
 
 
-def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
+def test_a_camera_with_missing_measurements_is_recorded(gather, twin):
     arm = twin.model_copy(
         update={
             "sensors": Sensors(camera=Camera(rate=5.0, lost=0.0, noise=0.0, delay=0.0))
@@ -163,7 +163,7 @@ def test_a_camera_that_sees_now_and_then_is_recorded_as_it_does(gather, twin):
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be_gone_on_with(
+def test_an_episode_with_a_failed_sensor_is_dropped_and_can_be_resumed(
     gather, tmp_path, value
 ):
     """Whatever the sensor is: all that is recorded counts."""
@@ -185,16 +185,14 @@ def test_an_episode_with_a_sensor_that_cannot_be_believed_is_not_kept_and_can_be
 
     with pytest.raises(
         RecordingError,
-        match=r"episode 3, step 9: 'cables' is .*; mend that, then go on \(--resume\)",
+        match=r"episode 3, step 9: 'cables' is .*; correct that, then continue \(--res",
     ):
         collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
     assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
     assert_same(gather(resume=True), gather("whole.episodes"))
 
 
-def test_a_disk_that_is_full_loses_no_episode_that_was_whole(
-    gather, tmp_path, monkeypatch
-):
+def test_a_full_disk_loses_no_complete_episode(gather, tmp_path, monkeypatch):
     write, done = episode_file.write_block, []
 
     def full(file, content, before):
@@ -212,7 +210,7 @@ def test_a_disk_that_is_full_loses_no_episode_that_was_whole(
     assert_same(gather(resume=True), gather("whole.episodes"))
 
 
-def test_two_at_a_time_into_one_file_are_refused(gather, tmp_path):
+def test_two_writers_of_one_file_are_refused(gather, tmp_path):
     gather()
     writer = EpisodeWriter(tmp_path / "one.episodes")
     for how in ({"resume": True}, {"overwrite": True}):
@@ -221,14 +219,14 @@ def test_two_at_a_time_into_one_file_are_refused(gather, tmp_path):
     writer.close()
 
 
-def test_a_recording_of_version_0_1_is_not_gone_on_with(gather, tmp_path):
+def test_a_recording_of_version_0_1_is_not_resumed(gather, tmp_path):
     (tmp_path / "one.episodes").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
     with pytest.raises(RecordingError, match=r"version 0\.1; collect it again"):
         gather(resume=True)
 
 
 class _Torn(SimulatedRobot):
-    """A robot that counts its kind's openings and closings; the second one opened fails some steps from rest."""
+    """Robot that counts openings and closings; the second one fails."""
 
     opened: list
     closed: list
@@ -262,19 +260,19 @@ def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads)
 
 
 def test_after_a_failure_a_single_arm_is_not_opened_again(gather, torn):
-    """One thread is a real arm: it must not begin the next episode with a torn cable."""
+    """One thread is a real arm: it must not continue with a torn cable."""
     with pytest.raises(OSError, match="cable torn"):
         gather(robot=torn, threads=1)
     assert len(torn.opened) == 2
 
 
-def test_progress_counts_whole_episodes(gather):
+def test_progress_counts_complete_episodes(gather):
     told = []
     gather(threads=2, progress=lambda done, total: told.append((done, total)))
     assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_after_an_interrupt_the_whole_episodes_are_kept_and_resumed(gather, tmp_path):
+def test_after_an_interrupt_complete_episodes_are_kept_and_resumed(gather, tmp_path):
     def stop(done, total):
         if done == 2:
             raise KeyboardInterrupt
@@ -288,12 +286,12 @@ def test_after_an_interrupt_the_whole_episodes_are_kept_and_resumed(gather, tmp_
     assert_same(resumed, gather("whole.episodes"))
 
 
-def test_resuming_what_is_whole_or_not_yet_begun_does_what_is_left(gather):
+def test_resuming_a_complete_or_missing_file_collects_what_is_missing(gather):
     fresh = gather(resume=True)
     assert_same(gather(resume=True), fresh)
 
 
-def test_an_existing_file_is_not_overwritten_unless_asked(gather, tmp_path):
+def test_an_existing_file_is_not_overwritten_by_default(gather, tmp_path):
     gather()
     before = (tmp_path / "one.episodes").read_bytes()
     with pytest.raises(RecordingError, match=r"exists.*resume.*overwrite"):
@@ -322,7 +320,7 @@ def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(
     assert (tmp_path / "one.episodes").read_bytes() == before
 
 
-def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
+def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
     gather(body="simulation fast")
     with pytest.raises(
         RecordingError, match=r"body 'simulation fast', now 'simulation accurate'"
@@ -339,14 +337,14 @@ def test_resuming_with_another_arm_or_body_is_refused(gather, twin):
 
 FAULTS = {
     "babbling": ("baby", "staged, motor"),
-    "episodes": (0, "positive"),
-    "samples": (-1, "positive"),
+    "episodes": (0, "out of range"),
+    "samples": (-1, "out of range"),
     "seed": (-1, "seed"),
 }
 
 
 @pytest.mark.parametrize(("name", "fault"), FAULTS.items(), ids=FAULTS)
-def test_impossible_options_are_refused(name, fault):
+def test_invalid_options_are_refused(name, fault):
     with pytest.raises(RecordingError, match=fault[1]):
         CollectOptions(**{name: fault[0]})
 
@@ -358,7 +356,7 @@ def test_speeds_that_do_not_rise_within_the_full_bend_are_refused(speeds):
 
 
 @pytest.mark.parametrize("threads", [0, -1])
-def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(
+def test_an_invalid_number_of_threads_is_refused_before_a_file_is_created(
     gather, tmp_path, threads
 ):
     with pytest.raises(RecordingError, match="threads"):
@@ -366,7 +364,7 @@ def test_an_impossible_number_of_threads_is_refused_before_a_file_is_made(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_left_of_a_file_that_was_never_finished_does_no_harm(gather, tmp_path):
+def test_an_unfinished_temporary_file_does_no_harm(gather, tmp_path):
     left = tmp_path / f".one.episodes.{os.getpid()}.part"
     left.write_bytes(b"cut off while it was laid out")
     assert_same(gather(), gather("two.episodes"))
@@ -380,7 +378,7 @@ def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
     assert (tmp_path / "file").read_text() == "no folder"
 
 
-def test_a_folder_that_does_not_exist_yet_is_made(gather, tmp_path):
+def test_a_missing_folder_is_created(gather, tmp_path):
     assert len(gather("deep/inside/one.episodes").time) == 4
     assert (tmp_path / "deep" / "inside" / "one.episodes").exists()
 
@@ -392,14 +390,13 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions(episodes=60, samples=40),
+options = CollectOptions(episodes=60, samples=40)
+collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
 
 
-def test_killed_at_random_moments_and_resumed_it_equals_an_uninterrupted_run(
-    twin, tmp_path
-):
+def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tmp_path):
     path, random, episodes = tmp_path / "killed.episodes", np.random.default_rng(0), [0]
     for _ in range(3):
         running = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Windows of the LSTM worked by hand: every number tells from which episode and which moment it comes."""
+"""Windows of the LSTM, computed by hand: values encode episode and time."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ the arm was at rest."""
 
 
 def telling(*shape: int) -> np.ndarray:
-    """Two episodes of a hundred: 10000 (episode + 1) + 10 t + k / 10, k along the last axis."""
+    """Two episodes of 100 samples: 10000 (episode + 1) + 10 t + k / 10."""
     start = 10000.0 * np.arange(1, 3)[:, None] + 10.0 * np.arange(100)
     return start.reshape(2, 100, *[1] * len(shape)) + np.broadcast_to(
         np.arange(shape[-1]) / 10, shape
@@ -29,7 +29,7 @@ def moments_of(values) -> np.ndarray:
 
 
 @pytest.mark.parametrize("part", MOMENTS)
-def test_desired_is_the_next_tip_and_the_target_the_action_of_the_moment(part):
+def test_desired_is_the_next_tip_and_the_target_the_current_action(part):
     samples, now = getattr(SPLIT, part), np.array([*MOMENTS[part]] * 2)
     np.testing.assert_array_equal(moments_of(samples.targets[:, 0, 0]), now)
     np.testing.assert_array_equal(moments_of(samples.inputs["desired"][:, 0]), now + 1)
@@ -47,8 +47,8 @@ def test_histories_hold_five_tips_and_the_five_actions_before_them_oldest_first(
     )
 
 
-def test_one_window_at_the_start_of_an_episode_worked_in_full():
-    """Episode two, t = 2: tips at 0 0 0 1 2; three times neutral, then A_0 A_1; desired p_3; target A_2."""
+def test_one_window_at_the_start_of_an_episode_is_as_computed_by_hand():
+    """Episode two, t = 2: tips 0 0 0 1 2; 3 x neutral, A_0 A_1; p_3; target A_2."""
     row = 69 + 2
     inputs = {name: values[row] for name, values in SPLIT.training.inputs.items()}
     np.testing.assert_array_equal(
@@ -63,7 +63,7 @@ def test_one_window_at_the_start_of_an_episode_worked_in_full():
 
 
 @pytest.mark.parametrize("part", MOMENTS)
-def test_the_lstm_learns_the_very_actions_that_c2a_learns(part):
+def test_the_lstm_and_c2a_have_the_same_targets(part):
     """The same data, split alike: a fair comparison."""
     ours = controller_samples(telling(2, 3), ACTIONS, NEUTRAL)
     np.testing.assert_array_equal(
@@ -71,7 +71,7 @@ def test_the_lstm_learns_the_very_actions_that_c2a_learns(part):
     )
 
 
-def test_shapes_and_kind_of_numbers():
+def test_shapes_and_data_types():
     samples = SPLIT.training
     shapes = {name: values.shape[1:] for name, values in samples.inputs.items()}
     assert shapes == {"desired": (3,), "positions": (5, 3), "actions": (5, 2, 4)}

@@ -1,4 +1,4 @@
-"""Recordings: many episodes of one arm as arrays, and what no arm can have said is refused."""
+"""Recordings: episodes of one arm as arrays; invalid values are refused."""
 
 from dataclasses import replace
 
@@ -52,9 +52,7 @@ def written(twin, tmp_path):
     return path, episodes
 
 
-def test_what_was_written_is_read_back_bit_for_bit_as_arrays_over_episodes(
-    written, twin
-):
+def test_a_written_recording_is_read_back_bit_for_bit(written, twin):
     path, episodes = written
     loaded = load_recording(path)
     assert loaded.arm == twin
@@ -75,7 +73,7 @@ def test_options_come_back_as_plain_python_values(written):
     ]
 
 
-def test_all_readings_are_one_with_episodes_and_samples_in_front(written):
+def test_all_readings_are_one_with_episodes_and_samples_first(written):
     readings = load_recording(written[0]).readings()
     shapes = {name: values.shape for name, values in readings.sensors.items()}
     assert shapes == {
@@ -93,7 +91,7 @@ def test_a_sensor_that_is_not_in_every_episode_is_not_in_the_recording(twin):
         recording.sensor("flex")
 
 
-def test_shorter_episodes_stay_at_their_last_row_in_arrays_of_all(twin):
+def test_shorter_episodes_are_padded_with_their_last_row(twin):
     short = Episode(
         twin, {"time": np.arange(3.0), "actions": np.arange(27.0).reshape(3, 3, 3)}
     )
@@ -107,7 +105,7 @@ def test_shorter_episodes_stay_at_their_last_row_in_arrays_of_all(twin):
     )
 
 
-def test_a_recording_without_one_whole_episode_is_refused(twin, tmp_path):
+def test_a_recording_without_a_complete_episode_is_refused(twin, tmp_path):
     EpisodeWriter.create(tmp_path / "empty.episodes", twin, OPTIONS).close()
     with pytest.raises(RecordingError, match="no whole episode"):
         load_recording(tmp_path / "empty.episodes")
@@ -130,7 +128,7 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["cables", "states", "flex"])
 @pytest.mark.parametrize("value", [2e6, -1e300, np.inf])
-def test_numbers_that_no_arm_can_have_said_are_refused(twin, tmp_path, name, value):
+def test_values_out_of_range_are_refused(twin, tmp_path, name, value):
     good = random_episode(twin, 0)
     spoilt = good.sensor(name).copy()
     spoilt.flat[5] = value
@@ -138,18 +136,18 @@ def test_numbers_that_no_arm_can_have_said_are_refused(twin, tmp_path, name, val
         [good, random_episode(twin, 0, **{name: spoilt})], tmp_path / "odd.episodes"
     )
     with pytest.raises(
-        RecordingError, match=rf"'sensor.{name}' holds .*, which no arm says"
+        RecordingError, match=rf"'sensor.{name}' has values up to .* Record it again"
     ):
         load_recording(tmp_path / "odd.episodes")
 
 
-def test_a_sensor_that_said_nothing_for_a_while_is_no_fault(twin, tmp_path):
+def test_missing_measurements_are_valid(twin, tmp_path):
     flex = np.full((SAMPLES, 5), np.nan)
     save_episodes([random_episode(twin, 0, flex=flex)], tmp_path / "one.episodes")
     assert np.isnan(load_recording(tmp_path / "one.episodes").sensor("flex")).all()
 
 
-def test_a_recording_cut_short_says_so_when_it_is_to_be_whole(written, twin):
+def test_an_incomplete_recording_is_reported(written, twin):
     path, _ = written
     with pytest.raises(RecordingError, match="2 of 3 episodes"):
         load_recording(path).check_complete()
@@ -159,5 +157,5 @@ def test_a_recording_cut_short_says_so_when_it_is_to_be_whole(written, twin):
     load_recording(path).check_complete()
 
 
-def test_a_recording_that_does_not_say_how_long_it_shall_be_is_whole(written):
+def test_a_recording_without_a_requested_length_is_complete(written):
     replace(load_recording(written[0]), options={}).check_complete()

@@ -1,4 +1,4 @@
-"""Windows worked by hand: every number tells from which episode and which moment it comes."""
+"""Windows computed by hand: values encode episode and time."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,12 @@ STRETCHES = {
     "test": range(85, 100),
 }
 NOW = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
-"""Moments of the windows: none looks back or ahead over a border, but before an episode
-the arm was at rest."""
+"""Steps of the windows, which cross no border; before an episode the arm is at rest."""
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
 
-def telling(*features: int) -> np.ndarray:
-    """Arrays whose numbers are 10000 (episode + 1) + 10 t + k, the same for all but the last axis."""
+def encoded_values(*features: int) -> np.ndarray:
+    """Arrays of 10000 (episode + 1) + 10 t + k, with k along the last axis."""
     episode = 10000.0 * np.arange(1, EPISODES + 1)[:, None]
     moment = 10.0 * np.arange(SAMPLES)
     start = (episode + moment).reshape(EPISODES, SAMPLES, *[1] * len(features))
@@ -28,9 +27,9 @@ def telling(*features: int) -> np.ndarray:
 
 
 CONFIGURATIONS, ACTIONS, STATES = (
-    telling(1, 3),
-    telling(1, 4) + 0.5,
-    telling(1, 6) + 0.25,
+    encoded_values(1, 3),
+    encoded_values(1, 4) + 0.5,
+    encoded_values(1, 6) + 0.25,
 )
 
 
@@ -43,7 +42,7 @@ def part(request):
 
 
 def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
-    """What `telling` holds at these moments, both episodes in turn, shape (episodes * moments, features)."""
+    """Values of `encoded_values` at some steps, shape (episodes * steps, features)."""
     rows = [
         10000.0 * (episode + 1) + 10.0 * moment
         for episode in range(EPISODES)
@@ -52,7 +51,7 @@ def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
     return np.array(rows)[:, None] + np.arange(features) + offset
 
 
-def test_an_episode_of_a_hundred_is_cut_after_seventy_and_eighty_five():
+def test_an_episode_of_100_samples_is_split_at_70_and_85():
     parts = [
         [list(range(100))[place] for _, place in part] for part in stretches([100])
     ]
@@ -81,7 +80,7 @@ def test_an_episode_too_short_to_be_split_is_refused():
         stretches([49])
 
 
-def test_a_very_long_episode_gives_a_share_of_each_of_its_pieces_to_every_part():
+def test_a_very_long_episode_is_split_piece_by_piece():
     training, validation, test = stretches([2063])
     assert [len(part) for part in (training, validation, test)] == [4, 4, 4]
     rows = np.concatenate(
@@ -94,7 +93,7 @@ def test_a_very_long_episode_gives_a_share_of_each_of_its_pieces_to_every_part()
     np.testing.assert_array_equal(np.sort(rows), np.arange(2063))
 
 
-def test_episodes_too_short_to_be_cut_are_of_one_part_as_a_whole():
+def test_short_episodes_belong_to_one_part_as_a_whole():
     parts = stretches([40] * 7)
     assert [sorted(episode for episode, _ in part) for part in parts] == [
         [0, 1, 2, 3, 5],
@@ -104,7 +103,7 @@ def test_episodes_too_short_to_be_cut_are_of_one_part_as_a_whole():
     assert all(place == slice(0, 40) for part in parts for _, place in part)
 
 
-def test_samples_whose_truth_is_not_known_at_all_are_left_out_and_those_known_in_part_stay():
+def test_samples_without_any_known_state_are_dropped_and_partial_ones_stay():
     states = STATES.copy()
     states[0, :10] = np.nan
     states[0, 10, :, 3:] = np.nan
@@ -113,7 +112,7 @@ def test_samples_whose_truth_is_not_known_at_all_are_left_out_and_those_known_in
     assert np.isnan(split.training.targets[0, :, 3:]).all()
 
 
-def test_what_stands_behind_the_end_of_a_shorter_episode_counts_nothing():
+def test_padding_of_shorter_episodes_is_ignored():
     split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 60))
     rows = np.concatenate(
         [
@@ -136,7 +135,7 @@ def test_the_shortest_episode_has_a_window_in_every_stretch():
     )
 
 
-def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment():
+def test_forward_samples_pair_sensed_configurations_with_simultaneous_states():
     split = forward_samples(CONFIGURATIONS, STATES)
     for name, moments in STRETCHES.items():
         samples = getattr(split, name)
@@ -146,7 +145,7 @@ def test_forward_samples_pair_what_was_sensed_with_the_state_of_the_same_moment(
         np.testing.assert_array_equal(samples.targets[:, 0], expected(moments, 6, 0.25))
 
 
-def test_the_target_is_the_action_of_the_moment_and_the_desired_configuration_comes_next(
+def test_the_target_is_the_current_action_and_desired_is_the_next_configuration(
     part,
 ):
     samples, now = part
@@ -177,7 +176,7 @@ def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(
     np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], desired)
 
 
-def test_no_window_looks_over_the_border_of_a_stretch():
+def test_no_window_crosses_the_border_of_a_stretch():
     """All that a stretch's windows hold lies within it."""
     split = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL)
     for name, moments in STRETCHES.items():
@@ -189,8 +188,8 @@ def test_no_window_looks_over_the_border_of_a_stretch():
         assert (times.min(), times.max()) == (moments[0], moments[-1])
 
 
-def test_one_window_worked_in_full():
-    """Episode two, t = 3: desired C_4; sensed C_3 C_2 C_1 C_0; sent A_2 A_1 A_0 and twice neutral; target A_3."""
+def test_one_window_is_as_computed_by_hand():
+    """Episode two, t = 3: C_4; C_3 to C_0; A_2 A_1 A_0, 2 x neutral; target A_3."""
     samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
     np.testing.assert_array_equal(
         samples.inputs["desired"][row, 0], [20040, 20041, 20042]

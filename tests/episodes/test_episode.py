@@ -68,9 +68,9 @@ REFUSED = {
     ),
     "a sensed column of another shape": ({"sensed": np.zeros((STEPS, 3))}, "'sensed'"),
     "a plan of another shape": ({"planned": np.zeros((STEPS, 2, 3))}, "'planned'"),
-    "an expectation of another shape": (
+    "a prediction of another shape": (
         {"predicted": np.zeros((STEPS, 3, 3))},
-        "'expected'",
+        "'predicted'",
     ),
     "targets of another shape": (
         {"desired_positions": np.zeros((STEPS, 3))},

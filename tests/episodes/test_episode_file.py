@@ -409,6 +409,8 @@ EPISODES = {
 def test_an_episode_that_is_none_is_refused_though_its_checksum_is_right(
     twin, tmp_path, content
 ):
-    written(tmp_path / "odd.episodes", episode_file._head(twin, {}, None), content)
+    written(
+        tmp_path / "odd.episodes", episode_file._pack_header(twin, {}, None), content
+    )
     with pytest.raises(DamagedRecordingError):
         load_episodes(tmp_path / "odd.episodes")

@@ -1,4 +1,4 @@
-"""Metrics worked by hand."""
+"""Metrics with results computed by hand."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ from s2c2a.evaluation.metrics import (
     orientation_errors_deg,
     recovery_time,
     step_lengths,
-    stray,
     tilt_errors_deg,
+    tip_drifts,
 )
 
 
@@ -27,13 +27,13 @@ def axis(tilt_deg, azimuth_deg):
 
 
 def pointing(true, desired):
-    """States and desired axes of one module, one step for each pair of (tilt, azimuth) [deg]."""
+    """States and desired axes of one module at some (tilt, azimuth) [deg]."""
     states = np.zeros((len(true), 1, 6))
     states[:, 0, 3:] = [axis(*angles) for angles in true]
     return states, np.array([[axis(*angles)] for angles in desired])
 
 
-def test_position_errors_are_distances_in_centimetres():
+def test_position_errors_are_distances_in_centimeters():
     """3-4-5 triangles: 5 cm, 0, and 13 cm in depth."""
     states = np.zeros((3, 2, 6))
     states[:, 1, :3] = [[0.03, 0.04, 0.5], [0.1, 0.2, 0.3], [0.0, 0.0, 0.63]]
@@ -44,16 +44,16 @@ def test_position_errors_are_distances_in_centimetres():
     )
 
 
-def test_a_module_can_be_named_and_the_tip_is_meant_otherwise():
-    states, desired = np.zeros((1, 3, 6)), np.zeros((1, 3, 3))
+def test_position_errors_are_of_the_chosen_module_and_of_the_tip_by_default():
+    states = np.zeros((1, 3, 6))
+    desired = np.zeros((1, 3, 3))
     desired[0, :, 0] = [0.01, 0.02, 0.03]
-    found = [
-        position_errors(states, desired, *which)[0] for which in [(0,), (1,), (2,), ()]
-    ]
-    np.testing.assert_allclose(found, [1.0, 2.0, 3.0, 3.0])
+    errors = [position_errors(states, desired, module)[0] for module in range(3)]
+    np.testing.assert_allclose(errors, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(position_errors(states, desired), [3.0])
 
 
-def test_where_nothing_is_desired_there_is_no_error():
+def test_errors_without_a_target_are_nan():
     desired = np.full((2, 1, 3), np.nan)
     desired[1] = 0.0
     np.testing.assert_array_equal(
@@ -61,14 +61,14 @@ def test_where_nothing_is_desired_there_is_no_error():
     )
 
 
-def test_where_the_end_points_does_not_count():
+def test_position_errors_do_not_depend_on_the_end_axis():
     states = np.zeros((1, 1, 6))
     states[..., 3:] = 7.0
     assert position_errors(states, np.zeros((1, 1, 3)))[0] == 0.0
 
 
 @pytest.mark.parametrize(
-    ("one", "two", "angle"),
+    ("first", "second", "angle"),
     [
         ([0, 0, 1], [0, 0, 1], 0.0),
         ([0, 0, 1], [1, 0, 0], 90.0),
@@ -78,13 +78,14 @@ def test_where_the_end_points_does_not_count():
         ([0.6, 0, 0.8], [-0.6, 0, 0.8], 2 * np.rad2deg(np.arcsin(0.6))),
     ],
 )
-def test_configuration_errors_are_angles_whatever_the_lengths(one, two, angle):
-    true, desired = (np.array(vector, float).reshape(1, 1, 3) for vector in (one, two))
+def test_angles_do_not_depend_on_the_lengths_of_vectors(first, second, angle):
+    true = np.array(first, float).reshape(1, 1, 3)
+    desired = np.array(second, float).reshape(1, 1, 3)
     assert angles_deg(true, desired)[0, 0] == pytest.approx(angle)
     assert angles_deg(desired, 5 * true)[0, 0] == pytest.approx(angle)
 
 
-def test_small_angles_keep_their_digits():
+def test_small_angles_are_precise():
     tilted = np.array([[[1e-7, 0.0, 1.0]]])
     assert angles_deg(np.array([[[0.0, 0.0, 1.0]]]), tilted)[0, 0] == pytest.approx(
         np.rad2deg(1e-7)
@@ -98,7 +99,7 @@ def test_every_step_and_module_has_its_own_angle():
     np.testing.assert_allclose(angles_deg(true, desired), [[0, 0, 0], [0, 0, 90]])
 
 
-def test_tilt_errors_compare_angles_to_the_vertical_whatever_the_azimuth():
+def test_tilt_errors_do_not_depend_on_the_azimuth():
     states, desired = pointing(
         [(40, 0), (40, 0), (70, 90), (0, 0)], [(50, 0), (50, 180), (60, -30), (30, 10)]
     )
@@ -110,7 +111,7 @@ def test_the_end_may_point_below_the_horizon():
     np.testing.assert_allclose(tilt_errors_deg(states, desired), [40, 120])
 
 
-def test_azimuth_errors_compare_directions_in_the_plane_whatever_the_tilt():
+def test_azimuth_errors_do_not_depend_on_the_tilt():
     states, desired = pointing(
         [(40, 20), (10, 0), (50, 350), (50, 0)], [(50, 0), (50, 90), (50, 10), (20, 0)]
     )
@@ -129,7 +130,6 @@ def test_azimuth_errors_go_the_short_way_over_180_degrees(true, desired):
 
 
 def test_no_azimuth_error_exceeds_half_a_turn():
-    """Opposite directions, either way round."""
     states, desired = pointing(
         [(50, 0), (50, 180), (50, -90)], [(50, 180), (50, 0), (50, 90)]
     )
@@ -137,7 +137,7 @@ def test_no_azimuth_error_exceeds_half_a_turn():
 
 
 def test_orientation_errors_are_angles_between_axes():
-    """At a tilt of 30 deg a turn by 180 deg is an angle of 60; at 90 deg a turn by 25 is one of 25."""
+    """180 deg of azimuth at a tilt of 30 deg are 60 deg; 25 at 90 are 25."""
     states, desired = pointing(
         [(40, 0), (30, 0), (90, 0), (50, 7)], [(55, 0), (30, 180), (90, 25), (50, 7)]
     )
@@ -149,10 +149,11 @@ def test_orientation_errors_are_angles_between_axes():
 @pytest.mark.parametrize(
     "errors_of", [tilt_errors_deg, azimuth_errors_deg, orientation_errors_deg]
 )
-def test_axes_are_those_of_the_module_named_and_where_nothing_is_desired_there_is_no_error(
+def test_axis_errors_are_of_the_chosen_module_and_nan_without_a_desired_axis(
     errors_of,
 ):
-    states, desired = np.zeros((2, 2, 6)), np.full((2, 2, 3), np.nan)
+    states = np.zeros((2, 2, 6))
+    desired = np.full((2, 2, 3), np.nan)
     states[:, :, 3:] = axis(50, 0)
     desired[1, 0] = axis(20, 30)
     assert np.isnan(errors_of(states, desired)).all()
@@ -162,7 +163,7 @@ def test_axes_are_those_of_the_module_named_and_where_nothing_is_desired_there_i
 
 
 def test_clearance_is_the_distance_to_the_center_less_the_threshold():
-    """3-4-5 triangles: 0.05 m from the center of r 0.02, 0.10 m from that of r 0.10, and inside of it."""
+    """3-4-5 triangles: outside of an obstacle, at its edge, and reachable."""
     points = np.array([[0.03, 0.04, 0.5], [0.06, 0.08, 0.5], [0.0, 0.0, 0.47]])
     obstacles = np.array(
         [[[0, 0, 0.5, 0.02]], [[0, 0, 0.5, 0.10]], [[0, 0, 0.5, 0.10]]]
@@ -172,14 +173,14 @@ def test_clearance_is_the_distance_to_the_center_less_the_threshold():
     )
 
 
-def test_of_several_points_and_obstacles_the_nearest_pair_counts_in_every_step():
+def test_the_nearest_pair_of_point_and_obstacle_counts_in_every_step():
     points = np.array([[[0, 0, 0.2], [0, 0, 0.6]], [[0, 0, 0.2], [0.2, 0, 0.5]]])
     obstacles = np.tile([[0, 0, 0.9, 0.1], [0.3, 0, 0.5, 0.05]], (2, 1, 1))
     np.testing.assert_allclose(clearances(points, obstacles), [20.0, 5.0], atol=1e-12)
 
 
 def test_clearance_counts_moments_between_control_steps():
-    """The tip passes 1 cm beside the obstacle's edge between two moments that are 12 cm away from it."""
+    """The tip passes the edge at 1 cm between two moments that are 12 cm away."""
     line = np.zeros((1, 3, 2, 3))  # step, moments, points
     line[0, :, 1] = [[-0.12, 0.03, 0.5], [0, 0.03, 0.5], [0.12, 0.03, 0.5]]
     obstacles = np.array([[[0, 0, 0.5, 0.02]]])
@@ -196,8 +197,8 @@ def test_an_obstacle_moves_from_step_to_step():
     )
 
 
-def test_an_obstacle_without_a_threshold_is_not_there():
-    """Not even at the base, where empty places of a goal point to."""
+def test_an_obstacle_with_a_threshold_of_zero_is_absent():
+    """Unused entries of a goal are at the base."""
     obstacles = np.array(
         [[[0, 0, 0, 0], [0.3, 0, 0, 0.1]], [[0, 0, 0, 0], [0, 0, 0, 0]]]
     )
@@ -206,49 +207,49 @@ def test_an_obstacle_without_a_threshold_is_not_there():
     )
 
 
-def test_without_obstacles_there_is_all_the_room():
+def test_clearance_without_obstacles_is_infinite():
     np.testing.assert_array_equal(
         clearances(np.zeros((2, 5, 3)), np.zeros((2, 0, 4))), [np.inf, np.inf]
     )
 
 
-def test_the_way_of_the_tip_begins_after_the_first_step():
+def test_step_lengths_begin_with_zero():
     tips = np.array(
         [[0.5, 0.5, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.5], [0.53, 0.54, 0.38]]
     )
     np.testing.assert_allclose(step_lengths(tips), [0.0, 5.0, 0.0, 12.0], atol=1e-12)
 
 
-def stray_of(ways, distances):
-    """Stray of a tip that goes along z while one obstacle of r 0.1 is so far aside; far is 0.08 m more than r."""
-    tips = np.stack([np.zeros(len(ways)), np.zeros(len(ways)), ways], axis=-1)
+def drifts_of(heights, distances):
+    """Drifts of a tip on the z axis beside one obstacle with a threshold of 0.1 m."""
+    tips = np.stack([np.zeros(len(heights)), np.zeros(len(heights)), heights], axis=-1)
     obstacles = np.array(
         [
-            [[distance, 0, way, 0.1]]
-            for distance, way in zip(distances, ways, strict=True)
+            [[distance, 0, height, 0.1]]
+            for distance, height in zip(distances, heights, strict=True)
         ]
     )
-    return stray(tips, obstacles, 0.08)
+    return tip_drifts(tips, obstacles, 0.08)
 
 
 def test_stillness_is_the_distance_from_where_the_tip_was_at_first():
     np.testing.assert_allclose(
-        stray_of([0.60, 0.61, 0.58, 0.60], [0.3] * 4), [0, 1, 2, 0], atol=1e-9
+        drifts_of([0.60, 0.61, 0.58, 0.60], [0.3] * 4), [0, 1, 2, 0], atol=1e-9
     )
 
 
-def test_while_an_obstacle_is_near_stillness_is_not_asked_for():
-    strayed = stray_of([0.60, 0.61, 0.50, 0.50], [0.3, 0.3, 0.15, 0.17])
-    np.testing.assert_allclose(strayed, [0, 1, np.nan, np.nan], atol=1e-9)
+def test_stillness_does_not_count_while_an_obstacle_is_near():
+    drifts = drifts_of([0.60, 0.61, 0.50, 0.50], [0.3, 0.3, 0.15, 0.17])
+    np.testing.assert_allclose(drifts, [0, 1, np.nan, np.nan], atol=1e-9)
 
 
-def test_when_obstacles_are_far_again_stillness_begins_anew():
-    strayed = stray_of([0.60, 0.55, 0.52, 0.52, 0.53], [0.3, 0.1, 0.3, 0.3, 0.3])
-    np.testing.assert_allclose(strayed, [0, np.nan, 0, 0, 1], atol=1e-9)
+def test_stillness_starts_again_when_obstacles_are_far_again():
+    drifts = drifts_of([0.60, 0.55, 0.52, 0.52, 0.53], [0.3, 0.1, 0.3, 0.3, 0.3])
+    np.testing.assert_allclose(drifts, [0, np.nan, 0, 0, 1], atol=1e-9)
 
 
-def test_an_obstacle_is_far_when_more_than_eight_centimetres_lie_between_it_and_the_tip():
-    assert np.isnan(stray_of([0.6] * 4, [0.19, 0.181, 0.179, 0.10])).tolist() == [
+def test_an_obstacle_with_more_than_eight_centimeters_of_clearance_is_far():
+    assert np.isnan(drifts_of([0.6] * 4, [0.19, 0.181, 0.179, 0.10])).tolist() == [
         False,
         False,
         True,
@@ -258,46 +259,46 @@ def test_an_obstacle_is_far_when_more_than_eight_centimetres_lie_between_it_and_
 
 def test_every_obstacle_must_be_far():
     obstacles = np.array([[[0.3, 0, 0, 0.1], [0, 0.15, 0, 0.1]]])
-    assert np.isnan(stray(np.zeros((1, 3)), obstacles, 0.08)).all()
+    assert np.isnan(tip_drifts(np.zeros((1, 3)), obstacles, 0.08)).all()
 
 
 NEAR = {"near": 3.0, "period": 0.1}
-AWAY = np.array([True, True, False, False, True, True, True, True])
+REACHABLE = np.array([True, True, False, False, True, True, True, True])
 
 
 def test_recovery_lasts_until_the_error_stays_below():
-    """The target is back at the fifth step; at the sixth the error is large for the last time: two steps."""
+    """Re-entry at the fifth step, last large error at the sixth: two steps."""
     errors = np.array([1.0, 1.0, 9.0, 9.0, 9.0, 4.0, 2.0, 1.0])
-    assert recovery_time(errors, AWAY, **NEAR) == pytest.approx(0.2)
+    assert recovery_time(errors, REACHABLE, **NEAR) == pytest.approx(0.2)
 
 
-def test_an_error_that_comes_back_above_prolongs_recovery():
+def test_an_error_that_gets_large_again_prolongs_recovery():
     errors = np.array([1.0, 1.0, 9.0, 9.0, 2.0, 2.0, 4.0, 1.0])
-    assert recovery_time(errors, AWAY, **NEAR) == pytest.approx(0.3)
+    assert recovery_time(errors, REACHABLE, **NEAR) == pytest.approx(0.3)
 
 
-def test_recovery_takes_no_time_where_the_arm_waited_at_the_place_of_re_entry():
-    assert recovery_time(np.full(8, 2.9), AWAY, **NEAR) == 0.0
+def test_recovery_takes_no_time_if_the_arm_waits_at_the_re_entry():
+    assert recovery_time(np.full(8, 2.9), REACHABLE, **NEAR) == 0.0
 
 
 def test_errors_before_the_re_entry_do_not_count():
     errors = np.array([50.0, 50.0, 50.0, 50.0, 1.0, 1.0, 1.0, 1.0])
-    assert recovery_time(errors, AWAY, **NEAR) == 0.0
+    assert recovery_time(errors, REACHABLE, **NEAR) == 0.0
 
 
-def test_recovery_is_infinite_where_the_last_error_is_large():
+def test_recovery_is_infinite_if_the_last_error_is_large():
     errors = np.array([1.0, 1.0, 9.0, 9.0, 1.0, 1.0, 1.0, 3.1])
-    assert recovery_time(errors, AWAY, **NEAR) == np.inf
+    assert recovery_time(errors, REACHABLE, **NEAR) == np.inf
 
 
 @pytest.mark.parametrize(
-    "inside", [np.ones(8, bool), np.zeros(8, bool), np.arange(8) < 5]
+    "reachable", [np.ones(8, bool), np.zeros(8, bool), np.arange(8) < 5]
 )
-def test_there_is_no_recovery_where_the_target_never_came_back(inside):
-    assert np.isnan(recovery_time(np.zeros(8), inside, **NEAR))
+def test_recovery_is_nan_if_the_target_never_re_enters(reachable):
+    assert np.isnan(recovery_time(np.zeros(8), reachable, **NEAR))
 
 
-def test_of_several_re_entries_the_last_one_counts():
-    inside = np.array([True, False, True, True, False, True, True, True])
+def test_the_last_of_several_re_entries_counts():
+    reachable = np.array([True, False, True, True, False, True, True, True])
     errors = np.array([1.0, 9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0])
-    assert recovery_time(errors, inside, near=3.0, period=0.5) == pytest.approx(0.5)
+    assert recovery_time(errors, reachable, near=3.0, period=0.5) == pytest.approx(0.5)

@@ -1,4 +1,4 @@
-"""From runs to scores: short runs made up so that every number can be worked out by hand."""
+"""Scores of short artificial runs, with results computed by hand."""
 
 import numpy as np
 import pytest
@@ -17,15 +17,25 @@ TWO = load_arm("twin_arm").model_copy(
 )
 REST = Goal.of(2)
 UNITS = {
-    "position": "cm", "constraint": "cm", "tilt": "deg", "azimuth": "deg", "orientation": "deg", "end distance": "cm",
-    "reached": "of runs", "clearance": "cm", "clearance at steps": "cm", "clearance of the arm": "cm",
-    "path length": "cm", "stillness": "cm", "recovery": "s",
-}  # fmt: skip
+    "position": "cm",
+    "constraint": "cm",
+    "tilt": "deg",
+    "azimuth": "deg",
+    "orientation": "deg",
+    "end distance": "cm",
+    "reached": "of runs",
+    "clearance": "cm",
+    "clearance at steps": "cm",
+    "clearance of the arm": "cm",
+    "path length": "cm",
+    "stillness": "cm",
+    "recovery": "s",
+}
 
 
-def made_up(goals, states, scores, center_lines=None, period=0.1):
-    """A run in which these states happened."""
-    # the reading before the first action, and then those after each
+def make_run(goals, states, scores, center_lines=None, period=0.1):
+    """Episode with chosen states, and its task."""
+    # the reading before the first action, then one after each action
     rows = np.concatenate([states[:1], states])
     columns = {
         "time": period * np.arange(len(rows)),
@@ -35,31 +45,32 @@ def made_up(goals, states, scores, center_lines=None, period=0.1):
     }
     if center_lines is not None:
         columns["sensor.center_line"] = np.concatenate([center_lines[:1], center_lines])
-    return Episode(TWO, columns), Task("made up", tuple(goals), tuple(scores))
+    return Episode(TWO, columns), Task("artificial", tuple(goals), tuple(scores))
 
 
 def states_at(tips, axes=(0, 0, 1)):
-    """States of two modules: the lower one's end at 0.3 m, the tip as stated."""
+    """States of two modules: the lower end at 0.3 m, the tip as given."""
     states = np.zeros((len(tips), 2, 6))
-    states[:, 0, 2], states[:, :, 3:] = 0.3, axes
+    states[:, 0, 2] = 0.3
+    states[:, :, 3:] = axes
     states[:, 1, :3] = tips
     return states
 
 
-def off_by(centimeters):
-    """A tip that misses its target, at height 0.5 m, by so much aside in every step."""
-    tips = np.array([[miss / 100, 0, 0.5] for miss in centimeters])
+def off_by(errors):
+    """Goals and states of a tip with some position errors [cm]."""
+    tips = np.array([[error / 100, 0, 0.5] for error in errors])
     return [REST.with_position([0, 0, 0.5])] * len(tips), states_at(tips)
 
 
-def scored(run, recipe="paper"):
-    (found,) = score_run(*run, recipe)
-    return found
+def score(run, recipe="paper"):
+    (result,) = score_run(*run, recipe)
+    return result
 
 
-def value(goals, states, metric, recipe="paper", center_lines=None, **score):
-    return scored(
-        made_up(goals, states, [Score(metric, **score)], center_lines), recipe
+def value(goals, states, metric, recipe="paper", center_lines=None, **options):
+    return score(
+        make_run(goals, states, [Score(metric, **options)], center_lines), recipe
     ).value
 
 
@@ -69,35 +80,35 @@ def test_every_metric_has_its_unit():
 
 def test_scores_come_in_the_order_of_the_task_with_values_for_every_step():
     scores = [Score("position"), Score("end distance"), Score("path length")]
-    found = score_run(*made_up(*off_by(np.arange(STEPS)), scores), "paper")
-    assert [one.score for one in found] == scores
-    assert [one.unit for one in found] == ["cm", "cm", "cm"]
-    assert [one.values.shape for one in found] == [(STEPS,)] * 3
+    result = score_run(*make_run(*off_by(np.arange(STEPS)), scores), "paper")
+    assert [scored.score for scored in result] == scores
+    assert [scored.unit for scored in result] == ["cm", "cm", "cm"]
+    assert [scored.values.shape for scored in result] == [(STEPS,)] * 3
 
 
 def test_position_is_the_mean_distance_over_all_steps():
-    found = scored(made_up(*off_by([3, 1, 2, 6]), [Score("position")]))
-    np.testing.assert_allclose(found.values, [3, 1, 2, 6], rtol=1e-6)
-    assert found.value == pytest.approx(3.0)
-    assert found.averaged
+    result = score(make_run(*off_by([3, 1, 2, 6]), [Score("position")]))
+    np.testing.assert_allclose(result.values, [3, 1, 2, 6], rtol=1e-6)
+    assert result.value == pytest.approx(3.0)
+    assert result.averaged
 
 
-def test_steps_that_do_not_count_are_left_out_of_values_and_mean():
-    found = scored(
-        made_up(
+def test_steps_that_do_not_count_are_nan_and_not_in_the_mean():
+    result = score(
+        make_run(
             *off_by([3, 1, 2, 6]),
             [Score("position", steps=np.array([False, True, True, False]))],
         )
     )
-    np.testing.assert_allclose(found.values, [np.nan, 1, 2, np.nan], rtol=1e-6)
-    assert found.value == pytest.approx(1.5)
+    np.testing.assert_allclose(result.values, [np.nan, 1, 2, np.nan], rtol=1e-6)
+    assert result.value == pytest.approx(1.5)
 
 
-def test_where_no_step_counts_the_mean_is_no_number_and_nothing_warns():
+def test_the_mean_of_no_step_is_nan_without_a_warning():
     assert np.isnan(value(*off_by([3, 1]), "position", steps=np.zeros(2, bool)))
 
 
-def test_constraint_is_the_distance_of_the_module_that_is_held():
+def test_constraint_is_the_position_error_of_the_chosen_module():
     goals = [REST.with_position([0, 0.04, 0.3], module=0).with_position([9, 9, 9])] * 3
     assert value(
         goals, states_at(np.zeros((3, 3))), "constraint", module=0
@@ -105,10 +116,10 @@ def test_constraint_is_the_distance_of_the_module_that_is_held():
 
 
 @pytest.mark.parametrize(
-    ("metric", "predicted"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
+    ("metric", "expected"), [("tilt", 20.0), ("azimuth", 90.0), ("orientation", 90.0)]
 )
 def test_orientations_are_scored_against_the_desired_axis(metric, expected):
-    """An end that lies in x, where 70 deg from the vertical towards y are desired."""
+    """True axis along x; desired axis 70 deg from the vertical towards y."""
     desired = [0, np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))]
     states = states_at(np.zeros((2, 3)), axes=(1, 0, 0))
     assert value([REST.with_axis(desired)] * 2, states, metric) == pytest.approx(
@@ -116,7 +127,7 @@ def test_orientations_are_scored_against_the_desired_axis(metric, expected):
     )
 
 
-def test_an_orientation_is_scored_of_the_module_named():
+def test_orientation_is_scored_of_the_chosen_module():
     states = states_at(np.zeros((2, 3)))
     states[:, 0, 3:] = [0, 1, 0]
     goals = [REST.with_axis([0, 0, 1], module=0).with_axis([0, 0, 1])] * 2
@@ -125,14 +136,14 @@ def test_an_orientation_is_scored_of_the_module_named():
 
 
 def test_the_end_distance_is_the_mean_of_the_last_ten_steps():
-    found = scored(
-        made_up(*off_by([50.0] * 10 + list(range(10))), [Score("end distance")])
+    result = score(
+        make_run(*off_by([50.0] * 10 + list(range(10))), [Score("end distance")])
     )
-    assert found.value == pytest.approx(4.5)
-    assert not found.averaged
+    assert result.value == pytest.approx(4.5)
+    assert not result.averaged
 
 
-def test_of_a_run_shorter_than_ten_steps_all_are_the_end():
+def test_the_end_distance_of_a_short_run_is_the_mean_of_all_steps():
     assert value(*off_by([1, 2, 6]), "end distance") == pytest.approx(3.0)
 
 
@@ -146,13 +157,13 @@ def test_of_a_run_shorter_than_ten_steps_all_are_the_end():
         ("best", 4.99, 0.0),
     ],
 )
-def test_a_target_is_reached_within_five_centimetres_by_the_papers_recipe_and_three_by_others(
+def test_the_reach_threshold_is_5_cm_for_the_paper_recipe_and_3_cm_for_others(
     recipe, miss, reached
 ):
     assert value(*off_by([50] * 10 + [miss] * 10), "reached", recipe) == reached
 
 
-def test_reaching_is_a_matter_of_the_mean_and_not_of_every_step():
+def test_reaching_depends_on_the_mean_and_not_on_every_step():
     assert value(*off_by([50] * 10 + [9, 0] * 5), "reached") == 1.0
     assert value(*off_by([0] * 10 + [11, 0] * 5), "reached") == 0.0
 
@@ -162,34 +173,34 @@ TIPS = np.array([[0, 0, 0.5], [0.15, 0, 0.5], [0.1, 0, 0.5]])
 
 
 def lines_to(tips, bulge=0.0):
-    """Center lines of two moments and ten points, all at the base but the tip; in the first moment it is further on."""
+    """Center lines of two moments and ten points; the first tip is off by `bulge`."""
     lines = np.zeros((len(tips), 2, 10, 3))
     lines[:, :, -1] = tips[:, None]
     lines[:, 0, -1, 0] += bulge
     return lines
 
 
-def test_clearance_of_a_run_that_nothing_watched_is_the_smallest_at_control_steps():
+def test_clearance_without_center_lines_is_the_smallest_at_control_steps():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    found = scored(made_up(goals, states, [Score("clearance")]))
-    np.testing.assert_allclose(found.values, [20, 5, 10], atol=1e-5)
-    assert found.value == pytest.approx(5.0, abs=1e-5)
-    assert not found.averaged
+    result = score(make_run(goals, states, [Score("clearance")]))
+    np.testing.assert_allclose(result.values, [20, 5, 10], atol=1e-5)
+    assert result.value == pytest.approx(5.0, abs=1e-5)
+    assert not result.averaged
 
 
-def test_clearance_of_a_watched_run_counts_what_happened_between_control_steps():
+def test_clearance_with_center_lines_includes_moments_between_control_steps():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
     assert value(
         goals, states, "clearance", center_lines=lines_to(TIPS, bulge=0.07)
     ) == pytest.approx(-2, abs=1e-5)
 
 
-def test_clearance_at_steps_does_not():
+def test_clearance_at_steps_excludes_moments_between_control_steps():
     goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    found = value(
+    result = value(
         goals, states, "clearance at steps", center_lines=lines_to(TIPS, bulge=0.07)
     )
-    assert found == pytest.approx(5, abs=1e-5)
+    assert result == pytest.approx(5, abs=1e-5)
 
 
 def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
@@ -204,8 +215,8 @@ def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
     ) == pytest.approx(-5, abs=1e-5)
 
 
-def test_clearance_of_the_arm_takes_module_ends_where_nothing_watched_it():
-    """The lower module's end is at 0.3 m, 2 cm off the edge of the obstacle; the tip is further away."""
+def test_clearance_of_the_arm_without_center_lines_uses_module_ends():
+    """The lower end is 2 cm away from the obstacle, the tip further."""
     goals = [REST.with_obstacles([[0, 0.12, 0.3]], [0.1])] * 3
     assert value(goals, states_at(TIPS), "clearance of the arm") == pytest.approx(
         2, abs=1e-5
@@ -213,66 +224,66 @@ def test_clearance_of_the_arm_takes_module_ends_where_nothing_watched_it():
     assert value(goals, states_at(TIPS), "clearance") > 10
 
 
-def test_an_obstacle_counts_only_in_the_steps_in_which_it_is_there():
-    found = scored(
-        made_up(
+def test_an_obstacle_counts_only_in_steps_with_that_obstacle():
+    result = score(
+        make_run(
             [REST, OBSTACLE, OBSTACLE], states_at(TIPS), [Score("clearance of the arm")]
         )
     )
-    np.testing.assert_allclose(found.values, [np.inf, 5, 10], atol=1e-5)
+    np.testing.assert_allclose(result.values, [np.inf, 5, 10], atol=1e-5)
 
 
 def test_the_path_length_is_the_sum_of_the_steps():
-    found = scored(made_up([REST] * 3, states_at(TIPS), [Score("path length")]))
-    np.testing.assert_allclose(found.values, [0, 15, 5], atol=1e-9)
-    assert found.value == pytest.approx(20)
+    result = score(make_run([REST] * 3, states_at(TIPS), [Score("path length")]))
+    np.testing.assert_allclose(result.values, [0, 15, 5], atol=1e-9)
+    assert result.value == pytest.approx(20)
 
 
-def test_stillness_is_the_furthest_that_the_tip_strayed_while_the_obstacle_was_far():
+def test_stillness_is_the_largest_drift_of_the_tip_while_the_obstacle_is_far():
     tips = np.array(
         [[0, 0, 0.5], [0.006, 0, 0.5], [0.2, 0, 0.5], [0.002, 0, 0.5], [0.006, 0, 0.5]]
     )
-    found = scored(made_up([OBSTACLE] * 5, states_at(tips), [Score("stillness")]))
-    np.testing.assert_allclose(found.values, [0, 0.6, np.nan, 0, 0.4], atol=1e-6)
-    assert found.value == pytest.approx(0.6)
+    result = score(make_run([OBSTACLE] * 5, states_at(tips), [Score("stillness")]))
+    np.testing.assert_allclose(result.values, [0, 0.6, np.nan, 0, 0.4], atol=1e-6)
+    assert result.value == pytest.approx(0.6)
 
 
-INSIDE = np.array([True, False, False, True, True, True])
+REACHABLE = np.array([True, False, False, True, True, True])
 
 
-def recovery(misses, inside, period=0.1):
-    return scored(
-        made_up(*off_by(misses), [Score("recovery", steps=inside)], period=period)
+def recovery(errors, reachable, period=0.1):
+    return score(
+        make_run(*off_by(errors), [Score("recovery", steps=reachable)], period=period)
     )
 
 
-def test_recovery_is_the_time_from_re_entry_until_the_error_stays_below_three_centimetres():
-    found = recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE)
-    assert found.value == pytest.approx(0.2)
-    np.testing.assert_allclose(found.values, [np.nan] * 5 + [0.2])
-    assert not found.averaged
+def test_recovery_lasts_from_re_entry_until_the_error_stays_below_3_cm():
+    result = recovery([1, 9, 9, 9, 3.1, 2.9], REACHABLE)
+    assert result.value == pytest.approx(0.2)
+    np.testing.assert_allclose(result.values, [np.nan] * 5 + [0.2])
+    assert not result.averaged
 
 
-def test_recovery_is_told_in_seconds_whatever_the_control_rate():
-    assert recovery([1, 9, 9, 9, 3.1, 2.9], INSIDE, period=0.05).value == pytest.approx(
-        0.1
-    )
+def test_recovery_is_in_seconds_at_any_control_rate():
+    assert recovery(
+        [1, 9, 9, 9, 3.1, 2.9], REACHABLE, period=0.05
+    ).value == pytest.approx(0.1)
 
 
-def test_an_arm_that_never_recovers_takes_for_ever():
-    assert recovery([1, 9, 9, 9, 1, 3.1], INSIDE).value == np.inf
+def test_recovery_of_an_arm_that_never_recovers_is_infinite():
+    assert recovery([1, 9, 9, 9, 1, 3.1], REACHABLE).value == np.inf
 
 
-@pytest.mark.parametrize("inside", [np.ones(6, bool), None])
-def test_a_target_that_never_left_leaves_nothing_to_recover_from(inside):
-    assert np.isnan(recovery([9, 9, 9, 9, 9, 9], inside).value)
+@pytest.mark.parametrize("reachable", [np.ones(6, bool), None])
+def test_recovery_is_nan_if_the_target_is_always_within_reach(reachable):
+    assert np.isnan(recovery([9, 9, 9, 9, 9, 9], reachable).value)
 
 
-def test_the_way_back_to_rest_is_in_an_episode_and_not_scored():
-    """The tip is where it shall be while the arm runs and held, and far away afterwards."""
+def test_the_return_to_rest_is_not_scored():
+    """The tip is near its target while the arm runs or holds, and far afterwards."""
     goals, states = off_by([3, 1, 2, 6])
-    episode, task = made_up(goals, states, [Score("position")])
-    way_back = np.concatenate(
+    episode, task = make_run(goals, states, [Score("position")])
+    states_to_rest = np.concatenate(
         [episode["sensor.states"], states_at(np.full((3, 3), 9.0))]
     )
     stage = np.array(
@@ -285,16 +296,16 @@ def test_the_way_back_to_rest_is_in_an_episode_and_not_scored():
             "time": 0.1 * np.arange(8),
             "actions": np.zeros((8, 2, 3)),
             "stage": stage,
-            "sensor.states": way_back,
+            "sensor.states": states_to_rest,
         },
     )
-    assert scored((longer, task)).value == pytest.approx(3.0)
+    assert score((longer, task)).value == pytest.approx(3.0)
 
 
-def test_an_episode_without_true_states_or_of_another_length_is_not_scored():
+def test_an_episode_without_true_states_or_of_another_length_is_not_score():
     goals, states = off_by([3, 1, 2, 6])
-    episode, task = made_up(goals, states, [Score("position")])
-    blind = Episode(
+    episode, task = make_run(goals, states, [Score("position")])
+    without_states = Episode(
         TWO,
         {
             name: values
@@ -303,6 +314,6 @@ def test_an_episode_without_true_states_or_of_another_length_is_not_scored():
         },
     )
     with pytest.raises(S2C2AError, match="no true states"):
-        score_run(blind, task, "paper")
-    with pytest.raises(S2C2AError, match="has 4 steps, and 'made up' has 3"):
-        score_run(episode, Task("made up", tuple(goals[:3])), "paper")
+        score_run(without_states, task, "paper")
+    with pytest.raises(S2C2AError, match="has 4 steps; task 'artificial' has 3"):
+        score_run(episode, Task("artificial", tuple(goals[:3])), "paper")

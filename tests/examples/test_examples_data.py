@@ -1,4 +1,4 @@
-"""The pieces of real recordings are imported by the command line, with the maps beside them."""
+"""Import of the example logs of real arms with their map files."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ SERVOS = {"4": 0, "3": 0, "9": 0, "5": 1, "2": 1, "8": 1, "6": 2, "1": 2, "7": 2
 
 @pytest.fixture
 def short_map(tmp_path):
-    """The map of opencr_v4 for its first rows, with the modules stated, which is quicker."""
+    """The map of opencr_v4 for its first rows, with known modules, which is faster."""
     text = (
         (DATA / "opencr_v4" / "map.toml")
         .read_text()
@@ -35,13 +35,13 @@ def short_map(tmp_path):
 
 
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: path.stem)
-def test_every_map_is_sound_and_says_source_and_license(path):
+def test_every_map_is_valid_and_names_source_and_license(path):
     source = load_map(path).source
     assert all([source.name, source.address, source.commit, source.license])
     assert (DATA / path.parent.name / "LICENSE").is_file()
 
 
-def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
+def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
     out = tmp_path / "opencr.episodes"
     command = [
         "import",
@@ -52,9 +52,9 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
         str(out),
     ]
     main(command)
-    said = capsys.readouterr().out
-    assert "1 episodes of 300 steps" in said
-    assert "end of module 2 in 100.0 % of steps, its axis in 0.0 %" in said
+    output = capsys.readouterr().out
+    assert "1 episodes of 300 steps" in output
+    assert "end of module 2 in 100.0 % of steps, its axis in 0.0 %" in output
     recording = load_recording(out)
     assert recording.arm == load_arm(tmp_path / "opencr.arm.toml")
     assert recording.options["license"] == "MIT"
@@ -67,7 +67,7 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
         main(command)
     assert "--overwrite" in capsys.readouterr().err
     other = tmp_path / "val.episodes"
-    again = [
+    repeated = [
         "import",
         str(DATA / "opencr_v4" / "val.csv.gz"),
         *command[2:4],
@@ -76,10 +76,10 @@ def test_a_piece_of_opencr_becomes_a_recording_and_an_arm(short_map, tmp_path, c
         "--overwrite",
     ]
     for _ in range(2):
-        main([*again, "--out", str(other)])
+        main([*repeated, "--out", str(other)])
         assert "mm from where it was then" in capsys.readouterr().out
     with pytest.raises(SystemExit):
-        main([*again, "--out", str(out)])
+        main([*repeated, "--out", str(out)])
     assert "choose another name" in capsys.readouterr().err
     assert load_recording(other).arm == recording.arm
     assert not (tmp_path / "val.arm.toml").exists()

@@ -1,4 +1,4 @@
-"""Every example runs, in a folder of its own."""
+"""Every example runs in an empty folder."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "output"),
     [
         ("01_your_own_arm.py", "module 2 ends at"),
         ("02_follow_a_circle.py", "cm from the circle"),
@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("06_many_machines.py", "a million arm-hours"),
     ],
 )
-def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):
+def test_an_example_runs_and_prints_its_result(name, output, tmp_path):
     done = subprocess.run(
         [sys.executable, EXAMPLES / name, "1"],
         cwd=tmp_path,
@@ -29,7 +29,7 @@ def test_an_example_runs_and_says_what_it_found(name, said, tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert said in done.stdout
+    assert output in done.stdout
 
 
 def test_no_example_exceeds_eighty_lines():

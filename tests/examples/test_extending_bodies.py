@@ -1,4 +1,4 @@
-"""A body and a sensor of the user's own, from files that the package knows nothing of, through the command line."""
+"""A custom robot and a custom sensor, from user files, through the command line."""
 
 import json
 import time
@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, save_arm
+from s2c2a.cli.execution import robot_factory_for
 from s2c2a.cli.main import main
-from s2c2a.cli.execution import body_for
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
+from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
 from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Stage
 from s2c2a.strategies import load_strategy, save_recipe
 
@@ -38,14 +38,9 @@ def arm_file(arm, folder, **changes):
     return path
 
 
-@pytest.mark.parametrize("file", [ROBOT, SENSOR])
-def test_it_is_one_file_of_sixty_lines(file):
-    assert len(file.read_text().splitlines()) <= 60
-
-
 @pytest.fixture(scope="module")
 def trained(twin, recipe, tmp_path_factory):
-    """A robot of one's own checked, collected from and trained, in wall time at 50 Hz: its arm file and networks."""
+    """Arm file, recording and networks of a custom robot in wall time at 50 Hz."""
     folder = tmp_path_factory.mktemp("own_robot")
     arm = arm_file(twin, folder, control_rate=50.0)
     robot = ["--robot", f"{ROBOT}:LaggingArm", "--arm", str(arm)]
@@ -68,7 +63,7 @@ def trained(twin, recipe, tmp_path_factory):
     return arm, recording, weights
 
 
-def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
+def test_a_custom_robot_fulfills_the_interface_contract(capsys, twin, tmp_path):
     arm = arm_file(twin, tmp_path, control_rate=20.0)
     main(
         [
@@ -82,25 +77,25 @@ def test_a_robot_of_ones_own_keeps_its_promises(capsys, twin, tmp_path):
             "lag=0.02",
         ]
     )
-    said = capsys.readouterr().out
-    assert "ok: it says cables, states, as declared" in said
-    assert "own_robot.py:LaggingArm lag=0.02 keeps its promises" in said
+    output = capsys.readouterr().out
+    assert "ok: readings contain cables, states, as declared" in output
+    assert "own_robot.py:LaggingArm lag=0.02 fulfills the interface contract" in output
 
 
-def test_a_robot_of_ones_own_is_collected_from_in_its_own_time(trained):
+def test_a_custom_robot_is_recorded_in_wall_clock_time(trained):
     _, recording, _ = trained
-    found = load_recording(recording)
-    assert set(found.sensors) == {"cables", "states"}
-    assert found.actions.shape == (3, 80, 3, 3)
-    assert "LaggingArm" in found.options["body"]
-    assert np.median(np.diff(found.time, axis=1)) == pytest.approx(0.02, rel=0.2)
+    loaded = load_recording(recording)
+    assert set(loaded.sensors) == {"cables", "states"}
+    assert loaded.actions.shape == (3, 80, 3, 3)
+    assert "LaggingArm" in loaded.options["body"]
+    assert np.median(np.diff(loaded.time, axis=1)) == pytest.approx(0.02, rel=0.2)
 
 
-def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
-    """A second on the spot and a little to the side."""
+def test_a_custom_robot_is_run_and_scored(trained, tmp_path):
+    """A short lateral motion."""
     arm, _, _ = trained
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
-    way = [
+    task = [
         str(tmp_path / "aside.csv"),
         "--arm",
         str(arm),
@@ -109,21 +104,21 @@ def test_a_robot_of_ones_own_is_run_and_scored(trained, tmp_path):
         "--strategy",
         "pcc",
     ]
-    main(["run", *way, "--out", str(tmp_path / "run")])
+    main(["run", *task, "--out", str(tmp_path / "run")])
     (row,) = [
-        one
-        for one in json.loads((tmp_path / "run" / "results.json").read_text())
-        if one["metric"] == "position"
+        row
+        for row in json.loads((tmp_path / "run" / "results.json").read_text())
+        if row["metric"] == "position"
     ]
     assert (row["arm"], row["strategy"]) == ("own_arm", "pcc")
     assert 0 < row["mean"] < 3
 
 
-def test_a_robot_of_ones_own_is_driven_live(trained):
+def test_a_custom_robot_runs_on_the_live_page(trained):
     _, _, weights = trained
     spec = load_strategy(weights).arm
     control = arm_control(
-        spec, body_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
+        spec, robot_factory_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
     )
     assert control.strategies[0] == "s2c2a · own"
     control.start()
@@ -139,7 +134,7 @@ def test_a_robot_of_ones_own_is_driven_live(trained):
     np.testing.assert_allclose(control.latest.step.action, 0.0, atol=1e-9)
 
 
-def test_a_mistaken_option_of_ones_own_robot_is_told_in_one_line(capsys):
+def test_an_invalid_option_of_a_custom_robot_is_reported(capsys):
     with pytest.raises(SystemExit) as caught:
         main(
             [
@@ -155,17 +150,17 @@ def test_a_mistaken_option_of_ones_own_robot_is_told_in_one_line(capsys):
     assert "option lag=long of LaggingArm" in capsys.readouterr().err
 
 
-def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(
+def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     twin, recipe, tmp_path, capsys
 ):
-    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     robot, recording = (
         ["--robot", f"{SENSOR}:FlexArm", "--arm", arm],
         str(tmp_path / "flex.episodes"),
     )
     main(["robot", "check", *robot])
     assert (
-        "ok: it says cables, states, configurations, flex, as declared"
+        "ok: readings contain cables, states, configurations, flex, as declared"
         in capsys.readouterr().out
     )
     few = ["--episodes", "3", "--samples", "60", "--recipe", recipe]
@@ -174,7 +169,7 @@ def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(
     weights = tmp_path / "flex.safetensors"
     main(["train", recording, "--out", str(weights), "--recipe", recipe])
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
-    way = [
+    task = [
         str(tmp_path / "aside.csv"),
         *robot,
         "--strategy",
@@ -182,15 +177,13 @@ def test_a_sensor_of_ones_own_is_checked_collected_and_trained_on(
         "--weights",
         str(weights),
     ]
-    main(["run", *way, "--out", str(tmp_path / "run")])
+    main(["run", *task, "--out", str(tmp_path / "run")])
     rows = json.loads((tmp_path / "run" / "results.json").read_text())
     assert np.isfinite(rows[0]["mean"])
 
 
-def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(
-    twin, tmp_path, capsys
-):
-    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexEstimator"))
+def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
+    arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     recording = str(tmp_path / "no_flex.episodes")
     main(
         [
@@ -210,18 +203,16 @@ def test_an_arm_that_senses_by_what_its_body_does_not_say_is_told_so(
     assert "no 'flex'" in capsys.readouterr().err
 
 
-def test_flex_strips_say_how_modules_bend(twin):
+def test_flex_strips_measure_the_bends(twin):
 
     robot = robot_class(f"{SENSOR}:FlexArm")(twin)
-    arm = ArmSpec.model_validate(
-        twin.model_dump() | {"sensing": f"{SENSOR}:FlexEstimator"}
-    )
+    arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexMap"})
     check_robot(robot)
     with robot:
         for _ in range(15):
             robot.step(np.tile([[-0.008, 0.004, 0.004]], (3, 1)))
         reading = robot.read()
-    sensed = np.asarray(estimator_for(arm)(reading.sensors))
+    sensed = np.asarray(configuration_map_for(arm)(reading.sensors))
     np.testing.assert_allclose(sensed, reading["configurations"], atol=0.03)
 
 
@@ -240,14 +231,14 @@ class Blind(SimulatedRobot):
 """
 
 
-def test_a_run_that_nobody_watched_is_kept_without_scores(tmp_path, capsys):
+def test_a_run_without_measured_states_is_saved_without_scores(tmp_path, capsys):
     (tmp_path / "blind.py").write_text(BLIND)
-    (tmp_path / "way.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
+    (tmp_path / "path.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
     robot = ["--robot", f"{tmp_path / 'blind.py'}:Blind"]
     main(
         [
             "run",
-            str(tmp_path / "way.csv"),
+            str(tmp_path / "path.csv"),
             "--strategy",
             "pcc",
             *robot,
@@ -255,7 +246,7 @@ def test_a_run_that_nobody_watched_is_kept_without_scores(tmp_path, capsys):
             str(tmp_path / "run"),
         ]
     )
-    assert "all of it" in capsys.readouterr().out
+    assert "run directory:" in capsys.readouterr().out
     assert json.loads((tmp_path / "run" / "results.json").read_text()) == []
     (run,), _ = load_episodes(tmp_path / "run" / "twin_arm.episodes")
     assert len(run.ran("actions")) == 10

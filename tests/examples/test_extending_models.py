@@ -1,4 +1,4 @@
-"""A forward model in a file of one's own goes from data to a run through the command line, and nothing else changes."""
+"""A custom forward model, from data to a run, through the command line."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import tomli_w
 
 from s2c2a.cli.main import main
 from s2c2a.errors import StrategyError
-from s2c2a.models.registry import model_named
+from s2c2a.models.registry import MODELS
 from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_recipe
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
@@ -38,7 +38,7 @@ def recipe(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def strategy(recipe) -> Path:
-    """Collected and trained as a user would."""
+    """Strategy file of a recording and a training with this model."""
     data, file = recipe.with_name("data.episodes"), recipe.with_name("own.safetensors")
     main(
         [
@@ -58,11 +58,11 @@ def strategy(recipe) -> Path:
 
 
 def waypoints(folder: Path) -> Path:
-    (folder / "way.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
-    return folder / "way.csv"
+    (folder / "path.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
+    return folder / "path.csv"
 
 
-def test_it_drives_an_arm(strategy, tmp_path, capsys):
+def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
     out = tmp_path / "run"
     main(
         [
@@ -80,10 +80,10 @@ def test_it_drives_an_arm(strategy, tmp_path, capsys):
     assert (out / "results.json").exists()
 
 
-def test_its_numbers_come_back_from_recipe_and_strategy_file(
+def test_its_options_round_trip_through_recipe_and_strategy_file(
     recipe, strategy, tmp_path
 ):
-    mine = model_named(MODEL)
+    mine = MODELS.named(MODEL)
     networks = load_strategy(strategy)
     assert type(networks.recipe.c2s) is type(load_recipe(recipe).c2s) is mine
     assert networks.recipe.c2s.hidden == 4
@@ -93,7 +93,7 @@ def test_its_numbers_come_back_from_recipe_and_strategy_file(
 
 
 def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
-    """In a process of its own, since this one has asked for the model before."""
+    """In a new process, since this one has already imported the model."""
     code = "import sys; from s2c2a.cli.main import main; main(sys.argv[1:])"
     command = [
         sys.executable,
@@ -113,24 +113,22 @@ def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"hidden": "many"}, "hidden"),
         ({"layers": 2}, "layers"),
         ({"model": f"{EXAMPLE}:Nothing"}, "Nothing"),
     ],
 )
-def test_numbers_that_it_does_not_have_are_refused(recipe, tmp_path, change, said):
+def test_invalid_options_are_rejected(recipe, tmp_path, change, message):
     table = {"c2s": {"model": MODEL} | change, "c2a": {"layers": 1, "hidden": 4}}
     (tmp_path / "wrong.toml").write_text(tomli_w.dumps(table))
-    with pytest.raises(StrategyError, match=said):
+    with pytest.raises(StrategyError, match=message):
         load_recipe(tmp_path / "wrong.toml")
 
 
-def test_networks_trained_with_other_code_are_not_taken_for_those_of_this_one(
-    tmp_path, monkeypatch
-):
-    """What is kept goes by all that it depends on; a user changes his file more often than its numbers."""
+def test_networks_of_other_code_have_another_cache_key(tmp_path, monkeypatch):
+    """The cache key includes the code, which a user changes more often than numbers."""
     monkeypatch.syspath_prepend(tmp_path)
     recipes = []
     for name in ("first_model", "second_model"):
@@ -139,11 +137,7 @@ def test_networks_trained_with_other_code_are_not_taken_for_those_of_this_one(
         recipes.append(
             replace(
                 recipe_named("paper"),
-                c2s=model_named(f"{file}:ArcsOptions")(model="mine"),
+                c2s=MODELS.named(f"{file}:ArcsOptions")(model="mine"),
             )
         )
     assert recipes[0].training != recipes[1].training
-
-
-def test_the_example_has_sixty_lines_at_most():
-    assert len(EXAMPLE.read_text().splitlines()) <= 60

@@ -1,4 +1,4 @@
-"""A term and a solver in files of the user's, from the command line and from Python."""
+"""A custom cost term and a custom solver, from the command line and from Python."""
 
 import json
 from dataclasses import replace
@@ -11,11 +11,9 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import (
-    PCCForwardModel,
-    bends_from_configurations,
-    states_from_configurations,
-)
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations, states_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal, Planner
 from s2c2a.strategies import (
     load_recipe,
@@ -35,13 +33,10 @@ STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 @pytest.mark.parametrize(
     ("example", "name"), [("own_term", "ElbowHigh"), ("own_solver", "Descent")]
 )
-def test_an_example_takes_no_more_than_sixty_lines_and_runs_from_the_command_line(
-    example, name, tmp_path, monkeypatch
-):
+def test_an_example_runs_from_the_command_line(example, name, tmp_path, monkeypatch):
     text, recipe_text = (
         (EXTENDING / f"{example}.{ending}").read_text() for ending in ("py", "toml")
     )
-    assert len(text.splitlines()) <= 60
     assert indent(recipe_text, "    ") in text
     monkeypatch.chdir(tmp_path)
     waypoints, recipe = tmp_path / "short.csv", EXTENDING / f"{example}.toml"
@@ -65,12 +60,12 @@ def test_an_example_takes_no_more_than_sixty_lines_and_runs_from_the_command_lin
     )
 
 
-def drive(options, goal, steps=40):
-    """Bends, and heights of the middle module's end, on an arm that does what is planned."""
+def plan_steps(options, goal, steps=40):
+    """Bends and states of an arm that executes its plan exactly."""
     planner = Planner(TWIN, PCCForwardModel.of(TWIN), options)
-    plan = planner.start(STRAIGHT)
+    plan = planner.start(Estimate(STRAIGHT))
     for _ in range(steps):
-        plan = planner.plan(plan, plan.configurations, goal)
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
     states = states_from_configurations(
         plan.configurations, PCCForwardModel.of(TWIN).lengths
     )
@@ -84,14 +79,16 @@ def test_the_term_keeps_the_elbow_high_and_the_solver_reaches_the_target():
         Goal.of(3).with_position([0.3, 0.0, 0.42]),
         recipe_named("best").planner,
     )
-    before = drive(best, goal)[1]
-    with_term = drive(load_recipe(EXTENDING / "own_term.toml").planner, goal)[1]
+    before = plan_steps(best, goal)[1]
+    with_term = plan_steps(load_recipe(EXTENDING / "own_term.toml").planner, goal)[1]
     assert with_term[1, 2] > before[1, 2] + 0.01
-    with_solver = drive(load_recipe(EXTENDING / "own_solver.toml").planner, goal)[1]
+    with_solver = plan_steps(load_recipe(EXTENDING / "own_solver.toml").planner, goal)[
+        1
+    ]
     assert np.linalg.norm(with_solver[-1, :3] - [0.3, 0.0, 0.42]) < 0.01
 
 
-def test_a_recipe_with_parts_of_ones_own_comes_back_from_its_file(tmp_path):
+def test_a_recipe_with_custom_components_round_trips(tmp_path):
     recipe = load_recipe(EXTENDING / "own_term.toml")
     assert recipe.training == recipe_named("best").training
     assert recipe.planner.terms[:-1] == recipe_named("best").planner.terms
@@ -101,8 +98,10 @@ def test_a_recipe_with_parts_of_ones_own_comes_back_from_its_file(tmp_path):
     )
 
 
-def test_a_strategy_file_names_no_code(tiny_best_networks, tiny_best_recipe, tmp_path):
-    """A stranger's could: it loads, says so when it shall plan, and plans with a recipe of the user's."""
+def test_a_strategy_file_imports_no_code(
+    tiny_best_networks, tiny_best_recipe, tmp_path
+):
+    """The file loads, refuses to plan, and plans with a recipe of the user."""
     own = replace(
         tiny_best_recipe, planner=load_recipe(EXTENDING / "own_term.toml").planner
     )
@@ -113,14 +112,14 @@ def test_a_strategy_file_names_no_code(tiny_best_networks, tiny_best_recipe, tmp
         S2C2AError, match="is code, which a strategy file cannot ask for"
     ):
         s2c2a_strategy(loaded)
-    assert planning_as(loaded, own).recipe.planner.made()[1][-1].height == 0.42
+    assert planning_as(loaded, own).recipe.planner.build()[1][-1].height == 0.42
 
 
 RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters", "said"),
+    ("name", "parameters", "message"),
     [
         ("nowhere.py:Thing", "", "no file"),
         ("Evennes", "", "no term 'Evennes'; choose one of Positions, Axes"),
@@ -145,11 +144,11 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
         ("Evenness", "weight = nan", "nan weight asked for"),
     ],
 )
-def test_what_cannot_be_a_part_is_refused_when_the_recipe_is_read(
-    name, parameters, said, tmp_path
+def test_invalid_components_are_rejected_when_the_recipe_is_read(
+    name, parameters, message, tmp_path
 ):
     for file in EXTENDING.glob("*.py"):
         (tmp_path / f"{file.stem}.py").symlink_to(file)
     (tmp_path / "mine.toml").write_text(RECIPE.format(name, parameters))
-    with pytest.raises(S2C2AError, match=said):
+    with pytest.raises(S2C2AError, match=message):
         load_recipe(tmp_path / "mine.toml")

@@ -1,4 +1,4 @@
-"""Damaged files of every format that the package reads, and what it makes of them.
+"""Fuzz test: damaged files of every format that the package reads.
 
     python tests/hostile/damaged_files.py --count 20000
 
@@ -31,11 +31,49 @@ SECONDS, MEMORY, MAX_RESIDENT = 20, 1_200_000_000, 1_500_000_000
 GOOD = ("unchanged", "our error")
 BAD = ("changed", "foreign", "hang", "crash", "memory")
 COLUMNS = (*GOOD[:1], "cut short", "another file", *GOOD[1:], *BAD)
-NASTY = [b"1e308", b"-1", b"nan", b"inf", b"-inf", b"NaN", b"Infinity", b"1e999", b"1" + b"0" * 400, b"9" * 5000, b"0",
-         b"0x" + b"f" * 5000, b"1e-320", b"99999999999999999999", b"true", b"null", b'"word"', b"[[1]]", b"{}", b'""',
-         b'"../../etc/passwd"', b"[" * 9000, b"{a=" * 3000, b'{"a":' * 9000, b"a." * 40000 + b"a=1", b"\xff\xfe",
-         b"\xc0\x80", b'"\\ud800"', b"1e5", b"0.25", b"3", b'"F64"', b'"I8"', b"[0,0]", b"[2,-1]", b"12,3,4",
-         "\u202e\ufeff\u0000é".encode(), b"A" * 70000, b"1979-05-27", b"\n", b"\x00" * 40]  # fmt: skip
+NASTY = [
+    b"1e308",
+    b"-1",
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"NaN",
+    b"Infinity",
+    b"1e999",
+    b"1" + b"0" * 400,
+    b"9" * 5000,
+    b"0",
+    b"0x" + b"f" * 5000,
+    b"1e-320",
+    b"99999999999999999999",
+    b"true",
+    b"null",
+    b'"word"',
+    b"[[1]]",
+    b"{}",
+    b'""',
+    b'"../../etc/passwd"',
+    b"[" * 9000,
+    b"{a=" * 3000,
+    b'{"a":' * 9000,
+    b"a." * 40000 + b"a=1",
+    b"\xff\xfe",
+    b"\xc0\x80",
+    b'"\\ud800"',
+    b"1e5",
+    b"0.25",
+    b"3",
+    b'"F64"',
+    b'"I8"',
+    b"[0,0]",
+    b"[2,-1]",
+    b"12,3,4",
+    "\u202e\ufeff\u0000é".encode(),
+    b"A" * 70000,
+    b"1979-05-27",
+    b"\n",
+    b"\x00" * 40,
+]
 LINKS = ["/etc/passwd", "/dev/zero", "/dev/full", "/etc", "/proc/self/mem", "nowhere"]
 
 
@@ -59,8 +97,11 @@ class Format:
 def _said(*things) -> str:
     digest = hashlib.sha256()
     for thing in things:
-        digest.update(thing.tobytes() + str((thing.dtype, thing.shape)).encode() if isinstance(thing, np.ndarray)
-                      else repr(thing).encode("utf-8", "backslashreplace"))  # fmt: skip
+        digest.update(
+            thing.tobytes() + str((thing.dtype, thing.shape)).encode()
+            if isinstance(thing, np.ndarray)
+            else repr(thing).encode("utf-8", "backslashreplace")
+        )
     return digest.hexdigest()
 
 
@@ -76,10 +117,17 @@ def _episodes(whole: bool):
 
     arm, random = load_arm("twin_arm"), np.random.default_rng(0)
     every = [
-        Episode(arm, {"time": np.arange(12) / 10, "actions": random.normal(size=(12, 3, 3)),
-                      "sensor.states": random.normal(size=(12, 3, 6))}, {"seed": seed})
+        Episode(
+            arm,
+            {
+                "time": np.arange(12) / 10,
+                "actions": random.normal(size=(12, 3, 3)),
+                "sensor.states": random.normal(size=(12, 3, 6)),
+            },
+            {"seed": seed},
+        )
         for seed in range(4)
-    ]  # fmt: skip
+    ]
 
     def grow(path: Path) -> None:
         writer = EpisodeWriter.create(path, arm, {"episodes": 4})
@@ -245,17 +293,17 @@ def _read_results(path: Path) -> list[str]:
 
 def _options(path: Path | None = None) -> list:
     from s2c2a.errors import S2C2AError
-    from s2c2a.jobs.run_folder import MARKER, open_run_folder
+    from s2c2a.jobs.run_folder import MARKER, open_run_directory
 
     with tempfile.TemporaryDirectory() as name:
         folder, options = Path(name) / "run", {"task": "circle", "seeds": [0, 1]}
-        open_run_folder(folder, "x", options, False)
+        open_run_directory(folder, "x", options, False)
         if path is None:
             return [(folder / MARKER).read_bytes()]
         (folder / MARKER).unlink()
         (folder / MARKER).symlink_to(path.absolute())
         with contextlib.suppress(S2C2AError):
-            open_run_folder(folder, "x", options, False, go_on=True)
+            open_run_directory(folder, "x", options, False, go_on=True)
             return [_said("gone on with")]
     raise S2C2AError("refused")
 
@@ -405,7 +453,7 @@ DAMAGES = (
 
 
 def make(form: Format, number: int, samples: list[bytes], path: Path) -> int:
-    """Put the damaged file of this number there, now and then a link; which sample it was."""
+    """Write a damaged file (sometimes a link); return the number of its sample."""
     random = np.random.default_rng([number, *form.name.encode()])
     which = int(random.integers(len(samples)))
     path.unlink(missing_ok=True)
@@ -463,7 +511,7 @@ def child(form: Format, folder: Path) -> None:
 
 
 def max_resident() -> int:
-    """The most memory that this program took [bytes]; `getrusage` would count that of who started it, too."""
+    """Peak memory of this program [bytes]; `getrusage` would include its parent's."""
     line = next(
         line
         for line in Path("/proc/self/status").read_text().splitlines()
@@ -507,8 +555,12 @@ class Reader:
         if answer:
             return json.loads(answer)
         code = self.close()
-        return {"outcome": "hang" if code == -signal.SIGALRM else "crash", "told": str(code), "resident": 0,
-                "seconds": SECONDS}  # fmt: skip
+        return {
+            "outcome": "hang" if code == -signal.SIGALRM else "crash",
+            "told": str(code),
+            "resident": 0,
+            "seconds": SECONDS,
+        }
 
     def close(self) -> int:
         """Let it go."""
@@ -520,7 +572,7 @@ class Reader:
 def read_all(
     name: str, numbers: range, folder: Path
 ) -> tuple[Counter, list[tuple[int, dict]], float, int]:
-    """How often each ending came, the bad ones, the slowest [s], and the most memory [bytes]."""
+    """Counts of outcomes, bad files, longest time [s] and peak memory [bytes]."""
     reader, counts, bad, slowest, resident = Reader(name, folder), Counter(), [], 0.0, 0
     for number in numbers:
         answer = reader.read(number)

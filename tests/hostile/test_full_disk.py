@@ -1,4 +1,4 @@
-"""A full disk loses nothing silently, and what was whole goes on as if nothing had been."""
+"""Full disks: no silent loss, and collecting resumes after the last whole episode."""
 
 import os
 import resource
@@ -14,7 +14,7 @@ import pytest
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import RecordingError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.viz.charts import save_figure
 
@@ -26,7 +26,8 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), CollectOptions(episodes=60, samples=40),
+collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed),
+        CollectOptions(episodes=60, samples=40),
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
 
@@ -40,8 +41,8 @@ def gather(twin):
 
 
 @pytest.fixture
-def only():
-    """Files can have so many bytes, as if the disk had no more; the system says so in the middle of writing."""
+def limit_file_size():
+    """Limit the size of files, so that a write fails as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def limit(size: int) -> None:
@@ -52,7 +53,7 @@ def only():
 
 
 def assert_same(one, two) -> None:
-    """Two files of episodes agree in every number but how long a step took to reckon."""
+    """Two files of episodes agree in everything except computation times."""
     first, second = (load_episodes(path) for path in (one, two))
     assert first[1] == second[1]
     for mine, others in zip(first[0], second[0], strict=True):
@@ -62,12 +63,12 @@ def assert_same(one, two) -> None:
 
 
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.999])
-def test_collecting_onto_a_full_disk_keeps_what_is_whole_and_goes_on_to_the_same_file(
-    gather, only, tmp_path, part
+def test_collecting_on_a_full_disk_keeps_whole_episodes_and_resumes(
+    gather, limit_file_size, tmp_path, part
 ):
     gather(tmp_path / "whole.episodes")
     room = int(part * (tmp_path / "whole.episodes").stat().st_size)
-    only(room)
+    limit_file_size(room)
     with pytest.raises(
         RecordingError, match=r"could not be written.*whole ones are kept.*--resume"
     ):
@@ -78,13 +79,13 @@ def test_collecting_onto_a_full_disk_keeps_what_is_whole_and_goes_on_to_the_same
         kept.check_complete()
     with pytest.raises(RecordingError, match="could not be written"):
         gather(tmp_path / "full.episodes", resume=True)
-    only(10_000_000)
+    limit_file_size(10_000_000)
     gather(tmp_path / "full.episodes", resume=True)
     assert_same(tmp_path / "full.episodes", tmp_path / "whole.episodes")
 
 
 @pytest.fixture
-def little_disk(tmp_path):
+def small_disk(tmp_path):
     """A disk of 64 kB."""
     place = tmp_path / "disk"
     place.mkdir()
@@ -96,26 +97,26 @@ def little_disk(tmp_path):
     subprocess.run(["umount", place], check=True)
 
 
-def test_the_same_on_a_disk_that_is_really_full(gather, little_disk, tmp_path):
+def test_collecting_on_a_real_full_disk_resumes(gather, small_disk, tmp_path):
     gather(tmp_path / "whole.episodes")
-    filler = little_disk / "filler"
+    filler = small_disk / "filler"
     filler.write_bytes(bytes(48 * 1024))
     with pytest.raises(
         RecordingError, match=r"No space left on device.*whole ones are kept"
     ):
-        gather(little_disk / "full.episodes")
+        gather(small_disk / "full.episodes")
     filler.unlink()
-    gather(little_disk / "full.episodes", resume=True)
-    assert_same(little_disk / "full.episodes", tmp_path / "whole.episodes")
+    gather(small_disk / "full.episodes", resume=True)
+    assert_same(small_disk / "full.episodes", tmp_path / "whole.episodes")
 
 
-def test_nothing_is_left_of_a_file_that_had_no_room(gather, only, tmp_path):
+def test_a_failed_write_leaves_no_file(gather, limit_file_size, tmp_path):
     (tmp_path / "there.json").write_text("before")
     episodes = load_episodes(gather_path(gather, tmp_path))[0]
     figure = plt.figure()
-    only(1000)
+    limit_file_size(1000)
     with pytest.raises(S2C2AError, match="cannot write"):
-        save_whole("x" * 5000, tmp_path / "there.json")
+        write_atomically("x" * 5000, tmp_path / "there.json")
     with pytest.raises(RecordingError, match="cannot write"):
         save_episodes(episodes, tmp_path / "some.episodes")
     with pytest.raises(S2C2AError, match="cannot write"):
@@ -136,9 +137,7 @@ def gather_path(gather, folder):
     return folder / "one.episodes"
 
 
-def test_killed_in_the_middle_of_collecting_it_goes_on_to_the_same_file(
-    gather, tmp_path
-):
+def test_collecting_resumes_after_a_kill(gather, tmp_path):
     path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
     running = subprocess.Popen(
         [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
@@ -158,7 +157,7 @@ def test_killed_in_the_middle_of_collecting_it_goes_on_to_the_same_file(
     assert_same(path, tmp_path / "whole.episodes")
 
 
-def test_a_part_of_an_episode_at_the_end_is_not_read_and_goes(gather, tmp_path):
+def test_a_truncated_last_episode_is_ignored_and_replaced(gather, tmp_path):
     path = tmp_path / "x.episodes"
     gather(path)
     whole = path.read_bytes()
@@ -170,8 +169,8 @@ def test_a_part_of_an_episode_at_the_end_is_not_read_and_goes(gather, tmp_path):
     assert_same(path, tmp_path / "whole.episodes")
 
 
-def test_a_length_that_is_damaged_is_no_part_at_the_end(gather, tmp_path):
-    """Else everything behind it would be passed over, and cut off at the next resume."""
+def test_a_damaged_length_is_no_truncated_episode(gather, tmp_path):
+    """Otherwise the next resume would cut off all later episodes."""
     path = tmp_path / "x.episodes"
     gather(path)
     content = bytearray(path.read_bytes())

@@ -1,4 +1,4 @@
-"""Numbers at every door: a number that is none, or absurd, ends in an error of the package, or is one that works."""
+"""Invalid or extreme numbers: accepted and bounded, or rejected with an error."""
 
 import contextlib
 
@@ -28,9 +28,7 @@ VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size
 @example(float("nan"), 1, 0)
 @example(1, float("inf"), 0)
 @example(1, 1, float("nan"))
-def test_options_of_collecting_are_whole_and_bounded_or_refused(
-    episodes, samples, seed
-):
+def test_collect_options_are_bounded_integers_or_rejected(episodes, samples, seed):
     with contextlib.suppress(RecordingError):
         options = CollectOptions(episodes=episodes, samples=samples, seed=seed)
         assert 1 <= options.episodes <= 100_000
@@ -39,7 +37,7 @@ def test_options_of_collecting_are_whole_and_bounded_or_refused(
 
 
 @given(NUMBERS, NUMBERS)
-def test_speeds_rise_within_the_full_bend_or_are_refused(slowest, fastest):
+def test_speeds_increase_below_the_full_bend_or_are_rejected(slowest, fastest):
     with contextlib.suppress(RecordingError):
         assert 0 < CollectOptions(speeds=(slowest, fastest)).speeds[0] <= 1
 
@@ -48,7 +46,7 @@ def test_speeds_rise_within_the_full_bend_or_are_refused(slowest, fastest):
 @example([1e308, 0, 0], 1.0, -1)
 @example([10**400, 0, 0], 1.0, -1)
 @example([0, 0, 1], 10**5000, -1)
-def test_goals_are_finite_and_bounded_or_refused(vector, weight, module):
+def test_goals_are_finite_and_bounded_or_rejected(vector, weight, module):
     for change in (Goal.with_position, Goal.with_axis):
         with contextlib.suppress(TargetError):
             goal = change(Goal.of(3), vector, weight, module)
@@ -56,7 +54,7 @@ def test_goals_are_finite_and_bounded_or_refused(vector, weight, module):
 
 
 @given(st.lists(VECTORS, max_size=3), VECTORS, VECTORS)
-def test_obstacles_are_finite_and_bounded_or_refused(centers, thresholds, weight):
+def test_obstacles_are_finite_and_bounded_or_rejected(centers, thresholds, weight):
     with contextlib.suppress(TargetError):
         goal = Goal.of(3).with_obstacles(centers, thresholds, weight)
         assert all((np.abs(part) <= 1e6).all() for part in goal)
@@ -71,7 +69,7 @@ def test_obstacles_are_finite_and_bounded_or_refused(centers, thresholds, weight
 @example([1.0], 1e308, 1.0, -1)
 @example([1.0], 1e30, 0.0, -1)
 @example([float("nan")], 0.0, 1.0, -1)
-def test_waypoints_make_finite_goals_or_are_refused(times, position, axis, module):
+def test_waypoints_make_finite_goals_or_are_rejected(times, position, axis, module):
     count = len(times)
     track = Waypoints(
         module,
@@ -91,13 +89,23 @@ def test_waypoints_make_finite_goals_or_are_refused(times, position, axis, modul
 
 
 @given(NUMBERS, NUMBERS)
-def test_patience_is_a_number_of_steps_or_refused(unsound, alone):
+def test_patience_is_a_number_of_steps_or_rejected(unsound, alone):
     with contextlib.suppress(S2C2AError):
         assert Patience.of(10.0, unsound, alone).alone >= 1
 
 
-@pytest.mark.parametrize("bad", [{"payload": float("nan")}, {"payload": -1.0}, {"payload": 1e308}, {"seed": -1},
-                                 {"jitter": float("nan")}, {"jitter": -0.5}, {"fidelity": "perfect"}])  # fmt: skip
-def test_a_simulated_arm_that_cannot_be_is_refused(bad):
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"payload": float("nan")},
+        {"payload": -1.0},
+        {"payload": 1e308},
+        {"seed": -1},
+        {"jitter": float("nan")},
+        {"jitter": -0.5},
+        {"fidelity": "perfect"},
+    ],
+)
+def test_a_simulated_arm_with_invalid_options_is_rejected(bad):
     with pytest.raises(S2C2AError):
         SimulatedRobot(TWIN, **bad)

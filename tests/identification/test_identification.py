@@ -1,4 +1,4 @@
-"""The simulated arm fitted to recordings: numbers found back, what is not seen, and files."""
+"""Fit of a simulated arm to recordings: accuracy, identifiability, and files."""
 
 from dataclasses import replace
 
@@ -14,36 +14,38 @@ from s2c2a.identification import (
     Replay,
     arm_at,
     errors_of,
+    fitted_numbers,
     fitted_toml,
-    found_numbers,
     held_out,
     identify,
     options_for,
     replayed,
-    stated_for,
     thinned,
+    undetermined_combinations,
     unknowns_of,
-    untold,
+    with_default_starts,
 )
 
-ROWS, NOISE = 130, 0.0005  # m
+ROWS = 130
+NOISE = 0.0005  # m
 GROUPS = ("stiffness", "routing", "backlash")
 
 
 def recorded(arm, rows=ROWS, seed=0, how=None, moved=True) -> Episode:
-    """What an arm's tip did while it babbled, seen with noise; nothing else is seen of it."""
+    """Babbling of an arm, with noisy positions of the tip alone."""
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, rows, seed) * moved
     columns = {"time": np.arange(rows) / arm.control_rate, "actions": actions}
     unseen = Episode(arm, columns | {"sensor.cables": np.zeros_like(actions)})
     states = replayed(arm, [unseen], how or Replay())[0]
     states[:, -1, :3] += np.random.default_rng(seed).normal(scale=NOISE, size=(rows, 3))
-    states[:, :-1], states[:, -1, 3:] = np.nan, np.nan
+    states[:, :-1] = np.nan
+    states[:, -1, 3:] = np.nan
     return Episode(arm, {**unseen.columns, "sensor.states": states})
 
 
 @pytest.fixture(scope="module")
 def start(make_arm):
-    """Two modules, as they are described."""
+    """Described arm of two modules."""
     return make_arm(
         modules=2, module={"cable": {"stiffness": 4000.0, "backlash": 0.0005}}
     )
@@ -51,14 +53,14 @@ def start(make_arm):
 
 @pytest.fixture(scope="module")
 def truth(start):
-    """Coordinates of an arm that was drawn from what one believes of the described one."""
+    """Coordinates of a randomized arm within the prior."""
     unknowns = unknowns_of(start, GROUPS)
     return np.random.default_rng(6).uniform(-0.9, 0.9, size=len(unknowns))
 
 
 @pytest.fixture(scope="module")
 def fit(start, truth):
-    """The described arm fitted to what the drawn one did."""
+    """Described arm fitted to a recording of the randomized one."""
     unknowns = unknowns_of(start, GROUPS)
     return identify(
         start,
@@ -68,44 +70,44 @@ def fit(start, truth):
     )
 
 
-def test_stiffness_play_and_routing_of_a_drawn_arm_are_found_within_their_errors(
+def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
     fit, truth
 ):
-    off = (fit.coordinates - truth) / fit.belief.deviations
+    off = (fit.coordinates - truth) / fit.belief.std
     assert np.abs(off).max() < 3
     assert np.sqrt(np.mean(off**2)) < 1.5
 
 
-def test_most_numbers_are_known_far_better_than_before(fit):
-    assert np.median(fit.belief.deviations) < 0.2
+def test_the_recording_reduces_the_uncertainty_of_most_numbers(fit):
+    assert np.median(fit.belief.std) < 0.2
 
 
-def test_the_twin_errs_by_little_more_than_the_noise_where_it_was_not_fitted(fit):
+def test_the_error_on_held_out_rows_is_close_to_the_noise(fit):
     errors = errors_of(fit, {"another": [recorded(fit.arm, 60, seed=3)]})
     assert errors["held-out rows"].rms < 2.5 * NOISE
     assert errors["another"].rms < 2.5 * NOISE
 
 
-def test_the_fitted_file_is_that_arm_with_an_uncertainty_beside_each_number(fit):
+def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     text = fitted_toml(fit, "a remark")
     assert arm_from_toml(text) == fit.arm
     assert text.startswith("# a remark\n")
-    said = [line for line in text.splitlines()[2:] if "  # " in line]
+    commented = [line for line in text.splitlines()[2:] if "  # " in line]
     # length, angles, radius, stiffness, backlash of each cable
-    assert len(said) == 2 * (1 + 3 + 1 + 1 + 3)
-    assert all("+-" in line and "was" in line for line in said)
+    assert len(commented) == 2 * (1 + 3 + 1 + 1 + 3)
+    assert all("+-" in line and "was" in line for line in commented)
 
 
 def test_found_numbers_are_those_of_the_file(fit):
-    found = {one.name: one.value for one in found_numbers(fit)}
+    found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
     assert (
         found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
     )
 
 
-def test_weight_and_stiffness_that_only_show_together_are_named(make_arm):
-    """A tip that rests under its weight alone tells their ratio, not their size."""
+def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
+    """Rest under gravity alone determines their ratio, not their size."""
     arm = make_arm(
         modules=1,
         actuation="tension",
@@ -115,13 +117,15 @@ def test_weight_and_stiffness_that_only_show_together_are_named(make_arm):
     how = Replay(settling=2.0)
     seen = recorded(arm, 8, how=how, moved=False)
     unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
-    said = untold(identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).belief)
-    assert len(said) == 1
-    assert "modules.0.bending_stiffness" in said[0]
-    assert "+ 0." in said[0] or "- 0." in said[0]
+    texts = undetermined_combinations(
+        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).belief
+    )
+    assert len(texts) == 1
+    assert "modules.0.bending_stiffness" in texts[0]
+    assert "+ 0." in texts[0] or "- 0." in texts[0]
 
 
-def test_a_frame_that_is_off_is_found_and_told(start):
+def test_a_shifted_frame_is_identified_and_reported(start):
     seen = recorded(start, 60)
     shifted = np.array(seen["sensor.states"])
     shifted[..., :3] += (0.01, 0.0, -0.02)
@@ -132,13 +136,13 @@ def test_a_frame_that_is_off_is_found_and_told(start):
         [moved],
         FitOptions(frame=True, rounds=4),
     )
-    found = {one.name: one.value for one in found_numbers(fit)}
+    found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
     assert found["frame.shift_z"] == pytest.approx(-0.02, abs=0.002)
     assert errors_of(fit, {})["fitted rows"].rms < 2 * NOISE
 
 
-def test_directions_have_no_seam(make_arm):
+def test_directions_are_continuous_across_a_turn(make_arm):
     arm = make_arm(
         modules=1,
         module={"mismatch": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}},
@@ -152,22 +156,22 @@ def test_directions_have_no_seam(make_arm):
     )
 
 
-def test_at_zero_coordinates_an_arm_is_what_its_file_says(twin):
+def test_an_arm_at_zero_coordinates_equals_its_file(twin):
     unknowns = unknowns_of(twin)
     assert arm_at(twin, unknowns, np.zeros(len(unknowns))) == twin
 
 
-def test_a_body_that_hardly_shortens_is_the_start_where_shortening_is_fitted(twin):
-    assert stated_for(twin, ("stiffness",)) == twin
-    stated = stated_for(twin, ("shortening",))
+def test_the_fit_of_shortening_starts_at_an_arm_that_hardly_shortens(twin):
+    assert with_default_starts(twin, ("stiffness",)) == twin
+    stated = with_default_starts(twin, ("shortening",))
     assert stated.modules[0].mismatch.axial_stiffness == pytest.approx(
         20 * 0.125 / 0.027**2
     )
     assert len(unknowns_of(stated, ("shortening",))) == 3
-    assert stated_for(stated, ("shortening",)) == stated
+    assert with_default_starts(stated, ("shortening",)) == stated
 
 
-def test_every_fifth_stretch_of_25_rows_and_every_beginning_is_kept_from_the_fit(start):
+def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):
     kept = held_out([recorded(start, 140), recorded(start, 120)])
     turns = [
         list(np.flatnonzero(np.diff(rows.astype(int), prepend=0))) for rows in kept
@@ -175,14 +179,14 @@ def test_every_fifth_stretch_of_25_rows_and_every_beginning_is_kept_from_the_fit
     assert turns == [[0, 1, 100, 125], [0, 1, 85, 110]]
 
 
-def test_shapes_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
+def test_poses_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
     episode = recorded(start, 30)
     fewer = thinned([episode], 10)[0]
     np.testing.assert_array_equal(fewer["time"], episode["time"][::3])
     np.testing.assert_array_equal(fewer["actions"][:-1], episode["actions"][2:-1:3])
 
 
-def test_what_was_really_sent_is_replayed_beyond_the_limits_of_the_start(start):
+def test_recorded_actions_beyond_the_limits_of_the_start_are_replayed(start):
     seen = recorded(start, 30)
     narrow = start.model_copy(
         update={
@@ -197,23 +201,23 @@ def test_what_was_really_sent_is_replayed_beyond_the_limits_of_the_start(start):
 
 
 @pytest.mark.parametrize(
-    ("said", "imported"), [("imported log", True), ("staged", False)]
+    ("babbling", "imported"), [("imported log", True), ("staged", False)]
 )
-def test_of_an_imported_recording_the_frame_is_fitted_and_episodes_follow_each_other(
-    start, said, imported
+def test_the_frame_of_an_imported_recording_is_fitted_and_its_episodes_are_continuous(
+    start, babbling, imported
 ):
     options = options_for(
-        Recording(start, {"babbling": said}, (recorded(start, 5),)), 0.1, 3, "fast"
+        Recording(start, {"babbling": babbling}, (recorded(start, 5),)), 0.1, 3, "fast"
     )
     assert options == FitOptions(Replay(0.1, imported, "fast"), imported, 3)
 
 
-def test_nothing_seen_and_nothing_to_fit_are_refused(start):
+def test_recordings_without_states_and_groups_without_numbers_are_refused(start):
     seen = recorded(start, 30)
     blind = replace(
         seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)}
     )
-    with pytest.raises(RecordingError, match="nothing was seen"):
+    with pytest.raises(RecordingError, match="no measured states"):
         identify(start, unknowns_of(start, GROUPS), [blind])
     with pytest.raises(S2C2AError, match="choose from stiffness"):
         unknowns_of(start, ("color",))

@@ -1,4 +1,4 @@
-"""What is made once and kept: found again by all that it depends on, made anew where it is damaged."""
+"""Artifacts are made once, found by all their inputs, and made again if damaged."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,8 +19,8 @@ from s2c2a.jobs import (
     made,
     run_all,
 )
-from s2c2a.robots import Body
-from s2c2a.strategies import recipe_named
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task
 
 ARMS = Path(__file__).parents[2] / "examples" / "arms"
@@ -34,7 +34,7 @@ def cache(tmp_path):
     return Cache(tmp_path / "data", tmp_path / "runs")
 
 
-def test_an_arm_that_nobody_tuned_for_follows_its_circle(cache):
+def test_an_arm_without_tuning_follows_its_circle(cache):
     """One of two modules does so, too (`tests/cli/test_command_line.py`)."""
     arm, best = load_arm(ARMS / "five_cable_arm.toml"), recipe_named("best")
     quick = {
@@ -62,9 +62,9 @@ def test_a_damaged_recording_is_replaced(cache):
     np.testing.assert_array_equal(first.actions, made(SMALL, cache).actions)
 
 
-def test_networks_are_kept_by_what_training_depends_on(cache):
+def test_the_path_of_networks_depends_on_all_training_inputs(cache):
     networks = NetworksArtifact(TWIN, PAPER, 0)
-    same = replace(PAPER, correction=0.3)
+    same = replace(PAPER, integral_gain=0.3)
     others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
     assert replace(networks, recipe=same).path(cache) == networks.path(cache)
     different = [replace(networks, recipe=one) for one in others] + [
@@ -90,7 +90,7 @@ def pcc_job(waypoints, **changes):
     return replace(job, **changes)
 
 
-def test_a_finished_run_is_found_again_with_the_same_scores(waypoints, cache):
+def test_a_finished_run_is_loaded_with_the_same_scores(waypoints, cache):
     told = []
     (first,) = run_all([pcc_job(waypoints)], cache)
     (again,) = run_all(
@@ -104,7 +104,7 @@ def test_a_finished_run_is_found_again_with_the_same_scores(waypoints, cache):
     )
 
 
-def test_a_run_that_is_damaged_is_made_anew(waypoints, cache):
+def test_a_damaged_run_is_made_again(waypoints, cache):
     job = pcc_job(waypoints)
     (first,) = run_all([job], cache)
     job.path(cache).write_bytes(job.path(cache).read_bytes()[:100])
@@ -114,16 +114,16 @@ def test_a_run_that_is_damaged_is_made_anew(waypoints, cache):
     )
 
 
-def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
+def test_the_path_of_a_run_depends_on_all_its_inputs(waypoints, cache):
     job = pcc_job(waypoints)
     waypoints.write_text("time,x,y,z\n0,0,0,0.6\n1,0.06,0,0.595\n", encoding="utf-8")
     others = [
         pcc_job(waypoints),
         replace(job, seed=1),
         replace(job, strategy="lstm"),
-        replace(job, recipe=replace(PAPER, correction=0.3)),
-        replace(job, conditions=Conditions(Body.simulation(payload=0.05))),
-        replace(job, conditions=Conditions(guard="arm")),
+        replace(job, recipe=replace(PAPER, integral_gain=0.3)),
+        replace(job, conditions=Conditions(RobotFactory.simulation(payload=0.05))),
+        replace(job, conditions=Conditions(run=RunOptions("arm"))),
     ]
     assert len({one.path(cache) for one in [job, *others]}) == 7
     assert replace(job).path(cache) == job.path(cache)
@@ -137,7 +137,7 @@ def test_runs_are_kept_apart_by_all_that_they_depend_on(waypoints, cache):
         (Score("tilt", steps=[True]), "steps"),
     ],
 )
-def test_a_task_that_cannot_be_scored_is_refused_before_anything_moves(
+def test_a_task_without_targets_for_its_scores_is_rejected_before_a_run(
     twin, score, said
 ):
     task = Task("mine", (Goal.of(3),) * 4, (score,))
@@ -145,16 +145,14 @@ def test_a_task_that_cannot_be_scored_is_refused_before_anything_moves(
         jobs_for([task], twin, ["pcc"], [0], recipe_named("best"))
 
 
-def test_what_cannot_be_run_is_refused_by_name_before_anything_is_made(
-    waypoints, cache
-):
+def test_invalid_jobs_are_rejected_before_anything_is_made(waypoints, cache):
     with pytest.raises(
         S2C2AError, match=r"no strategy 'magic'; choose one of .*pcc-fitted"
     ):
         jobs_for(["circle"], TWIN, ["magic"], [0], PAPER)
     for conditions, said in (
-        (Conditions(Body("walker")), "no robot 'walker'"),
-        (Conditions(Body.simulation(payload=-1)), "payload"),
+        (Conditions(RobotFactory("walker")), "no robot 'walker'"),
+        (Conditions(RobotFactory.simulation(payload=-1)), "payload"),
     ):
         with pytest.raises(S2C2AError, match=said):
             run_all(

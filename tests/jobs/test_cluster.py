@@ -1,4 +1,4 @@
-"""A real cluster of two workers on this machine: one is killed in the middle, and nothing else differs from here."""
+"""A cluster of two local workers, one of which is killed during the work."""
 
 import os
 import signal
@@ -17,7 +17,7 @@ import pytest
 from distributed import Client, KilledWorker, LocalCluster
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.execution import executor_for, require
+from s2c2a.cli.execution import make_executor, require
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
@@ -25,8 +25,8 @@ from s2c2a.executors import Processes, Serial, in_order
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
-from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
 from s2c2a.jobs.search_space import varied_from
+from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
 from s2c2a.progress import quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
@@ -90,7 +90,7 @@ def short_task(tmp_path_factory):
 def quick_recipe(tiny_recipe):
     """Trained for two epochs: how well does not matter here."""
     fit = FitOptions(max_epochs=2, epochs_per_call=2)
-    return replace(tiny_recipe, c2s_fit=fit, c2a_fit=fit, correction=0.2)
+    return replace(tiny_recipe, c2s_fit=fit, c2a_fit=fit, integral_gain=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +123,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_a_recording_is_the_same_to_the_last_byte_though_a_worker_was_killed(
-    cluster, tmp_path
-):
+def test_a_recording_is_identical_after_a_worker_was_killed(cluster, tmp_path):
     def gather(name, robot, executor):
         collect(tmp_path / name, TWIN, robot, SMALL, executor=executor)
         return (tmp_path / name).read_bytes()
@@ -139,7 +137,7 @@ def test_a_recording_is_the_same_to_the_last_byte_though_a_worker_was_killed(
     )
 
 
-def test_runs_are_the_same_though_a_worker_was_killed(
+def test_runs_are_identical_after_a_worker_was_killed(
     made_here, jobs, cluster, scheduler, tmp_path
 ):
     with Client(scheduler.scheduler_address, set_as_default=False) as client:
@@ -167,7 +165,7 @@ def networks_of(recording: Path) -> list[Path]:
     return list(recording.parent.glob("*.safetensors"))
 
 
-def test_dasks_own_executor_and_this_process_give_the_same(
+def test_dasks_executor_and_this_process_give_the_same_runs(
     made_here, jobs, scheduler, tmp_path
 ):
     recording = [
@@ -183,7 +181,7 @@ def test_dasks_own_executor_and_this_process_give_the_same(
             assert score_rows("mine", run_all(jobs, cache, executor)) == made_here.rows
 
 
-def test_what_is_made_is_not_made_again(made_here, jobs):
+def test_finished_artifacts_are_not_made_again(made_here, jobs):
     assert (
         score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
     )
@@ -196,7 +194,7 @@ class Nobody(Serial):
         raise AssertionError("this was made before")
 
 
-def test_a_job_that_fails_costs_itself_alone(
+def test_a_failed_job_does_not_affect_others(
     made_here, quick_recipe, short_task, processes, tmp_path
 ):
     broken = replace(quick_recipe, c2s_fit=FitOptions(batch_size=10**6))
@@ -213,7 +211,7 @@ def test_a_job_that_fails_costs_itself_alone(
     assert len(list(tmp_path.glob("*.episodes"))) == 1
     with pytest.raises(
         S2C2AError,
-        match=r"1 of 2 runs failed, such as s2c2a on short .*, seed 0: .*fewer than one",
+        match=r"1 of 2 runs failed, such as s2c2a on short .*: .*fewer than one",
     ):
         run_all(jobs, cache, processes)
 
@@ -225,12 +223,12 @@ def small_sweep(quick_recipe, short_task):
         TWIN,
         (short_task,),
         quick_recipe,
-        varied_from(["correction=0.1:0.4"], quick_recipe),
+        varied_from(["integral_gain=0.1:0.4"], quick_recipe),
         batch=2,
     )
 
 
-def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(
+def test_a_resumed_sweep_gives_the_same_trials(
     small_sweep, made_here, processes, cluster, tmp_path
 ):
     def cut(doing, done, total):
@@ -247,7 +245,7 @@ def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(
     assert resumed == whole
     assert sorted(trial.number for trial in whole) == [0, 1, 2, 3, 4]
     assert {trial.number: trial.values for trial in whole}[0] == {
-        "correction": small_sweep.recipe.correction
+        "integral_gain": small_sweep.recipe.integral_gain
     }
     assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
     assert best_recipe(small_sweep, whole) == replace(
@@ -255,13 +253,14 @@ def test_a_sweep_that_was_cut_short_ends_as_one_that_was_not(
     )
     table, figure = save_trials(whole, small_sweep, tmp_path)
     assert (
-        table.read_text().splitlines()[0] == "trial,position,correction,failed because"
+        table.read_text().splitlines()[0]
+        == "trial,position,integral_gain,failed because"
     )
     assert len(table.read_text().splitlines()) == 6
     assert figure.stat().st_size > 10_000
 
 
-def test_trials_that_fail_are_told_and_the_search_goes_on(
+def test_failed_trials_are_reported_and_the_search_continues(
     small_sweep, made_here, processes, tmp_path
 ):
     broken = replace(small_sweep.recipe, c2s_fit=FitOptions(batch_size=10**6))
@@ -281,7 +280,7 @@ def test_trials_that_fail_are_told_and_the_search_goes_on(
         best_recipe(sweep, trials)
 
 
-def test_a_sweep_is_judged_by_what_its_tasks_share(small_sweep):
+def test_the_metric_of_a_sweep_must_be_common_to_its_tasks(small_sweep):
     with pytest.raises(
         S2C2AError, match="no metric 'tilt' in all these tasks; they share position"
     ):
@@ -312,11 +311,11 @@ def odd_worker(scheduler, tmp_path):
         worker.kill()
 
 
-def test_workers_of_another_version_are_refused_at_the_door(scheduler, odd_worker):
+def test_workers_with_other_versions_are_rejected(scheduler, odd_worker):
     scheduler.wait_for_workers(3, timeout=60)
     with pytest.raises(
         ClusterError,
-        match=r"the worker tcp://\S+ of \S+ has s2c2a 9\.9\.9 \(here .*install the same",
+        match=r"the worker tcp://\S+ of \S+ has s2c2a 9\.9\.9 \(here .*the same",
     ):
         Cluster(scheduler.scheduler_address)
     odd_worker.kill()
@@ -325,9 +324,7 @@ def test_workers_of_another_version_are_refused_at_the_door(scheduler, odd_worke
         time.sleep(0.1)
 
 
-def test_a_worker_of_another_version_that_joins_later_does_nothing(
-    cluster, monkeypatch
-):
+def test_a_late_worker_with_another_version_is_rejected(cluster, monkeypatch):
     monkeypatch.setattr(cluster, "_versions", {"s2c2a": "9.9.9"})
     with pytest.raises(
         ClusterError, match=r"joined that has s2c2a .* \(here 9\.9\.9\)"
@@ -335,54 +332,57 @@ def test_a_worker_of_another_version_that_joins_later_does_nothing(
         next(in_order(cluster, abs, [1]))
 
 
-def test_what_the_work_raises_comes_back_from_a_worker(cluster):
-    with pytest.raises(SimulationError, match="blew up") as told:
+def test_an_error_on_a_worker_is_raised_here(cluster):
+    with pytest.raises(SimulationError, match="blew up") as raised:
         next(in_order(cluster, blow_up, [1]))
-    assert told.value.step == 5
+    assert raised.value.step == 5
 
 
 def blow_up(number):
     raise SimulationError("blew up", 5)
 
 
-def test_an_address_that_is_none_is_refused(monkeypatch):
+def test_an_invalid_address_is_rejected(monkeypatch):
     with pytest.raises(
-        ClusterError, match="no cluster 'nowhere'; take the address of a scheduler"
+        ClusterError, match="no cluster 'nowhere'; give the address of a scheduler"
     ):
         Cluster("nowhere")
     monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
     with pytest.raises(
         ClusterError,
-        match=r"nobody answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`",
+        match=r"no scheduler answers at tcp://127\.0\.0\.1:9 .*start `dask scheduler`",
     ):
         Cluster("tcp://127.0.0.1:9")
-    with pytest.raises(ClusterError, match=r"nobody answers at gone\.json"):
+    with pytest.raises(ClusterError, match=r"no scheduler answers at gone\.json"):
         Cluster("gone.json")
 
 
-def test_jobs_are_for_this_machine_alone():
+def test_a_worker_count_is_for_this_machine_only():
     with pytest.raises(S2C2AError, match="3 side by side asked for; how many workers"):
-        executor_for(3, "tcp://127.0.0.1:9")
+        make_executor(3, "tcp://127.0.0.1:9")
 
 
-def test_a_missing_extra_says_what_to_install():
+def test_a_missing_extra_raises_with_the_install_command():
     with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
         require("sweep", "no_such_package")
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (KilledWorker("job", None, allowed_failures=3), "were killed by one job"),
-        (CancelledError(), "is gone; what was whole is kept"),
+        (CancelledError(), "is gone; repeat the command: finished results"),
     ],
 )
-def test_what_the_cluster_did_is_told_in_words(error, said, scheduler):
-    with pytest.raises(ClusterError, match=said), Cluster(scheduler.scheduler_address):
+def test_errors_of_the_cluster_become_cluster_errors(error, message, scheduler):
+    with (
+        pytest.raises(ClusterError, match=message),
+        Cluster(scheduler.scheduler_address),
+    ):
         raise error
 
 
-def test_what_the_work_did_is_told_as_it_is(scheduler):
+def test_errors_of_the_work_pass_unchanged(scheduler):
     with (
         pytest.raises(ValueError, match="the work's own"),
         Cluster(scheduler.scheduler_address),
@@ -390,10 +390,10 @@ def test_what_the_work_did_is_told_as_it_is(scheduler):
         raise ValueError("the work's own")
 
 
-def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_kept(
+def test_a_lost_scheduler_raises_and_finished_results_are_kept(
     tmp_path,
 ):
-    """The command of dask, killed once two episodes are whole; then the rest is done here."""
+    """`dask scheduler` is killed after two episodes; this process makes the rest."""
     where = tmp_path / "scheduler.json"
     dask = [
         sys.executable,
@@ -425,7 +425,7 @@ def test_a_scheduler_that_is_lost_in_the_middle_is_told_and_what_was_whole_is_ke
         with subprocess.Popen(worker, stderr=subprocess.DEVNULL) as helper:
             try:
                 with pytest.raises(
-                    ClusterError, match=r"is gone; what was whole is kept"
+                    ClusterError, match=r"is gone; repeat the command: finished results"
                 ):
                     _collect_until(lost.kill, where, tmp_path / "there.episodes")
             finally:

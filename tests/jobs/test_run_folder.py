@@ -35,7 +35,7 @@ def trace(*scores: Score):
 
 
 @pytest.mark.parametrize("tip", [-1, 2])
-def test_the_steps_that_count_are_those_of_the_module_that_is_drawn(tip):
+def test_counted_steps_are_those_of_the_drawn_module(tip):
     both = trace(
         Score("position", 0, EARLY),
         Score("position", tip, LATE),
@@ -44,6 +44,6 @@ def test_the_steps_that_count_are_those_of_the_module_that_is_drawn(tip):
     np.testing.assert_array_equal(both.counted, LATE)
 
 
-def test_all_steps_count_where_no_score_says_otherwise():
+def test_all_steps_count_without_a_position_score():
     assert trace(Score("position")).counted is None
     assert trace(Score("position", 0, EARLY)).counted is None

@@ -13,14 +13,14 @@ BEST, PAPER = recipe_named("best"), recipe_named("paper")
 
 
 @pytest.mark.parametrize(
-    ("text", "meant"),
+    ("text", "expected"),
     [
         (
             "planner.solver.iterations=5:60",
             Varied("planner.solver.iterations", (5, 60), is_range=True),
         ),
         ("c2s.hidden=32,64,128", Varied("c2s.hidden", (32, 64, 128))),
-        ("correction=0,0.2,0.2", Varied("correction", (0.0, 0.2))),
+        ("integral_gain=0,0.2,0.2", Varied("integral_gain", (0.0, 0.2))),
         (
             "c2s_fit.learning_rate=1e-4:1e-2:log",
             Varied("c2s_fit.learning_rate", (1e-4, 1e-2), is_range=True, log=True),
@@ -40,26 +40,26 @@ BEST, PAPER = recipe_named("best"), recipe_named("paper")
         ),
     ],
 )
-def test_what_a_user_writes_is_understood(text, meant):
-    assert varied_from([text], BEST) == (meant,)
+def test_search_spaces_are_parsed(text, expected):
+    assert varied_from([text], BEST) == (expected,)
 
 
 @pytest.mark.parametrize(
-    ("texts", "said"),
+    ("texts", "message"),
     [
         ([], "nothing to vary; name every place once"),
-        (["correction=0,1", "correction=0:1"], "name every place once"),
+        (["integral_gain=0,1", "integral_gain=0:1"], "name every place once"),
         (
             ["planner.solver.iteration=5:60"],
-            r"planner\.solver has planner\.solver\.iterations, planner\.solver\.enough$",
+            r"has planner\.solver\.iterations, planner\.solver\.enough$",
         ),
         (["plan=1,2"], "recipe best has c2s, c2a"),
         (
             ["planner=1,2"],
-            r"vary one of planner\.solver, planner\.terms, .*engaged_slopes, planner\.on_sphere, planner\.fallback$",
+            r"vary one of planner\.solver, planner\.terms, .*planner\.fallback$",
         ),
         (["speeds=1,2"], r"vary one of speeds\.0, speeds\.1"),
-        (["correction.x=1,2"], "correction has nothing inside"),
+        (["correction.x=1,2"], "nothing to vary at"),
         (["name=1,2"], "nothing to vary at 'name'"),
         (["planner.guard=1,2"], "nothing to vary"),
         (["planner.iterations=5:60"], r"planner has planner\.solver, planner\.terms"),
@@ -70,18 +70,18 @@ def test_what_a_user_writes_is_understood(text, meant):
         (["planner.terms.Pull.weight=1,2"], "Evenness"),
         (["planner.terms.Axes.name=1,2"], r"has planner\.terms\.Axes\.weight$"),
         (["axis_weights.0.0=1,2"], "'hold-'; only numbers"),
-        (["planner.solver.iterations"], "says not what to try"),
-        (["planner.solver.iterations="], "says not what to try"),
+        (["planner.solver.iterations"], "has no values to try"),
+        (["planner.solver.iterations="], "has no values to try"),
         (["planner.solver.iterations=5.5:60"], "write a whole number"),
-        (["correction=little"], "write a number"),
-        (["directions=1,0"], "write true, false or both"),
-        (["directions=false:true"], "is no range"),
-        (["correction=0.2:0.1"], "is no range"),
-        (["correction=0:nan"], "write a number"),
-        (["correction=0,inf"], "write a number"),
-        (["correction=0:1:log"], "above zero"),
-        (["correction=0.1:1:linear"], "is no range"),
-        (["correction=0.1:1:2:3"], "is no range"),
+        (["integral_gain=little"], "write a number"),
+        (["unit_length=1,0"], "write true, false or both"),
+        (["unit_length=false:true"], "is no range"),
+        (["integral_gain=0.2:0.1"], "is no range"),
+        (["integral_gain=0:nan"], "write a number"),
+        (["integral_gain=0,inf"], "write a number"),
+        (["integral_gain=0:1:log"], "above zero"),
+        (["integral_gain=0.1:1:linear"], "is no range"),
+        (["integral_gain=0.1:1:2:3"], "is no range"),
         (
             ["planner.solver.iterations=0:60"],
             "planner.solver.iterations=0 cannot be tried: 0 iterations",
@@ -90,12 +90,12 @@ def test_what_a_user_writes_is_understood(text, meant):
         (["speeds.0=0.01:0.1"], "speeds.0=0.1 cannot be tried: speeds"),
     ],
 )
-def test_what_cannot_be_tried_is_refused_before_anything_is(texts, said):
-    with pytest.raises(S2C2AError, match=said):
+def test_invalid_search_spaces_are_rejected(texts, message):
+    with pytest.raises(S2C2AError, match=message):
         varied_from(texts, BEST)
 
 
-def test_values_are_put_where_they_belong_and_nowhere_else():
+def test_values_change_their_place_only():
     changed = with_values(
         BEST, {"planner.solver.iterations": 7, "speeds.1": 0.1, "axis_weights.0.1": 2.0}
     )
@@ -113,7 +113,7 @@ def test_values_are_put_where_they_belong_and_nowhere_else():
     assert value_at(changed, "planner.solver.iterations") == 7
 
 
-def test_places_follow_the_recipe_that_is_begun_from():
+def test_places_are_those_of_the_given_recipe():
     assert value_at(PAPER, "c2s.layers") == 4
     with pytest.raises(S2C2AError, match=r"c2s has c2s\.hidden, c2s\.depth"):
         value_at(BEST, "c2s.layers")
@@ -122,6 +122,6 @@ def test_places_follow_the_recipe_that_is_begun_from():
 @pytest.mark.parametrize(
     ("value", "held"), [(5, True), (60, True), (30, True), (61, False)]
 )
-def test_a_range_holds_its_ends_and_what_is_between(value, held):
+def test_a_range_holds_its_ends_and_the_values_between(value, held):
     assert varied_from(["planner.solver.iterations=5:60"], BEST)[0].holds(value) is held
     assert not varied_from(["planner.solver.iterations=5,60"], BEST)[0].holds(30)

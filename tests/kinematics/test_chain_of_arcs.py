@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a import kinematics
 from s2c2a.arm import load_arm
-from s2c2a.kinematics import PCCForwardModel
+from s2c2a.models.forward_model import PCCForwardModel
 
 configurations_from_bends = jax.jit(kinematics.configurations_from_bends)
 states_from_bends = jax.jit(kinematics.states_from_bends)

@@ -1,4 +1,4 @@
-"""An arm of a user's that no simulation stands behind: it says its cables and nothing else."""
+"""A user's robot without a simulation, whose only sensor is its cables."""
 
 import time
 
@@ -8,33 +8,35 @@ from s2c2a.spaces import Reading, Sensor
 
 
 class BlindArm(Robot):
-    """Goes where it is told at once; nobody watches it."""
+    """Reaches each command at once; no sensor measures its states."""
 
     def __init__(self, arm, port: str = "", baud: int = 0):
-        self.arm, self.port, self.baud = arm, port, baud
+        self.arm = arm
+        self.port = port
+        self.baud = baud
         self._geometry = ArmGeometry.of(arm)
         self._cables = self._geometry.action_neutral
 
     @property
     def sensors(self):
-        """Cables alone."""
+        """Cables only."""
         return {"cables": Sensor(self._cables.shape, "m")}
 
     def open(self) -> Reading:
-        """At rest."""
-        self._begun, self._cables = time.perf_counter(), self._geometry.action_neutral
+        """Start at rest."""
+        self._start = time.perf_counter()
+        self._cables = self._geometry.action_neutral
         return self.read()
 
     def read(self) -> Reading:
-        """What was sent."""
-        return Reading(
-            time.perf_counter() - self._begun, {"cables": self._cables.copy()}
-        )
+        """The last command."""
+        elapsed = time.perf_counter() - self._start
+        return Reading(elapsed, {"cables": self._cables.copy()})
 
     def send(self, action):
-        """Done at once."""
+        """Reach the command at once."""
         self._cables = checked_action(action, self._geometry)
         return self._cables
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""

@@ -1,4 +1,4 @@
-"""A live page of the twin with the networks that come with the package, and browsers that look at it."""
+"""Fixtures: a live page of the twin with the shipped networks, and browser tabs."""
 
 from functools import partial
 
@@ -10,21 +10,21 @@ from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
-from s2c2a.tasks import TASKS, task_named
+from s2c2a.tasks import TASKS, load_task
 
 from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
 
 
 @pytest.fixture(scope="session")
 def strategy():
-    """Drives the twin with the networks that come with the package."""
+    """A strategy of the shipped networks of the twin."""
     return s2c2a_strategy(shipped_networks(load_arm("twin_arm")))
 
 
 @pytest.fixture
 def control(twin, strategy):
-    """An arm under control that runs."""
-    tasks = {name: partial(task_named, name, twin) for name in TASKS}
+    """A running control of the simulated twin."""
+    tasks = {name: partial(load_task, name, twin) for name in TASKS}
     running = ArmControl(
         SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0
     )
@@ -35,10 +35,10 @@ def control(twin, strategy):
 
 @pytest.fixture
 def page(control, twin, tmp_path):
-    """Its page."""
-    opened = LivePage(control, 0, tmp_path / "runs", lambda: survey(twin))
-    yield opened
-    opened.close()
+    """The page of `control`."""
+    live_page = LivePage(control, 0, tmp_path / "runs", lambda: survey(twin))
+    yield live_page
+    live_page.close()
 
 
 @pytest.fixture(scope="session")
@@ -55,13 +55,14 @@ def chromium():
 
 @pytest.fixture
 def open_tab(chromium, page):
-    """Opens tabs on the live page and closes them."""
+    """A function that opens a tab on the live page."""
     tabs = []
 
-    def opened(size=WIDE) -> Tab:
-        tabs.append(Tab(chromium, page.gate.address, size))
-        return tabs[-1]
+    def open_one(size=WIDE) -> Tab:
+        tab = Tab(chromium, page.gate.address, size)
+        tabs.append(tab)
+        return tab
 
-    yield opened
+    yield open_one
     for tab in tabs:
         tab.page.close()

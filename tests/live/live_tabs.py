@@ -1,4 +1,4 @@
-"""Tabs of a real browser on a live page, and waiting."""
+"""Tabs of a real browser on a live page."""
 
 import io
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from s2c2a.live.window import camera_of
+from s2c2a.live.window import FIELD_OF_VIEW_DEG, camera_of
 from s2c2a.viz.mounting import Mounting
 
 CHROMIUM = (
@@ -19,45 +19,47 @@ CHROMIUM = (
 )
 # without a graphics card; see benchmarks/
 FLAGS = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader"]
-WIDE, TALL = (1280, 800), (390, 844)
-# of viser's own page, whenever a thing is dragged
+WIDE = (1280, 800)
+TALL = (390, 844)
+# viser's own page logs this error at every drag
 PASSIVE = "Unable to preventDefault inside passive event listener"
-FIELD_OF_VIEW = np.deg2rad(40)
+FIELD_OF_VIEW = np.deg2rad(FIELD_OF_VIEW_DEG)
 
 
 class Tab:
-    """One page in the browser, and what went wrong on it."""
+    """One page in the browser, and the errors on it."""
 
     def __init__(self, browser, address: str, size=WIDE):
         self.page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         self.page.set_default_timeout(60_000)
-        self.size, self.errors = size, []
-        self.page.on("console", self._heard)
+        self.size = size
+        self.errors = []
+        self.page.on("console", self._log)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(address)
 
-    def _heard(self, said) -> None:
-        if said.type == "error" and PASSIVE not in said.text:
-            self.errors.append(said.text)
+    def _log(self, message) -> None:
+        if message.type == "error" and PASSIVE not in message.text:
+            self.errors.append(message.text)
 
     def stop(self) -> None:
-        """Press the Stop that every page has."""
+        """Press the Stop button."""
         self.page.get_by_role("button", name="Stop", exact=True).click()
 
     def place_of(self, point, arm) -> tuple[float, float]:
-        """Where a point of the base frame [m] is on the screen, seen from the page's first camera [pixels]."""
-        eye, towards = camera_of(arm)
-        ahead = (towards - eye) / np.linalg.norm(towards - eye)
-        right = np.cross(ahead, Mounting.of(arm).turn[2])
+        """Pixels of a point [m], base frame, seen from the initial camera."""
+        camera, look_at = camera_of(arm)
+        forward = (look_at - camera) / np.linalg.norm(look_at - camera)
+        right = np.cross(forward, Mounting.of(arm).turn[2])
         right /= np.linalg.norm(right)
-        up, seen = np.cross(right, ahead), np.asarray(point) - eye
-        scale = self.size[1] / 2 / np.tan(FIELD_OF_VIEW / 2) / (seen @ ahead)
-        return self.size[0] / 2 + scale * (seen @ right), self.size[1] / 2 - scale * (
-            seen @ up
-        )
+        up = np.cross(right, forward)
+        ray = np.asarray(point) - camera
+        width, height = self.size
+        scale = height / 2 / np.tan(FIELD_OF_VIEW / 2) / (ray @ forward)
+        return width / 2 + scale * (ray @ right), height / 2 - scale * (ray @ up)
 
     def drag(self, start, end, steps: int = 12) -> None:
-        """Press at one place on the screen, go to another one, let go."""
+        """Drag with the mouse from one pixel to another."""
         mouse = self.page.mouse
         mouse.move(*start)
         time.sleep(0.3)
@@ -67,19 +69,19 @@ class Tab:
             time.sleep(0.05)
         mouse.up()
 
-    def drag_told(self, point, way, arm, told: list) -> bool:
-        """Drag what is at a point of the base frame by so many pixels; whether somebody was told where to."""
+    def drag_reported(self, point, offset, arm, positions: list) -> bool:
+        """Drag the object at a point by pixels; whether the handler got positions."""
         start = np.array(self.place_of(point, arm))
-        self.drag(start, start + way)
+        self.drag(start, start + offset)
         time.sleep(1.0)
-        return bool(told)
+        return bool(positions)
 
-    def seen(self) -> Image.Image:
-        """What is on the screen."""
+    def screenshot(self) -> Image.Image:
+        """The picture on the screen."""
         return Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
 
     def keep(self, name: str) -> None:
-        """Save what is seen, where a folder for that is named."""
+        """Save a screenshot in the folder `S2C2A_SCREENSHOTS`, if set."""
         folder = os.environ.get("S2C2A_SCREENSHOTS")
         if folder:
             Path(folder).mkdir(parents=True, exist_ok=True)
@@ -87,13 +89,13 @@ class Tab:
 
 
 def drawn_tip(scene):
-    """The middle of the plate at the tip of the arm that a scene draws, base frame [m]."""
+    """Center of the plate at the drawn arm's tip, base frame [m]."""
     return scene._pieces[-2].vertices[-1]
 
 
-def until(true, seconds: float = 30.0, what: str = "it") -> None:
-    """Wait until something is true."""
+def until(condition, seconds: float = 30.0, what: str = "the condition") -> None:
+    """Wait until a condition is true."""
     end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, f"{what} has not happened within {seconds:g} s"
+    while not condition():
+        assert time.monotonic() < end, f"{what} was not met within {seconds:g} s"
         time.sleep(0.05)

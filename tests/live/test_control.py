@@ -1,6 +1,7 @@
-"""The arm under a driver's hand, without a browser."""
+"""Control of the arm by requests, without a browser."""
 
 import time
+from itertools import groupby
 
 import numpy as np
 
@@ -14,17 +15,16 @@ from s2c2a.spaces import POSITION, Stage
 from live_tabs import until  # type: ignore[import-not-found]
 
 
-def driven(control, **changes):
+def drive(control, **changes):
     control.ask(driven=True, **changes)
-    return control
 
 
 def tip(control):
     return control.latest.states[-1, POSITION]
 
 
-def test_the_tip_follows_the_target_and_stops_where_it_is_told_to(control):
-    driven(control, target=(0.18, 0.05, 0.54))
+def test_the_tip_follows_the_target_and_holds_after_a_stop(control):
+    drive(control, target=(0.18, 0.05, 0.54))
     until(lambda: control.latest.error < 0.01, what="arriving")
     control.ask(target=(-0.18, 0.05, 0.54))
     until(lambda: tip(control)[0] < 0.1)
@@ -32,50 +32,51 @@ def test_the_tip_follows_the_target_and_stops_where_it_is_told_to(control):
     until(lambda: control.latest.stage is Stage.HOLD)
     stopped = control.latest.step.number
     until(
-        lambda: control.latest.step.number > stopped + 30, what="the end of its swing"
+        lambda: control.latest.step.number > stopped + 30,
+        what="the end of the vibration",
     )
-    held = tip(control)
+    hold_position = tip(control)
     until(lambda: control.latest.step.number > stopped + 35)
-    assert np.linalg.norm(tip(control) - held) < 0.01
+    assert np.linalg.norm(tip(control) - hold_position) < 0.01
     assert tip(control)[0] > -0.1
 
 
-def test_an_obstacle_pushed_into_the_arm_makes_it_flee(control):
-    driven(control, target=None, obstacles=(Obstacle((0.3, 0.0, 0.6), 0.1),))
+def test_the_arm_avoids_an_obstacle_that_is_moved_into_it(control):
+    drive(control, target=None, obstacles=(Obstacle((0.3, 0.0, 0.6), 0.1),))
     for x in np.linspace(0.3, 0.06, 25):
         control.ask(obstacles=(Obstacle((float(x), 0.0, 0.6), 0.1),))
         time.sleep(0.1)
-    until(lambda: control.latest.clearance > 0, what="fleeing")
+    until(lambda: control.latest.clearance > 0, what="clearance")
     assert np.linalg.norm(tip(control) - (0, 0, 0.6)) > 0.03
 
 
 def test_a_task_is_played_paused_and_stepped(control):
-    driven(control, task="circle", playing=True, speed=4.0)
+    drive(control, task="circle", playing=True, speed=4.0)
     until(lambda: control.latest.task_step > 20)
     control.ask(playing=False)
     time.sleep(0.3)
-    waiting = control.latest.task_step
+    paused = control.latest.task_step
     control.step_task()
-    until(lambda: control.latest.task_step == waiting + 1)
+    until(lambda: control.latest.task_step == paused + 1)
     control.restart_task()
     until(lambda: control.latest.task_step == 0)
 
 
-def test_payload_and_push_act_and_end(control):
-    driven(control, stopped=True)
+def test_payload_and_external_force_move_the_tip_and_end(control):
+    drive(control, stopped=True)
     control.ask(push=(1.0, 0.0, 0.0), payload=0.05)
-    until(lambda: tip(control)[0] > 0.01, what="giving way")
+    until(lambda: tip(control)[0] > 0.01, what="deflection")
     control.ask(push=(0.0, 0.0, 0.0), payload=0.0)
-    until(lambda: abs(tip(control)[0]) < 0.01, what="coming back")
+    until(lambda: abs(tip(control)[0]) < 0.01, what="return")
 
 
-def test_a_body_that_fails_stands_still_until_it_is_reset(control, monkeypatch):
-    def broken(action):
+def test_a_robot_that_fails_is_stopped_until_it_is_reset(control, monkeypatch):
+    def fail(action):
         raise SimulationError("it blew up", 1)
 
-    driven(control, target=(0.1, 0.0, 0.55))
+    drive(control, target=(0.1, 0.0, 0.55))
     until(lambda: control.latest.stage is Stage.RUN)
-    monkeypatch.setattr(control._loop._robot, "send", broken)
+    monkeypatch.setattr(control._loop._robot, "send", fail)
     until(lambda: control.latest.stage is Stage.FAULT)
     assert "blew up" in control.latest.fault
     monkeypatch.undo()
@@ -84,16 +85,16 @@ def test_a_body_that_fails_stands_still_until_it_is_reset(control, monkeypatch):
     assert control.latest.fault == ""
 
 
-def test_sensor_faults_spoil_what_is_sensed_and_nothing_else(control):
-    driven(control, target=(0.18, 0.0, 0.54), noise=0.05, coupling=1.0)
+def test_sensor_faults_do_not_stop_the_arm(control):
+    drive(control, target=(0.18, 0.0, 0.54), noise=0.05, coupling=1.0)
     time.sleep(1.5)
     assert np.isfinite(control.latest.states).all()
     assert control.latest.stage is Stage.RUN
 
 
-def test_what_is_recorded_can_be_read_back(control, tmp_path):
+def test_a_recording_can_be_loaded(control, tmp_path):
     recorder = Recorder(control, tmp_path)
-    driven(
+    drive(
         control, target=(0.15, 0.0, 0.55), obstacles=(Obstacle((0.3, 0.2, 0.6), 0.05),)
     )
     recorder.start()
@@ -113,7 +114,7 @@ def test_what_is_recorded_can_be_read_back(control, tmp_path):
     assert recorder.stop() is None
 
 
-def test_what_is_being_recorded_when_the_page_closes_is_written(control, tmp_path):
+def test_a_running_recording_is_saved_when_the_page_closes(control, tmp_path):
     page = LivePage(control, 0, tmp_path / "runs")
     page._recorder.start()
     time.sleep(0.8)
@@ -122,30 +123,24 @@ def test_what_is_being_recorded_when_the_page_closes_is_written(control, tmp_pat
     assert len(load_episodes(folder / "twin_arm.episodes")[0][0]) >= 2
 
 
-def test_an_arm_that_nobody_drives_any_more_holds_then_goes_to_rest(control):
+def test_an_arm_without_a_driver_holds_then_returns_to_rest(control):
     stages = []
-    driven(control, target=(0.15, 0.0, 0.55))
+    drive(control, target=(0.15, 0.0, 0.55))
     until(lambda: control.latest.error < 0.02, what="arriving")
     control.watch(lambda snapshot: stages.append(snapshot.stage))
     control.ask(driven=False)
-    until(lambda: Stage.IDLE in stages, what="coming to rest")
-    order = [
-        stage
-        for stage, before in zip(stages, [None, *stages], strict=False)
-        if stage is not before
-    ]
+    until(lambda: Stage.IDLE in stages, what="rest")
+    order = [stage for stage, _ in groupby(stages)]
     assert order[-3:] == [Stage.HOLD, Stage.RELEASE, Stage.IDLE]
     assert abs(stages.count(Stage.HOLD) - 20) <= 2  # two seconds
     until(
         lambda: np.linalg.norm(tip(control) - (0, 0, 0.6)) < 0.02,
-        what="hanging straight",
+        what="the straight arm",
     )
 
 
-def test_sensors_that_cannot_be_believed_stop_the_arm_at_rest_until_it_is_reset(
-    control, monkeypatch
-):
-    driven(control, target=(0.15, 0.0, 0.55))
+def test_faulty_sensors_stop_the_arm_at_rest_until_it_is_reset(control, monkeypatch):
+    drive(control, target=(0.15, 0.0, 0.55))
     until(lambda: control.latest.error < 0.02, what="arriving")
     monkeypatch.setattr(
         control._loop, "_faults", lambda reading: type(reading)(reading.time, {})
@@ -157,8 +152,8 @@ def test_sensors_that_cannot_be_believed_stop_the_arm_at_rest_until_it_is_reset(
     until(lambda: control.latest.stage is Stage.RUN)
 
 
-def test_stopped_while_it_runs_the_arm_ends_at_rest(control):
-    driven(control, target=(0.15, 0.0, 0.55))
+def test_a_running_arm_returns_to_rest_when_its_control_stops(control):
+    drive(control, target=(0.15, 0.0, 0.55))
     until(lambda: control.latest.error < 0.02, what="arriving")
     control.stop()
     assert control.latest.stage is Stage.IDLE

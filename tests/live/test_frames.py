@@ -1,4 +1,4 @@
-"""Things are shown on time, and what is late makes room."""
+"""Frames are drawn on time, and missed frames are skipped."""
 
 import threading
 
@@ -8,45 +8,46 @@ from s2c2a.live import window
 from s2c2a.live.window import frames
 
 
-class Time:
-    """Passes when it is waited for, or when a test says so."""
+class FakeTime:
+    """A clock that advances by waiting, or by assignment."""
 
     def __init__(self):
-        self.now, self.waited = 100.0, []
+        self.now = 100.0
+        self.waits = []
 
     def wait(self, seconds):
-        self.waited.append(seconds)
+        self.waits.append(seconds)
         self.now += seconds
         return False
 
 
 @pytest.fixture
 def time(monkeypatch):
-    """Takes the place of the clock."""
-    passing = Time()
-    monkeypatch.setattr(window.time, "perf_counter", lambda: passing.now)
-    return passing
+    """A fake clock in place of the real one."""
+    clock = FakeTime()
+    monkeypatch.setattr(window.time, "perf_counter", lambda: clock.now)
+    return clock
 
 
-def test_the_time_that_drawing_takes_is_not_added(time):
+def test_the_time_of_drawing_does_not_delay_the_next_frame(time):
     steady = frames(0.1, time)
-    passed = [next(steady)]
+    elapsed = [next(steady)]
     for _ in range(3):
         time.now += 0.03
-        passed.append(next(steady))
-    assert passed == pytest.approx([0.0, 0.1, 0.1, 0.1])
-    assert time.waited == pytest.approx([0.0, 0.07, 0.07, 0.07])
+        elapsed.append(next(steady))
+    assert elapsed == pytest.approx([0.0, 0.1, 0.1, 0.1])
+    assert time.waits == pytest.approx([0.0, 0.07, 0.07, 0.07])
 
 
-def test_what_is_late_is_left_out_and_others_get_their_turn(time):
+def test_missed_frames_are_skipped_and_other_threads_run(time):
     steady = frames(0.1, time)
     next(steady)
     time.now += 0.23
     assert next(steady) == pytest.approx(0.3)
-    assert time.waited[-1] == pytest.approx(0.07)
+    assert time.waits[-1] == pytest.approx(0.07)
 
 
-def test_it_ends_at_once():
-    over = threading.Event()
-    over.set()
-    assert list(frames(10.0, over)) == []
+def test_a_closed_window_has_no_frames():
+    closing = threading.Event()
+    closing.set()
+    assert list(frames(10.0, closing)) == []

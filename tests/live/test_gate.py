@@ -1,4 +1,4 @@
-"""The gate before a real page: who comes in, and what floods do."""
+"""Gate in front of a real page: access control and rate limits."""
 
 import http.client
 import time
@@ -30,7 +30,7 @@ CAMERA = {
 
 
 def browser(page, origin: str | None = None, port: int | None = None):
-    """A connection that says where it comes from; from the page itself unless stated."""
+    """A websocket with an origin, by default the page's own."""
     port = port or page.gate.port
     return connect(
         f"ws://127.0.0.1:{port}",
@@ -40,24 +40,25 @@ def browser(page, origin: str | None = None, port: int | None = None):
     )
 
 
-def answer_to(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> int:
-    asked = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
-    asked.putrequest("GET", path, skip_host=True)
+def status_of(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> int:
+    """Status code of a plain request."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.putrequest("GET", path, skip_host=True)
     for name, value in (("Host", host), *more):
-        asked.putheader(name, value)
-    asked.endheaders()
-    return asked.getresponse().status
+        connection.putheader(name, value)
+    connection.endheaders()
+    return connection.getresponse().status
 
 
-def test_the_page_is_for_this_machine_alone(page):
+def test_the_page_is_served_to_this_machine_only(page):
     port = page.gate.port
-    assert answer_to(port, f"127.0.0.1:{port}") == 200
-    assert answer_to(port, "localhost:9000") == 200  # through ssh -L
-    assert answer_to(port, "evil.example") == 403  # a name of theirs that points here
-    assert answer_to(port, f"127.0.0.1:{port}", "/../../etc/passwd") == 404
+    assert status_of(port, f"127.0.0.1:{port}") == 200
+    assert status_of(port, "localhost:9000") == 200  # through ssh -L
+    assert status_of(port, "evil.example") == 403  # DNS rebinding
+    assert status_of(port, f"127.0.0.1:{port}", "/../../etc/passwd") == 404
 
 
-def test_a_host_that_only_looks_like_this_machine_is_refused(page):
+def test_a_host_that_only_resembles_this_machine_is_refused(page):
     for host in (
         "evil.com@127.0.0.1",
         "127.0.0.1.evil.com",
@@ -67,31 +68,27 @@ def test_a_host_that_only_looks_like_this_machine_is_refused(page):
         "[::1",
         "127.1",
     ):
-        assert answer_to(page.gate.port, host) == 403, host
+        assert status_of(page.gate.port, host) == 403, host
 
 
-def test_a_header_that_is_said_twice_is_a_bad_request(page):
+def test_a_duplicate_header_is_a_bad_request(page):
     host = f"127.0.0.1:{page.gate.port}"
-    assert answer_to(page.gate.port, host, "/", ("Host", host)) == 400
+    assert status_of(page.gate.port, host, "/", ("Host", host)) == 400
     for name in ("Upgrade", "Origin", "Connection", "Accept-Encoding"):
-        assert (
-            answer_to(
-                page.gate.port, host, "/", (name, "websocket"), (name, "websocket")
-            )
-            == 400
-        ), name
-    assert page.gate.refused["twice"] == 5
+        header = (name, "websocket")
+        assert status_of(page.gate.port, host, "/", header, header) == 400, name
+    assert page.gate.refused["duplicate"] == 5
 
 
-def test_our_own_page_stops_the_arm_and_no_other_one_does(control, page):
+def test_only_our_page_can_stop_the_arm(control, page):
     host = f"127.0.0.1:{page.gate.port}"
     control.ask(driven=True)
     until(lambda: control.latest.stage is Stage.RUN, what="running")
-    # an image, a link, a form of another page: no header of ours
-    assert answer_to(page.gate.port, host, STOP) == 403
+    # an image, a link or a form of another page cannot send the header
+    assert status_of(page.gate.port, host, STOP) == 403
     assert not control.request.stopped
-    assert answer_to(page.gate.port, "evil.example", STOP, (STOP_HEADER, "1")) == 403
-    assert answer_to(page.gate.port, host, STOP, (STOP_HEADER, "1")) == 200
+    assert status_of(page.gate.port, "evil.example", STOP, (STOP_HEADER, "1")) == 403
+    assert status_of(page.gate.port, host, STOP, (STOP_HEADER, "1")) == 200
     assert control.request.stopped
     until(lambda: control.latest.stage is Stage.HOLD, what="the stop")
 
@@ -108,22 +105,22 @@ def test_a_page_of_another_origin_is_refused(page):
     assert page.gate.refused["origin"] == 4
 
 
-def test_nobody_comes_in_behind_the_gate(page):
-    behind = page.server.get_port()
+def test_viser_accepts_connections_of_the_gate_only(page):
+    viser_port = page.server.get_port()
     for origin in (
         page.gate.address,
-        f"http://127.0.0.1:{behind}",
+        f"http://127.0.0.1:{viser_port}",
         "http://evil.example",
     ):
         with pytest.raises(InvalidStatus, match="403"):
-            browser(page, origin, port=behind)
+            browser(page, origin, port=viser_port)
 
 
-def test_who_comes_drives_and_who_goes_stops_the_arm_gently(control, page):
+def test_a_browser_drives_on_arrival_and_the_arm_holds_when_it_leaves(control, page):
     rows = []
     control.watch(rows.append)
-    with browser(page) as ours:
-        ours.send(msgspec.msgpack.encode(CAMERA))
+    with browser(page) as driver:
+        driver.send(msgspec.msgpack.encode(CAMERA))
         until(lambda: control.latest.stage is Stage.RUN, what="driving")
         control.ask(target=(0.15, 0.0, 0.55))
         until(
@@ -133,41 +130,41 @@ def test_who_comes_drives_and_who_goes_stops_the_arm_gently(control, page):
             what="arriving",
         )
     until(lambda: control.latest.stage is Stage.IDLE, what="rest")
-    held = np.array([row.states[-1, :3] for row in rows if row.stage is Stage.HOLD])
-    assert len(held) > 10
-    assert np.linalg.norm(held[-1] - held[5]) < 0.02  # it arrived with some speed
+    holding = np.array([row.states[-1, :3] for row in rows if row.stage is Stage.HOLD])
+    assert len(holding) > 10
+    assert (
+        np.linalg.norm(holding[-1] - holding[5]) < 0.02
+    )  # it was still moving at the stop
     until(
         lambda: np.linalg.norm(control.latest.states[-1, :3] - (0, 0, 0.6)) < 0.03,
-        what="standing",
+        what="the straight arm",
     )
 
 
-def test_ten_thousand_messages_of_a_flood_are_shown_out_and_the_arm_goes_on(
-    control, page
-):
-    before, request = control.latest.step.number, control.request
-    began, sent = time.monotonic(), 0
+def test_malformed_messages_are_refused_and_the_arm_keeps_running(control, page):
+    first = control.latest.step.number
+    request = control.request
+    start = time.monotonic()
+    sent = 0
     random = np.random.default_rng(0)
+    malformed = msgspec.msgpack.encode(CAMERA | {"fov": "wide"})
     while sent < 10_000:
         try:
             with browser(page) as flood:
                 for _ in range(10_000 - sent):
-                    flood.send(
-                        random.bytes(64)
-                        if sent % 2
-                        else msgspec.msgpack.encode(CAMERA | {"fov": "wide"})
-                    )
+                    flood.send(random.bytes(64) if sent % 2 else malformed)
                     sent += 1
         except (ConnectionClosed, InvalidStatus):
             continue
     assert page.gate.refused["form"] >= 20
     assert control.request == request
-    steps, took = control.latest.step.number - before, time.monotonic() - began
-    assert steps > 0.7 * took * control.arm.control_rate
+    steps = control.latest.step.number - first
+    elapsed = time.monotonic() - start
+    assert steps > 0.7 * elapsed * control.arm.control_rate
     assert control.latest.stage is not Stage.FAULT
 
 
-def test_a_flood_of_sound_messages_is_shown_out_too(page):
+def test_a_flood_of_valid_messages_is_disconnected(page):
     def send_all(flood) -> None:
         for _ in range(20_000):
             flood.send(msgspec.msgpack.encode(CAMERA))

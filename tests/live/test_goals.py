@@ -1,37 +1,33 @@
-"""What a request asks of a control step, and what is said of how it went."""
+"""Goal of a request, and errors of the tip."""
 
 import numpy as np
 import pytest
 
 from s2c2a.goals import Goal
-from s2c2a.live.goals import goal_of, judged
+from s2c2a.live.goals import goal_of, tip_errors
 from s2c2a.live.request import Obstacle, Request, Weights
 
 
-def test_the_drivers_obstacles_and_weights_join_the_tasks_own():
-    asked = (
-        Goal.of(3).with_position([0.1, 0, 0.5]).with_obstacles([[0.2, 0, 0.5]], [0.06])
-    )
+def test_the_drivers_obstacles_and_weights_join_the_tasks():
+    task_goal = Goal.of(3).with_position([0.1, 0, 0.5])
+    task_goal = task_goal.with_obstacles([[0.2, 0, 0.5]], [0.06])
     request = Request(
         obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),),
         weights=Weights(position=2.0, obstacle=3.0),
     )
-    goal = goal_of(request, 3, asked)
+    goal = goal_of(request, 3, task_goal)
     np.testing.assert_allclose(goal.thresholds[:3], [0.06, 0.08, 0.0], rtol=1e-6)
     np.testing.assert_allclose(goal.obstacles[1], [0.0, 0.2, 0.5], rtol=1e-6)
     assert goal.position_weights[-1] == 2.0
     assert goal.obstacle_weight == 3.0
 
 
-def test_the_tip_is_judged_by_its_target_and_the_nearest_threshold():
-    goal = (
-        Goal.of(3)
-        .with_position([0.3, 0.0, 0.4])
-        .with_obstacles([[0.0, 0.0, 1.0], [5.0, 0.0, 0.0]], [0.1, 0.1])
-    )
-    error, clearance = judged(goal, np.array([0.0, 0.0, 0.4]))
+def test_tip_errors_are_distances_to_the_target_and_the_nearest_threshold():
+    goal = Goal.of(3).with_position([0.3, 0.0, 0.4])
+    goal = goal.with_obstacles([[0.0, 0.0, 1.0], [5.0, 0.0, 0.0]], [0.1, 0.1])
+    error, clearance = tip_errors(goal, np.array([0.0, 0.0, 0.4]))
     assert error == pytest.approx(0.3)
     assert clearance == pytest.approx(0.5)
-    error, clearance = judged(Goal.of(3), np.zeros(3))
+    error, clearance = tip_errors(Goal.of(3), np.zeros(3))
     assert np.isnan(error)
     assert np.isinf(clearance)

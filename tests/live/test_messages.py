@@ -1,11 +1,11 @@
-"""What passes the gate, and what does not."""
+"""Messages that pass the gate, and messages that are refused."""
 
 import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from s2c2a.live.messages import is_sound
+from s2c2a.live.messages import is_valid
 
 DRAG = {
     "type": "SceneNodeDragMessage",
@@ -27,15 +27,15 @@ def packed(message) -> bytes:
     return msgspec.msgpack.encode(message)
 
 
-def test_a_drag_and_a_new_value_pass():
-    assert is_sound(packed(DRAG))
-    assert is_sound(packed(VALUE))
+def test_drags_and_new_values_pass():
+    assert is_valid(packed(DRAG))
+    assert is_valid(packed(VALUE))
 
 
 @pytest.mark.parametrize(
     "message",
     [
-        {"type": "ShareUrlRequest"},  # viser would open a tunnel to the world
+        {"type": "ShareUrlRequest"},  # viser would open a public tunnel
         {
             "type": "FileTransferStartUpload",
             "source_component_uuid": "a",
@@ -51,22 +51,22 @@ def test_a_drag_and_a_new_value_pass():
         DRAG | {"phase": "never"},
         DRAG | {"extra": 1},
         {"type": "NoSuchMessage"},
-        # nothing here is held or clicked
+        # the page has no buttons that repeat while held
         {"type": "GuiButtonHoldMessage", "uuid": "a", "frequency": 10.0},
         [1, 2, 3],
         None,
     ],
 )
-def test_everything_else_is_refused(message):
-    assert not is_sound(packed(message))
+def test_all_other_messages_are_refused(message):
+    assert not is_valid(packed(message))
 
 
 def test_text_and_long_messages_are_refused():
-    assert not is_sound("text")
-    assert not is_sound(packed(DRAG | {"name": "x" * 100_000}))
+    assert not is_valid("text")
+    assert not is_valid(packed(DRAG | {"name": "x" * 100_000}))
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.binary(max_size=200))
 def test_random_bytes_are_refused(content):
-    assert not is_sound(content)
+    assert not is_valid(content)

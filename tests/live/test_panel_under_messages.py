@@ -1,4 +1,4 @@
-"""Whatever a browser says within the gate's rules, the next driver has a whole panel."""
+"""The next driver gets a complete panel, whatever valid messages the last one sent."""
 
 import time
 
@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 from test_gate import CAMERA, browser  # type: ignore[import-not-found]
 from websockets.exceptions import ConnectionClosed
 
-from s2c2a.live.request import SPEED, WEIGHTS, Request, RequestLimits, faults
+from s2c2a.live.request import (
+    SPEED_SLIDER,
+    WEIGHT_SLIDERS,
+    Request,
+    RequestLimits,
+    fault_sliders,
+)
 from s2c2a.spaces import Stage
 
 from live_tabs import until  # type: ignore[import-not-found]
@@ -41,16 +47,15 @@ DRAGS = st.fixed_dictionaries(
 CAMERAS = st.fixed_dictionaries(
     {name: NUMBERS.map(float) for name in ("fov", "near", "far")}
     | {"position": POINTS, "look_at": POINTS}
-).map(lambda drawn: CAMERA | drawn)
+).map(lambda values: CAMERA | values)
 MESSAGES = st.tuples(st.integers(0, 60), VALUES) | DRAGS | CAMERAS
 
-
-# labels of buttons that say what is on
+# labels that buttons have while something runs
 TOGGLED = {"Pause": "Play", "Stop recording": "Record"}
 
 
-def parts_of(page):
-    """All parts of the panel of whoever drives, by number, once it is built."""
+def elements_of(page):
+    """Elements of the driver's panel by id, once it is built."""
     until(lambda: page.session.driver is not None, what="a driver")
     panel = page._panels[page.session.driver]
     until(lambda: panel._role is not None, what="a panel")
@@ -58,16 +63,17 @@ def parts_of(page):
         return dict(panel._gui._gui_input_handle_from_uuid)
 
 
-def labels_of(parts) -> list[str]:
-    """What is on a panel, whatever is on."""
-    return sorted(TOGGLED.get(part.label, part.label) for part in parts.values())
+def labels_of(elements) -> list[str]:
+    """Labels of a panel while nothing runs."""
+    labels = [element.label for element in elements.values()]
+    return sorted(TOGGLED.get(label, label) for label in labels)
 
 
-def message(drawn, uuids):
-    """One that passes the gate; a pair is a value of a part that is there, or of none."""
-    if not isinstance(drawn, tuple):
-        return drawn
-    number, value = drawn
+def message(sample, uuids):
+    """A valid message; a pair is the number of an element and its new value."""
+    if not isinstance(sample, tuple):
+        return sample
+    number, value = sample
     return {
         "type": "GuiUpdateMessage",
         "uuid": uuids[number] if number < len(uuids) else "none",
@@ -77,31 +83,33 @@ def message(drawn, uuids):
 
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(MESSAGES, min_size=10, max_size=60))
-def test_whatever_one_driver_says_the_next_one_has_a_whole_panel(control, page, drawn):
+def test_the_next_driver_has_a_complete_panel(control, page, samples):
     with browser(page) as first:
         first.send(msgspec.msgpack.encode(CAMERA))
-        parts = parts_of(page)
-        labels = labels_of(parts)
+        elements = elements_of(page)
+        labels = labels_of(elements)
         try:
-            for one in drawn:
-                first.send(msgspec.msgpack.encode(message(one, list(parts))))
+            for sample in samples:
+                encoded = msgspec.msgpack.encode(message(sample, list(elements)))
+                first.send(encoded)
         except ConnectionClosed:
             pass
         time.sleep(0.1)
-    until(lambda: page.session.driver is None, what="going")
-    drawn_before = page.frames
+    until(lambda: page.session.driver is None, what="disconnecting")
+    frames = page.frames
     with browser(page) as second:
         second.send(msgspec.msgpack.encode(CAMERA))
-        assert labels_of(parts_of(page)) == labels
-        until(lambda: page.frames > drawn_before + 2, what="drawing")
-    until(lambda: page.session.driver is None, what="going")
+        assert labels_of(elements_of(page)) == labels
+        until(lambda: page.frames > frames + 2, what="drawing")
+    until(lambda: page.session.driver is None, what="disconnecting")
     assert control.latest.stage is not Stage.FAULT
 
 
 @settings(suppress_health_check=list(HealthCheck))
 @given(st.floats(-1e12, 1e12))
-def test_a_knob_shows_what_is_within_its_ends_whatever_was_asked(twin, number):
+def test_a_slider_stays_within_its_ends_for_any_request(twin, number):
     limits = RequestLimits.of(twin, ())
-    for knob in (SPEED, *WEIGHTS, *faults(limits, couples=True)):
-        asked = limits.changed(Request(), **knob.change(Request(), number))
-        assert knob.low <= knob.shown(asked) <= knob.high
+    sliders = (SPEED_SLIDER, *WEIGHT_SLIDERS, *fault_sliders(limits, coupled=True))
+    for slider in sliders:
+        request = limits.changed(Request(), **slider.change(Request(), number))
+        assert slider.low <= slider.value(request) <= slider.high

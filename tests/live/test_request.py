@@ -1,4 +1,4 @@
-"""Whatever a client sends, a request stays within its limits."""
+"""Requests stay within their limits, whatever a client sends."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ NAMES = (
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.dictionaries(st.sampled_from(NAMES), ANYTHING))
-def test_no_value_leads_out_of_the_limits(changes):
+def test_no_value_exceeds_the_limits(changes):
     request = LIMITS.changed(Request(), **changes)
     assert (
         request.target is None or np.linalg.norm(request.target) <= LIMITS.reach + 1e-9
@@ -45,13 +45,13 @@ def test_no_value_leads_out_of_the_limits(changes):
     assert np.abs(request.push).max() <= LIMITS.push
     assert 0 <= request.coupling <= 1
     assert 0 <= request.noise <= LIMITS.noise
-    goal_of(request, 3, None)  # refuses what is not finite
+    goal_of(request, 3, None)  # raises for values that are not finite
 
 
-def test_a_target_too_far_is_drawn_to_the_limit_and_nonsense_is_passed_over():
+def test_a_far_target_is_projected_to_the_limit_and_invalid_values_are_ignored():
     request = LIMITS.changed(Request(), target=(0, 0, 5))
     assert request.target == pytest.approx((0, 0, 1.2))
-    for nonsense in (
+    for invalid in (
         (0, 0),
         "abc",
         (float("nan"), 0, 0),
@@ -59,15 +59,15 @@ def test_a_target_too_far_is_drawn_to_the_limit_and_nonsense_is_passed_over():
         [[1, 2, 3]],
         {"x": 1},
     ):
-        assert LIMITS.changed(request, target=nonsense) == request
+        assert LIMITS.changed(request, target=invalid) == request
     assert LIMITS.changed(request, no_such_thing=1, speed=2.0) == LIMITS.changed(
         request, speed=2.0
     )
 
 
-def test_obstacles_are_few_and_of_sound_size():
+def test_the_number_and_size_of_obstacles_are_limited():
     many = tuple(Obstacle((9.0, 0.0, 0.0), 7.0) for _ in range(30))
-    own = LIMITS.changed(Request(), obstacles=many).obstacles
-    assert len(own) == MAX_OBSTACLES
-    assert own[0].center == pytest.approx((1.2, 0, 0))
-    assert own[0].threshold == pytest.approx(0.3)
+    obstacles = LIMITS.changed(Request(), obstacles=many).obstacles
+    assert len(obstacles) == MAX_OBSTACLES
+    assert obstacles[0].center == pytest.approx((1.2, 0, 0))
+    assert obstacles[0].threshold == pytest.approx(0.3)

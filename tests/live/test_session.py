@@ -1,9 +1,9 @@
-"""One drives, the others watch."""
+"""One browser drives, the others watch."""
 
 from s2c2a.live.session import Session
 
 
-def test_the_first_drives_and_the_second_watches():
+def test_the_first_browser_drives_and_the_second_watches():
     session = Session()
     session.join(1)
     session.join(2)
@@ -12,30 +12,30 @@ def test_the_first_drives_and_the_second_watches():
     assert session.present == (1, 2)
 
 
-def test_a_free_handle_goes_to_whoever_takes_it_and_to_nobody_by_itself():
+def test_released_control_waits_until_a_browser_takes_it_or_joins():
     session = Session()
     session.join(1)
     session.join(2)
     session.leave(1)
     assert session.driver is None
     assert session.take(2)
-    session.give(2)
+    session.release(2)
     assert session.driver is None
     session.join(3)
     assert session.drives(3)
 
 
-def test_who_is_not_there_takes_nothing():
+def test_a_disconnected_browser_cannot_take_control():
     session = Session()
     assert not session.take(7)
-    session.give(7)
+    session.release(7)
     session.leave(7)
     assert session.driver is None
 
 
-def test_changes_are_told():
-    told = []
-    session = Session(lambda: told.append(session.driver))
+def test_changes_are_reported():
+    drivers = []
+    session = Session(lambda: drivers.append(session.driver))
     session.join(1)
     session.leave(1)
-    assert told == [1, None]
+    assert drivers == [1, None]

@@ -1,11 +1,11 @@
-"""What is finished, in the same scene."""
+"""Viewer of runs, recordings, trainings and arms."""
 
 import time
 
 import numpy as np
 import pytest
 
-from s2c2a.cli.view import window_on
+from s2c2a.cli.view import open_window
 from s2c2a.episodes import save_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
@@ -17,33 +17,34 @@ from live_tabs import TALL, Tab, drawn_tip, until  # type: ignore[import-not-fou
 
 @pytest.fixture
 def shown(chromium):
-    """Opens a page in a tab, and closes both."""
-    opened = []
+    """A function that opens a page in a tab; both are closed afterwards."""
+    pages = []
 
     def show(page, size=(1280, 800)):
         tab = Tab(chromium, page.gate.address, size)
-        opened.append((page, tab))
+        pages.append((page, tab))
         return tab
 
     yield show
-    for page, tab in opened:
+    for page, tab in pages:
         tab.page.close()
         page.close()
 
 
 def run(drawn, label: str, turn: float) -> Trace:
-    """An arm that leans further and further to one side."""
-    leans = 0.2 * np.linspace(0, 1, 50)
+    """A run of an arm that bends more and more to one side."""
+    offsets = 0.2 * np.linspace(0, 1, 50)
     states = np.zeros((50, 3, 6))
-    states[..., 2], states[..., 5] = 0.2 * np.arange(1, 4), 1.0
-    states[..., 0] = np.outer(leans * np.cos(turn), np.arange(1, 4) ** 2 / 9)
-    states[..., 1] = np.outer(leans * np.sin(turn), np.arange(1, 4) ** 2 / 9)
+    states[..., 2] = 0.2 * np.arange(1, 4)
+    states[..., 5] = 1.0
+    states[..., 0] = np.outer(offsets * np.cos(turn), np.arange(1, 4) ** 2 / 9)
+    states[..., 1] = np.outer(offsets * np.sin(turn), np.arange(1, 4) ** 2 / 9)
     desired = np.full((50, 3, 3), np.nan)
     desired[:, -1] = states[:, -1, :3] + 0.02
     return drawn(label, 0.1 * np.arange(50), states, desired_positions=desired)
 
 
-def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown, drawn):
+def test_two_runs_play_with_one_as_the_ghost_of_the_other(twin, shown, drawn):
     page = view_runs([run(drawn, "best", 0.0), run(drawn, "paper", 1.5)], twin, 0)
     tab = shown(page)
     tab.page.get_by_text("cm from the target").wait_for()
@@ -54,7 +55,7 @@ def test_two_runs_are_played_one_as_the_ghost_of_the_other(twin, shown, drawn):
     assert tab.errors == []
 
 
-def test_an_arm_is_bent_by_sliders(twin, shown):
+def test_sliders_bend_an_arm(twin, shown):
     page = view_arm(twin, 0)
     tab = shown(page)
     thumb = tab.page.get_by_role("slider").first
@@ -67,7 +68,7 @@ def test_an_arm_is_bent_by_sliders(twin, shown):
     assert tab.errors == []
 
 
-def test_a_recording_shows_its_workspace_on_a_telephone_too(recording, shown):
+def test_a_recording_shows_its_workspace_on_a_phone(recording, shown):
     tab = shown(view_recording(recording.episodes, 0), TALL)
     tab.page.get_by_role("button", name="Pause").wait_for()
     time.sleep(2.0)
@@ -75,29 +76,27 @@ def test_a_recording_shows_its_workspace_on_a_telephone_too(recording, shown):
     assert tab.errors == []
 
 
-def test_a_file_of_runs_is_told_from_a_recording(recording, twin, tmp_path):
+def test_runs_and_recordings_are_distinguished(recording, twin, tmp_path):
     (tmp_path / "a").mkdir()
     save_episodes(recording.episodes[:2], tmp_path / "a" / "runs.episodes")
     save_episodes(
         recording.episodes[:2], tmp_path / "collected.episodes", recording.options
     )
-    for what, label in (
+    for path, label in (
         (tmp_path / "a", "Run"),
-        (tmp_path / "collected.episodes", "Show"),
+        (tmp_path / "collected.episodes", "Episode"),
     ):
-        window = window_on((str(what),), 0)
+        window = open_window((str(path),), 0)
         try:
-            assert label in {
-                one.label
-                for one in window.server.gui._gui_input_handle_from_uuid.values()
-            }
+            elements = window.server.gui._gui_input_handle_from_uuid.values()
+            assert label in {element.label for element in elements}
             assert window.arm == twin
         finally:
             window.close()
 
 
-def test_what_cannot_be_viewed_is_said(tmp_path):
-    for nothing in (
+def test_inputs_that_cannot_be_viewed_raise(tmp_path):
+    for paths in (
         (),
         (str(tmp_path),),
         ("twin_arm", "simulated_arm"),
@@ -105,12 +104,12 @@ def test_what_cannot_be_viewed_is_said(tmp_path):
         ("none.episodes",),
     ):
         with pytest.raises(S2C2AError):
-            window_on(nothing, 0)
+            open_window(paths, 0)
 
 
-def test_a_training_shows_the_curves_of_both_networks_and_of_the_swing(twin, shown):
+def test_a_training_shows_the_curves_of_both_networks_and_of_the_vibration(twin, shown):
     networks = shipped_networks(twin)
-    assert set(networks.curves) == {"C2S", "C2A", "swing"}
+    assert set(networks.curves) == {"C2S", "C2A", "modal_model"}
     tab = shown(view_training(networks, 0))
     tab.page.get_by_text("of the full range").first.wait_for()
     until(lambda: tab.page.locator(".uplot").count() == 3, what="three charts")
@@ -118,38 +117,43 @@ def test_a_training_shows_the_curves_of_both_networks_and_of_the_swing(twin, sho
     assert tab.errors == []
 
 
-def test_a_hanging_arm_hangs_and_what_is_dragged_is_told_in_its_base_frame(
-    make_arm, shown
-):
+def test_drags_on_a_hanging_arm_are_in_the_base_frame(make_arm, shown):
     arm = make_arm(gravity_direction=(0.0, 0.0, 1.0))
-    page, told = view_arm(arm, 0), []
+    page = view_arm(arm, 0)
+    positions = []
     page.scene.on_drag(
-        lambda _who, where: told.append(where), lambda *_: None, lambda *_: None
+        lambda _client, position: positions.append(position),
+        lambda *_: None,
+        lambda *_: None,
     )
     page.scene.draw_target((0.0, 0.1, 0.5), None, 0.0)
     tab = shown(page)
     tab.page.get_by_text("gravity").wait_for()
-    until(lambda: tab.drag_told((0.0, 0.1, 0.5), (60, -40), arm, told), what="the drag")
+    until(
+        lambda: tab.drag_reported((0.0, 0.1, 0.5), (60, -40), arm, positions),
+        what="the drag",
+    )
     x, y = tab.place_of((0.0, 0.1, 0.5), arm)
-    np.testing.assert_allclose(tab.place_of(told[-1], arm), (x + 60, y - 40), atol=6)
-    assert told[-1][2] < 0.5  # up the screen is towards the base
+    np.testing.assert_allclose(
+        tab.place_of(positions[-1], arm), (x + 60, y - 40), atol=6
+    )
+    assert positions[-1][2] < 0.5  # upwards on the screen is towards the base
     places = [tab.place_of((0.0, 0.0, height), arm) for height in (0.0, 0.6)]
     assert places[1][1] > places[0][1] + 200
-    red, _, blue = np.moveaxis(np.array(tab.seen(), dtype=int), -1, 0)
-    column, rows = round(places[0][0]), [round(places[k][1]) for k in (0, 1)]
+    red, _, blue = np.moveaxis(np.array(tab.screenshot(), dtype=int), -1, 0)
+    column = round(places[0][0])
+    base_row = round(places[0][1])
+    tip_row = round(places[1][1])
     near = slice(column - 20, column + 20)
-    assert (blue - red)[rows[0] + 30 : rows[0] + 80, near].mean() > 40
-    assert (red - blue)[rows[1] - 80 : rows[1] - 30, near].mean() > 40
+    assert (blue - red)[base_row + 30 : base_row + 80, near].mean() > 40
+    assert (red - blue)[tip_row - 80 : tip_row - 30, near].mean() > 40
     tab.keep("wide-hanging")
     assert tab.errors == []
 
 
-def test_gravity_is_shown_where_the_arm_does_not_stand_upright(make_arm, shown):
-    hanging, lying = (
-        make_arm(gravity_direction=direction)
-        for direction in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-    )
-    for arm in (hanging, lying):
+def test_gravity_is_shown_unless_the_arm_stands_upright(make_arm, shown):
+    for direction in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)):
+        arm = make_arm(gravity_direction=direction)
         tab = shown(view_arm(arm, 0))
         tab.page.get_by_text("gravity").wait_for()
         tab.keep(f"wide-gravity-{arm.gravity_direction[0]:g}")

@@ -1,4 +1,4 @@
-"""From tables to SI units: factors, signs, rotations, joined files."""
+"""Sessions: units, offsets, rotations, and joined files."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,16 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.session import direction, session_of
+from s2c2a.logs.session import build_session, unit_vector
 from s2c2a.logs.tables import Table
 
-ARM = '[arm]\nname = "a"\nmodules = 1\ncontrol_rate = 10\npulley_radius = 0.01\nticks_per_turn = 1000\n'
+ARM = """[arm]
+name = "a"
+modules = 1
+control_rate = 10
+pulley_radius = 0.01
+ticks_per_turn = 1000
+"""
 POSITION = '[[ends]]\nposition = ["x", "y", "z"]\nunit = "mm"\n'
 TIP = {
     "x": np.array([1.0, 2.0]),
@@ -18,7 +24,7 @@ TIP = {
 }
 
 
-def told(
+def make_map(
     drives='commanded = "m"\nunit = "mm"\n',
     ends=POSITION,
     rows='kind = "steps"\n',
@@ -39,14 +45,16 @@ def told(
         ("N", 1),
     ],
 )
-def test_columns_become_metres_or_newtons_after_their_offset(unit, factor):
-    one = told(f'commanded = "m"\nunit = "{unit}"\noffset = 100.0\n')
-    session = session_of([Table("t", TIP | {"m": np.array([100.0, 350.0])}, {})], one)
+def test_columns_are_converted_to_meters_or_newtons(unit, factor):
+    log_map = make_map(f'commanded = "m"\nunit = "{unit}"\noffset = 100.0\n')
+    session = build_session(
+        [Table("t", TIP | {"m": np.array([100.0, 350.0])}, {})], log_map
+    )
     np.testing.assert_allclose(session.commanded[:, 0], [0, 250 * factor])
 
 
-def test_positions_become_metres_and_what_was_not_seen_stays_unknown():
-    session = session_of([Table("t", TIP | {"m": np.zeros(2)}, {})], told())
+def test_positions_are_converted_to_meters_and_missing_ones_stay_nan():
+    session = build_session([Table("t", TIP | {"m": np.zeros(2)}, {})], make_map())
     np.testing.assert_allclose(
         session.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]]
     )
@@ -79,34 +87,34 @@ TURN = Rotation.from_euler("XYZ", [20, -35, 50], degrees=True)
     ],
 )
 @pytest.mark.parametrize("along", ["z", "-y"])
-def test_every_way_to_say_a_rotation_gives_the_same_axis(keys, values, along):
+def test_every_rotation_format_gives_the_same_axis(keys, values, along):
     columns = {
         name: np.array([value, np.nan])
         for name, value in zip("abcd", values, strict=False)
     }
-    one = told(ends=f'{POSITION}{keys}\nalong = "{along}"\n')
-    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[
-        :, 0
-    ]
-    np.testing.assert_allclose(axes[0], TURN.apply(direction(along)), atol=1e-12)
+    log_map = make_map(ends=f'{POSITION}{keys}\nalong = "{along}"\n')
+    axes = build_session(
+        [Table("t", TIP | columns | {"m": np.zeros(2)}, {})], log_map
+    ).axes[:, 0]
+    np.testing.assert_allclose(axes[0], TURN.apply(unit_vector(along)), atol=1e-12)
     assert np.isnan(axes[1]).all()
 
 
-def test_vectors_of_any_length_become_unit_axes_and_none_stays_unknown():
+def test_vectors_are_normalized_and_missing_ones_stay_nan():
     columns = {
         "a": np.array([0.0, 0.0]),
         "b": np.array([3.0, 0.0]),
         "c": np.array([4.0, 0.0]),
     }
-    one = told(ends=f'{POSITION}axis = ["a", "b", "c"]\n')
-    axes = session_of([Table("t", TIP | columns | {"m": np.zeros(2)}, {})], one).axes[
-        :, 0
-    ]
+    log_map = make_map(ends=f'{POSITION}axis = ["a", "b", "c"]\n')
+    axes = build_session(
+        [Table("t", TIP | columns | {"m": np.zeros(2)}, {})], log_map
+    ).axes[:, 0]
     np.testing.assert_allclose(axes, [[0, 0.6, 0.8], [np.nan] * 3])
 
 
-def test_files_are_joined_by_their_key_whatever_the_order():
-    one = told(more='[join]\nkey = "ID"\n')
+def test_files_are_joined_by_their_key_in_any_order():
+    log_map = make_map(more='[join]\nkey = "ID"\n')
     commands = Table(
         "c", {"ID": np.array([3.0, 1.0, 2.0]), "m": np.array([30.0, 10.0, 20.0])}, {}
     )
@@ -115,25 +123,26 @@ def test_files_are_joined_by_their_key_whatever_the_order():
         {"ID": np.array([2.0, 3.0, 9.0]), **{name: np.arange(3.0) for name in "xyz"}},
         {},
     )
-    session = session_of([commands, seen], one)
+    session = build_session([commands, seen], log_map)
     np.testing.assert_allclose(session.commanded[:, 0], [0.020, 0.030])
     np.testing.assert_allclose(session.positions[:, 0, 0], [0, 0.001])
 
 
-def test_files_without_common_keys_or_with_doubled_ones_are_refused():
-    one = told(more='[join]\nkey = "ID"\n')
+def test_files_without_common_keys_or_with_duplicates_are_refused():
+    log_map = make_map(more='[join]\nkey = "ID"\n')
     seen = Table(
         "s",
         {"ID": np.array([7.0, 8.0]), **{name: np.arange(2.0) for name in "xyz"}},
         {},
     )
-    for keys, why in (([1.0, 2.0], "in common"), ([7.0, 7.0], "twice")):
-        with pytest.raises(LogError, match=why):
-            session_of(
-                [Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen], one
+    for keys, message in (([1.0, 2.0], "in common"), ([7.0, 7.0], "duplicate")):
+        with pytest.raises(LogError, match=message):
+            build_session(
+                [Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen],
+                log_map,
             )
 
 
 def test_a_missing_column_is_named():
     with pytest.raises(LogError, match="names: m"):
-        session_of([Table("t", TIP, {})], told())
+        build_session([Table("t", TIP, {})], make_map())

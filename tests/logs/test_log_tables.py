@@ -1,4 +1,4 @@
-"""Files of strangers: what is there is read, what is broken is told by line and column, nothing swells or runs."""
+"""Log files: valid tables are read, invalid or malicious ones are errors."""
 
 import gzip
 import io
@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from s2c2a.logs import arrays, tables
+from s2c2a.logs import array_files, tables
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.tables import Asked, read_table
+from s2c2a.logs.tables import ColumnRequest, read_table
 
-AB = Asked(["a", "b"])
+AB = ColumnRequest(["a", "b"])
 
 
 @pytest.fixture
 def written(tmp_path):
-    """Writes a file and gives its path."""
+    """Function that writes a file and returns its path."""
 
     def write(content, name="log.csv"):
         path = tmp_path / name
@@ -41,7 +41,7 @@ def written(tmp_path):
         "a,b\n1.5,2\n-3,0.4\n".encode("utf-16"),
     ],
 )
-def test_a_table_is_read_whatever_parts_its_cells(written, content):
+def test_a_table_is_read_with_any_delimiter_and_encoding(written, content):
     table = read_table(written(content), AB)
     np.testing.assert_array_equal(
         [table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]]
@@ -49,16 +49,16 @@ def test_a_table_is_read_whatever_parts_its_cells(written, content):
 
 
 def test_a_file_without_names_has_numbers_for_columns(written):
-    table = read_table(written("1,2\n3,4\n"), Asked(["2"]))
+    table = read_table(written("1,2\n3,4\n"), ColumnRequest(["2"]))
     np.testing.assert_array_equal(table.numbers["2"], [2, 4])
 
 
-def test_blanks_are_nothing_and_labels_stay_words(written):
+def test_blank_cells_are_nan_and_labels_stay_text(written):
     table = read_table(
-        written("a,b,what\n1,,up\nNaN,n/a,down\n"), Asked(["a", "b"], ["what"])
+        written("a,b,what\n1,,up\nNaN,n/a,down\n"), ColumnRequest(["a", "b"], ["what"])
     )
     np.testing.assert_array_equal(table.numbers["b"], [np.nan, np.nan])
-    assert list(table.words["what"]) == ["up", "down"]
+    assert list(table.labels["what"]) == ["up", "down"]
 
 
 @pytest.mark.parametrize(
@@ -72,11 +72,15 @@ def test_blanks_are_nothing_and_labels_stay_words(written):
         ("a,b\n1_000,2\n", "line 2, column 'a'"),
     ],
 )
-def test_a_broken_row_is_told_by_line_and_column_or_is_a_gap(written, content, place):
+def test_a_broken_row_is_an_error_with_line_and_column_or_a_gap(
+    written, content, place
+):
     with pytest.raises(LogError, match=place):
         read_table(written(content), AB)
-    table = read_table(written(content), Asked(["a", "b"], gaps=True))
-    assert table.broken == 1
+    table = read_table(
+        written(content), ColumnRequest(["a", "b"], allow_broken_rows=True)
+    )
+    assert table.broken_rows == 1
     assert np.isnan(table.numbers["a"][-1])
 
 
@@ -94,26 +98,27 @@ def test_a_broken_row_is_told_by_line_and_column_or_is_a_gap(written, content, p
         b"\xff\xfea",
     ],
 )
-def test_what_is_no_table_ends_in_words(written, content):
+def test_a_file_without_a_table_is_an_error(written, content):
     with pytest.raises(LogError):
         read_table(written(content), AB)
 
 
-def test_a_missing_file_ends_in_words(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(LogError, match="nowhere"):
         read_table(tmp_path / "nowhere.csv", AB)
 
 
-def test_what_swells_is_left_alone(written, monkeypatch):
+def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
     monkeypatch.setattr(tables, "MAX_BYTES", 1000)
-    monkeypatch.setattr(arrays, "MAX_BYTES", 1000)
+    monkeypatch.setattr(array_files, "MAX_BYTES", 1000)
     with pytest.raises(LogError, match="more than 1000 bytes"):
         read_table(written(gzip.compress(b"a,b\n" + b"1,2\n" * 1000)), AB)
     squeezed = io.BytesIO()
     np.savez_compressed(squeezed, a=np.zeros(1000))
-    with pytest.raises(LogError, match="at most 1000"):
+    with pytest.raises(LogError, match="and 1000 bytes"):
         read_table(written(squeezed.getvalue(), "log.npz"), AB)
-    savemat(swollen := io.BytesIO(), {"a": np.zeros(1000)}, do_compression=True)
+    swollen = io.BytesIO()
+    savemat(swollen, {"a": np.zeros(1000)}, do_compression=True)
     with pytest.raises(LogError, match="more than 1000"):
         read_table(written(swollen.getvalue(), "log.mat"), AB)
 
@@ -122,17 +127,18 @@ def test_what_swells_is_left_alone(written, monkeypatch):
 def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
     path = tmp_path / f"log.{ending}"
-    (np.savez if ending == "npz" else lambda path, **arrays: savemat(path, arrays))(
-        path, **values
-    )
-    table = read_table(path, Asked(["a", "p.1"]))
+    if ending == "npz":
+        np.savez(path, **values)
+    else:
+        savemat(path, values)
+    table = read_table(path, ColumnRequest(["a", "p.1"]))
     np.testing.assert_array_equal(
         [table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
     )
 
 
 class Trap:
-    """Unpickled, it would write a file."""
+    """Object that writes a file when it is unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -141,8 +147,9 @@ class Trap:
         return open, (str(self.path), "w")
 
 
-def test_nothing_in_an_npz_is_run(tmp_path):
-    sprung, path = tmp_path / "sprung", tmp_path / "log.npz"
+def test_pickled_objects_in_an_npz_file_are_never_loaded(tmp_path):
+    sprung = tmp_path / "sprung"
+    path = tmp_path / "log.npz"
     np.savez(path, a=np.array([Trap(sprung)], dtype=object), allow_pickle=True)
     with pytest.raises(LogError):
         read_table(path, AB)
@@ -159,34 +166,28 @@ def test_a_mat_file_of_version_7_3_is_refused_with_advice(written):
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat", "csv.gz"])
-def test_damaged_files_end_in_words(tmp_path, ending):
-    path, random = tmp_path / f"log.{ending}", np.random.default_rng(0)
+def test_damaged_files_are_errors(tmp_path, ending):
+    random = np.random.default_rng(0)
+    path = tmp_path / f"log.{ending}"
     values = {"a": random.normal(size=20), "b": random.normal(size=20)}
     if ending == "npz":
         np.savez_compressed(path, **values)
     elif ending == "mat":
         savemat(path, values, do_compression=True)
     else:
-        path.write_bytes(
-            gzip.compress(
-                "\n".join(
-                    [
-                        "a,b",
-                        *(f"{a},{b}" for a, b in zip(*values.values(), strict=True)),
-                    ]
-                ).encode(),
-                mtime=0,
-            )
-        )
-    whole, ended = path.read_bytes(), 0
+        rows = zip(values["a"], values["b"], strict=True)
+        lines = ["a,b", *(f"{a},{b}" for a, b in rows)]
+        path.write_bytes(gzip.compress("\n".join(lines).encode(), mtime=0))
+    content = path.read_bytes()
+    errors = 0
     for _ in range(150):
-        harmed = bytearray(
-            whole[: random.integers(1, len(whole))] if random.random() < 0.3 else whole
-        )
-        harmed[random.integers(len(harmed))] ^= random.integers(1, 256)
-        path.write_bytes(bytes(harmed))
+        damaged = bytearray(content)
+        if random.random() < 0.3:
+            damaged = damaged[: random.integers(1, len(content))]
+        damaged[random.integers(len(damaged))] ^= random.integers(1, 256)
+        path.write_bytes(bytes(damaged))
         try:
             read_table(path, AB)
         except LogError:
-            ended += 1
-    assert ended > 20
+            errors += 1
+    assert errors > 20

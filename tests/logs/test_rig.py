@@ -1,42 +1,47 @@
-"""Another session of an arm is read by what was found in the first, by the same map alone."""
+"""Another session of an arm is imported with the rig of the first one."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_logs import recorded, written  # type: ignore[import-not-found]
+from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.logs import import_again, import_logs, map_from_toml, summary
+from s2c2a.logs import import_logs, import_session, map_from_toml, summary
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.rig import Rig, nearby
+from s2c2a.logs.rig import Rig, find_similar_rows
 
 
 @pytest.fixture(scope="module")
 def first(twin, tmp_path_factory):
-    """A log, and a recording such as an import makes of it."""
+    """Log, and a recording as an import makes it."""
     folder = tmp_path_factory.mktemp("first")
-    recording = recorded(folder / "twin.episodes", twin, 30)
-    log = written(folder, recording, tip_alone=False, signs_stated=True)
-    cables = np.arange(twin.module_count * twin.cable_count).reshape(
-        twin.module_count, -1
+    recording = record(folder / "twin.episodes", twin, 30)
+    log = write_log(folder, recording, tip_only=False, signs_stated=True)
+    shape = (twin.module_count, twin.cable_count)
+    rig = Rig.identified(
+        map_from_toml(log.map),
+        np.arange(twin.module_count * twin.cable_count).reshape(shape),
+        np.ones(shape),
+        np.zeros(3),
+        np.eye(3),
     )
-    rig = Rig.found(
-        map_from_toml(log.map), cables, np.ones(cables.shape), np.zeros(3), np.eye(3)
-    )
-    return log, replace(
-        recording, options={"rig": json.loads(json.dumps(rig.model_dump()))}
-    )
+    options = {"rig": json.loads(json.dumps(rig.model_dump()))}
+    return log, replace(recording, options=options)
+
+
+def with_rig(recording, rig):
+    return replace(recording, options={"rig": rig})
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('measured = "m0"', 'measured = "m1"', "the drives: m1"),
         (
             'unit = "mm"\n',
             'unit = "m"\n',
-            "what turns 'm0' into meters or newtons: 1.0 in the map, 0.001 in",
+            "meters or newtons per unit of 'm0': 1.0 in the map, 0.001 in",
         ),
         (
             "control_rate = 10",
@@ -45,48 +50,39 @@ def first(twin, tmp_path_factory):
         ),
     ],
 )
-def test_a_map_of_another_arm_or_other_units_is_refused(old, new, said, first):
+def test_a_map_of_another_arm_or_other_units_is_refused(old, new, message, first):
     log, recording = first
     assert old in log.map
-    with pytest.raises(LogError, match=said):
-        import_again([log.log], map_from_toml(log.map.replace(old, new, 1)), recording)
+    changed = map_from_toml(log.map.replace(old, new, 1))
+    with pytest.raises(LogError, match=message):
+        import_session([log.path], changed, recording)
 
 
-def test_a_drive_that_winds_more_cable_than_the_arm_is_long_is_refused_before_anything_is_fitted(
-    first,
-):
+def test_a_drive_that_winds_more_cable_than_the_arm_is_long_is_refused(first):
     log, _ = first
-    told = map_from_toml(
-        log.map.replace('measured = "m3"\nunit = "mm"', 'measured = "m3"\nunit = "m"')
-    )
-    with pytest.raises(LogError, match=r"'m3' moves by .* let the map say its unit"):
-        import_logs([log.log], told)
+    text = log.map.replace('"m3"\nunit = "mm"', '"m3"\nunit = "m"')
+    with pytest.raises(LogError, match=r"'m3' moves by .* correct its unit"):
+        import_logs([log.path], map_from_toml(text))
 
 
-def test_ends_that_no_end_of_the_arm_can_be_at_are_refused(first):
+def test_ends_beyond_the_reach_of_the_arm_are_refused(first):
     log, recording = first
     rig = {**recording.options["rig"], "base": [40.0, 0.0, 0.0]}
-    with pytest.raises(
-        LogError, match=r"ends are up to 40.* let the map say their unit"
-    ):
-        import_again(
-            [log.log], map_from_toml(log.map), replace(recording, options={"rig": rig})
-        )
+    with pytest.raises(LogError, match=r"ends are up to 40.* correct their unit"):
+        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
-def test_an_arm_that_the_map_does_not_tell_of_is_refused_before_anything_is_fitted(
-    first, twin
-):
+def test_an_arm_that_differs_from_the_map_is_refused(first, twin):
     log, _ = first
-    for changed in ({"control_rate": 50.0}, {"modules": twin.modules[:2]}):
-        with pytest.raises(LogError, match=f"{next(iter(changed))}: .* in the map"):
-            import_logs(
-                [log.log], map_from_toml(log.map), twin.model_copy(update=changed)
-            )
+    log_map = map_from_toml(log.map)
+    for change in ({"control_rate": 50.0}, {"modules": twin.modules[:2]}):
+        arm = twin.model_copy(update=change)
+        with pytest.raises(LogError, match=f"{next(iter(change))}: .* in the map"):
+            import_logs([log.path], log_map, arm)
 
 
 @pytest.mark.parametrize(
-    "changed",
+    "change",
     [
         {},
         {"names": 5},
@@ -99,28 +95,28 @@ def test_an_arm_that_the_map_does_not_tell_of_is_refused_before_anything_is_fitt
         {"axes": [[1.0, 0.0, 0.0]] * 3},
     ],
 )
-def test_a_recording_that_does_not_say_how_cameras_stood_is_refused(changed, first):
+def test_a_recording_without_a_valid_rig_is_refused(change, first):
     log, recording = first
-    rig = {**recording.options["rig"], **changed} if changed else None
-    with pytest.raises(LogError, match="import its logs anew, without --like"):
-        import_again(
-            [log.log], map_from_toml(log.map), replace(recording, options={"rig": rig})
-        )
+    rig = {**recording.options["rig"], **change} if change else None
+    with pytest.raises(LogError, match="import its logs again, without --like"):
+        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
-def test_rows_whose_cables_stood_alike_tell_that_a_camera_moved():
+def test_rows_with_similar_cables_show_that_a_camera_has_moved():
     random = np.random.default_rng(0)
-    cables, tips = random.normal(size=(200, 2, 3)), random.normal(size=(200, 3))
-    near = nearby(cables, tips + np.array([0.0, 0.0, 0.01]), cables[::-1], tips[::-1])
-    np.testing.assert_allclose(
-        near.moved, np.tile([0.0, 0.0, 0.01], (len(near.moved), 1)), atol=1e-9
-    )
-    assert near.cables.max() == 0.0
+    cables = random.normal(size=(200, 2, 3))
+    tips = random.normal(size=(200, 3))
+    offset = np.array([0.0, 0.0, 0.01])
+    similar = find_similar_rows(cables, tips + offset, cables[::-1], tips[::-1])
+    expected = np.tile(offset, (len(similar.displacement), 1))
+    np.testing.assert_allclose(similar.displacement, expected, atol=1e-9)
+    assert similar.cables.max() == 0.0
 
 
-def test_where_the_tip_was_not_seen_nothing_is_compared(first):
+def test_sessions_without_a_measured_tip_are_not_compared(first):
     log, recording = first
-    again = import_again([log.log], map_from_toml(log.map), recording)
-    tips = np.full((4, 3), np.nan)
-    blind = nearby(np.zeros((4, 3, 3)), tips, np.zeros((4, 3, 3)), np.zeros((4, 3)))
-    assert "cannot be told" in summary.summary_again(replace(again, nearby=blind))[-1]
+    session = import_session([log.path], map_from_toml(log.map), recording)
+    cables = np.zeros((4, 3, 3))
+    empty = find_similar_rows(cables, np.full((4, 3), np.nan), cables, np.zeros((4, 3)))
+    lines = summary.session_summary(replace(session, similar=empty))
+    assert "cannot be checked" in lines[-1]

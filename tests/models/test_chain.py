@@ -37,17 +37,19 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
     def move(leaf):
         return leaf + jnp.asarray(random.normal(0, 0.2, leaf.shape), dtype=leaf.dtype)
 
-    parts = lambda m: [
-        m.hysteresis.play_weights,
-        m.hysteresis.creep_weights,
-        m.equilibrium.log_stiffness,
-        m.equilibrium.tautness,
-        m.equilibrium.coupling,
-        m.equilibrium.relaxing,
-        m.mixing,
-        m.network.layers[-1].weight,
-        m.network.layers[-1].bias,
-    ]
+    def parts(m):
+        return [
+            m.hysteresis.play_weights,
+            m.hysteresis.creep_weights,
+            m.equilibrium.log_stiffness,
+            m.equilibrium.tautness,
+            m.equilibrium.coupling,
+            m.equilibrium.relaxing,
+            m.mixing,
+            m.network.layers[-1].weight,
+            m.network.layers[-1].bias,
+        ]
+
     return eqx.tree_at(parts, model, [move(leaf) for leaf in parts(model)])
 
 
@@ -197,7 +199,7 @@ def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, 
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))
     configurations = way(5, 3, modules)
     memory = observe(model, configurations[0], start(model, configurations[0]))
-    assert memory.cables.plays.shape == (modules, 2, cables)
+    assert memory.plays.shape == (modules, 2, cables)
     states = predict(model, configurations[1], memory)
     assert states.shape == (modules, 6)
     assert np.isfinite(states).all()

@@ -1,4 +1,4 @@
-"""What a load does to the chain: by hand for one module, nothing without a load, and what the simulated arm does."""
+"""Payload and bend biases in the chain model: mechanics by hand, limits, and the simulated arm."""
 
 import equinox as eqx
 import jax
@@ -19,15 +19,29 @@ from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks
 
-given = eqx.filter_jit(
-    lambda model, disturbances, sensed, memory: model.given(
-        disturbances, sensed, memory
+
+@eqx.filter_jit
+def with_moments(model, disturbances, sensed, memory, before):
+    return model.with_moments(disturbances, sensed, memory, before)
+
+
+@eqx.filter_jit
+def predict(model, sensed, memory, disturbances=None):
+    return model.predict(sensed, memory, disturbances)
+
+
+def settled(model, disturbances, sensed, memory, steps=5) -> Disturbances:
+    """Disturbances whose payload moments have converged at a configuration."""
+    none = Disturbances.none(len(sensed))
+    before = disturbances._replace(
+        moments=none.moments, moments_per_kg=none.moments_per_kg
     )
-)
-predict = eqx.filter_jit(lambda model, sensed, memory: model.predict(sensed, memory))
+    for _ in range(steps):
+        before = with_moments(model, disturbances, sensed, memory, before)
+    return before
 
 
-def loaded(kilograms, modules=3) -> Disturbances:
+def payload_of(kilograms, modules=3) -> Disturbances:
     return Disturbances(jnp.asarray(kilograms, jnp.float32), jnp.zeros((modules, 2)))
 
 
@@ -50,59 +64,62 @@ def test_an_end_gives_way_across_and_not_along():
 
 
 @pytest.mark.parametrize("sensing", ["encoders", "true"])
-def test_no_load_and_no_lean_change_nothing(sensing):
+def test_no_payload_and_no_bias_change_nothing(sensing):
     arm = load_arm("twin_arm").model_copy(update={"sensing": sensing})
     model = ChainOptions(hidden=8, depth=1).untrained(arm, jax.random.key(0))
-    sensed = configurations_from_bends(
-        jnp.asarray(np.random.default_rng(0).normal(0, 0.3, (3, 2)), jnp.float32)
-    )
+    bends = np.random.default_rng(0).normal(0, 0.3, (3, 2))
+    sensed = configurations_from_bends(jnp.asarray(bends, jnp.float32))
     memory = model.start(sensed)
+    none = settled(model, payload_of(0.0), sensed, memory)
     np.testing.assert_allclose(
-        predict(model, sensed, given(model, loaded(0.0), sensed, memory)),
-        predict(model, sensed, memory),
-        atol=1e-6,
+        predict(model, sensed, memory, none), predict(model, sensed, memory), atol=1e-6
     )
 
 
-def test_leans_are_bends_beside_those_that_are_expected():
+def test_bend_biases_are_added_to_the_predicted_bends():
     model = shipped_networks(load_arm("twin_arm")).c2s
     sensed = configurations_from_bends(jnp.full((3, 2), 0.2))
-    memory, leans = (
-        model.start(sensed),
-        jnp.array([[0.05, 0.0], [0.0, 0.02], [0.0, 0.0]]),
-    )
-    leant = given(model, Disturbances(jnp.zeros(()), leans), sensed, memory)
+    memory = model.start(sensed)
+    biases = jnp.array([[0.05, 0.0], [0.0, 0.02], [0.0, 0.0]])
+    biased = Disturbances.none(3)._replace(bend_biases=biases)
     bends = [
         bends_from_configurations(
-            configurations_from_states(predict(model, sensed, one))
+            configurations_from_states(predict(model, sensed, memory, disturbances))
         )
-        for one in (memory, leant)
+        for disturbances in (None, biased)
     ]
-    np.testing.assert_allclose(bends[1] - bends[0], leans, atol=2e-3)
+    np.testing.assert_allclose(bends[1] - bends[0], biases, atol=2e-3)
 
 
-def test_a_model_trained_without_load_knows_where_a_weight_leads():
-    """Held poses of the twin with 50 g: told of them, it is three times nearer than without."""
+def test_moments_follow_a_changed_payload_in_proportion():
+    model = shipped_networks(load_arm("twin_arm")).c2s
+    sensed = configurations_from_bends(jnp.full((3, 2), 0.2))
+    memory = model.start(sensed)
+    light = settled(model, payload_of(0.04), sensed, memory, steps=20)
+    heavy = settled(model, payload_of(0.05), sensed, memory, steps=20)
+    np.testing.assert_allclose(
+        light.with_payload(jnp.asarray(0.05)).moments, heavy.moments, atol=0.02
+    )
+
+
+def test_a_model_trained_without_payload_predicts_its_effect():
+    """Poses of the twin with 50 g: three times nearer with the payload than without."""
     arm = load_arm("twin_arm")
-    model, geometry = shipped_networks(arm).c2s, ArmGeometry.of(arm)
-    off = {0.0: [], 0.05: []}
+    model = shipped_networks(arm).c2s
+    geometry = ArmGeometry.of(arm)
+    errors = {0.0: [], 0.05: []}
     for seed in range(4):
         shares = np.random.default_rng(seed).uniform(-0.45, 0.45, (3, 2))
         robot = SimulatedRobot(arm, payload=0.05)
         robot.open()
         for step in range(100):
             robot.step(geometry.actions_at(shares * min(1.0, step / 30)))
-        sensed = configurations_from_bends(
-            jnp.asarray(shares * geometry.bend_limits[:, None], jnp.float32)
-        )
-        for told, errors in off.items():
-            memory = model.start(sensed)
-            for _ in range(5):
-                memory = given(model, loaded(told), sensed, memory)
-            errors.append(
-                np.linalg.norm(
-                    np.asarray(predict(model, sensed, memory))[-1, :3]
-                    - robot.states()[-1, :3]
-                )
-            )
-    assert np.mean(off[0.05]) < np.mean(off[0.0]) / 3
+        bends = shares * geometry.bend_limits[:, None]
+        sensed = configurations_from_bends(jnp.asarray(bends, jnp.float32))
+        memory = model.start(sensed)
+        tip = robot.states()[-1, :3]
+        for payload in errors:
+            known = settled(model, payload_of(payload), sensed, memory, steps=15)
+            predicted = np.asarray(predict(model, sensed, memory, known))[-1, :3]
+            errors[payload].append(np.linalg.norm(predicted - tip))
+    assert np.mean(errors[0.05]) < np.mean(errors[0.0]) / 3

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.estimation import Estimate
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -177,9 +178,9 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, traine
     ends = []
     for options in (BEST, bold):
         planner = Planner(arm, trained, options)
-        plan = planner.start(np.tile([0.0, 0.0, 1.0], (2, 1)))
+        plan = planner.start(Estimate(np.tile([0.0, 0.0, 1.0], (2, 1))))
         for _ in range(40):
-            plan = planner.plan(plan, plan.configurations, goal)
+            plan = planner.plan(plan, Estimate(plan.configurations), goal)
         ends.append(
             (
                 float(planner.expectation(plan).extrapolation),
@@ -234,7 +235,7 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
         jnp.ones((arm.module_count, 6)) / np.sqrt(3),
     )
     ends = [
-        one._put_together(chained, one.kernels(features))[..., :3]
+        one._corrected(chained, one.kernels(features))[..., :3]
         for one in (silent, half, whole)
     ]
     np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)

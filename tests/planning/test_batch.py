@@ -7,7 +7,9 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.kinematics import PCCForwardModel, states_from_configurations
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import states_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, NO_FALLBACK, PAPER, BatchPlanner, Goal, Planner
 from s2c2a.planning.terms import Axes
 
@@ -70,7 +72,7 @@ def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
     sensed = somewhere(5)
     many = batch.plan(batch.start(sensed), sensed, Goal.stacked(desired))
     each = [
-        planner.plan(planner.start(one), one, goal).configurations
+        planner.plan(planner.start(Estimate(one)), Estimate(one), goal).configurations
         for one, goal in zip(sensed, desired, strict=True)
     ]
     np.testing.assert_allclose(many.configurations, each, atol=2e-4)
@@ -83,10 +85,10 @@ def test_a_path_has_the_plans_of_single_steps(batch_of, options):
     start = somewhere(1)[0]
     desired = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
     path = batch.path(start, Goal.stacked(desired))
-    plan = planner.start(start)
+    plan = planner.start(Estimate(start))
     each = []
     for goal in desired:
-        plan = planner.plan(plan, plan.configurations, goal)
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
         each.append(plan.configurations)
     np.testing.assert_allclose(path.configurations, each, atol=1e-3)
     np.testing.assert_allclose(

@@ -8,7 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from s2c2a.arm import load_arm
-from s2c2a.kinematics import PCCForwardModel, states_from_bends
+from s2c2a.kinematics import states_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal
 from s2c2a.planning.guides import (
     FAR,

@@ -11,7 +11,9 @@ from jaxtyping import Array
 from s2c2a.arm import load_arm
 from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import ForwardModel, PCCForwardModel, bends_from_configurations
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning import (
     BEST,
     NO_FALLBACK,
@@ -46,16 +48,16 @@ class Uphill(ForwardModel):
     def observe(self, sensed, memory):
         return self.truth.observe(sensed, memory)
 
-    def predict(self, configurations, memory) -> Array:
+    def predict(self, configurations, memory, disturbances=None) -> Array:
         states = self.truth.predict(configurations, memory)
         return 2.0 * jax.lax.stop_gradient(states) - states if self.engaged else states
 
 
 def run(planner, goal, steps):
     """Plans from rest, for an arm that follows its plan exactly."""
-    plans = [planner.start(STRAIGHT)]
+    plans = [planner.start(Estimate(STRAIGHT))]
     for _ in range(steps):
-        plans.append(planner.plan(plans[-1], plans[-1].configurations, goal))
+        plans.append(planner.plan(plans[-1], Estimate(plans[-1].configurations), goal))
     return plans
 
 
@@ -135,7 +137,7 @@ def test_a_batch_gives_the_plans_of_single_calls(misled):
     batch = BatchPlanner(TWIN, Uphill(MODEL), BEST, chunk=2, threads=1)
     starts = np.stack([STRAIGHT, STRAIGHT])
     many = batch.plan(batch.start(starts), starts, Goal.stacked([ASIDE, Goal.of(3)]))
-    alone = misled.plan(misled.start(STRAIGHT), STRAIGHT, ASIDE)
+    alone = misled.plan(misled.start(Estimate(STRAIGHT)), Estimate(STRAIGHT), ASIDE)
     np.testing.assert_allclose(many.configurations[0], alone.configurations, atol=2e-4)
     np.testing.assert_allclose(many.configurations[1], STRAIGHT, atol=1e-6)
 

@@ -9,13 +9,11 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.kinematics import (
-    PCCForwardModel,
-    bends_from_configurations,
-    configurations_from_bends,
-)
+from s2c2a.estimation import Estimate
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Adam, Goal, LeastSquares, Planner, Solver, Term
-from s2c2a.planning.planner import Step
+from s2c2a.planning.planner import Plan, Step
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
@@ -27,7 +25,7 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 )
 def test_adam_strictly_lowers_the_objective(target):
     problem = Step.of(TWIN, MODEL, PAPER).problem(
-        STRAIGHT, (), Goal.of(3).with_position(target)
+        Plan(STRAIGHT, (), None), Goal.of(3).with_position(target)
     )
     ends = [
         STRAIGHT,
@@ -65,7 +63,7 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
         place /= np.linalg.norm(place, axis=-1, keepdims=True)
     options = replace(PAPER, terms=(SquaredDistance(),))
     problem = Step.of(TWIN, MODEL, options).problem(
-        jnp.asarray(first, dtype=jnp.float32), (), Goal.of(3)
+        Plan(jnp.asarray(first, dtype=jnp.float32), (), None), Goal.of(3)
     )
     np.testing.assert_allclose(
         jax.jit(lambda: Adam().solve(problem))(), place, atol=2e-6
@@ -86,9 +84,9 @@ class Unlimited(Solver):
 
 def test_plans_of_every_solver_stay_within_the_limits_of_the_arm():
     planner = Planner(TWIN, MODEL, replace(BEST, solver=Unlimited(), guides=()))
-    plans = [planner.start(STRAIGHT)]
+    plans = [planner.start(Estimate(STRAIGHT))]
     for _ in range(20):
-        plans.append(planner.plan(plans[-1], STRAIGHT, Goal.of(3)))
+        plans.append(planner.plan(plans[-1], Estimate(STRAIGHT), Goal.of(3)))
     bends = np.array([bends_from_configurations(plan.configurations) for plan in plans])
     assert (
         np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1)).max() <= 4.0 + 0.01

@@ -10,13 +10,10 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.goals import MAX_OBSTACLES
-from s2c2a.kinematics import (
-    PCCForwardModel,
-    configurations_from_bends,
-    states_from_bends,
-)
+from s2c2a.kinematics import configurations_from_bends, states_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
-from s2c2a.planning.planner import AXES_WEIGHT, Step
+from s2c2a.planning.planner import AXES_WEIGHT, Plan, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
 from s2c2a.planning.terms import guarded_points, norm
 
@@ -269,7 +266,7 @@ def papers_objective(goal, guard="tip", last=STRAIGHT):
     """As the paper's recipe has it, from one configuration on."""
     return (
         Step.of(TWIN, MODEL, replace(PAPER, guard=guard))
-        .problem(last, (), goal)
+        .problem(Plan(last, (), None), goal)
         .sum_of_norms
     )
 
@@ -316,7 +313,7 @@ def test_an_arm_at_rest_without_targets_has_zero_gradient():
 @pytest.mark.parametrize("options", [PAPER, BEST], ids=["paper", "best"])
 def test_terms_of_both_recipes_work_with_both_solvers(options):
     """Sum of norms and sum of squares use the same residuals."""
-    problem = Step.of(TWIN, MODEL, options).problem(BENT, (), a_rich_goal())
+    problem = Step.of(TWIN, MODEL, options).problem(Plan(BENT, (), None), a_rich_goal())
     bends = jnp.asarray(NEXT)
     tried = problem.predict(configurations_from_bends(bends), bends)
     judged = [
@@ -344,7 +341,12 @@ def test_unused_rows_of_obstacles_change_nothing(goal):
     for options in (PAPER, BEST):
         step = Step.of(TWIN, MODEL, options)
         costs = [
-            float(jnp.sum(step.problem(BENT, (), one).stacked(jnp.asarray(NEXT)) ** 2))
+            float(
+                jnp.sum(
+                    step.problem(Plan(BENT, (), None), one).stacked(jnp.asarray(NEXT))
+                    ** 2
+                )
+            )
             for one in (goal, small)
         ]
         np.testing.assert_allclose(*costs, rtol=1e-6)
@@ -369,7 +371,7 @@ def residuals_at():
 
     @jax.jit
     def values(bends, last, goal):
-        problem = step.problem(configurations_from_bends(last), (), goal)
+        problem = step.problem(Plan(configurations_from_bends(last), (), None), goal)
         # exactly zero where nothing changes
         return problem.stacked(problem.situation.last.bends + (bends - last))
 

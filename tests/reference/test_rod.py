@@ -30,7 +30,7 @@ def test_the_tip_agrees_with_separate_code(case):
 
 
 def test_the_curvature_of_a_cross_section_makes_its_energy_stationary():
-    """Energy per length: u K u / 2 - m u, and each tension times the length |v| of its cable."""
+    """Energy per length: u K u / 2 - m u, plus tension times cable length |v|."""
     module = module_like_case_a(torsional_stiffness=0.02)
     arm, pulls, moment = (
         arm_like_case_a(modules=(module,)),
@@ -128,7 +128,7 @@ def test_impossible_tensions_are_refused(tensions):
 
 def test_a_load_beyond_what_shooting_can_follow_is_reported():
     arm = arm_like_case_a(modules=(module_like_case_a(),))
-    with pytest.raises(SimulationError, match="load the arm less"):
+    with pytest.raises(SimulationError, match="reduce the load"):
         rod_shape(arm, np.zeros((1, 3)), np.array([0, 500.0, 0]), steps_per_module=10)
 
 

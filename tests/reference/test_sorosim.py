@@ -1,4 +1,4 @@
-"""The simulator's chain against a Cosserat rod that others computed; a piece of their shapes."""
+"""The simulator's chain against a Cosserat rod of SoRoSim, for some of its shapes."""
 
 from pathlib import Path
 

@@ -181,21 +181,21 @@ FAULTS = {
     _ReadsStatesWithoutAxes: "'states' has shape",
     _ReadsLongAxes: "axes in 'states' have lengths",
     _ReadsFlatConfigurations: "'configurations' has shape",
-    _DeclaresFlatConfigurations: "'configurations' is of another shape",
+    _DeclaresFlatConfigurations: "'configurations' must have shape",
     _KeepsItsStatesToItself: r"readings lack \['states'\]",
-    _SaysWhatItDoesNotDeclare: r"hold \['flex'\], against what `sensors` declares",
+    _SaysWhatItDoesNotDeclare: r"hold \['flex'\], unlike its `sensors`",
     _DeclaresNothing: "declares no sensors by name",
-    _ReadsBeyondItsOwnRange: "'states' lies outside of its own plausible numbers",
+    _ReadsBeyondItsOwnRange: "'states' is outside its declared low and high",
     _ReportsAnotherAction: "returned another",
     _ReportsNothing: "send",
-    _ClockStandsStill: "its clock went on by 0.000 s",
-    _ClockRuns: "its clock went on by 2.000 s",
+    _ClockStandsStill: "its clock advanced by 0.000 s",
+    _ClockRuns: "its clock advanced by 2.000 s",
     _LetsTimePassInSend: "time passes in send",
     _DoesNotMove: "wrong sign, or nothing moves",
-    _PullsTheOtherWay: "'cables' went -1.. %",
-    _CablesAreCrossed: r"sent towards \+x, the tip went",
-    _TellsTheActionThatWasAsked: "far too large action was not limited",
-    _TakesNaN: "took NaN",
+    _PullsTheOtherWay: "'cables' moved -1.. %",
+    _CablesAreCrossed: r"commanded towards \+x, the tip moved",
+    _TellsTheActionThatWasAsked: "did not limit a far too large action",
+    _TakesNaN: "accepted NaN",
     _TakesAnyShape: "wrong shape",
     _RefusesInItsOwnWords: "ActionError",
 }
@@ -310,11 +310,11 @@ class _WallStands(_Metal):
 def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_much(
     make_arm, monkeypatch
 ):
-    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
+    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)
     robot = _Metal(make_arm(1, control_rate=100.0))
     kept = check_robot(robot)
     assert "send() and read() return at once" in kept
-    assert any("limits are not tried on a real body" in one for one in kept)
+    assert any("limits are not tested on a real robot" in one for one in kept)
     assert robot.closed >= 3
 
 
@@ -323,13 +323,13 @@ def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_mu
     [
         (_BlocksInSend, r"send\(\) or read\(\) took .* ms: they must not wait"),
         (_BlocksInRead, r"send\(\) or read\(\) took .* ms: they must not wait"),
-        (_WallStands, r"its clock went on by 0.000 s"),
+        (_WallStands, r"its clock advanced by 0.000 s"),
     ],
 )
 def test_a_body_on_the_walls_time_that_breaks_a_promise_is_named_and_closed(
     kind, fault, make_arm, monkeypatch
 ):
-    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING", 0.01)
+    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)
     robot = kind(make_arm(1, control_rate=20.0))
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import Body, options_from
+from s2c2a.robots import RobotFactory, options_from
 from s2c2a.robots.factory import robot_class
 from s2c2a.robots.simulation import SimulatedRobot
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from nowhere import Nothing
 
 
-class Own(SimulatedRobot):
+class CustomComponent(SimulatedRobot):
     def __init__(self, arm, port: str = "/dev/null", baud: int = 9600, slow: bool = False, gain: float = 1.0,
                  grip: Literal["soft", "hard"] = "soft", anything=None, seed: int = 0):
         super().__init__(arm, seed=seed)
@@ -49,7 +49,7 @@ class Refusing(SimulatedRobot):
 
 
 def maker(arm):
-    return Own(arm)
+    return CustomComponent(arm)
 
 
 number = 7
@@ -67,8 +67,11 @@ def own(tmp_path, monkeypatch):
 
 def test_the_packages_own_body_is_found_by_its_short_name():
     assert robot_class("sim") is SimulatedRobot
-    assert Body().simulated
-    assert (str(Body()), str(Body.simulation())) == ("sim", "sim fidelity=fast")
+    assert RobotFactory().simulated
+    assert (str(RobotFactory()), str(RobotFactory.simulation())) == (
+        "sim",
+        "sim fidelity=fast",
+    )
 
 
 def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for(
@@ -82,7 +85,7 @@ def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for
         "grip": "hard",
         "anything": "x",
     }
-    robot = Body(f"{own}Own", tuple(options.items())).make(twin)
+    robot = RobotFactory(f"{own}Own", tuple(options.items())).make(twin)
     assert robot.given == ("/dev/ttyUSB0", 115200, True, 2.5, "hard", "x", 0)
     assert robot.arm is twin
 
@@ -90,16 +93,18 @@ def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for
 def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_more(
     own, twin
 ):
-    assert Body(f"{own}Own", ()).make(twin, seed=5, temperature=3).given[-1] == 5
-    assert Body(f"{own}Own", (("seed", "9"),)).make(twin, seed=5).given[-1] == 9
-    assert Body(f"{own}Needy", (("port", "a"),)).make(twin, seed=5).arm is twin
+    assert (
+        RobotFactory(f"{own}Own", ()).make(twin, seed=5, temperature=3).given[-1] == 5
+    )
+    assert RobotFactory(f"{own}Own", (("seed", "9"),)).make(twin, seed=5).given[-1] == 9
+    assert RobotFactory(f"{own}Needy", (("port", "a"),)).make(twin, seed=5).arm is twin
 
 
 REFUSED = {
     "an option that it does not take": (
         "Own",
         {"color": "red"},
-        r"Own takes no option 'color'; it takes port, baud",
+        r"Own has no option 'color'; it has port, baud",
     ),
     "a word for a number": (
         "Own",
@@ -115,16 +120,16 @@ REFUSED = {
     "one that it cannot do without": (
         "Needy",
         {},
-        r"Needy needs port; say --robot-option port=...",
+        r"Needy needs port; add --robot-option port=...",
     ),
-    "the arm by its name": ("Own", {"arm": "x"}, r"takes no option 'arm'"),
+    "the arm by its name": ("Own", {"arm": "x"}, r"has no option 'arm'"),
     "half a robot": (
         "Half",
         {},
-        r"Half is half a robot: it lacks close, read, send, sensors",
+        r"Half is not a complete robot: it lacks close, read, send, sensors",
     ),
-    "a function": ("maker", {}, r"no robot; give a subclass of s2c2a.robots.Robot"),
-    "a number": ("number", {}, r"is 7, no robot"),
+    "a function": ("maker", {}, r"not a robot; give a subclass of s2c2a.robots.Robot"),
+    "a number": ("number", {}, r"is 7, not a robot"),
     "nothing of that name": ("Nobody", {}, r"cannot be loaded: AttributeError"),
 }
 
@@ -132,18 +137,21 @@ REFUSED = {
 @pytest.mark.parametrize(("name", "options", "said"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_made_is_refused_in_words(own, twin, name, options, said):
     with pytest.raises(S2C2AError, match=said):
-        Body(f"{own}{name}", tuple(options.items())).make(twin)
+        RobotFactory(f"{own}{name}", tuple(options.items())).make(twin)
 
 
 def test_options_whose_kind_cannot_be_told_are_given_as_they_were_written(own, twin):
-    assert Body(f"{own}Odd", (("what", "3"), ("where", "4"))).make(twin).arm is twin
+    assert (
+        RobotFactory(f"{own}Odd", (("what", "3"), ("where", "4"))).make(twin).arm
+        is twin
+    )
 
 
 def test_what_a_body_raises_itself_is_not_hidden(own, twin):
     with pytest.raises(
         S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"
     ):
-        Body(f"{own}Refusing", ()).make(twin)
+        RobotFactory(f"{own}Refusing", ()).make(twin)
 
 
 @pytest.mark.parametrize(
@@ -208,9 +216,9 @@ def test_options_are_read_as_a_user_writes_them():
 @pytest.mark.parametrize(
     ("texts", "said"),
     [
-        (["port"], "'port' is no option"),
-        (["a=1", "a=2"], "stands twice"),
-        (["=3"], "'=3' is no option"),
+        (["port"], "'port' is not a robot option"),
+        (["a=1", "a=2"], "appears twice"),
+        (["=3"], "'=3' is not a robot option"),
     ],
 )
 def test_options_that_are_none_are_refused(texts, said):
@@ -219,6 +227,8 @@ def test_options_that_are_none_are_refused(texts, said):
 
 
 def test_a_body_travels_to_other_processes(twin):
-    make = pickle.loads(pickle.dumps(partial(Body.simulation().make, twin, seed=3)))
+    make = pickle.loads(
+        pickle.dumps(partial(RobotFactory.simulation().make, twin, seed=3))
+    )
     with make() as one, SimulatedRobot(twin, seed=3) as other:
         np.testing.assert_array_equal(one.read()["cables"], other.read()["cables"])

@@ -1,4 +1,4 @@
-"""A body and a driver of a few lines, and a clock that a test moves."""
+"""Minimal robot and driver, and a clock that tests advance."""
 
 import numpy as np
 import pytest
@@ -9,81 +9,97 @@ from s2c2a.runtime import StepClock
 from s2c2a.spaces import Reading, Sensor
 
 
-class Time(StepClock):
-    """Passes when somebody waits for it, or when a test says so."""
+class ManualClock(StepClock):
+    """Clock that tests can advance, too."""
 
     def let_pass(self, seconds):
         self.wait_until(self.now() + seconds)
 
 
 class Puppet(Robot):
-    """An arm of metal whose cables are at once where they are sent; it notes what happens to it.
+    """Real robot whose cables reach commands at once; it records all calls.
 
     Attributes:
         before_read: called before every reading, with the number of readings so far.
-        before_send: called before every action that is sent, with the number of those
+        before_send: called before every action is sent, with the number of actions
             so far.
     """
 
     def __init__(self, arm, clock):
-        self.arm, self.clock, self.geometry = arm, clock, ArmGeometry.of(arm)
-        self.notes, self.sent, self.moments, self.reads = [], [], [], 0
+        self.arm = arm
+        self.clock = clock
+        self.geometry = ArmGeometry.of(arm)
+        self.notes = []
+        self.sent = []
+        self.moments = []
+        self.reads = 0
         self.before_read = self.before_send = lambda number: None
-        self.at = self.geometry.action_neutral
+        self.position = self.geometry.action_neutral
 
     @property
     def sensors(self):
-        room = np.abs(self.geometry.action_scale).max()
+        reach = np.abs(self.geometry.action_scale).max()
         shape = self.geometry.action_neutral.shape
         return {
             "cables": Sensor(
                 shape,
                 "m",
-                self.geometry.action_low - room,
-                self.geometry.action_high + room,
-                40 * room,
+                self.geometry.action_low - reach,
+                self.geometry.action_high + reach,
+                40 * reach,
             ),
             "warmth": Sensor((), "K"),
         }
 
     def open(self):
         self.notes.append("open")
-        self.began, self.at = self.clock.now(), self.geometry.action_neutral
+        self.opened_at = self.clock.now()
+        self.position = self.geometry.action_neutral
         return self.read()
 
     def read(self):
         self.before_read(self.reads)
         self.reads += 1
         return Reading(
-            self.clock.now() - self.began,
-            {"cables": self.at + 1e-9 * self.reads, "warmth": np.array(300.0)},
+            self.clock.now() - self.opened_at,
+            {"cables": self.position + 1e-9 * self.reads, "warmth": np.array(300.0)},
         )
 
     def send(self, action):
         self.before_send(len(self.sent))
-        self.at = checked_action(action, self.geometry)
-        self.sent.append(self.at)
+        self.position = checked_action(action, self.geometry)
+        self.sent.append(self.position)
         self.moments.append(self.clock.now())
-        return self.at
+        return self.position
 
     def close(self):
         self.notes.append("close")
 
 
 class Actor:
-    """A driver that bends every module towards x as far as it is told to, and notes what it is given."""
+    """Driver that bends all modules towards x by a share; it records its inputs."""
 
     sensors = ("cables",)
 
     def __init__(self, arm):
-        self.arm, self.geometry = arm, ArmGeometry.of(arm)
-        self.starts, self.steps, self.corrected = [], [], []
-        self.share, self.before_step = 0.5, lambda number: None
+        self.arm = arm
+        self.geometry = ArmGeometry.of(arm)
+        self.starts = []
+        self.steps = []
+        self.corrected = []
+        self.share = 0.5
+        self.before_step = lambda number: None
 
     def start(self, reading):
         self.starts.append(reading)
 
-    def step(self, reading, goal):
+    def estimate(self, reading, last_command):
+        return reading
+
+    def plan(self, estimate, goal):
+        return goal
+
+    def act(self, goal, reading):
         self.before_step(len(self.steps))
         self.steps.append((reading, goal))
         return (
@@ -98,23 +114,23 @@ class Actor:
     def sent(self, action):
         self.corrected.append(action)
 
-    def told(self):
+    def diagnostics(self):
         return {"planned": np.full((self.arm.module_count, 3), float(len(self.steps)))}
 
 
 @pytest.fixture
 def clock():
-    """At zero."""
-    return Time()
+    """Clock at zero."""
+    return ManualClock()
 
 
 @pytest.fixture
 def puppet(twin, clock):
-    """An arm of metal, on that clock."""
+    """Real robot on that clock."""
     return Puppet(twin, clock)
 
 
 @pytest.fixture
 def actor(twin):
-    """What drives it."""
+    """Driver of the robot."""
     return Actor(twin)

@@ -1,4 +1,4 @@
-"""What a command may be, on arms of any kind: no step is larger than a limit, in value, rate or acceleration."""
+"""Limits of commands in value, rate, and acceleration, on arms of all kinds."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.runtime import CommandLimits
-from s2c2a.runtime.limits import TURN
+from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO, acceleration_limit_deg
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -25,7 +25,7 @@ QUICK = settings(
 
 
 def built(make_arm, kind):
-    """An arm of a kind, its limits and its geometry."""
+    """Arm of a kind, its limits, and its geometry."""
     module = {"pretension": 3.0, "tension_range": 20.0} if kind["tension"] else None
     turn = None if kind["turn"] is None else max(0.001, kind["turn"] * kind["step"])
     arm = make_arm(
@@ -40,7 +40,7 @@ def built(make_arm, kind):
 
 
 def size_deg(change, geometry):
-    """Of each module, by hand: the bend that a change asks for, or the largest of any cable where that is more."""
+    """Size of a change of each module, computed independently [deg]."""
     parts = change / geometry.action_scale[:, None]
     bends = np.linalg.norm(
         [
@@ -54,9 +54,10 @@ def size_deg(change, geometry):
     )
 
 
-def asked_madly(geometry, seed, count=40):
-    """What a mad driver asks for: far, near, held for a while, along a limit, not finite."""
-    random, desired = np.random.default_rng(seed), geometry.action_neutral
+def random_commands(geometry, seed, count=40):
+    """Arbitrary desired commands: far, near, constant, at a limit, not finite."""
+    random = np.random.default_rng(seed)
+    desired = geometry.action_neutral
     reach = np.abs(geometry.action_scale)[:, None]
     for _ in range(count):
         kind = random.integers(6)
@@ -81,12 +82,12 @@ def asked_madly(geometry, seed, count=40):
         yield desired
 
 
-def followed(limits, desired_ones):
-    """Commands from rest on, and the changes that they make."""
+def follow(limits, desired_commands):
+    """Limited commands from rest on, and their changes."""
     last = before = limits.rest.copy()
     change = np.zeros_like(limits.rest)
     commands, changes = [last], [change]
-    for desired in desired_ones:
+    for desired in desired_commands:
         command = limits.limited(desired, last, change, before)
         last, change, before = command, command - last, desired
         commands.append(last)
@@ -97,14 +98,14 @@ def followed(limits, desired_ones):
 @QUICK
 @given(KINDS, st.integers(0, 2**32))
 @example({"tension": True, "modules": 1, "cables": 5, "step": 8.0, "turn": 0.2}, 1)
-def test_whatever_is_asked_no_step_is_larger_than_a_limit(make_arm, kind, seed):
+def test_no_step_exceeds_a_limit_whatever_is_desired(make_arm, kind, seed):
     arm, limits, geometry = built(make_arm, kind)
-    commands, changes = followed(limits, asked_madly(geometry, seed))
-    room = 1e-12 * np.abs(geometry.action_scale)[:, None]
+    commands, changes = follow(limits, random_commands(geometry, seed))
+    tolerance = 1e-12 * np.abs(geometry.action_scale)[:, None]
     assert np.isfinite(commands).all()
-    assert (commands >= geometry.action_low - room).all()
-    assert (commands <= geometry.action_high + room).all()
-    turn = arm.acceleration_limit_deg or TURN * arm.step_limit_deg
+    assert (commands >= geometry.action_low - tolerance).all()
+    assert (commands <= geometry.action_high + tolerance).all()
+    turn = acceleration_limit_deg(arm)
     for change, turned in zip(changes[1:], np.diff(changes, axis=0), strict=True):
         assert size_deg(change, geometry).max() <= arm.step_limit_deg * SLACK
         assert size_deg(turned, geometry).max() <= turn * SLACK
@@ -112,8 +113,8 @@ def test_whatever_is_asked_no_step_is_larger_than_a_limit(make_arm, kind, seed):
 
 @QUICK
 @given(KINDS, st.integers(0, 2**32))
-def test_an_action_within_all_limits_is_sent_bit_for_bit(make_arm, kind, seed):
-    """Slow steps about rest, no larger than any limit."""
+def test_a_command_within_all_limits_stays_the_same_bit_for_bit(make_arm, kind, seed):
+    """Slow steps around rest."""
     arm, limits, geometry = built(make_arm, kind)
     random = np.random.default_rng(seed)
     turn = (
@@ -121,45 +122,50 @@ def test_an_action_within_all_limits_is_sent_bit_for_bit(make_arm, kind, seed):
         / np.rad2deg(geometry.bend_limits)[:, None]
     )
     reach = np.minimum(0.2 * turn, 0.1) * np.abs(geometry.action_scale)[:, None]
-    asked = [
+    desired = [
         geometry.action_neutral + reach * random.uniform(-1, 1, limits.rest.shape)
         for _ in range(10)
     ]
-    asked = [np.clip(one, geometry.action_low, geometry.action_high) for one in asked]
-    commands, _ = followed(limits, asked)
-    np.testing.assert_array_equal(commands[1:], asked)
+    desired = [
+        np.clip(command, geometry.action_low, geometry.action_high)
+        for command in desired
+    ]
+    commands, _ = follow(limits, desired)
+    np.testing.assert_array_equal(commands[1:], desired)
 
 
 def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(make_arm):
-    """At full rate, with an acceleration of an eighth of it: it is no target to brake for."""
+    """At full rate, with an eighth of it as acceleration: no braking."""
     _, limits, geometry = built(
         make_arm,
         {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
     )
     full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
     speeds = np.concatenate([0.49 * np.arange(1, 9), [3.95] * 3])
-    asked = [full * degrees / 50.0 for degrees in np.cumsum(speeds)]
-    np.testing.assert_array_equal(followed(limits, asked)[0][1:], asked)
+    desired = [full * degrees / 50.0 for degrees in np.cumsum(speeds)]
+    np.testing.assert_array_equal(follow(limits, desired)[0][1:], desired)
 
 
-def test_a_plan_that_begins_too_fast_is_caught_up_with_without_going_beyond(make_arm):
+def test_a_plan_that_begins_too_fast_is_caught_up_without_overshoot(make_arm):
     _, limits, geometry = built(
         make_arm,
         {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
     )
     full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
-    asked = [full * degrees / 50.0 for degrees in np.arange(2.0, 44.0, 2.0)]
-    behind = (
-        (np.array(asked) - followed(limits, asked)[0][1:])[:, 0, 0] / full[0, 0] * 50.0
+    desired = [full * degrees / 50.0 for degrees in np.arange(2.0, 44.0, 2.0)]
+    lag = (
+        (np.array(desired) - follow(limits, desired)[0][1:])[:, 0, 0]
+        / full[0, 0]
+        * 50.0
     )
-    assert behind[3] > 2.0
-    assert behind.min() > -1e-9
-    np.testing.assert_allclose(behind[-5:], 0.0, atol=1e-9)
+    assert lag[3] > 2.0
+    assert lag.min() > -1e-9
+    np.testing.assert_allclose(lag[-5:], 0.0, atol=1e-9)
 
 
 @QUICK
 @given(KINDS, st.integers(0, 2**32))
-def test_what_is_held_is_arrived_at_on_the_straight_way_without_going_beyond(
+def test_a_constant_target_is_reached_on_a_straight_path_without_overshoot(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)
@@ -168,25 +174,28 @@ def test_what_is_held_is_arrived_at_on_the_straight_way_without_going_beyond(
     )
     turn = min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf)
     most = 3 + 2 * np.sqrt(300.0 / turn) + 150.0 / arm.step_limit_deg
-    commands, _ = followed(limits, [desired] * int(most))
+    commands, _ = follow(limits, [desired] * int(most))
     np.testing.assert_allclose(
         commands[-1], desired, atol=1e-9 * np.abs(geometry.action_scale).max()
     )
-    left = desired - commands
+    remaining = desired - commands
     assert (
-        np.diff(np.abs(left), axis=0) <= 1e-9 * np.abs(geometry.action_scale)[:, None]
+        np.diff(np.abs(remaining), axis=0)
+        <= 1e-9 * np.abs(geometry.action_scale)[:, None]
     ).all()
-    assert (left * left[0] >= -1e-12 * np.abs(geometry.action_scale).max() ** 2).all()
+    assert (
+        remaining * remaining[0] >= -1e-12 * np.abs(geometry.action_scale).max() ** 2
+    ).all()
 
 
-def test_braking_from_a_full_run_stops_where_it_shall(make_arm):
-    """Four degrees a step, half a degree of acceleration, from rest to the full bend."""
+def test_braking_from_full_rate_stops_at_the_target(make_arm):
+    """4 deg a step, 0.5 deg of acceleration, from rest to the full bend."""
     _, limits, geometry = built(
         make_arm,
         {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
     )
     along = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
-    commands, _ = followed(limits, [along] * 30)
+    commands, _ = follow(limits, [along] * 30)
     degrees = np.rad2deg(geometry.bend_limits[0]) * commands[:, 0, 0] / along[0, 0]
     assert degrees[-1] == pytest.approx(50.0)
     assert degrees.max() <= 50.0 + 1e-9
@@ -194,11 +203,11 @@ def test_braking_from_a_full_run_stops_where_it_shall(make_arm):
     assert np.abs(np.diff(degrees, 2)).max() <= 0.5 + 1e-9
 
 
-@pytest.mark.parametrize("nothing", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_asks_for_nothing(twin, nothing):
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_request_no_change(twin, value):
     limits = CommandLimits.of(twin)
     last = 0.3 * limits.geometry.action_high
-    desired = np.full_like(last, nothing)
+    desired = np.full_like(last, value)
     np.testing.assert_array_equal(
         limits.limited(desired, last, np.zeros_like(last), desired), last
     )
@@ -208,10 +217,10 @@ def test_what_is_no_number_asks_for_nothing(twin, nothing):
     assert (np.abs(moved[0]) < last[0]).all()
 
 
-def led(limits, last):
-    """Commands of a gentle way back to rest."""
+def commands_to_rest(limits, last):
+    """Commands of the return to rest."""
     commands, change = [last], np.zeros_like(last)
-    while (limits.sizes(commands[-1] - limits.rest) > 1e-6).any() and len(
+    while (limits.change_sizes(commands[-1] - limits.rest) > 1e-6).any() and len(
         commands
     ) < 2000:
         command = limits.towards_rest(commands[-1], change)
@@ -222,31 +231,33 @@ def led(limits, last):
 
 @QUICK
 @given(KINDS.map(lambda kind: kind | {"turn": None}), st.integers(0, 2**32))
-def test_the_way_to_rest_takes_as_few_steps_as_the_limit_allows_and_all_modules_arrive_together(
+def test_the_return_to_rest_takes_the_fewest_steps_for_all_modules(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)
     last = np.random.default_rng(seed).uniform(
         geometry.action_low, geometry.action_high
     )
-    commands = led(limits, last)
-    distances = np.array([size_deg(one - limits.rest, geometry) for one in commands])
+    commands = commands_to_rest(limits, last)
+    distances = np.array(
+        [size_deg(command - limits.rest, geometry) for command in commands]
+    )
     assert len(commands) - 1 == np.ceil(distances[0].max() / arm.step_limit_deg - 1e-9)
-    left = distances / distances[0]
-    np.testing.assert_allclose(left, left[:, :1] * np.ones(len(limits.rest)), atol=1e-6)
+    remaining = distances / distances[0]
+    np.testing.assert_allclose(
+        remaining, remaining[:, :1] * np.ones(len(limits.rest)), atol=1e-6
+    )
 
 
 @QUICK
 @given(KINDS, st.integers(0, 2**32))
-def test_the_way_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
-    """Also where it begins in the middle of a mad drive."""
+def test_the_return_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
+    """Also from the middle of arbitrary motion."""
     arm, limits, geometry = built(make_arm, kind)
-    commands, changes = followed(limits, asked_madly(geometry, seed, 15))
-    last, change, turn = (
-        commands[-1],
-        changes[-1],
-        arm.acceleration_limit_deg or TURN * arm.step_limit_deg,
-    )
+    commands, changes = follow(limits, random_commands(geometry, seed, 15))
+    last = commands[-1]
+    change = changes[-1]
+    turn = acceleration_limit_deg(arm)
     most = (
         20
         + 4 * np.sqrt(300.0 / min(turn, arm.step_limit_deg))
@@ -263,7 +274,7 @@ def test_the_way_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
 
 
 def test_a_gap_in_time_allows_no_larger_step(twin):
-    """Limits are counted in steps: after an hour of nothing the command still changes by four degrees."""
+    """Limits count steps: after an hour the command still changes by 4 deg."""
     limits, geometry = CommandLimits.of(twin), ArmGeometry.of(twin)
     held = limits.rest.copy()
     for _ in range(3600):
@@ -275,7 +286,9 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
 
 
 def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
-    own, others = CommandLimits.of(twin), CommandLimits.with_steps(twin, 8.0, 2.0)
-    np.testing.assert_allclose(TURN * own.step, own.turn)
-    np.testing.assert_allclose(others.step, 2.0 * own.step)
-    np.testing.assert_allclose(others.turn, 0.5 * own.step)
+    own, others = CommandLimits.of(twin), CommandLimits.from_degrees(twin, 8.0, 2.0)
+    np.testing.assert_allclose(
+        DEFAULT_ACCELERATION_RATIO * own.step_limit, own.acceleration_limit
+    )
+    np.testing.assert_allclose(others.step_limit, 2.0 * own.step_limit)
+    np.testing.assert_allclose(others.acceleration_limit, 0.5 * own.step_limit)

@@ -1,4 +1,4 @@
-"""The loop on a body and a driver of a few lines: its pace, its stages, its limits, and to rest on every way out."""
+"""Control loop with a minimal robot and driver: pace, stages, limits, and rest."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
-from s2c2a.runtime import Ask, CommandLimits, Loop, Patience
+from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
 from s2c2a.spaces import Reading, Stage
 
 RUN, HOLD, RELEASE, IDLE, FAULT = (
@@ -18,33 +18,35 @@ RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.IDLE,
     Stage.FAULT,
 )
-NOTHING = Ask(asked=False)
+DISABLED = StepRequest(enabled=False)
 
 
 @pytest.fixture
 def loop(puppet, actor, clock):
-    """A loop whose arm is open."""
-    made = Loop(puppet, actor, clock)
-    made.open()
-    return made
+    """Loop with an open robot."""
+    loop = Loop(puppet, actor, clock)
+    loop.open()
+    return loop
 
 
 def sizes_of(puppet):
-    """Change of the command in every step, in parts of the largest, and what it changes by itself."""
+    """Rates and accelerations of commands, relative to their limits."""
     limits = CommandLimits.of(puppet.arm)
     commands = np.array([limits.rest, *puppet.sent])
     changes = np.diff(commands, axis=0)
     turns = np.diff(changes, axis=0, prepend=np.zeros((1, *limits.rest.shape)))
-    return limits.sizes(changes) / limits.step, limits.sizes(turns) / limits.turn
+    return limits.change_sizes(changes) / limits.step_limit, limits.change_sizes(
+        turns
+    ) / limits.acceleration_limit
 
 
-def ticked(loop, count):
-    """So many steps of a loop that is asked to run."""
-    return [loop.tick(Ask()) for _ in range(count)]
+def run_steps(loop, count):
+    """Records of some steps of an enabled loop."""
+    return [loop.tick(StepRequest()) for _ in range(count)]
 
 
 def steps_to_rest(actor):
-    """From where the driver leads the arm."""
+    """Number of steps from the driver's target to rest."""
     return np.ceil(
         actor.share * actor.arm.modules[0].bend_limit_deg / actor.arm.step_limit_deg
     )
@@ -55,28 +57,26 @@ def at_rest(puppet):
 
 
 def test_steps_begin_a_control_period_apart(loop, puppet):
-    steps = [loop.tick(Ask()) for _ in range(20)]
+    steps = [loop.tick(StepRequest()) for _ in range(20)]
     np.testing.assert_allclose(puppet.moments, 0.1 * np.arange(20))
     np.testing.assert_allclose([step.moment for step in steps], 0.1 * np.arange(20))
     assert [step.number for step in steps] == list(range(20))
     assert loop.late_steps == 0
 
 
-def test_the_time_that_deciding_takes_is_not_added_to_the_period(
-    loop, actor, puppet, clock
-):
+def test_computing_time_is_not_added_to_the_period(loop, actor, puppet, clock):
     actor.before_step = lambda number: clock.let_pass(0.06)
     for _ in range(10):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     np.testing.assert_allclose(puppet.moments, 0.1 * np.arange(10) + 0.06)
     assert loop.late_steps == 0
 
 
-def test_a_late_step_is_counted_and_told_and_missed_ones_are_left_out(
+def test_a_late_step_is_counted_and_missed_steps_are_skipped(
     loop, actor, puppet, clock
 ):
     actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
-    steps = [loop.tick(Ask()) for _ in range(6)]
+    steps = [loop.tick(StepRequest()) for _ in range(6)]
     np.testing.assert_allclose(
         [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.6, 0.7]
     )
@@ -86,22 +86,11 @@ def test_a_late_step_is_counted_and_told_and_missed_ones_are_left_out(
     assert loop.late_steps == 1
 
 
-def test_missed_steps_are_caught_up_with_where_that_is_chosen(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, when_late="catch up")
-    loop.open()
-    actor.before_step = lambda number: clock.let_pass(0.35 if number == 2 else 0.0)
-    steps = [loop.tick(Ask()) for _ in range(7)]
-    np.testing.assert_allclose(
-        [step.moment for step in steps], [0.0, 0.1, 0.2, 0.55, 0.55, 0.55, 0.6]
-    )
-    assert loop.late_steps == 3
-
-
-def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(
+def test_a_driver_starts_once_and_gets_the_reading_and_the_goal_of_every_step(
     loop, actor
 ):
     goals = [Goal.of(3).with_position([0.0, 0.0, 0.1 * step]) for step in range(3)]
-    steps = [loop.tick(Ask(goal)) for goal in goals]
+    steps = [loop.tick(StepRequest(goal)) for goal in goals]
     assert len(actor.starts) == 1
     assert actor.starts[0] is steps[0].reading
     assert [
@@ -113,76 +102,70 @@ def test_a_driver_begins_once_and_gets_the_reading_and_the_goal_of_every_step(
     assert [step.stage for step in steps] == [RUN] * 3
 
 
-def test_an_arm_of_which_nothing_is_asked_stays_at_rest_and_nothing_is_decided(
-    loop, actor, puppet
-):
-    assert {loop.tick(NOTHING).stage for _ in range(5)} == {IDLE}
+def test_a_disabled_arm_stays_at_rest_and_its_driver_is_not_called(loop, actor, puppet):
+    assert {loop.tick(DISABLED).stage for _ in range(5)} == {IDLE}
     assert actor.steps == actor.starts == []
     assert at_rest(puppet)
 
 
-def test_an_arm_that_is_not_asked_any_more_holds_where_the_driver_says_with_no_goal(
-    loop, actor
-):
+def test_an_arm_that_is_disabled_holds_with_an_empty_goal(loop, actor):
     for _ in range(3):
-        loop.tick(Ask(Goal.of(3).with_position([0.1, 0.0, 0.5])))
-    step = loop.tick(Ask(Goal.of(3).with_position([0.3, 0.0, 0.5]), asked=False))
+        loop.tick(StepRequest(Goal.of(3).with_position([0.1, 0.0, 0.5])))
+    step = loop.tick(
+        StepRequest(Goal.of(3).with_position([0.3, 0.0, 0.5]), enabled=False)
+    )
     assert step.stage is HOLD
     assert actor.steps[-1][1].position_weights.max() == 0
     assert len(actor.starts) == 1
 
 
-def test_a_driver_that_asks_for_too_much_is_slowed_and_told_what_was_sent(
+def test_a_driver_that_exceeds_limits_is_slowed_and_informed_of_the_sent_command(
     loop, actor, puppet
 ):
-    steps = [loop.tick(Ask()) for _ in range(12)]
+    steps = [loop.tick(StepRequest()) for _ in range(12)]
     change, turn = sizes_of(puppet)
     assert change.max() == pytest.approx(1.0)
     assert turn.max() <= 1 + 1e-9
     np.testing.assert_allclose(actor.corrected, puppet.sent[: len(actor.corrected)])
-    assert len(actor.corrected) == steps_to_rest(actor) - 1  # the last one arrives
+    assert len(actor.corrected) == steps_to_rest(actor) - 1  # the last step arrives
     np.testing.assert_allclose(
         steps[-1].action,
         actor.share * actor.geometry.action_scale[:, None] * actor.towards_x,
     )
 
 
-@pytest.mark.parametrize("wild", [np.nan, np.inf, 1e300])
-def test_a_driver_gone_wild_moves_nothing_faster_than_the_limits(
-    loop, actor, puppet, wild
+@pytest.mark.parametrize("share", [np.nan, np.inf, 1e300])
+def test_a_driver_without_sense_moves_nothing_faster_than_the_limits(
+    loop, actor, puppet, share
 ):
     for _ in range(5):
-        loop.tick(Ask())
-    actor.share = wild
+        loop.tick(StepRequest())
+    actor.share = share
     with np.errstate(invalid="ignore", over="ignore"):
         for _ in range(20):
-            assert loop.tick(Ask()).stage is RUN
+            assert loop.tick(StepRequest()).stage is RUN
     change, turn = sizes_of(puppet)
     assert np.isfinite(puppet.sent).all()
     assert max(change.max(), turn.max()) <= 1 + 1e-9
     assert len(actor.corrected) >= 20
 
 
-def faulty(*steps):
-    """What makes readings worse, from this step on for so long: their cables are no numbers."""
-    begin, count = steps
-    seen = iter(range(10_000))
+def nan_cables(begin, count):
+    """Fault injection: NaN cables from a step on, for a number of steps."""
+    numbers = iter(range(10_000))
 
-    def spoilt(reading: Reading) -> Reading:
-        bad = begin <= next(seen) < begin + count
-        return (
-            Reading(reading.time, {"cables": np.full((3, 3), np.nan)})
-            if bad
-            else reading
-        )
+    def corrupt(reading: Reading) -> Reading:
+        if begin <= next(numbers) < begin + count:
+            return Reading(reading.time, {"cables": np.full((3, 3), np.nan)})
+        return reading
 
-    return spoilt
+    return corrupt
 
 
-def test_after_a_short_fault_the_arm_goes_on_where_it_held(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, faults=faulty(4, 5))
+def test_after_a_short_fault_the_arm_continues_where_it_held(puppet, actor, clock):
+    loop = Loop(puppet, actor, clock, faults=nan_cables(4, 5))
     loop.open()
-    steps = [loop.tick(Ask()) for _ in range(15)]
+    steps = [loop.tick(StepRequest()) for _ in range(15)]
     assert [step.stage for step in steps] == [RUN] * 4 + [HOLD] * 5 + [RUN] * 6
     assert {step.fault for step in steps[4:9]} == {"'cables' is not finite"}
     assert {step.fault for step in steps[9:]} == {""}
@@ -192,18 +175,18 @@ def test_after_a_short_fault_the_arm_goes_on_where_it_held(puppet, actor, clock)
     assert sizes_of(puppet)[0].max() <= 1 + 1e-9
 
 
-def test_after_a_long_fault_the_arm_is_led_to_rest_and_stands_still_until_it_is_opened(
+def test_after_a_long_fault_the_arm_rests_and_stays_stopped_until_it_is_opened(
     puppet, actor, clock
 ):
     loop = Loop(
         puppet,
         actor,
         clock,
-        faults=faulty(4, 40),
+        faults=nan_cables(4, 40),
         patience=Patience(unsound=10, alone=10),
     )
     loop.open()
-    steps = [loop.tick(Ask()) for _ in range(60)]
+    steps = [loop.tick(StepRequest()) for _ in range(60)]
     stages = [step.stage for step in steps]
     assert stages[:14] == [RUN] * 4 + [HOLD] * 10
     assert stages[14:18] == [RELEASE] * 4  # 16 deg
@@ -213,38 +196,41 @@ def test_after_a_long_fault_the_arm_is_led_to_rest_and_stands_still_until_it_is_
     change, turn = sizes_of(puppet)
     assert max(change.max(), turn.max()) <= 1 + 1e-9
     loop.open()
-    assert loop.tick(Ask()).stage is RUN
+    assert loop.tick(StepRequest()).stage is RUN
     assert loop.fault == ""
     assert len(actor.starts) == 2
 
 
-def test_an_arm_left_alone_holds_then_goes_to_rest_and_can_run_again_at_once(
+def test_an_arm_without_operator_holds_then_rests_and_can_run_again_at_once(
     puppet, actor, clock
 ):
     loop = Loop(puppet, actor, clock, patience=Patience(unsound=10, alone=5))
     loop.open()
-    stages = [loop.tick(Ask()).stage for _ in range(3)]
-    stages += [loop.tick(Ask(asked=False, attended=False)).stage for _ in range(15)]
-    way = int(steps_to_rest(actor))
-    assert stages == [RUN] * 3 + [HOLD] * 6 + [RELEASE] * way + [IDLE] * (9 - way)
-    assert loop.tick(Ask()).stage is RUN
+    stages = [loop.tick(StepRequest()).stage for _ in range(3)]
+    stages += [
+        loop.tick(StepRequest(enabled=False, operator_present=False)).stage
+        for _ in range(15)
+    ]
+    count = int(steps_to_rest(actor))
+    assert stages == [RUN] * 3 + [HOLD] * 6 + [RELEASE] * count + [IDLE] * (9 - count)
+    assert loop.tick(StepRequest()).stage is RUN
     assert len(actor.starts) == 2
 
 
-def test_a_release_needs_no_reading_that_can_be_believed(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, faults=faulty(5, 1000))
+def test_a_release_needs_no_sound_reading(puppet, actor, clock):
+    loop = Loop(puppet, actor, clock, faults=nan_cables(5, 1000))
     loop.open()
     for _ in range(5):
-        loop.tick(Ask())
-    # it takes one to turn round
+        loop.tick(StepRequest())
+    # one more than the distance takes, to reverse
     assert [step.stage for step in loop.to_rest()] == [RELEASE] * 6 + [IDLE]
     assert at_rest(puppet)
 
 
 def test_an_arm_whose_sensors_never_become_sound_does_not_start(puppet, actor, clock):
-    loop = Loop(puppet, actor, clock, faults=faulty(0, 1000))
+    loop = Loop(puppet, actor, clock, faults=nan_cables(0, 1000))
     loop.open()
-    stages = [loop.tick(Ask()).stage for _ in range(14)]
+    stages = [loop.tick(StepRequest()).stage for _ in range(14)]
     assert stages == [Stage.START] * 10 + [FAULT] * 4
     assert actor.starts == []
     assert at_rest(puppet)
@@ -257,12 +243,12 @@ def interrupt(number):
 
 def fail(number):
     if number == 7:
-        raise OSError("torn off")
+        raise OSError("cable torn")
 
 
 @pytest.mark.parametrize("fault", [fail, interrupt])
 @pytest.mark.parametrize("where", ["before_read", "before_send", "before_step"])
-def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(
+def test_after_any_error_a_real_arm_moves_to_rest_within_limits_and_is_closed(
     puppet, actor, clock, where, fault
 ):
     calls = iter(range(100))
@@ -275,7 +261,7 @@ def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(
         pytest.raises((OSError, KeyboardInterrupt)),
         Loop(puppet, actor, clock) as loop,
     ):
-        ticked(loop, 20)
+        run_steps(loop, 20)
     assert 6 <= len(actor.steps) <= 8
     assert at_rest(puppet)
     assert puppet.notes == ["open", "close"]
@@ -284,51 +270,51 @@ def test_whatever_fails_an_arm_of_metal_is_led_gently_to_rest_and_closed(
     assert np.median(np.diff(puppet.moments[-6:])) == pytest.approx(0.1)
 
 
-def test_interrupts_on_the_way_to_rest_do_not_leave_the_arm_bent(puppet, actor, clock):
-    def again(number):
+def test_interrupts_during_the_return_to_rest_do_not_leave_the_arm_bent(
+    puppet, actor, clock
+):
+    def interrupt_twice(number):
         if number == 8:
             puppet.before_send = lambda sent: os.kill(os.getpid(), signal.SIGINT)
             raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    actor.before_step = again
+    actor.before_step = interrupt_twice
     with pytest.raises(KeyboardInterrupt), Loop(puppet, actor, clock) as loop:
-        ticked(loop, 20)
+        run_steps(loop, 20)
     assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
     assert at_rest(puppet)
     assert puppet.notes == ["open", "close"]
 
 
-def test_an_error_beside_the_loop_leads_it_to_rest_too(puppet, actor, clock):
+def test_an_error_outside_the_loop_moves_the_arm_to_rest_too(puppet, actor, clock):
     with pytest.raises(ZeroDivisionError), Loop(puppet, actor, clock) as loop:
-        1 / (ticked(loop, 8)[-1].late)
+        1 / (run_steps(loop, 8)[-1].late)
     assert at_rest(puppet)
     assert puppet.notes == ["open", "close"]
 
 
-def test_the_way_to_rest_after_a_long_wait_is_paced_also_where_missed_steps_are_caught_up_with(
-    puppet, actor, clock
-):
-    with Loop(puppet, actor, clock, when_late="catch up") as loop:
+def test_the_path_to_rest_after_a_long_wait_is_paced(puppet, actor, clock):
+    with Loop(puppet, actor, clock) as loop:
         for _ in range(8):
-            loop.tick(Ask())
+            loop.tick(StepRequest())
         clock.let_pass(60.0)
     assert at_rest(puppet)
     np.testing.assert_allclose(np.diff(puppet.moments[8:]), 0.1)
 
 
-def test_a_body_that_fails_for_good_is_closed_all_the_same(puppet, actor, clock):
-    def torn(number):
+def test_a_robot_that_fails_for_good_is_closed(puppet, actor, clock):
+    def disconnect(number):
         if number >= 7:
-            raise OSError("torn off")
+            raise OSError("cable torn")
 
-    puppet.before_send = torn
-    with pytest.raises(OSError, match="torn off"), Loop(puppet, actor, clock) as loop:
-        ticked(loop, 20)
+    puppet.before_send = disconnect
+    with pytest.raises(OSError, match="cable torn"), Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 20)
     assert puppet.notes == ["open", "close"]
 
 
-def test_a_body_that_does_not_open_is_closed(puppet, actor, clock):
+def test_a_robot_that_does_not_open_is_closed(puppet, actor, clock):
     puppet.before_read = lambda number: (_ for _ in ()).throw(OSError("no power"))
     with pytest.raises(OSError, match="no power"), Loop(puppet, actor, clock):
         pass
@@ -336,76 +322,76 @@ def test_a_body_that_does_not_open_is_closed(puppet, actor, clock):
     assert puppet.sent == []
 
 
-def test_closing_what_was_never_opened_moves_nothing(puppet, actor, clock):
+def test_closing_a_loop_that_was_never_opened_moves_nothing(puppet, actor, clock):
     Loop(puppet, actor, clock).close()
     assert (puppet.notes, puppet.sent) == (["close"], [])
 
 
-def test_after_a_failure_every_tick_says_why_until_the_arm_is_opened_again(
+def test_after_an_error_every_tick_repeats_it_until_the_arm_is_opened_again(
     loop, puppet
 ):
     puppet.before_send = fail
-    with pytest.raises(OSError, match="torn off"):
-        ticked(loop, 20)
+    with pytest.raises(OSError, match="cable torn"):
+        run_steps(loop, 20)
     assert loop.phase.stage is FAULT
     puppet.before_send = lambda number: None
-    with pytest.raises(S2C2AError, match="torn off"):
-        loop.tick(Ask())
+    with pytest.raises(S2C2AError, match="cable torn"):
+        loop.tick(StepRequest())
     assert list(loop.to_rest()) == []
     loop.open()
-    assert loop.tick(Ask()).stage is RUN
+    assert loop.tick(StepRequest()).stage is RUN
 
 
-def test_a_driver_for_another_arm_or_in_need_of_what_the_body_does_not_say_is_refused(
+def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(
     puppet, actor, clock, make_arm
 ):
     actor.sensors = ("cables", "flex")
     with pytest.raises(
-        S2C2AError, match="flex is needed, and this body says cables, warmth"
+        S2C2AError, match="needs flex; the robot provides cables, warmth"
     ):
         Loop(puppet, actor, clock)
     actor.sensors, actor.arm = ("cables",), make_arm(2)
     with pytest.raises(
         S2C2AError,
-        match=r"made for \(2, 3\) modules and cables each, and 'twin_arm' has \(3, 3\)",
+        match=r"\(2, 3\); 'twin_arm' has \(3, 3\)",
     ):
         Loop(puppet, actor, clock)
 
 
-def test_another_driver_begins_when_the_arm_next_runs_from_rest(loop, actor, twin):
+def test_another_driver_starts_when_the_arm_next_runs_from_rest(loop, actor, twin):
     for _ in range(4):
-        loop.tick(Ask())
+        loop.tick(StepRequest())
     other = type(actor)(twin)
     loop.use(other)
     list(loop.to_rest())
-    loop.tick(Ask())
+    loop.tick(StepRequest())
     assert (len(actor.steps), len(other.starts), len(other.steps)) == (4, 1, 1)
 
 
-def test_a_watcher_is_told_of_every_step(puppet, actor, clock):
-    seen = []
-    loop = Loop(puppet, actor, clock, watch=seen.append)
+def test_the_callback_receives_every_step(puppet, actor, clock):
+    records = []
+    loop = Loop(puppet, actor, clock, on_step=records.append)
     loop.open()
-    assert [loop.tick(Ask()) for _ in range(3)] == seen
+    assert [loop.tick(StepRequest()) for _ in range(3)] == records
 
 
-def test_a_sensor_that_nobody_needs_may_fail(puppet, actor, clock):
-    def spoilt(reading):
+def test_a_sensor_that_is_not_required_may_fail(puppet, actor, clock):
+    def corrupt(reading):
         return Reading(
             reading.time, {"cables": reading["cables"], "warmth": np.array(np.nan)}
         )
 
-    loop = Loop(puppet, actor, clock, faults=spoilt)
+    loop = Loop(puppet, actor, clock, faults=corrupt)
     loop.open()
-    assert {loop.tick(Ask()).stage for _ in range(5)} == {RUN}
+    assert {loop.tick(StepRequest()).stage for _ in range(5)} == {RUN}
 
 
-def test_a_body_that_hands_out_old_readings_is_held(puppet, actor, clock):
+def test_an_arm_with_old_readings_is_held(puppet, actor, clock):
     loop = Loop(puppet, actor, clock)
     loop.open()
-    loop.tick(Ask())
+    loop.tick(StepRequest())
     clock.let_pass(0.05)
     old = puppet.read()
     puppet.read = lambda: old
-    assert [loop.tick(Ask()).stage for _ in range(4)] == [RUN, HOLD, HOLD, HOLD]
+    assert [loop.tick(StepRequest()).stage for _ in range(4)] == [RUN, HOLD, HOLD, HOLD]
     assert "no newer" in loop.fault

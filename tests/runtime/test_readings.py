@@ -1,9 +1,9 @@
-"""Which readings are believed: each fault told in words, and nothing said against a sound arm at rest."""
+"""Plausibility check of readings: every fault is described, sound readings pass."""
 
 import numpy as np
 import pytest
 
-from s2c2a.runtime.readings import ReadingCheck
+from s2c2a.runtime.readings import ReadingCheck, RepeatDetector
 from s2c2a.spaces import Reading, Sensor
 
 PERIOD = 0.1
@@ -15,38 +15,39 @@ SENSORS = {
 SOUND = np.array([0.1, -0.2])
 
 
-class Watch:
-    """Feeds a check with a reading a period."""
+class PeriodicCheck:
+    """Passes one reading a period to a check."""
 
-    def __init__(self, needed=("bends",), sensors=SENSORS):
-        self.check, self.time = ReadingCheck(sensors, needed, PERIOD), 0.0
+    def __init__(self, required=("bends",), sensors=SENSORS):
+        self.check = ReadingCheck(sensors, required, PERIOD)
+        self.time = 0.0
 
-    def __call__(self, bends=SOUND, moved=0.0, time=None, now=None, **others):
+    def __call__(self, bends=SOUND, last_change=0.0, time=None, now=None, **others):
         self.time += PERIOD
-        said = {
-            name: values
-            for name, values in ({"bends": bends} | others).items()
-            if values is not None
+        sensors = {"bends": bends, **others}
+        present = {
+            name: values for name, values in sensors.items() if values is not None
         }
         time = self.time if time is None else time
-        return self.check.fault(
-            Reading(time, said), self.time if now is None else now, moved
-        )
+        now = self.time if now is None else now
+        return self.check.find_fault(Reading(time, present), now, last_change)
 
 
 @pytest.fixture
 def fault():
-    return Watch()
+    return PeriodicCheck()
 
 
-def test_sound_readings_are_believed(fault):
-    assert [fault(SOUND + 0.01 * step, moved=0.04) for step in range(50)] == [""] * 50
+def test_sound_readings_pass(fault):
+    assert [fault(SOUND + 0.01 * step, last_change=0.04) for step in range(50)] == [
+        ""
+    ] * 50
 
 
 FAULTS = {
     "missing": (None, "'bends' is missing"),
-    "too few": (np.zeros(1), r"'bends' is of shape \(1,\), not \(2,\)"),
-    "deep": (np.zeros((1, 2)), r"of shape \(1, 2\)"),
+    "too few": (np.zeros(1), r"'bends' has shape \(1,\), expected \(2,\)"),
+    "deep": (np.zeros((1, 2)), r"has shape \(1, 2\)"),
     "NaN": (np.array([0.0, np.nan]), "'bends' is not finite"),
     "infinite": (np.array([0.0, -np.inf]), "'bends' is not finite"),
     "infinite both ways": (np.array([np.inf, -np.inf]), "'bends' is not finite"),
@@ -55,43 +56,41 @@ FAULTS = {
     "above": (np.array([1.1, 0.0]), "'bends' is out of its range"),
     "a million times": (1e6 * SOUND, "'bends' is out of its range"),
     "jumped": (SOUND + np.array([0.0, 0.21]), "'bends' has jumped"),
-    "words": (np.array(["a", "b"]), "'bends' is no array of numbers"),
-    "objects": (np.array([None, None]), "'bends' is no array of numbers"),
-    "a list": ([0.1, -0.2], "'bends' is no array of numbers"),
+    "words": (np.array(["a", "b"]), "'bends' is not an array of numbers"),
+    "objects": (np.array([None, None]), "'bends' is not an array of numbers"),
+    "a list": ([0.1, -0.2], "'bends' is not an array of numbers"),
 }
 
 
-@pytest.mark.parametrize(("bends", "said"), FAULTS.values(), ids=FAULTS)
-def test_a_fault_is_told_in_words_and_the_next_sound_reading_is_believed(
-    fault, bends, said
-):
+@pytest.mark.parametrize(("bends", "message"), FAULTS.values(), ids=FAULTS)
+def test_a_fault_is_described_and_the_next_sound_reading_passes(fault, bends, message):
     assert fault() == ""
-    with pytest.raises(AssertionError, match=said):
+    with pytest.raises(AssertionError, match=message):
         assert fault(bends) == ""
     assert fault(SOUND + 1e-6) == ""
 
 
 @pytest.mark.parametrize(
-    ("bends", "said"), [one for name, one in FAULTS.items() if name != "jumped"]
+    ("bends", "message"), [fault for name, fault in FAULTS.items() if name != "jumped"]
 )
-def test_a_fault_is_told_in_the_first_reading_too(bends, said):
-    with pytest.raises(AssertionError, match=said):
-        assert Watch()(bends) == ""
+def test_a_fault_of_the_first_reading_is_described_too(bends, message):
+    with pytest.raises(AssertionError, match=message):
+        assert PeriodicCheck()(bends) == ""
 
 
-def test_a_change_just_as_fast_as_a_sensor_can_change_is_no_jump(fault):
+def test_the_fastest_possible_change_is_no_jump(fault):
     assert [fault(SOUND + change) for change in (0.0, 0.199, 0.0)] == [""] * 3
 
 
-def test_after_a_gap_a_sensor_may_have_gone_further(fault):
-    """0.55 rad in three periods is less than 2 rad/s; the bad readings between are not compared with."""
+def test_after_a_gap_a_sensor_may_have_changed_more(fault):
+    """0.55 rad in three periods are less than 2 rad/s."""
     fault()
     fault(np.full(2, np.nan))
     fault(np.full(2, np.nan))
     assert fault(SOUND + 0.55) == ""
 
 
-def test_a_sensor_that_jumped_and_stays_there_is_believed_when_it_could_have_come_there(
+def test_a_sensor_that_jumped_and_stays_passes_once_it_could_have_moved_there(
     fault,
 ):
     fault()
@@ -102,7 +101,7 @@ def test_a_sensor_that_jumped_and_stays_there_is_believed_when_it_could_have_com
     ]
 
 
-def test_a_sensor_that_jumps_to_and_fro_is_not_believed_however_long_it_does(fault):
+def test_a_sensor_that_jumps_to_and_fro_never_passes(fault):
     fault()
     assert {fault(SOUND + 0.5 * (-1) ** step) for step in range(30)} == {
         "'bends' has jumped"
@@ -110,45 +109,46 @@ def test_a_sensor_that_jumps_to_and_fro_is_not_believed_however_long_it_does(fau
     assert fault(SOUND) == ""
 
 
-def test_a_sensor_that_says_the_same_to_the_last_bit_while_the_arm_moves_is_frozen(
+def test_a_sensor_that_repeats_to_the_last_bit_while_the_arm_moves_is_frozen(
     fault,
 ):
-    said = [fault(moved=0.04) for _ in range(6)]
-    assert said[:3] == [""] * 3
-    assert set(said[3:]) == {"'bends' is frozen"}
-    assert fault(SOUND + 1e-12, moved=0.04) == ""
+    faults = [fault(last_change=0.04) for _ in range(6)]
+    assert faults[:3] == [""] * 3
+    assert set(faults[3:]) == {"'bends' is frozen"}
+    assert fault(SOUND + 1e-12, last_change=0.04) == ""
 
 
-def test_it_stays_frozen_while_the_arm_is_held(fault):
+def test_a_frozen_sensor_stays_frozen_while_the_arm_is_held(fault):
     for _ in range(6):
-        fault(moved=0.04)
-    assert {fault(moved=0.0) for _ in range(20)} == {"'bends' is frozen"}
+        fault(last_change=0.04)
+    assert {fault(last_change=0.0) for _ in range(20)} == {"'bends' is frozen"}
 
 
-def test_an_arm_at_rest_may_say_the_same_for_ever(fault):
-    assert {fault(moved=0.0) for _ in range(1000)} == {""}
+def test_sensors_of_an_arm_at_rest_may_repeat_for_ever(fault):
+    assert {fault(last_change=0.0) for _ in range(1000)} == {""}
 
 
-def test_an_arm_that_hardly_moves_may_say_the_same_for_a_while(fault):
-    """A coarse encoder: a thousandth of a bend a step is nothing that it must notice at once."""
-    assert {fault(moved=1e-3) for _ in range(18)} == {""}
+def test_sensors_of_an_arm_that_hardly_moves_may_repeat_for_a_while(fault):
+    """A coarse encoder need not resolve a thousandth of a bend."""
+    assert {fault(last_change=1e-3) for _ in range(18)} == {""}
 
 
 def test_one_of_two_sensors_can_be_frozen_alone():
-    fault = Watch(("bends", "flex"))
-    said = [
-        fault(SOUND + 0.001 * step, moved=0.04, flex=np.ones(3)) for step in range(5)
+    fault = PeriodicCheck(("bends", "flex"))
+    faults = [
+        fault(SOUND + 0.001 * step, last_change=0.04, flex=np.ones(3))
+        for step in range(5)
     ]
-    assert said[-1] == "'flex' is frozen"
+    assert faults[-1] == "'flex' is frozen"
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
-def test_a_reading_without_a_time_is_not_believed(fault, time):
+def test_a_reading_without_a_time_fails(fault, time):
     assert fault(time=time) == "the reading has no time"
 
 
 @pytest.mark.parametrize("time", [0.1, 0.05, -3.0])
-def test_a_reading_no_newer_than_the_last_one_is_not_believed(fault, time):
+def test_a_reading_no_newer_than_the_last_one_fails(fault, time):
     fault()
     assert fault(time=time) == "the reading is no newer than the last one"
 
@@ -158,8 +158,8 @@ def test_a_reading_may_be_three_periods_behind_and_no_more(fault):
     assert fault(time=1.1, now=1.45) == "the reading is 0.35 s old"
 
 
-def test_what_nobody_needs_may_say_anything():
-    fault = Watch(("bends",))
+def test_sensors_that_are_not_required_are_not_checked():
+    fault = PeriodicCheck(("bends",))
     for step, odd in enumerate(
         [
             np.array([np.nan]),
@@ -170,21 +170,21 @@ def test_what_nobody_needs_may_say_anything():
             np.zeros(1),
         ]
     ):
-        assert fault(SOUND + 0.001 * step, moved=0.04, unused=odd) == ""
+        assert fault(SOUND + 0.001 * step, last_change=0.04, unused=odd) == ""
 
 
-def test_what_a_body_does_not_declare_is_missing_whatever_it_says():
-    fault = Watch(("other",))
+def test_a_sensor_that_the_robot_does_not_declare_is_missing():
+    fault = PeriodicCheck(("other",))
     assert fault(other=np.zeros(2)) == "'other' is missing"
 
 
-def test_with_nothing_needed_only_the_time_counts():
-    fault = Watch(())
+def test_without_required_sensors_only_the_time_counts():
+    fault = PeriodicCheck(())
     assert fault(bends=None) == ""
     assert fault(time=0.0) == "the reading is no newer than the last one"
 
 
-def test_one_limit_a_number_is_heeded_one_by_one():
+def test_every_element_can_have_its_own_limits():
     sensors = {
         "bends": Sensor(
             (2,),
@@ -194,15 +194,27 @@ def test_one_limit_a_number_is_heeded_one_by_one():
             np.array([0.5, 50.0]),
         )
     }
-    fault = Watch(("bends",), sensors)
+    fault = PeriodicCheck(("bends",), sensors)
     assert fault(np.array([0.0, 4.0])) == ""
     assert fault(np.array([0.0, 0.5])) == ""
     assert fault(np.array([0.0, -0.1])) == "'bends' is out of its range"
     assert fault(np.array([0.3, 0.5])) == "'bends' has jumped"
 
 
-def test_opened_anew_a_check_has_seen_nothing(fault):
+def test_a_reset_check_has_no_earlier_reading(fault):
     for _ in range(6):
-        fault(moved=0.04)
-    fault.check.begin()
-    assert fault(SOUND + 0.9, moved=0.04, time=0.0, now=0.0) == ""
+        fault(last_change=0.04)
+    fault.check.reset()
+    assert fault(SOUND + 0.9, last_change=0.04, time=0.0, now=0.0) == ""
+
+
+def test_values_are_repeated_only_if_the_last_ones_of_the_sensor_have_the_same_bits():
+    detector = RepeatDetector()
+    assert not detector.is_repeated("bends", SOUND)
+    assert not detector.is_repeated("flex", SOUND)
+    assert detector.is_repeated("bends", SOUND.copy())
+    assert not detector.is_repeated("bends", SOUND + 1e-16)
+    assert not detector.is_repeated("bends", SOUND)
+    missing = np.array([np.nan, 0.0])
+    assert not detector.is_repeated("bends", missing)
+    assert detector.is_repeated("bends", missing)

@@ -1,4 +1,4 @@
-"""The stages of an arm that is driven: every arrow of the picture, and what holds on every way through it."""
+"""Stages of a controlled arm: every transition, and invariants of all sequences."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.errors import S2C2AError
-from s2c2a.runtime.stages import Ask, Patience, Phase, failed, next_phase, released
+from s2c2a.runtime.stages import (
+    Patience,
+    Phase,
+    StepRequest,
+    next_phase,
+    with_fault,
+    with_release,
+)
 from s2c2a.spaces import Stage
 
 IDLE, START, RUN, HOLD, RELEASE, FAULT = Stage
@@ -15,95 +22,103 @@ PATIENCE = Patience(unsound=3, alone=5)
 
 
 class Situation(NamedTuple):
-    """What decides on the next stage."""
+    """Inputs that decide on the next stage."""
 
-    asked: bool
-    attended: bool = True
+    enabled: bool
+    operator_present: bool = True
     sound: bool = True
     at_rest: bool = False
 
 
-ASKED, NOT_ASKED = Situation(asked=True), Situation(asked=False)
-UNSOUND, LEFT = (
-    Situation(asked=True, sound=False),
-    Situation(asked=False, attended=False),
-)
-UNSOUND_NOT_ASKED, AT_REST = (
-    Situation(asked=False, sound=False),
-    Situation(asked=True, at_rest=True),
-)
-LONG_UNSOUND, LONG_ALONE = {"unsound": 3}, {"alone": 5}
+ENABLED = Situation(enabled=True)
+DISABLED = Situation(enabled=False)
+UNSOUND = Situation(enabled=True, sound=False)
+UNATTENDED = Situation(enabled=False, operator_present=False)
+DISABLED_UNSOUND = Situation(enabled=False, sound=False)
+AT_REST = Situation(enabled=True, at_rest=True)
+LONG_UNSOUND = {"unsound_steps": 3}
+LONG_UNATTENDED = {"unattended_steps": 5}
 
-ARROWS = [
-    ("nothing is asked", IDLE, {}, NOT_ASKED, IDLE),
+TRANSITIONS = [
+    ("not enabled", IDLE, {}, DISABLED, IDLE),
     (
-        "nothing is asked of an arm that cannot sense",
+        "not enabled and unsound",
         IDLE,
-        {"unsound": 9},
-        UNSOUND_NOT_ASKED,
+        {"unsound_steps": 9},
+        DISABLED_UNSOUND,
         IDLE,
     ),
-    ("asked, and its readings are sound", IDLE, {}, ASKED, RUN),
-    ("asked, and its readings are not sound yet", IDLE, {}, UNSOUND, START),
+    ("enabled and sound", IDLE, {}, ENABLED, RUN),
+    ("enabled, not sound yet", IDLE, {}, UNSOUND, START),
     (
-        "asked of an arm that has not sensed for too long",
+        "enabled, unsound for too long",
         IDLE,
         LONG_UNSOUND,
         UNSOUND,
         FAULT,
     ),
-    ("its readings are sound now", START, {"unsound": 2}, ASKED, RUN),
-    ("its readings are not sound yet", START, {"unsound": 2}, UNSOUND, START),
-    ("its readings are not sound for too long", START, LONG_UNSOUND, UNSOUND, FAULT),
-    ("nothing is asked any more", START, {"unsound": 2}, UNSOUND_NOT_ASKED, IDLE),
-    ("asked and sound", RUN, {}, ASKED, RUN),
-    ("not asked any more", RUN, {}, NOT_ASKED, HOLD),
-    ("one reading is not sound", RUN, {}, UNSOUND, HOLD),
-    ("left alone", RUN, {}, LEFT, HOLD),
-    ("asked again", HOLD, {}, ASKED, RUN),
-    ("sound again", HOLD, LONG_UNSOUND, ASKED, RUN),
+    ("sound now", START, {"unsound_steps": 2}, ENABLED, RUN),
+    ("not sound yet", START, {"unsound_steps": 2}, UNSOUND, START),
+    ("unsound for too long", START, LONG_UNSOUND, UNSOUND, FAULT),
+    ("disabled", START, {"unsound_steps": 2}, DISABLED_UNSOUND, IDLE),
+    ("enabled and sound", RUN, {}, ENABLED, RUN),
+    ("disabled", RUN, {}, DISABLED, HOLD),
+    ("one unsound reading", RUN, {}, UNSOUND, HOLD),
+    ("no operator", RUN, {}, UNATTENDED, HOLD),
+    ("enabled again", HOLD, {}, ENABLED, RUN),
+    ("sound again", HOLD, LONG_UNSOUND, ENABLED, RUN),
     (
-        "somebody lets it hold for as long as they like",
+        "operator holds the arm without a time limit",
         HOLD,
-        {"alone": 99},
-        NOT_ASKED,
+        {"unattended_steps": 99},
+        DISABLED,
         HOLD,
     ),
-    ("left alone for a while", HOLD, {"alone": 4}, LEFT, HOLD),
-    ("left alone for too long", HOLD, LONG_ALONE, LEFT, RELEASE),
-    ("not sound for a while", HOLD, {"unsound": 2}, UNSOUND, HOLD),
-    ("not sound for too long", HOLD, LONG_UNSOUND, UNSOUND, RELEASE),
-    ("on its way to rest, whatever is asked", RELEASE, {}, ASKED, RELEASE),
-    ("on its way to rest, whatever is sensed", RELEASE, {}, UNSOUND, RELEASE),
+    ("no operator for a while", HOLD, {"unattended_steps": 4}, UNATTENDED, HOLD),
+    ("no operator for too long", HOLD, LONG_UNATTENDED, UNATTENDED, RELEASE),
+    ("unsound for a while", HOLD, {"unsound_steps": 2}, UNSOUND, HOLD),
+    ("unsound for too long", HOLD, LONG_UNSOUND, UNSOUND, RELEASE),
+    ("moving to rest, enabled", RELEASE, {}, ENABLED, RELEASE),
+    ("moving to rest, unsound", RELEASE, {}, UNSOUND, RELEASE),
     ("at rest", RELEASE, {}, AT_REST, IDLE),
-    ("at rest, and it was not sound", RELEASE, {"spoiled": True}, AT_REST, FAULT),
-    ("whatever is asked of one that stands still", FAULT, {}, ASKED, FAULT),
-    ("nothing asked of one that stands still", FAULT, {}, NOT_ASKED, FAULT),
-    ("at rest and standing still", FAULT, {"spoiled": True}, AT_REST, FAULT),
+    (
+        "at rest after unsound readings",
+        RELEASE,
+        {"ends_in_fault": True},
+        AT_REST,
+        FAULT,
+    ),
+    ("enabled in a fault", FAULT, {}, ENABLED, FAULT),
+    ("not enabled in a fault", FAULT, {}, DISABLED, FAULT),
+    ("at rest in a fault", FAULT, {"ends_in_fault": True}, AT_REST, FAULT),
 ]
 
 
 def after(phase, now):
-    """The phase that a situation leads to."""
+    """Phase that follows in a situation."""
     return next_phase(
-        phase, Ask(None, now.asked, now.attended), now.sound, now.at_rest, PATIENCE
+        phase,
+        StepRequest(None, now.enabled, now.operator_present),
+        now.sound,
+        now.at_rest,
+        PATIENCE,
     )
 
 
 @pytest.mark.parametrize(
-    ("stage", "memory", "now", "then"),
-    [arrow[1:] for arrow in ARROWS],
-    ids=[f"{one[1].name}-{one[0]}" for one in ARROWS],
+    ("stage", "counters", "situation", "expected"),
+    [transition[1:] for transition in TRANSITIONS],
+    ids=[f"{stage.name}-{reason}" for reason, stage, *_ in TRANSITIONS],
 )
-def test_every_arrow_of_the_picture_leads_where_it_says(stage, memory, now, then):
-    assert after(Phase(stage, **memory), now).stage is then
+def test_every_transition_leads_to_its_stage(stage, counters, situation, expected):
+    assert after(Phase(stage, **counters), situation).stage is expected
 
 
-def test_a_fault_of_the_body_leads_to_a_fault_from_anywhere():
-    assert {failed(Phase(stage)).stage for stage in Stage} == {FAULT}
+def test_an_error_leads_to_a_fault_from_any_stage():
+    assert {with_fault(Phase(stage)).stage for stage in Stage} == {FAULT}
 
 
-def test_somebody_can_have_the_arm_led_to_rest_but_for_one_that_is_there_or_stands_still():
+def test_an_arm_can_be_released_unless_it_is_at_rest_or_in_a_fault():
     expected = {
         IDLE: IDLE,
         START: RELEASE,
@@ -112,11 +127,11 @@ def test_somebody_can_have_the_arm_led_to_rest_but_for_one_that_is_there_or_stan
         RELEASE: RELEASE,
         FAULT: FAULT,
     }
-    assert {stage: released(Phase(stage)).stage for stage in Stage} == expected
+    assert {stage: with_release(Phase(stage)).stage for stage in Stage} == expected
 
 
-def walked(situations, phase=None):
-    """All phases on a way through some situations."""
+def follow(situations, phase=None):
+    """Phases of successive situations."""
     phases = [phase or Phase()]
     for situation in situations:
         phases.append(after(phases[-1], situation))
@@ -124,51 +139,63 @@ def walked(situations, phase=None):
 
 
 def test_unsound_readings_end_in_a_hold_then_a_release_then_a_fault():
-    told = [
+    stages = [
         phase.stage
-        for phase in walked(
-            [ASKED, *[UNSOUND] * 6, Situation(True, sound=False, at_rest=True), ASKED]
+        for phase in follow(
+            [
+                ENABLED,
+                *[UNSOUND] * 6,
+                Situation(True, sound=False, at_rest=True),
+                ENABLED,
+            ]
         )
     ]
-    assert told == [RUN, HOLD, HOLD, HOLD, RELEASE, RELEASE, RELEASE, FAULT, FAULT]
+    assert stages == [RUN, HOLD, HOLD, HOLD, RELEASE, RELEASE, RELEASE, FAULT, FAULT]
 
 
-def test_being_left_alone_ends_in_a_hold_then_a_release_then_rest():
-    told = [
+def test_an_absent_operator_ends_in_a_hold_then_a_release_then_rest():
+    stages = [
         phase.stage
-        for phase in walked(
-            [ASKED, *[LEFT] * 7, Situation(False, attended=False, at_rest=True), ASKED]
+        for phase in follow(
+            [
+                ENABLED,
+                *[UNATTENDED] * 7,
+                Situation(False, operator_present=False, at_rest=True),
+                ENABLED,
+            ]
         )
     ]
-    assert told == [RUN, *[HOLD] * 6, RELEASE, IDLE, RUN]
+    assert stages == [RUN, *[HOLD] * 6, RELEASE, IDLE, RUN]
 
 
 def test_a_fault_that_ends_in_time_is_forgotten():
-    """Three unsound steps and six sound ones, again and again: the arm never gives up."""
+    """Three unsound steps and six sound ones, repeatedly: the arm never gives up."""
     stages = {
-        phase.stage for phase in walked([ASKED, *[*[UNSOUND] * 3, *[ASKED] * 6] * 9])
+        phase.stage
+        for phase in follow([ENABLED, *[*[UNSOUND] * 3, *[ENABLED] * 6] * 9])
     }
     assert stages == {RUN, HOLD}
 
 
-def test_a_fault_that_comes_again_and_again_is_not():
-    """Every other reading is unsound."""
-    stages = [phase.stage for phase in walked([ASKED, *[UNSOUND, ASKED] * 9])]
+def test_a_fault_in_every_other_step_is_not_forgotten():
+    stages = [phase.stage for phase in follow([ENABLED, *[UNSOUND, ENABLED] * 9])]
     assert stages[:4] == [RUN, HOLD, RUN, HOLD]
     assert stages[-1] is RELEASE
 
 
-def test_what_a_sensor_did_while_the_arm_was_at_rest_is_forgotten():
+def test_unsound_readings_at_rest_are_forgotten():
     stages = [
         phase.stage
-        for phase in walked([*[UNSOUND_NOT_ASKED] * 60, ASKED, ASKED, UNSOUND, ASKED])
+        for phase in follow(
+            [*[DISABLED_UNSOUND] * 60, ENABLED, ENABLED, UNSOUND, ENABLED]
+        )
     ]
     assert stages[60:] == [RUN, RUN, HOLD, RUN]
 
 
-def test_a_release_that_turns_unsound_on_its_way_ends_in_a_fault():
-    way = [*[UNSOUND] * 4, Situation(asked=False, at_rest=True)]
-    assert walked(way, Phase(RELEASE))[-1].stage is FAULT
+def test_a_release_with_unsound_readings_ends_in_a_fault():
+    situations = [*[UNSOUND] * 4, Situation(enabled=False, at_rest=True)]
+    assert follow(situations, Phase(RELEASE))[-1].stage is FAULT
 
 
 SITUATIONS = st.lists(
@@ -181,22 +208,24 @@ PHASES = st.builds(
 
 
 @given(SITUATIONS, PHASES)
-def test_on_no_way_does_an_arm_run_on_a_reading_that_is_not_sound_or_without_being_asked(
+def test_an_arm_never_runs_on_an_unsound_reading_or_without_being_enabled(
     situations, phase
 ):
-    for situation, now in zip(situations, walked(situations, phase), strict=True):
-        assert now.stage is not RUN or (situation.sound and situation.asked)
+    for situation, now in zip(situations, follow(situations, phase), strict=True):
+        assert now.stage is not RUN or (situation.sound and situation.enabled)
 
 
 @given(SITUATIONS)
-def test_on_no_way_does_a_fault_end_by_itself(situations):
-    assert {phase.stage for phase in walked(situations, Phase(FAULT))} <= {FAULT}
+def test_a_fault_never_ends_by_itself(situations):
+    assert {phase.stage for phase in follow(situations, Phase(FAULT))} <= {FAULT}
 
 
 @given(SITUATIONS, st.booleans())
 def test_a_release_goes_on_until_the_arm_is_at_rest_and_ends_there(situations, spoiled):
     for situation, now in zip(
-        situations, walked(situations, Phase(RELEASE, spoiled=spoiled)), strict=True
+        situations,
+        follow(situations, Phase(RELEASE, ends_in_fault=spoiled)),
+        strict=True,
     ):
         if situation.at_rest:
             assert now.stage in (IDLE, FAULT)
@@ -205,16 +234,16 @@ def test_a_release_goes_on_until_the_arm_is_at_rest_and_ends_there(situations, s
 
 
 @given(SITUATIONS)
-def test_from_rest_an_arm_only_moves_by_running_first(situations):
-    """RUN comes from rest, from starting, or from a hold; a hold and a release come after it."""
+def test_an_arm_at_rest_runs_before_it_holds_or_is_released(situations):
+    """RUN follows IDLE, START, or HOLD; HOLD and RELEASE follow RUN."""
     before = IDLE
-    came_from = {
+    predecessors = {
         RUN: {IDLE, START, RUN, HOLD},
         HOLD: {RUN, HOLD},
         RELEASE: {RUN, HOLD, RELEASE},
     }
-    for now in walked(situations):
-        assert before in came_from.get(now.stage, set(Stage))
+    for now in follow(situations):
+        assert before in predecessors.get(now.stage, set(Stage))
         before = now.stage
 
 
@@ -224,7 +253,7 @@ def test_patience_is_counted_in_control_steps():
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])
-def test_patience_that_is_no_time_is_refused(seconds):
+def test_patience_must_be_positive_and_finite(seconds):
     with pytest.raises(S2C2AError, match="must be positive"):
         Patience.of(10.0, unsound=seconds)
     with pytest.raises(S2C2AError, match="must be positive"):

@@ -6,22 +6,21 @@ import pytest
 
 from s2c2a.errors import StrategyError
 from s2c2a.models.actions import LSTMOptions, TipHistory
-from s2c2a.strategies import load_lstm, load_strategy, save_lstm
-from s2c2a.strategies.lstm import train_lstm_strategy
+from s2c2a.strategies import labeled, load_strategy, recipe_named, save_strategy
+from s2c2a.strategies.lstm import LSTM
 from s2c2a.training import FitOptions
 
 
 @pytest.fixture(scope="module")
 def trained(recording):
-    return train_lstm_strategy(
-        recording, LSTMOptions(2, 8, FitOptions(max_epochs=5), 0.1), seed=3
-    )
+    options = LSTM(LSTMOptions(2, 8, FitOptions(max_epochs=5), 0.1))
+    return labeled(options.train(recording, recipe_named("paper"), 3), options)
 
 
 @pytest.fixture(scope="module")
 def file(trained, tmp_path_factory):
     path = tmp_path_factory.mktemp("lstm") / "deep" / "twin.safetensors"
-    save_lstm(trained, path)
+    save_strategy(trained, path)
     return path
 
 
@@ -50,14 +49,14 @@ def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     before, after = (
         network(desired, TipHistory(*past))
         for network in (
-            one.networks["LSTM"] for one in (trained, load_lstm(file, twin))
+            one.networks["LSTM"] for one in (trained, load_strategy(file, twin))
         )
     )
     np.testing.assert_array_equal(after, before)
 
 
 def test_everything_comes_back(file, trained):
-    loaded = load_lstm(file)
+    loaded = load_strategy(file)
     assert (loaded.arm, loaded.recipe, loaded.seed) == (
         trained.arm,
         trained.recipe,
@@ -77,16 +76,12 @@ def test_the_file_appears_whole_and_nothing_is_left_beside_it(file):
 def test_an_lstm_of_another_arm_is_refused_and_the_difference_named(file, twin):
     other = twin.model_copy(update={"name": "other", "control_rate": 20.0})
     with pytest.raises(StrategyError, match=r"'twin_arm'.*'other' in control_rate;"):
-        load_lstm(file, other)
+        load_strategy(file, other)
 
 
-def test_files_of_the_papers_strategy_and_of_the_lstm_are_not_mixed_up(
-    file, strategy_file
-):
-    with pytest.raises(StrategyError, match="no strategy file"):
-        load_lstm(strategy_file)
-    with pytest.raises(StrategyError, match="no strategy file"):
-        load_strategy(file)
+def test_a_file_names_the_strategy_that_it_belongs_to(file, strategy_file):
+    assert load_strategy(file).strategy == "lstm"
+    assert load_strategy(strategy_file).strategy == "s2c2a"
 
 
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.999])
@@ -94,12 +89,12 @@ def test_a_file_that_is_cut_off_is_refused(file, tmp_path, part):
     whole = file.read_bytes()
     (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
     with pytest.raises(StrategyError, match="damaged"):
-        load_lstm(tmp_path / "cut")
+        load_strategy(tmp_path / "cut")
 
 
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(StrategyError, match="no strategy at"):
-        load_lstm(tmp_path / "nothing")
+        load_strategy(tmp_path / "nothing")
 
 
 @pytest.mark.parametrize(
@@ -112,19 +107,24 @@ def test_a_missing_file_is_refused(tmp_path):
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
-        load_lstm(rewrite(without=(name,)))
+        load_strategy(rewrite(without=(name,)))
     assert name in str(caught.value)
 
 
 def test_weights_that_are_not_finite_are_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
-        load_lstm(rewrite(**{"LSTM.network.bias_head": np.full(9, np.nan, np.float32)}))
+        load_strategy(
+            rewrite(**{"LSTM.network.bias_head": np.full(9, np.nan, np.float32)})
+        )
 
 
 WRONG = {
     "schema": ({"schema_version": 1}, "schema 1"),
-    "another form": ({"recipe": {"layers": 1, "hidden": 8, "heads": 2}}, "heads"),
-    "size": ({"recipe": {"layers": 0, "hidden": 8}}, "damaged"),
+    "another form": (
+        {"strategy_options": {"options": {"layers": 1, "hidden": 8, "heads": 2}}},
+        "heads",
+    ),
+    "size": ({"strategy_options": {"options": {"layers": 0, "hidden": 8}}}, "damaged"),
     "percent": ({"percent": {}}, "damaged"),
     "arm": ({"arm": "name ="}, "damaged"),
 }
@@ -133,16 +133,16 @@ WRONG = {
 @pytest.mark.parametrize(("metadata", "message"), WRONG.values(), ids=WRONG)
 def test_metadata_that_cannot_be_are_refused(rewrite, metadata, message):
     with pytest.raises(StrategyError, match=message):
-        load_lstm(rewrite(metadata))
+        load_strategy(rewrite(metadata))
 
 
 def test_a_file_without_its_curve_is_refused(rewrite):
     with pytest.raises(StrategyError, match="damaged"):
-        load_lstm(rewrite(without=("curve.LSTM",)))
+        load_strategy(rewrite(without=("curve.LSTM",)))
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
-    loaded = load_lstm(
+    loaded = load_strategy(
         rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})
     )
     np.testing.assert_array_equal(

@@ -17,12 +17,21 @@ from s2c2a.models.layers import SumAndRange
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies.lstm import LSTMStrategy, TrainedLSTM, train_lstm_strategy
+from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.strategies.lstm import LSTM, LSTMStrategy
 from s2c2a.tasks import Task
 from s2c2a.training import FitOptions
 
 TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
 FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
+
+
+def train(recording, options, seed) -> TrainedNetworks:
+    return LSTM(options).train(recording, recipe_named("paper"), seed)
+
+
+def at_work(trained) -> LSTMStrategy:
+    return LSTMStrategy(trained.arm, trained.networks["LSTM"])
 
 
 @pytest.fixture(scope="module")
@@ -33,23 +42,23 @@ def options() -> LSTMOptions:
 
 
 @pytest.fixture(scope="module")
-def trained(recording, options) -> TrainedLSTM:
+def trained(recording, options) -> TrainedNetworks:
     """Really trained, on the small recording of the twin, a little."""
-    return train_lstm_strategy(recording, options, seed=7)
+    return train(recording, options, seed=7)
 
 
 @pytest.fixture(scope="module")
 def strategy(trained) -> LSTMStrategy:
-    return LSTMStrategy(trained)
+    return at_work(trained)
 
 
-def untrained(arm, loudness: float = 1.0) -> TrainedLSTM:
+def untrained(arm, loudness: float = 1.0) -> TrainedNetworks:
     """A random LSTM of an arm; a loud one asks for full bends at once."""
     network = LSTMOptions(1, 8).untrained(arm, jax.random.key(0))
     network = eqx.tree_at(
         lambda n: n.network.weight_head, network, loudness * network.network.weight_head
     )
-    return TrainedLSTM(arm, LSTMOptions(), 0, {"LSTM": network}, {}, {})
+    return TrainedNetworks(arm, recipe_named("paper"), 0, {"LSTM": network}, {}, {})
 
 
 def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
@@ -137,9 +146,7 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
     recording, options, split
 ):
     """Weights that do not move: against losses computed here without noise, only those of training can differ."""
-    noisy = train_lstm_strategy(
-        recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0
-    )
+    noisy = train(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
     unit = np.asarray(noisy.networks["LSTM"].sum_and_range.unit)
     calm = [
         np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
@@ -152,7 +159,7 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
 def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
     trained, recording, options
 ):
-    again, other = (train_lstm_strategy(recording, options, seed) for seed in (7, 8))
+    again, other = (train(recording, options, seed) for seed in (7, 8))
     np.testing.assert_array_equal(again.curves["LSTM"], trained.curves["LSTM"])
     assert other.curves["LSTM"][0, 2] != pytest.approx(
         trained.curves["LSTM"][0, 2], rel=1e-3
@@ -185,15 +192,15 @@ def test_training_without_true_states_is_refused(recording, options):
         )
 
     with pytest.raises(RecordingError, match="lacks 'states'"):
-        train_lstm_strategy(with_states(None), options, seed=0)
+        train(with_states(None), options, seed=0)
     with pytest.raises(RecordingError, match="lacks true states"):
-        train_lstm_strategy(with_states(np.full((100, 3, 6), np.nan)), options, seed=0)
+        train(with_states(np.full((100, 3, 6), np.nan)), options, seed=0)
 
 
 def test_training_on_a_recording_cut_short_is_refused(recording, options):
     short = replace(recording, options=recording.options | {"episodes": 18})
     with pytest.raises(RecordingError, match="6 of 18 episodes"):
-        train_lstm_strategy(short, options, seed=0)
+        train(short, options, seed=0)
 
 
 @pytest.mark.parametrize("body", ["twin", "simulated"])
@@ -205,7 +212,7 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, re
         np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0
     ) + np.array([0.0, 0.0, 0.5])
     actions, tips = live(
-        LSTMStrategy(quick),
+        at_work(quick),
         arm,
         [Goal.of(3).with_position(target) for target in targets],
     )
@@ -224,7 +231,7 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, re
 def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(body, request):
     arm = request.getfixturevalue(body)
     geometry = ArmGeometry.of(arm)
-    actions, _ = live(LSTMStrategy(untrained(arm, loudness=100.0)), arm, [TARGET] * 30)
+    actions, _ = live(at_work(untrained(arm, loudness=100.0)), arm, [TARGET] * 30)
     bends = bends_of(arm, np.concatenate([geometry.action_neutral[None], actions]))
     changes = np.linalg.norm(np.diff(bends, axis=0), axis=-1)
     assert changes.max() == pytest.approx(arm.step_limit_deg, rel=1e-3)
@@ -243,7 +250,7 @@ def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
         actuation="tension",
         sensing="true",
     )
-    strategy = LSTMStrategy(untrained(arm, loudness=100.0))
+    strategy = at_work(untrained(arm, loudness=100.0))
     reading = Reading(0.0, {"states": np.tile([0.0, 0, 0.4, 0, 0, 1], (2, 1))})
     strategy.start(reading)
     goal = Goal.of(2).with_position([0.1, 0.1, 0.35])
@@ -257,7 +264,7 @@ def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
 def test_it_drives_an_arm_of_any_module_and_cable_count(make_arm, modules, cables):
     arm = make_arm(modules, cables)
     goals = [Goal.of(modules).with_position([0.02, 0.0, 0.15])] * 5
-    actions, _ = live(LSTMStrategy(untrained(arm)), arm, goals)
+    actions, _ = live(at_work(untrained(arm)), arm, goals)
     assert actions.shape == (5, modules, cables)
     assert np.isfinite(actions).all()
 
@@ -343,7 +350,7 @@ def test_a_goal_without_a_tip_position_is_refused(strategy, twin, goal):
 
 
 def test_one_that_was_not_started_says_so(trained, twin):
-    fresh, reading = LSTMStrategy(trained), SimulatedRobot(twin).open()
+    fresh, reading = at_work(trained), SimulatedRobot(twin).open()
     with pytest.raises(StrategyError, match="not started"):
         fresh.step(reading, TARGET)
     with pytest.raises(StrategyError, match="not started"):

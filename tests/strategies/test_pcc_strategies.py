@@ -17,7 +17,7 @@ from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import fitted_gains, pcc_fitted_strategy, pcc_strategy
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 PATH = 0.5 + 0.5 * np.sin(np.linspace(0, 20, 60)[:, None] + np.arange(6))
 
@@ -46,7 +46,7 @@ def pcc(ideal):
 @pytest.fixture(scope="module")
 def circle_run(ideal, pcc):
     """PCC on the circle with the ideal arm."""
-    return rollout(SimulatedRobot(ideal), pcc, task_named("circle", ideal))
+    return rollout(SimulatedRobot(ideal), pcc, load_task("circle", ideal))
 
 
 def recorded(arm, cables, states, options=None) -> Recording:
@@ -142,7 +142,7 @@ def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_lim
 
 def test_pcc_does_not_listen_to_the_arm(ideal, pcc):
     """No feedback: the same goals lead to the same actions, whatever the readings."""
-    goals = task_named("circle", ideal).goals[:15]
+    goals = load_task("circle", ideal).goals[:15]
     rest = SimulatedRobot(ideal).open()
     actions = []
     for bend in (0.0, 0.01):
@@ -211,5 +211,5 @@ def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):
     still = synthetic(twin, [1.0] * 3)
     cables = still.sensor("cables")
     cables[:, :, 1] = 0.0
-    with pytest.raises(RecordingError, match="stood still"):
+    with pytest.raises(RecordingError, match="did not move"):
         fitted_gains(recorded(twin, cables, still.sensor("states")))

@@ -13,7 +13,7 @@ from s2c2a.strategies import (
     s2c2a_strategy,
     shipped_networks,
 )
-from s2c2a.strategies.s2c2a import FOLDER
+from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.tasks import circle
 
 # cm; README says 0.28 and 0.05 over five seeds
@@ -32,7 +32,7 @@ def test_they_drive_the_circle(name, most):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_they_were_trained_by_the_recipe_as_it_is(name):
-    networks = load_strategy(FOLDER / f"{name}.safetensors", load_arm(name))
+    networks = load_strategy(WEIGHTS / f"{name}.safetensors", load_arm(name))
     assert networks.seed == 0
     assert networks.recipe.training == recipe_named("best").training
     assert shipped_networks(load_arm(name)).recipe == recipe_named("best")

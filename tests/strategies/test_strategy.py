@@ -11,10 +11,10 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.estimation import configuration_map_for
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.planning import PAPER, Adam, Goal
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import (
     RECIPES,
@@ -198,7 +198,9 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
     reading = robot.read()
     either.step(reading, REST)
     np.testing.assert_allclose(
-        either.diagnostics()["sensed"], estimator_for(twin)(reading.sensors), atol=1e-6
+        either.diagnostics()["sensed"],
+        configuration_map_for(twin)(reading.sensors),
+        atol=1e-6,
     )
     assert (
         np.linalg.norm(
@@ -227,7 +229,7 @@ def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, 
 
 @pytest.mark.parametrize(
     ("name", "watched"),
-    [("trained", {}), ("best", {"load": (), "bend_biases": (3, 2)})],
+    [("trained", {}), ("best", {})],
 )
 def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
     name, watched, twin, request
@@ -244,7 +246,7 @@ def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
         "predictive_std": (3,),
         "extrapolation": (),
     }
-    columns |= {"rescued": (), "standing": ()}
+    columns |= {"outcome": ()}
     assert told == columns | watched
 
 
@@ -272,9 +274,7 @@ def test_training_without_true_states_is_refused(recording, tiny_recipe):
 
 def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe):
     nan = np.full_like(recording.episodes[0].sensor("cables"), np.nan)
-    with pytest.raises(
-        RecordingError, match="lacks the configurations that its arm sensors"
-    ):
+    with pytest.raises(RecordingError, match="lacks sensed configurations"):
         train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
 
 
@@ -325,7 +325,7 @@ def test_the_papers_recipe_has_the_papers_numbers():
 def test_the_papers_recipe_has_nothing_of_the_best_ones():
     """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
     paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.correction, paper.directions) == (
+    assert (paper.planner.guard, paper.integral_gain, paper.unit_length) == (
         "tip",
         0.0,
         False,
@@ -342,12 +342,12 @@ def test_the_papers_recipe_has_nothing_of_the_best_ones():
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     best = recipe_named("best")
     at_work = replace(
-        best, name="other", planner=PAPER, correction=0.0, axis_weights=()
+        best, name="other", planner=PAPER, integral_gain=0.0, axis_weights=()
     )
     assert at_work.training == best.training
     for change in (
         {"speeds": (0.03, 0.2)},
-        {"directions": False},
+        {"unit_length": False},
         {"c2s": recipe_named("paper").c2s},
     ):
         assert replace(best, **change).training != best.training

@@ -1,4 +1,4 @@
-"""The real pipeline, once for all tests: 9000 samples and both networks of both arms, for both recipes."""
+"""Trained networks of both arms for both recipes, and synthetic runs."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def trained(cache):
-    """Both arms' networks by the recipe `best`: name -> TrainedNetworks; one anew, the other as it is shipped."""
+    """Networks of both arms by the recipe `best`: name -> TrainedNetworks."""
     shipped = {name: shipped_networks(load_arm(name)) for name in ARMS}
     return shipped | {
         "twin_arm": made(
@@ -34,7 +34,7 @@ def trained(cache):
 
 @pytest.fixture(scope="session")
 def trained_as_the_paper(cache):
-    """Both arms' networks by the recipe `paper`, with fewer epochs: name -> TrainedNetworks."""
+    """Networks of both arms by the recipe `paper` with fewer epochs, by arm name."""
     recipe = replace(recipe_named("paper"), c2s_fit=SHORT, c2a_fit=SHORT)
     recordings = {
         name: made(RecordingArtifact(load_arm(name), recipe.collect_options()), cache)
@@ -48,7 +48,7 @@ def trained_as_the_paper(cache):
 
 @pytest.fixture
 def make_trace(drawn):
-    """Builds a run of an arm of 0.6 m round a circle, `lag` [rad] behind the target of the last module."""
+    """Make runs around a circle, `lag` [rad] behind the target of the last module."""
 
     def make(
         label: str = "s2c2a", lag: float = 0.0, modules: int = 3, **changes

@@ -1,4 +1,4 @@
-"""The twins are calibrated and frozen."""
+"""Calibration of the twin arms against the printed numbers."""
 
 import pytest
 
@@ -24,13 +24,13 @@ def test_a_claim_holds_within_its_tolerance():
     assert not claim.holds(2.51)
 
 
-def test_only_the_twin_is_held_to_the_networks_and_to_pcc():
+def test_only_the_twin_has_claims_about_networks_and_pcc():
     assert {PCC_CIRCLE, C2S_ERROR} <= set(claims_for(load_arm("twin_arm")))
     assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
 
 
 @pytest.mark.parametrize("name", SIBLINGS)
-def test_every_sibling_errs_and_reaches_as_the_papers_arm(name):
+def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name):
     values = measure(load_arm(name), seed=0, with_pcc=False, with_network=False)
     assert [
         claim.quantity
@@ -39,7 +39,7 @@ def test_every_sibling_errs_and_reaches_as_the_papers_arm(name):
     ] == []
 
 
-def test_the_twin_errs_and_reaches_as_the_papers_arm_and_pcc_follows_the_circle_as_there():
+def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper():
     values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)
     claims = (*ESTIMATION, *WORKSPACE, PCC_CIRCLE)
     assert [
@@ -50,7 +50,7 @@ def test_the_twin_errs_and_reaches_as_the_papers_arm_and_pcc_follows_the_circle_
 @pytest.mark.parametrize(
     ("name", "kinds"),
     [
-        ("twin_arm", {"play"}),
+        ("twin_arm", {"backlash"}),
         ("twin_capstan", {"friction"}),
         ("twin_creep", {"creep"}),
         ("twin_both", {"friction", "creep"}),
@@ -60,12 +60,12 @@ def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
     for module in load_arm(name).modules:
         assert {
             kind
-            for kind in ("play", "friction", "creep")
+            for kind in ("backlash", "friction", "creep")
             if getattr(module.cable, kind) > 0
         } == kinds
 
 
-def test_the_search_improves_a_twin_that_is_off():
+def test_the_search_reduces_the_misfit_of_a_detuned_arm():
     twin = load_arm("twin_creep")
     stiff = twin.model_copy(
         update={

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.studies.space_figures import (
-    _even,
-    _held_place,
+from s2c2a.studies.figures.space import (
+    _evenly_spread,
+    _held_position,
     obstacles_figure,
     plan_view_figure,
     poses_figure,
 )
-from s2c2a.studies.time_figures import (
+from s2c2a.studies.figures.time import (
     _azimuth_like_desired,
     _nearest_obstacle,
     coordinates_figure,
@@ -153,7 +153,7 @@ def test_estimated_angles_are_drawn_beside_true_ones_wherever_these_are_known(
 
 @pytest.mark.parametrize("shapes", [(50, 50, 49), (0, 0, 0), ((5, 1), (5, 1), (5, 1))])
 def test_angles_that_do_not_fit_together_are_refused(shapes, tmp_path):
-    with pytest.raises(S2C2AError, match="three times"):
+    with pytest.raises(S2C2AError, match="same shape"):
         estimation_figure(*map(np.zeros, shapes), tmp_path / "figure.png")
 
 
@@ -178,19 +178,19 @@ def test_the_azimuth_of_an_upright_axis_is_left_out(make_trace):
 
 def test_the_held_end_is_the_one_that_should_move_least_and_little(make_trace):
     desired = make_trace().desired_positions.copy()
-    assert _held_place(desired, 0.6) is None
+    assert _held_position(desired, 0.6) is None
     desired[:, 0] = [0.0, 0.0, 0.2]
-    np.testing.assert_array_equal(_held_place(desired, 0.6), [0.0, 0.0, 0.2])
-    assert _held_place(np.full_like(desired, np.nan), 0.6) is None
+    np.testing.assert_array_equal(_held_position(desired, 0.6), [0.0, 0.0, 0.2])
+    assert _held_position(np.full_like(desired, np.nan), 0.6) is None
 
 
 def test_moments_are_spread_evenly_over_the_steps_that_are_there():
     there = np.ones(21, dtype=bool)
-    assert _even(there, 5).tolist() == [0, 5, 10, 15, 20]
+    assert _evenly_spread(there, 5).tolist() == [0, 5, 10, 15, 20]
     there[:10] = False
-    assert _even(there, 3).tolist() == [10, 15, 20]
-    assert _even(there[:3], 5).size == 0
-    assert _even(there[10:12], 5).tolist() == [0, 1]
+    assert _evenly_spread(there, 3).tolist() == [10, 15, 20]
+    assert _evenly_spread(there[:3], 5).size == 0
+    assert _evenly_spread(there[10:12], 5).tolist() == [0, 1]
 
 
 def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):

@@ -7,10 +7,10 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.errors import RecordingError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks
-from s2c2a.studies.payloads import load_rows
+from s2c2a.studies.payloads import payload_rows
 
 TWIN = load_arm("twin_arm")
-LOAD = 0.05
+PAYLOAD = 0.05
 
 
 @pytest.fixture(scope="module")
@@ -18,20 +18,21 @@ def loaded(tmp_path_factory):
     path = tmp_path_factory.mktemp("loads") / "loaded.episodes"
     options = CollectOptions(babbling="mixed", episodes=1, samples=300, seed=3)
     return collect(
-        path, TWIN, lambda seed: SimulatedRobot(TWIN, seed=seed, payload=LOAD), options
+        path,
+        TWIN,
+        lambda seed: SimulatedRobot(TWIN, seed=seed, payload=PAYLOAD),
+        options,
     )
 
 
 def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):
-    rows = load_rows(shipped_networks(TWIN), {"loaded": loaded}, camera_positions=15.0)
+    rows = payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=15.0)
     found = {(row.strategy, row.metric): row.mean for row in rows}
-    assert found["nobody tells", "load"] == 0.0
-    assert found["found", "load"] == pytest.approx(1000 * LOAD, rel=0.3)
-    assert found["found", "position"] < found["nobody tells", "position"] / 2
+    assert found["without estimation", "payload"] == 0.0
+    assert found["estimated", "payload"] == pytest.approx(1000 * PAYLOAD, rel=0.3)
+    assert found["estimated", "position"] < found["without estimation", "position"] / 2
 
 
 def test_a_recording_that_ends_before_it_is_refused(loaded):
-    with pytest.raises(RecordingError, match="end before the tip was seen for 30 s"):
-        list(
-            load_rows(shipped_networks(TWIN), {"loaded": loaded}, camera_positions=30.0)
-        )
+    with pytest.raises(RecordingError, match="shorter than the 300 steps"):
+        list(payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=30.0))

@@ -1,11 +1,11 @@
-"""Small versions of the project's claims: one seed; of the paper's recipe fewer epochs, the same thresholds."""
+"""Small versions of the project's claims: one seed, fewer epochs, same thresholds."""
 
 import pytest
 
 from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
 from s2c2a.strategies import TrainedNetworks, save_strategy
 from s2c2a.studies.calibration import C2S_ERROR
-from s2c2a.studies.circle import track_circle
+from s2c2a.studies.circle import track_reference
 
 
 def errors_on_circle(
@@ -43,7 +43,7 @@ def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(trained, cach
     assert errors["s2c2a"] < errors["pcc-fitted"]
 
 
-def test_with_the_papers_recipe_the_twin_follows_the_circle_as_the_papers_arm_and_beats_pcc(
+def test_with_the_papers_recipe_the_twin_matches_the_papers_error_and_beats_pcc(
     trained_as_the_paper, cache
 ):
     errors = errors_on_circle(trained_as_the_paper["twin_arm"], cache, "s2c2a", "pcc")
@@ -56,7 +56,7 @@ def test_the_controller_learns_to_the_papers_held_out_error(name, trained):
     assert trained[name].percent["C2A"][0] <= 0.91
 
 
-def test_with_the_papers_recipe_the_simulated_arm_follows_the_circle_as_well_as_the_papers(
+def test_with_the_papers_recipe_the_simulated_arm_matches_the_papers_error(
     trained_as_the_paper, cache
 ):
     assert (
@@ -76,7 +76,7 @@ def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
     assert C2S_ERROR.holds(trained_as_the_paper["twin_arm"].percent["C2S"][0])
 
 
-def test_with_the_papers_recipe_the_simulated_arms_forward_model_errs_by_less_than_one_percent(
+def test_with_the_papers_recipe_the_simulated_arms_forward_error_is_below_one_percent(
     trained_as_the_paper,
 ):
     assert trained_as_the_paper["simulated_arm"].percent["C2S"][0] <= 1.0
@@ -92,6 +92,6 @@ def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
 def test_the_controller_tracks_unseen_references_without_diverging(
     name, speed, trained
 ):
-    errors = track_circle(trained[name], speed, steps=400)
+    errors = track_reference(trained[name], speed, steps=400)
     assert errors.mean() <= 1.5
     assert errors[-100:].mean() <= 1.5 * max(errors[:100].mean(), 0.2)

@@ -1,4 +1,4 @@
-"""Forward models on recordings: what is held out is never shown, and every model answers."""
+"""Forward models on recordings: held-out samples are hidden, every model predicts."""
 
 from pathlib import Path
 
@@ -9,17 +9,25 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
 from s2c2a.progress import quiet
-from s2c2a.studies.real import Asked, blocks_of, held_rows, last_of, real_rows
+from s2c2a.studies.real import (
+    RealComparison,
+    real_rows,
+    split_blocks,
+    split_end,
+    split_rows,
+)
 
 
 @pytest.fixture(scope="module")
 def recording(make_arm) -> Recording:
-    """A log of one long episode with the tip alone, on which the tip is a bent function of the cables."""
-    arm, random = make_arm(1), np.random.default_rng(0)
+    """One long episode whose tip is a quadratic function of the cables."""
+    arm = make_arm(1)
+    random = np.random.default_rng(0)
     path = 0.004 * np.sin(np.cumsum(random.normal(0, 0.15, (600, 2)), axis=0))
     cables = np.stack([path[:, 0], path[:, 1], -path.sum(axis=1)], axis=-1)[:, None]
     states = np.full((600, 1, 6), np.nan)
-    states[:, 0, :2], states[:, 0, 2] = 20 * path, 0.2 - 900 * (path**2).sum(axis=1)
+    states[:, 0, :2] = 20 * path
+    states[:, 0, 2] = 0.2 - 900 * (path**2).sum(axis=1)
     columns = {
         "time": np.arange(600) * 0.5,
         "actions": cables,
@@ -32,34 +40,32 @@ def recording(make_arm) -> Recording:
 
 
 def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
-    rows = np.flatnonzero(blocks_of(recording, 25).rows[0])
+    rows = np.flatnonzero(split_blocks(recording, 25).held_out[0])
     np.testing.assert_array_equal(
         rows, [*range(150, 175), *range(325, 350), *range(475, 500)]
     )
 
 
-def test_more_last_rows_than_there_are_is_refused(recording):
+def test_more_last_rows_than_the_episode_has_are_rejected(recording):
     with pytest.raises(RecordingError, match="600"):
-        last_of(recording, 600)
+        split_end(recording, 600)
 
 
 @pytest.mark.parametrize("name", ["kernels", "kernels with plays", "pcc-fitted"])
-def test_models_answer_with_the_tip_s_error_and_learn_nothing_of_rows_held_out(
-    recording, name
-):
-    held = last_of(recording, 100)
-    rows = list(held_rows(recording, held, [name], [0]))
+def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, name):
+    split = split_end(recording, 100)
+    rows = list(split_rows(recording, split, [name], [0]))
     assert [row.metric for row in rows] == ["tip", "tip, rms", "tip, 95 %"]
     episode = recording.episodes[0]
-    lying = episode["sensor.states"].copy()
-    lying[-100:, :, :3] += 10.0  # m; whoever learned it would say so
-    columns = {**episode.columns, "sensor.states": lying}
+    shifted = episode["sensor.states"].copy()
+    shifted[-100:, :, :3] += 10.0  # m; a model that saw it would predict it
+    columns = {**episode.columns, "sensor.states": shifted}
     other = Recording(
         recording.arm, recording.options, (Episode(recording.arm, columns),)
     )
-    moved = list(held_rows(other, last_of(other, 100), [name], [0]))
+    moved = list(split_rows(other, split_end(other, 100), [name], [0]))
     assert 0.0 < rows[0].mean < 60.0
-    # [mm] the truth moved away under the same answers
+    # mm; the true states moved, the predictions did not
     assert abs(moved[0].mean - 1e4 * np.sqrt(3.0)) < 60.0
 
 
@@ -72,20 +78,26 @@ def log(recording, tmp_path_factory):
     )
 
 
-def test_blocks_alone_are_held_out_where_no_last_rows_are_asked_for(log):
-    rows = real_rows(Asked.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
+def test_only_blocks_are_held_out_without_last_rows(log):
+    rows = real_rows(RealComparison.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
     assert [row.task.rpartition(", ")[2] for row in rows] == ["blocks of 25"] * 3
 
 
-@pytest.mark.parametrize(("block", "last"), [(0, 0), (-5, 0), (600, 0), (25, -1)])
-def test_where_nothing_would_be_held_out_nothing_is_tried(log, block, last):
-    with pytest.raises(
-        RecordingError, match="zero or more" if min(block, last) < 0 else "nothing out"
-    ):
-        Asked.of(log, (), block, last, ())
+@pytest.mark.parametrize(
+    ("block", "last", "message"),
+    [
+        (0, 0, "nothing out"),
+        (-5, 0, "zero or more"),
+        (600, 0, "nothing out"),
+        (25, -1, "zero or more"),
+    ],
+)
+def test_options_that_hold_nothing_out_are_rejected(log, block, last, message):
+    with pytest.raises(RecordingError, match=message):
+        RealComparison.of(log, (), block, last, ())
 
 
-def test_another_arm_is_refused_and_recordings_go_by_their_paths(
+def test_another_arm_is_rejected_and_paths_name_recordings(
     recording, log, make_arm, tmp_path, monkeypatch
 ):
     columns = {
@@ -101,14 +113,14 @@ def test_another_arm_is_refused_and_recordings_go_by_their_paths(
     with pytest.raises(
         RecordingError, match=r"longer is of test_arm \(2 modules.*imported --like"
     ):
-        Asked.of(log, (longer,), 25, 0, ())
+        RealComparison.of(log, (longer,), 25, 0, ())
     monkeypatch.chdir(tmp_path)
-    # alike but for their folders
+    # the same file name in two directories
     names = [Path(day) / "log.episodes" for day in ("monday", "tuesday")]
     for name in names:
         name.parent.mkdir()
         save_episodes(recording.episodes, name, recording.options)
-    rows = real_rows(Asked.of(log, names, 0, 0, ["pcc-fitted"]), [0], quiet)
+    rows = real_rows(RealComparison.of(log, names, 0, 0, ["pcc-fitted"]), [0], quiet)
     assert {row.task for row in rows} == {
         "test_arm, monday/log",
         "test_arm, tuesday/log",

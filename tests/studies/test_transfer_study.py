@@ -1,4 +1,4 @@
-"""What is tried of transfer."""
+"""The study of transfer between arms."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.studies.transfer import ANOTHER, FULL, Transfer, of_halves, ratios
 
 
-def test_every_arm_begins_from_another(twin):
+def test_every_arm_starts_from_the_networks_of_the_next(twin):
     pairs = Transfer(twin, drawn=(0, 1, 2)).pairs()
     assert [one.name for one, _ in pairs] == [
         "twin_arm_50_0",
@@ -22,7 +22,7 @@ def test_every_arm_begins_from_another(twin):
     ]
 
 
-def test_six_halves_stand_where_three_wholes_do(twin):
+def test_six_half_modules_replace_three_whole_ones(twin):
     arm = of_halves(twin, 6)
     assert arm.length == pytest.approx(twin.length)
     assert sum(module.mass for module in arm.modules) == pytest.approx(
@@ -31,7 +31,7 @@ def test_six_halves_stand_where_three_wholes_do(twin):
     assert first_mode(arm)[0] > 0.3
 
 
-def test_errors_are_held_against_those_of_a_whole_recording():
+def test_errors_are_divided_by_those_of_a_whole_recording():
     where = {
         "experiment": "transfer",
         "task": "circle",
@@ -42,19 +42,19 @@ def test_errors_are_held_against_those_of_a_whole_recording():
     rows = [
         Row(
             arm="mean of 2 arms at 0.5",
-            strategy=way,
+            strategy=method,
             unit="cm",
             mean=mean,
             seeds=(0,),
             **where,
         )
-        for way, mean in ((FULL, 0.5), (ANOTHER, 0.75))
+        for method, mean in ((FULL, 0.5), (ANOTHER, 0.75))
     ]
     assert [(row.strategy, row.unit, row.mean) for row in ratios(rows)] == [
         (ANOTHER, "times", 1.5)
     ]
 
 
-def test_one_arm_alone_has_nothing_to_begin_from(twin):
+def test_a_single_arm_is_rejected(twin):
     with pytest.raises(S2C2AError, match="1 arms"):
         Transfer(twin, drawn=(0,))

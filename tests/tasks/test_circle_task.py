@@ -3,7 +3,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import TASKS, Task, circle, task_named
+from s2c2a.tasks import TASKS, Task, circle, load_task
 
 TWIN = load_arm("twin_arm")
 
@@ -17,7 +17,7 @@ def with_rate(rate):
 
 
 def arc_angle(reach):
-    """Bend f of the whole arm of 0.6 m that reaches so far aside, by halving: 0.6 (1 - cos f) / f = reach."""
+    """Bend f of an arm of 0.6 m with this reach: 0.6 (1 - cos f) / f, by bisection."""
     low, high = 1e-9, 2.0
     for _ in range(100):
         middle = (low + high) / 2
@@ -26,7 +26,7 @@ def arc_angle(reach):
     return low
 
 
-def test_the_circle_asks_two_hundred_times_at_ten_hertz():
+def test_the_circle_has_two_hundred_steps_at_ten_hertz():
     assert len(circle(TWIN).goals) == 200
 
 
@@ -39,7 +39,7 @@ def arc_height(reach):
 def test_the_approach_follows_arcs_of_equal_bends_and_ends_at_the_height_of_the_circle(
     step,
 ):
-    """The protocol's formula, with what the last arc is off by at full precision (0.5423, not 0.5416)."""
+    """The protocol's formula at full precision (0.5423, not 0.5416)."""
     share = step / 40
     height = arc_height(0.22 * share) + (0.54 - arc_height(0.22)) * share
     np.testing.assert_allclose(
@@ -47,7 +47,7 @@ def test_the_approach_follows_arcs_of_equal_bends_and_ends_at_the_height_of_the_
     )
 
 
-def test_the_approach_is_within_a_millimetre_of_the_protocol_as_printed():
+def test_the_approach_is_within_a_millimeter_of_the_protocol_as_printed():
     shares = np.arange(1, 41) / 40
     printed = [arc_height(0.22 * share) + (0.54 - 0.5416) * share for share in shares]
     np.testing.assert_allclose(tip_path(TWIN)[:40, 2], printed, atol=1e-3)
@@ -59,7 +59,7 @@ def test_the_round_ends_where_the_approach_ended():
     np.testing.assert_allclose(path[199], [0.22, 0.0, 0.54], atol=1e-6)
 
 
-def test_the_round_goes_once_anticlockwise_at_one_radius_and_height():
+def test_the_round_goes_once_counterclockwise_at_one_radius_and_height():
     x, y, z = tip_path(TWIN)[39:].T
     turned = np.unwrap(np.arctan2(y, x))
     np.testing.assert_allclose(np.hypot(x, y), 0.22, atol=1e-6)
@@ -106,7 +106,7 @@ def test_a_slower_control_keeps_the_times():
     )
 
 
-def test_the_circle_asks_the_tip_alone_and_no_axis():
+def test_the_circle_has_a_target_for_the_tip_position_only():
     task = circle(TWIN)
     assert np.isnan(task.desired_positions()[:, :2]).all()
     assert np.isfinite(task.desired_positions()[:, 2]).all()
@@ -121,17 +121,17 @@ def test_the_weights_are_the_protocol_s():
 
 
 def test_tasks_are_found_by_their_names():
-    task = task_named("circle", TWIN)
+    task = load_task("circle", TWIN)
     assert task.name == "circle"
     np.testing.assert_array_equal(task.desired_positions()[:, -1], tip_path(TWIN))
 
 
 def test_an_unknown_task_lists_the_known_ones():
     with pytest.raises(TargetError, match="no task 'triangle'") as caught:
-        task_named("triangle", TWIN)
+        load_task("triangle", TWIN)
     assert all(name in str(caught.value) for name in TASKS)
 
 
-def test_a_task_without_goals_is_refused():
+def test_a_task_without_goals_is_rejected():
     with pytest.raises(TargetError, match="no goals"):
         Task("nothing", ())

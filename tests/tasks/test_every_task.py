@@ -1,4 +1,4 @@
-"""What holds of every task: it exists under its name, is reachable where it says so, and never jumps."""
+"""Properties of every task: its name, reachable targets, and no jumps."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import METRICS
 from s2c2a.planning import reach_gaps
-from s2c2a.tasks import TASKS, task_named
+from s2c2a.tasks import TASKS, load_task
 
 TWIN = load_arm("twin_arm")
 LIMIT_DEG = 50.0
@@ -22,9 +22,25 @@ ARM = TWIN.model_copy(
 )
 """Three modules of 0.2 m that bend by at most 50 deg."""
 PAPER = [
-    "circle", "tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20", "hold-base", "hold-middle",
-    "hold-end", "reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c", "flee", "follow",
-]  # fmt: skip
+    "circle",
+    "tilt-40",
+    "tilt-50",
+    "tilt-60",
+    "tilt-0",
+    "tilt-50-a20",
+    "tilt-50-c20",
+    "hold-base",
+    "hold-middle",
+    "hold-end",
+    "reach-0",
+    "reach-1",
+    "reach-2",
+    "risk-a",
+    "risk-b",
+    "risk-c",
+    "flee",
+    "follow",
+]
 OURS = ["square", "eight", "helix", "star"]
 WITH_TARGET = [name for name in PAPER if name != "flee"] + OURS
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
@@ -36,7 +52,7 @@ def test_the_tasks_are_those_of_the_protocol():
 
 @pytest.mark.parametrize("name", PAPER + OURS)
 def test_a_task_has_its_name_and_scores_that_exist(name):
-    task = task_named(name, TWIN)
+    task = load_task(name, TWIN)
     assert task.name == name
     assert {score.metric for score in task.scores} <= set(METRICS)
     assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
@@ -47,7 +63,7 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
 @pytest.mark.parametrize("name", WITH_TARGET)
 def test_no_desired_position_jumps(name):
     """Once around at 0.22 m in 160 steps is the fastest: 8.6 mm a step."""
-    desired = task_named(name, TWIN).desired_positions()
+    desired = load_task(name, TWIN).desired_positions()
     asked = np.isfinite(desired[0, :, 0])
     rest = np.array([[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]])
     moves = np.linalg.norm(
@@ -57,9 +73,9 @@ def test_no_desired_position_jumps(name):
 
 
 @pytest.mark.parametrize("name", WITH_TARGET)
-def test_every_position_but_those_outside_is_within_reach(name):
-    """To 0.1 cm, as the protocol has it; the target of `follow` goes out on purpose in its last 168 steps."""
-    desired = task_named(name, ARM).desired_positions()
+def test_every_position_is_within_reach(name):
+    """Within 0.1 cm (protocol); `follow` leaves the workspace in its last 168 steps."""
+    desired = load_task(name, ARM).desired_positions()
     steps = np.linspace(0, min(len(desired), 698 - 168) - 1, 24).astype(int)
     modules = np.flatnonzero(np.isfinite(desired[0, :, 0]))
     gaps = [reach_gaps(ARM, desired[steps, module], int(module)) for module in modules]
@@ -67,7 +83,7 @@ def test_every_position_but_those_outside_is_within_reach(name):
 
 
 def states(bends, lengths):
-    """End positions and axes of arcs one on another, shape (modules, 6), in another way than the package's."""
+    """States of a chain of arcs, shape (modules, 6), independent of the package."""
     frame, position, found = Rotation.identity(), np.zeros(3), []
     for (x, y), length in zip(bends, lengths, strict=True):
         angle = max(np.hypot(x, y), 1e-9)
@@ -90,7 +106,7 @@ def limited(values):
 
 
 def misses(task, step, lengths):
-    """How near positions [m] and orientations [deg] of a step come to what is desired, by least squares over bends."""
+    """Smallest position [m] and orientation [deg] errors, by least squares."""
     positions, axes = task.desired_positions()[step], task.desired_axes()[step]
     placed, pointed = np.isfinite(positions[:, 0]), np.isfinite(axes[:, 0])
 
@@ -117,8 +133,8 @@ def misses(task, step, lengths):
 
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)
 @pytest.mark.parametrize("step", [19, 39, 104, 199])
-def test_all_that_is_desired_at_once_is_within_reach_at_once(name, step):
-    """To 0.1 cm and 0.2 deg, as the protocol has it."""
-    apart, turned = misses(task_named(name, ARM), step, [0.2, 0.2, 0.2])
+def test_all_targets_of_a_step_are_within_reach_together(name, step):
+    """Within 0.1 cm and 0.2 deg (protocol)."""
+    apart, turned = misses(load_task(name, ARM), step, [0.2, 0.2, 0.2])
     assert apart < 0.001
     assert turned < 0.2

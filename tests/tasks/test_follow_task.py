@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
 DOUBLE = TWIN.model_copy(
@@ -22,7 +22,7 @@ BEGIN = [0.18, 0.0, 0.58 - 1.2 * 0.18**2]
 
 @pytest.fixture(scope="module")
 def task():
-    return task_named("follow", TWIN)
+    return load_task("follow", TWIN)
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,16 @@ def test_it_begins_with_a_line_from_rest_of_five_seconds(path, step):
 
 @pytest.mark.parametrize(
     ("seconds", "x", "y"),
-    [(0.1, 0.18 + 0.08 * np.sin(np.pi / 60), 0.18 * np.sin(np.pi / 120)), (3, 0.26, 0.18 * 0.5**0.5), (6, 0.18, 0.18),
-     (9, 0.10, 0.18 * 0.5**0.5), (12, 0.18, 0.0), (18, 0.18, -0.18), (48, 0.18, 0.0)],
-)  # fmt: skip
+    [
+        (0.1, 0.18 + 0.08 * np.sin(np.pi / 60), 0.18 * np.sin(np.pi / 120)),
+        (3, 0.26, 0.18 * 0.5**0.5),
+        (6, 0.18, 0.18),
+        (9, 0.10, 0.18 * 0.5**0.5),
+        (12, 0.18, 0.0),
+        (18, 0.18, -0.18),
+        (48, 0.18, 0.0),
+    ],
+)
 def test_it_wanders_on_a_dome(path, seconds, x, y):
     np.testing.assert_allclose(
         path[49 + round(10 * seconds)], [x, y, 0.58 - 1.2 * (x * x + y * y)], atol=1e-6
@@ -75,7 +82,7 @@ def test_it_leaves_waits_comes_back_and_stays(path, step, share):
     np.testing.assert_allclose(path[step - 1], expected, atol=1e-6)
 
 
-def test_it_is_never_faster_than_eight_centimetres_a_second(path):
+def test_it_is_never_faster_than_eight_centimeters_a_second(path):
     moves = np.linalg.norm(
         np.diff(np.concatenate([[[0, 0, 0.6]], path]), axis=0), axis=-1
     )
@@ -107,15 +114,13 @@ def test_the_target_is_out_of_reach_once_about_its_time_outside(inside):
     assert left - 530 == pytest.approx(658 - back, abs=1)
 
 
-def test_no_arm_of_its_length_reaches_where_it_waits(path, inside):
+def test_the_waiting_position_is_out_of_reach(path, inside):
     """0.60 aside and 0.45 up are 0.75 m away."""
     assert np.linalg.norm(path[590]) > 0.6
     assert not inside[584:604].any()
 
 
-def test_position_is_scored_within_reach_after_the_line_and_but_for_a_second_and_a_half_after_re_entry(
-    task, inside
-):
+def test_position_is_scored_within_reach_except_approach_and_recovery(task, inside):
     back = np.flatnonzero(inside[1:] & ~inside[:-1])[0] + 1
     expected = inside.copy()
     expected[:50] = False
@@ -126,7 +131,7 @@ def test_position_is_scored_within_reach_after_the_line_and_but_for_a_second_and
 def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
     path, inside
 ):
-    double = task_named("follow", DOUBLE)
+    double = load_task("follow", DOUBLE)
     np.testing.assert_allclose(double.desired_positions()[:, -1], 2 * path, atol=1e-6)
     np.testing.assert_array_equal(double.scores[1].steps, inside)
 
@@ -135,6 +140,6 @@ def test_a_faster_control_keeps_the_times(path, monkeypatch):
     monkeypatch.setattr(
         "s2c2a.tasks.lines.reach_gaps", lambda arm, points: np.zeros(len(points))
     )
-    fast = task_named("follow", FAST).desired_positions()[:, -1]
+    fast = load_task("follow", FAST).desired_positions()[:, -1]
     np.testing.assert_allclose(fast[1 : 2 * 530 : 2], path[:530], atol=1e-6)
     assert len(fast) == 100 + 960 + 107 + 40 + 107 + 80

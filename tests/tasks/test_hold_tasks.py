@@ -1,11 +1,11 @@
-"""One module's end stays while something else moves: targets worked by hand from docs/protocol.md."""
+"""Tasks that hold one module's end: targets by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import Score, task_named
+from s2c2a.tasks import Score, load_task
 
 TWIN = load_arm("twin_arm")
 HOLDS = ["hold-base", "hold-middle", "hold-end"]
@@ -18,13 +18,13 @@ def arm_of(modules):
 
 def desired(name, module, arm=TWIN):
     """Positions and axes of a module's end."""
-    task = task_named(name, arm)
+    task = load_task(name, arm)
     return task.desired_positions()[:, module], task.desired_axes()[:, module]
 
 
 @pytest.mark.parametrize("name", HOLDS)
 def test_a_hold_lasts_two_hundred_steps(name):
-    task = task_named(name, TWIN)
+    task = load_task(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
     assert task.obstacles().shape == (200, 0, 4)
 
@@ -39,7 +39,7 @@ def test_the_base_module_stays_where_it_is_at_rest():
     ("step", "point"),
     [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])],
 )
-def test_over_a_held_base_the_tip_goes_once_around_anticlockwise(step, point):
+def test_over_a_held_base_the_tip_goes_once_around_counterclockwise(step, point):
     np.testing.assert_allclose(
         desired("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
     )
@@ -54,7 +54,7 @@ def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
 
 
 def test_a_held_base_counts_four_times_and_the_tip_once():
-    goals = task_named("hold-base", TWIN).goals
+    goals = load_task("hold-base", TWIN).goals
     assert {tuple(goal.position_weights) for goal in goals} == {(4, 0, 1)}
     assert not any(goal.axis_weights.any() for goal in goals)
     assert {float(goal.change_weight) for goal in goals} == {0.5}
@@ -97,11 +97,11 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_of_other_modules_than_the_held_one_nothing_is_asked(
+def test_other_modules_than_the_held_one_have_no_target(
     name, module, rest, height, tilt
 ):
     goals, only = (
-        task_named(name, TWIN).goals,
+        load_task(name, TWIN).goals,
         tuple(float(number == module) for number in range(3)),
     )
     assert {tuple(goal.position_weights) for goal in goals} == {only}
@@ -118,26 +118,26 @@ def test_of_other_modules_than_the_held_one_nothing_is_asked(
     ],
 )
 def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
-    assert task_named(name, TWIN).scores == scores
+    assert load_task(name, TWIN).scores == scores
 
 
 @pytest.mark.parametrize(
     ("name", "modules"),
     [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)],
 )
-def test_an_arm_with_too_few_modules_is_refused(name, modules):
+def test_an_arm_with_too_few_modules_is_rejected(name, modules):
     with pytest.raises(
         TargetError,
         match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}",
     ):
-        task_named(name, arm_of(modules))
+        load_task(name, arm_of(modules))
 
 
 @pytest.mark.parametrize(("modules", "middle"), [(3, 1), (4, 1), (5, 2), (6, 2)])
 def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
     modules, middle
 ):
-    positions = task_named("hold-middle", arm_of(modules)).desired_positions()
+    positions = load_task("hold-middle", arm_of(modules)).desired_positions()
     assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
     assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
 
@@ -149,7 +149,7 @@ def test_lengths_scale_with_the_arm_and_angles_do_not():
         }
     )
     for name in HOLDS:
-        long, short = task_named(name, TWIN), task_named(name, half)
+        long, short = load_task(name, TWIN), load_task(name, half)
         np.testing.assert_allclose(
             short.desired_positions(), long.desired_positions() / 2, atol=1e-6
         )
@@ -158,11 +158,11 @@ def test_lengths_scale_with_the_arm_and_angles_do_not():
 
 def test_a_faster_control_keeps_the_times():
     for name in HOLDS:
-        fast = task_named(name, TWIN.model_copy(update={"control_rate": 20.0}))
+        fast = load_task(name, TWIN.model_copy(update={"control_rate": 20.0}))
         assert len(fast.goals) == 400
         np.testing.assert_allclose(
             fast.desired_positions()[1::2],
-            task_named(name, TWIN).desired_positions(),
+            load_task(name, TWIN).desired_positions(),
             atol=1e-6,
         )
 

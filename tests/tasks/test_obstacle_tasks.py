@@ -1,11 +1,11 @@
-"""Reaching past obstacles, and fleeing: targets and obstacles worked by hand from docs/protocol.md."""
+"""Reach and flee: targets and obstacles by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.planning import Goal
-from s2c2a.tasks import Score, Task, task_named
+from s2c2a.tasks import Score, Task, load_task
 
 TWIN = load_arm("twin_arm")
 OBSTACLES = {
@@ -27,13 +27,13 @@ def tips(task):
 
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_a_reach_lasts_two_hundred_and_forty_steps(name):
-    task = task_named(name, TWIN)
+    task = load_task(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 240)
 
 
-def test_the_reference_runs_straight_from_rest_at_five_centimetres_a_second():
+def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
     """0.3195 m are 64 steps of 5 mm, nearly."""
-    path = np.concatenate([[[0, 0, 0.6]], tips(task_named("reach-0", TWIN))])
+    path = np.concatenate([[[0, 0, 0.6]], tips(load_task("reach-0", TWIN))])
     moves = np.diff(path, axis=0)
     np.testing.assert_allclose(
         moves[:64], np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1)), atol=1e-6
@@ -43,28 +43,28 @@ def test_the_reference_runs_straight_from_rest_at_five_centimetres_a_second():
 
 def test_then_it_stays_at_the_target():
     np.testing.assert_allclose(
-        tips(task_named("reach-0", TWIN))[63:],
+        tips(load_task("reach-0", TWIN))[63:],
         np.tile([0.30, 0, 0.49], (177, 1)),
         atol=1e-6,
     )
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
-def test_the_reference_is_the_same_whatever_stands_in_the_way(name):
+def test_the_reference_is_the_same_with_any_obstacles(name):
     np.testing.assert_array_equal(
-        tips(task_named(name, TWIN)), tips(task_named("reach-0", TWIN))
+        tips(load_task(name, TWIN)), tips(load_task("reach-0", TWIN))
     )
 
 
 @pytest.mark.parametrize(("name", "obstacles"), OBSTACLES.items())
 def test_obstacles_stand_still_where_the_protocol_puts_them(name, obstacles):
     expected = np.tile(np.reshape(obstacles, (-1, 4)), (240, 1, 1))
-    np.testing.assert_allclose(task_named(name, TWIN).obstacles(), expected, atol=1e-7)
+    np.testing.assert_allclose(load_task(name, TWIN).obstacles(), expected, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_target_and_obstacles_count_once_and_change_half(name):
-    goals = task_named(name, TWIN).goals
+    goals = load_task(name, TWIN).goals
     assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
     assert {
         (float(goal.obstacle_weight), float(goal.change_weight)) for goal in goals
@@ -80,7 +80,7 @@ CLEARANCES = [
 
 
 def test_without_an_obstacle_only_the_end_and_the_way_are_scored():
-    assert list(task_named("reach-0", TWIN).scores) == [
+    assert list(load_task("reach-0", TWIN).scores) == [
         Score("end distance"),
         Score("reached"),
         Score("path length"),
@@ -95,31 +95,31 @@ def test_with_obstacles_clearances_are_scored_as_well(name):
         *CLEARANCES,
         Score("path length"),
     ]
-    assert list(task_named(name, TWIN).scores) == expected
+    assert list(load_task(name, TWIN).scores) == expected
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_lengths_and_thresholds_scale_with_the_arm(name):
-    once, twice = task_named(name, TWIN), task_named(name, DOUBLE)
+    once, twice = load_task(name, TWIN), load_task(name, DOUBLE)
     np.testing.assert_allclose(tips(twice), 2 * tips(once), atol=1e-6)
     np.testing.assert_allclose(twice.obstacles(), 2 * once.obstacles(), atol=1e-6)
 
 
 def test_a_faster_control_keeps_the_speed_and_the_time():
-    fast = tips(task_named("reach-0", FAST))
+    fast = tips(load_task("reach-0", FAST))
     assert len(fast) == 480
     np.testing.assert_allclose(
-        fast[1:128:2], tips(task_named("reach-0", TWIN))[:64], atol=1e-6
+        fast[1:128:2], tips(load_task("reach-0", TWIN))[:64], atol=1e-6
     )
 
 
 def test_fleeing_takes_eleven_seconds_and_four_tenths():
     """1 + 3.4 + 2 + 3 + 2 s."""
-    assert len(task_named("flee", TWIN).goals) == 114
+    assert len(load_task("flee", TWIN).goals) == 114
 
 
-def test_fleeing_asks_for_nothing_but_little_change_and_room():
-    task = task_named("flee", TWIN)
+def test_flee_has_no_target():
+    task = load_task("flee", TWIN)
     assert np.isnan(task.desired_positions()).all()
     assert np.isnan(task.desired_axes()).all()
     assert {
@@ -141,18 +141,18 @@ def test_fleeing_asks_for_nothing_but_little_change_and_room():
         (114, -0.07),
     ],
 )
-def test_what_is_fled_from_waits_comes_near_waits_and_goes_through(step, x):
+def test_the_obstacle_waits_approaches_waits_and_passes(step, x):
     np.testing.assert_allclose(
-        task_named("flee", TWIN).obstacles()[step - 1],
+        load_task("flee", TWIN).obstacles()[step - 1],
         [[x, 0.02, 0.58, 0.10]],
         atol=1e-6,
     )
 
 
-def test_what_is_fled_from_moves_at_five_centimetres_a_second_or_not_at_all():
+def test_the_obstacle_moves_at_five_centimeters_a_second_or_stands():
     speeds = (
         np.linalg.norm(
-            np.diff(task_named("flee", TWIN).obstacles()[:, 0], axis=0), axis=-1
+            np.diff(load_task("flee", TWIN).obstacles()[:, 0], axis=0), axis=-1
         )
         * TWIN.control_rate
     )
@@ -162,7 +162,7 @@ def test_what_is_fled_from_moves_at_five_centimetres_a_second_or_not_at_all():
 
 
 def test_fleeing_is_scored_by_clearances_stillness_and_the_way():
-    assert list(task_named("flee", TWIN).scores) == [
+    assert list(load_task("flee", TWIN).scores) == [
         *CLEARANCES,
         Score("stillness"),
         Score("path length"),
@@ -170,12 +170,12 @@ def test_fleeing_is_scored_by_clearances_stillness_and_the_way():
 
 
 def test_fleeing_scales_with_the_arm_and_keeps_its_times():
-    once = task_named("flee", TWIN).obstacles()
+    once = load_task("flee", TWIN).obstacles()
     np.testing.assert_allclose(
-        task_named("flee", DOUBLE).obstacles(), 2 * once, atol=1e-6
+        load_task("flee", DOUBLE).obstacles(), 2 * once, atol=1e-6
     )
     np.testing.assert_allclose(
-        task_named("flee", FAST).obstacles()[1::2], once, atol=1e-6
+        load_task("flee", FAST).obstacles()[1::2], once, atol=1e-6
     )
 
 

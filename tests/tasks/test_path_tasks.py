@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
 APPROACH = 40
 
 
 def tips(name, arm=TWIN):
-    return task_named(name, arm).desired_positions()[:, -1]
+    return load_task(name, arm).desired_positions()[:, -1]
 
 
 @pytest.mark.parametrize(

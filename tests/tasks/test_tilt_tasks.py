@@ -1,10 +1,10 @@
-"""The circle with desired orientations: targets worked by hand from docs/protocol.md."""
+"""The circle with desired orientations: targets by hand from docs/protocol.md."""
 
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.tasks import Score, circle, task_named
+from s2c2a.tasks import Score, circle, load_task
 
 TWIN = load_arm("twin_arm")
 TILTS = {
@@ -20,7 +20,7 @@ PLAIN = [name for name in TILTS if name not in TURNS]
 
 
 def tip_axes(name, arm=TWIN):
-    return task_named(name, arm).desired_axes()[:, -1]
+    return load_task(name, arm).desired_axes()[:, -1]
 
 
 def angles_to_the_vertical(axes):
@@ -37,8 +37,8 @@ def axis(tilt_deg, azimuth_deg):
 
 
 @pytest.mark.parametrize("name", TILTS)
-def test_the_tip_goes_the_way_of_the_circle(name):
-    task = task_named(name, TWIN)
+def test_the_tip_follows_the_circle(name):
+    task = load_task(name, TWIN)
     assert (task.name, len(task.goals)) == (name, 200)
     np.testing.assert_array_equal(
         task.desired_positions(), circle(TWIN).desired_positions()
@@ -55,7 +55,7 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
 
 @pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
 def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
-    axes, tips = tip_axes(name), task_named(name, TWIN).desired_positions()[:, -1]
+    axes, tips = tip_axes(name), load_task(name, TWIN).desired_positions()[:, -1]
     across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
     outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
     np.testing.assert_allclose(across, 0, atol=1e-6)
@@ -92,7 +92,7 @@ def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
     )
 
 
-def test_a_quarter_round_and_turned_anticlockwise_the_tip_points_left_and_back():
+def test_a_quarter_round_and_turned_counterclockwise_the_tip_points_left_and_back():
     assert np.sign(tip_axes("tilt-50-a20")[79]).tolist() == [-1, 1, 1]
     assert np.sign(tip_axes("tilt-50-c20")[79]).tolist() == [1, 1, 1]
 
@@ -105,7 +105,7 @@ def test_a_tilt_of_zero_points_up_all_the_time():
 
 @pytest.mark.parametrize("name", TILTS)
 def test_position_counts_once_orientation_twice_and_change_half(name):
-    goals = task_named(name, TWIN).goals
+    goals = load_task(name, TWIN).goals
     assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
     assert {tuple(goal.axis_weights) for goal in goals} == {(0, 0, 2)}
     assert {float(goal.change_weight) for goal in goals} == {0.5}
@@ -113,19 +113,19 @@ def test_position_counts_once_orientation_twice_and_change_half(name):
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_plain_tilt_is_scored_by_position_and_tilt_on_every_step(name):
-    assert task_named(name, TWIN).scores == (Score("position"), Score("tilt"))
+    assert load_task(name, TWIN).scores == (Score("position"), Score("tilt"))
 
 
 @pytest.mark.parametrize("name", TURNS)
 def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
-    *plain, azimuth = task_named(name, TWIN).scores
+    *plain, azimuth = load_task(name, TWIN).scores
     assert plain == [Score("position"), Score("tilt")]
     assert (azimuth.metric, azimuth.module) == ("azimuth", -1)
     np.testing.assert_array_equal(azimuth.steps, [False] * 40 + [True] * 160)
 
 
 @pytest.mark.parametrize("name", TILTS)
-def test_orientations_do_not_scale_with_the_arm_and_keep_their_times_at_a_faster_control(
+def test_orientations_depend_on_neither_arm_length_nor_control_rate(
     name,
 ):
     short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})

@@ -8,9 +8,9 @@ from s2c2a.errors import TargetError
 from s2c2a.tasks import (
     Score,
     Waypoints,
+    load_task,
     load_waypoints,
-    out_of_reach,
-    task_named,
+    unreachable_waypoints,
     waypoints_task,
 )
 
@@ -97,8 +97,13 @@ def test_a_path_may_be_text(table):
 def test_between_waypoints_the_target_goes_straight_at_the_arms_rate(table):
     path = tip_path(load_waypoints(table(SLOPE)))
     assert len(path) == 30
-    for step, point in [(1, [0.01, 0, 0.598]), (5, [0.05, 0, 0.59]), (10, [0.1, 0, 0.58]), (20, [0.1, 0.1, 0.56]),
-                        (30, [0.1, 0.2, 0.54])]:  # fmt: skip
+    for step, point in [
+        (1, [0.01, 0, 0.598]),
+        (5, [0.05, 0, 0.59]),
+        (10, [0.1, 0, 0.58]),
+        (20, [0.1, 0.1, 0.56]),
+        (30, [0.1, 0.2, 0.54]),
+    ]:
         np.testing.assert_allclose(path[step - 1], point, atol=1e-7)
 
 
@@ -108,7 +113,7 @@ def test_a_faster_control_makes_more_steps_of_the_same_path(table):
     np.testing.assert_allclose(fast[1::2], tip_path(tracks), atol=1e-7)
 
 
-def test_the_first_waypoint_holds_from_the_start_and_the_last_of_a_shorter_track_to_the_end(
+def test_the_first_waypoint_holds_before_it_and_the_last_after_it(
     table,
 ):
     late = table(
@@ -151,7 +156,7 @@ def test_positions_count_once_axes_twice_and_change_half(table):
     assert {float(goal.change_weight) for goal in goals} == {0.5}
 
 
-def test_every_track_is_scored_by_what_it_asks(table):
+def test_every_track_is_scored_by_its_targets(table):
     pointed = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN)
     assert pointed.scores == (Score("position"), Score("orientation"))
     two = waypoints_task("mine", load_waypoints(table(TWO)), TWIN)
@@ -165,11 +170,11 @@ def test_lengths_do_not_scale_with_the_arm(table):
 
 
 def test_a_file_is_a_task_by_its_name(table):
-    task = task_named(str(table(SLOPE)), TWIN)
+    task = load_task(str(table(SLOPE)), TWIN)
     assert (task.name, len(task.goals)) == ("my_path", 30)
 
 
-def test_a_missing_file_is_refused_and_the_columns_are_told(tmp_path):
+def test_a_missing_file_is_reported_with_the_columns(tmp_path):
     with pytest.raises(
         TargetError, match=r"no waypoints at .*nowhere\.csv; .*time, x, y, z"
     ):
@@ -180,10 +185,21 @@ def test_a_missing_file_is_refused_and_the_columns_are_told(tmp_path):
 
 @pytest.mark.parametrize(
     "columns",
-    ["time,x,y", "x,y,z", "time,x,y,z,speed", "time;x;y;z", "Time,x,y,z", "time,x,y,z,axis_x", "time,x,x,y,z",
-     "time,x,y,z,axis_x,axis_y", "time,x,y,z,", "0,0,0,0.6", ""],
-)  # fmt: skip
-def test_other_columns_are_refused_and_the_right_ones_told(table, columns):
+    [
+        "time,x,y",
+        "x,y,z",
+        "time,x,y,z,speed",
+        "time;x;y;z",
+        "Time,x,y,z",
+        "time,x,y,z,axis_x",
+        "time,x,x,y,z",
+        "time,x,y,z,axis_x,axis_y",
+        "time,x,y,z,",
+        "0,0,0,0.6",
+        "",
+    ],
+)
+def test_other_columns_are_rejected_with_the_valid_ones(table, columns):
     with pytest.raises(
         TargetError,
         match=r"has the columns .*it needs time, x, y, z, and may have axis_x",
@@ -194,12 +210,12 @@ def test_other_columns_are_refused_and_the_right_ones_told(table, columns):
 @pytest.mark.parametrize(
     "text", ["time,x,y,z", "time,x,y,z\n", "time,x,y,z,module\n\n\n"]
 )
-def test_a_table_without_lines_is_refused(table, text):
+def test_a_table_without_lines_is_rejected(table, text):
     with pytest.raises(TargetError, match="holds no waypoints; give at least one line"):
         load_waypoints(table(text))
 
 
-def test_a_file_without_a_word_is_refused(table):
+def test_an_empty_file_is_rejected(table):
     with pytest.raises(TargetError, match="has the columns none"):
         load_waypoints(table(""))
 
@@ -208,7 +224,7 @@ def test_a_file_without_a_word_is_refused(table):
     "row",
     ["1,0.1,here,0.5", "1,0.1,,0.5", "1,0.1,0.5", "1,0.1,0.2,0.5,7", "1,0.1,0x2,0.5"],
 )
-def test_what_is_no_number_is_refused_by_its_line(table, row):
+def test_a_value_that_is_no_number_is_reported_with_its_line(table, row):
     with pytest.raises(
         TargetError, match=r"my_path\.csv, line 3: every column must hold one number"
     ):
@@ -218,7 +234,7 @@ def test_what_is_no_number_is_refused_by_its_line(table, row):
 @pytest.mark.parametrize(
     "row", ["1,nan,0,0.5", "1,0,inf,0.5", "nan,0,0,0.5", "1,0,0,-inf", "1,0,0,1e999"]
 )
-def test_what_is_not_finite_is_refused_by_its_line(table, row):
+def test_a_value_that_is_not_finite_is_reported_with_its_line(table, row):
     with pytest.raises(TargetError, match="line 3: numbers must be finite"):
         load_waypoints(table("time,x,y,z\n0,0,0,0.6\n" + row + "\n"))
 
@@ -229,7 +245,7 @@ def test_a_line_is_named_as_an_editor_counts_it(table):
 
 
 @pytest.mark.parametrize("module", ["0.5", "nan", "inf"])
-def test_a_module_that_is_no_whole_number_is_refused(table, module):
+def test_a_module_that_is_no_whole_number_is_rejected(table, module):
     with pytest.raises(
         TargetError,
         match="line 2: numbers must be finite, and the module a whole number",
@@ -241,25 +257,25 @@ def test_a_module_that_is_no_whole_number_is_refused(table, module):
     ("times", "told"),
     [((0, 2, 1), "1 after 2"), ((0, 1, 1), "1 after 1"), ((3, 2, 1), "2 after")],
 )
-def test_times_that_do_not_rise_are_refused(table, times, told):
+def test_times_that_do_not_rise_are_rejected(table, times, told):
     rows = "".join(f"{time},0,0,0.6\n" for time in times)
     with pytest.raises(TargetError, match=f"times of a module must rise, got {told}"):
         load_waypoints(table("time,x,y,z\n" + rows))
 
 
-def test_a_time_before_the_start_is_refused(table):
+def test_a_time_before_the_start_is_rejected(table):
     with pytest.raises(TargetError, match="not negative, got -1"):
         load_waypoints(table("time,x,y,z\n-1,0,0,0.6\n1,0,0,0.6\n"))
 
 
-def test_an_axis_of_no_length_is_refused_by_its_time(table):
+def test_an_axis_of_no_length_is_rejected_by_its_time(table):
     with pytest.raises(
         TargetError, match=r"an axis of length zero at time 2; give a direction"
     ):
         load_waypoints(table(POINTED.replace("3,0,4", "0,0,0")))
 
 
-def test_axes_that_turn_right_round_have_no_way_between(table):
+def test_opposite_axes_cannot_be_interpolated(table):
     tracks = load_waypoints(table(POINTED.replace("3,0,4", "0,0,-2")))
     with pytest.raises(TargetError, match="target axis is zero"):
         waypoints_task("mine", tracks, TWIN)
@@ -268,7 +284,7 @@ def test_axes_that_turn_right_round_have_no_way_between(table):
 @pytest.mark.parametrize(
     "content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\n"]
 )
-def test_what_is_no_text_is_refused(tmp_path, content):
+def test_a_file_that_is_no_text_is_rejected(tmp_path, content):
     path = tmp_path / "picture.csv"
     path.write_bytes(content)
     with pytest.raises(TargetError, match=r"picture\.csv:? cannot be read as"):
@@ -276,7 +292,7 @@ def test_what_is_no_text_is_refused(tmp_path, content):
 
 
 @pytest.mark.parametrize("module", [3, -4, 1e30])
-def test_a_module_that_the_arm_lacks_is_refused(table, module):
+def test_a_module_that_the_arm_lacks_is_rejected(table, module):
     tracks = load_waypoints(table(f"time,x,y,z,module\n1,0,0,0.6,{module}\n"))
     with pytest.raises(
         TargetError, match=rf"no module {int(module)}; this goal is for 3"
@@ -285,45 +301,45 @@ def test_a_module_that_the_arm_lacks_is_refused(table, module):
     with pytest.raises(
         TargetError, match=rf"no module {int(module)}; 'twin_arm' has 3"
     ):
-        out_of_reach(tracks, TWIN)
+        unreachable_waypoints(tracks, TWIN)
 
 
-def test_the_tip_cannot_be_asked_for_twice_under_two_numbers(table):
+def test_the_tip_cannot_have_two_tracks(table):
     tracks = load_waypoints(table("time,x,y,z,module\n1,0,0,0.6,-1\n1,0,0,0.5,2\n"))
     with pytest.raises(
         TargetError,
-        match=r"name a module of 'twin_arm' twice, by \[-1, 2\]; -1 and 2 are both its tip",
+        match=r"'twin_arm' twice, by \[-1, 2\]; -1 and 2 are both its tip",
     ):
         waypoints_task("mine", tracks, TWIN)
 
 
 @pytest.mark.parametrize("time", ["0", "0.05", "100000.1", "1e18", "1e308"])
-def test_a_last_time_that_makes_no_step_or_too_many_is_refused(table, time):
+def test_a_last_time_that_makes_no_step_or_too_many_is_rejected(table, time):
     tracks = load_waypoints(table(f"time,x,y,z\n{time},0,0,0.6\n"))
     with pytest.raises(TargetError, match="between one step and 1000000 steps"):
         waypoints_task("mine", tracks, TWIN)
 
 
-def test_no_tracks_are_refused():
+def test_no_tracks_are_rejected():
     with pytest.raises(TargetError, match="end at 0 s"):
         waypoints_task("mine", [], TWIN)
 
 
-def test_waypoints_out_of_reach_are_told_with_module_time_and_gap(table):
+def test_waypoints_out_of_reach_have_module_time_and_gap(table):
     """The arm is 0.6 m long, its base module 0.2 m."""
     tracks = load_waypoints(
         table(
             "time,x,y,z,module\n1,0,0,0.7,-1\n2,0.1,0,0.58,-1\n0,0,0,0.2,0\n4,0,0,0.25,0\n"
         )
     )
-    tip, base = out_of_reach(tracks, TWIN)
+    tip, base = unreachable_waypoints(tracks, TWIN)
     assert (tip.module, tip.time, base.module, base.time) == (-1, 1.0, 0, 4.0)
     assert (tip.gap, base.gap) == pytest.approx((0.1, 0.05), abs=1e-4)
 
 
-def test_gaps_below_a_hundredth_of_the_arm_are_not_told(table):
+def test_gaps_below_a_hundredth_of_the_arm_are_ignored(table):
     tracks = load_waypoints(table("time,x,y,z\n1,0,0,0.605\n2,0,0,0.607\n"))
-    assert [far.time for far in out_of_reach(tracks, TWIN)] == [2.0]
+    assert [far.time for far in unreachable_waypoints(tracks, TWIN)] == [2.0]
 
 
 def test_waypoints_need_no_file():
@@ -331,4 +347,4 @@ def test_waypoints_need_no_file():
         -1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None
     )
     assert len(tip_path([track])) == 10
-    assert out_of_reach([track], TWIN) == []
+    assert unreachable_waypoints([track], TWIN) == []

@@ -1,4 +1,4 @@
-"""The training loop on a problem small enough to know its answer: a straight line."""
+"""Training loop on linear regression, with known weights."""
 
 import equinox as eqx
 import jax
@@ -58,15 +58,15 @@ def test_both_losses_fall_with_every_epoch():
     assert curve[-1, 2] < 0.5 * curve[0, 2]
 
 
-def test_enough_epochs_find_the_answer():
+def test_enough_epochs_find_the_true_weights():
     result = fitted(
         with_options(max_epochs=300, epochs_per_call=100, learning_rate=0.03)
     )
     np.testing.assert_allclose(result.network.weights, TRUE, atol=1e-3)
 
 
-def test_the_first_step_is_adams():
-    """Adam's first step is the learning rate against the sign of the gradient, whatever its size."""
+def test_the_first_step_is_that_of_adam():
+    """Adam's first step is the learning rate times the sign of the gradient."""
     one_batch = with_options(batch_size=128, max_epochs=1, epochs_per_call=1)
     np.testing.assert_allclose(
         fitted(one_batch).network.weights, 0.01 * np.sign(TRUE), rtol=1e-4
@@ -81,12 +81,12 @@ def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
 
 
 def worse_later(model: Line, batch, key) -> Array:
-    """Falls in training; when validating it rises again once the first weight has passed 0.5."""
+    """Training loss that falls; validation loss that rises above a weight of 0.5."""
     training = squared(model, batch, key)
     return training if key is not None else (model.weights[0, 0] - 0.5) ** 2
 
 
-def test_it_returns_the_weights_of_the_best_validation_loss():
+def test_training_returns_the_weights_of_the_best_validation_loss():
     result = fitted(with_options(learning_rate=0.02, max_epochs=40), worse_later)
     best = result.curve[:, 2].min()
     assert result.curve[-1, 2] > 10 * best
@@ -94,7 +94,7 @@ def test_it_returns_the_weights_of_the_best_validation_loss():
 
 
 @pytest.mark.parametrize("patience", [1, 4, 9])
-def test_it_stops_when_validation_has_not_improved_for_so_many_epochs(patience):
+def test_training_stops_after_patience_epochs_without_improvement(patience):
     options = with_options(
         learning_rate=0.02, max_epochs=400, patience=patience, epochs_per_call=1
     )
@@ -103,12 +103,12 @@ def test_it_stops_when_validation_has_not_improved_for_so_many_epochs(patience):
     assert len(curve) < 60
 
 
-def test_while_it_improves_patience_does_not_stop_it():
+def test_patience_does_not_stop_an_improving_training():
     assert len(fitted(with_options(patience=1, epochs_per_call=1)).curve) == 20
 
 
 @pytest.mark.parametrize(("max_epochs", "epochs_per_call"), [(10, 5), (1, 1), (7, 5)])
-def test_it_never_trains_longer_than_the_most_epochs(max_epochs, epochs_per_call):
+def test_training_never_exceeds_max_epochs(max_epochs, epochs_per_call):
     curve = fitted(
         with_options(max_epochs=max_epochs, epochs_per_call=epochs_per_call)
     ).curve
@@ -125,7 +125,7 @@ def test_the_same_key_gives_the_same_result():
     assert not np.array_equal(one.curve, other.curve)
 
 
-def test_how_epochs_are_grouped_into_calls_changes_only_their_order():
+def test_grouping_of_epochs_into_calls_changes_only_their_order():
     """Every grouping ends at the same place on a clean line."""
     ends = [
         fitted(
@@ -144,7 +144,7 @@ def test_every_epoch_sees_every_sample_once():
     np.testing.assert_allclose(curve[:, 1], squared(BLANK, TRAINING, None), rtol=1e-5)
 
 
-def test_progress_is_told_after_every_call():
+def test_progress_is_reported_after_every_call():
     told = []
     result = fitted(progress=lambda epoch, most, loss: told.append((epoch, most, loss)))
     assert [(epoch, most) for epoch, most, _ in told] == [
@@ -166,7 +166,7 @@ def test_an_interrupt_in_progress_stops_it():
         fitted(progress=interrupt)
 
 
-def test_what_is_no_floating_array_is_left_alone():
+def test_arrays_that_are_not_floating_point_are_not_trained():
     class Labeled(Line):
         count: Array
         name: str = eqx.field(static=True)
@@ -176,7 +176,7 @@ def test_what_is_no_floating_array_is_left_alone():
     assert result.network.name == "line"
 
 
-def test_a_stopped_gradient_keeps_what_it_guards():
+def test_weights_behind_a_stopped_gradient_are_not_trained():
     class Scaled(Line):
         scale: Array
 
@@ -190,7 +190,7 @@ def test_a_stopped_gradient_keeps_what_it_guards():
     assert result.curve[-1, 2] < result.curve[0, 2]
 
 
-def test_a_part_that_is_fixed_by_type_is_left_alone():
+def test_a_fixed_part_is_not_trained():
     class Unit(Fixed):
         scale: Array
 
@@ -233,6 +233,6 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
         {"learning_rate": np.inf},
     ],
 )
-def test_options_that_cannot_train_are_refused(wrong):
+def test_invalid_options_are_refused(wrong):
     with pytest.raises(TrainingError, match="was asked for; take"):
         FitOptions(**wrong)

@@ -7,7 +7,7 @@ from s2c2a.training.trained import full_ranges, percent_error
 
 
 def test_each_output_is_divided_by_its_own_full_range():
-    """Errors 1 and 2 of range 10, 3 and 0 of range 4: 10, 20, 75, 0 %; mean 26.25, standard deviation 29.02."""
+    """Errors of 10, 20, 75, 0 % of the range: mean 26.25, deviation 29.02."""
     true = np.array([[[5.0, 1.0]], [[7.0, 2.0]]])
     predicted = np.array([[[6.0, -2.0]], [[5.0, 2.0]]])
     mean, spread = percent_error(predicted, true, np.array([[10.0, 4.0]]))
@@ -33,10 +33,10 @@ def test_the_unit_of_an_output_does_not_matter():
     ) == pytest.approx(one)
 
 
-def test_full_range_is_largest_less_smallest_over_samples():
+def test_full_range_is_the_largest_minus_the_smallest_value():
     values = np.array([[[1.0, 5.0]], [[-2.0, 5.5]], [[0.0, 5.25]]])
     np.testing.assert_array_equal(full_ranges(values), [[3.0, 0.5]])
 
 
-def test_an_output_that_never_changes_has_range_one():
+def test_a_constant_output_has_range_one():
     np.testing.assert_array_equal(full_ranges(np.full((4, 1, 2), 7.0)), [[1.0, 1.0]])

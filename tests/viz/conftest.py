@@ -1,4 +1,4 @@
-"""A made-up run: an arm of constant curvature whose tip goes round a circle."""
+"""Synthetic runs: an arm of constant curvature whose tip follows a circle."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,10 @@ import pytest
 from s2c2a.arm import ArmSpec, Module
 from s2c2a.viz import Trace
 
-RADIUS, HEIGHT, STEPS, BEND = 0.22, 0.54, 200, 0.26
+RADIUS = 0.22  # m
+HEIGHT = 0.54  # m
+STEPS = 200
+BEND = 0.26  # rad
 
 
 def _module(cables: int = 3, **changes) -> Module:
@@ -21,7 +24,7 @@ def _module(cables: int = 3, **changes) -> Module:
 
 
 def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarray:
-    """States (time, modules, 6) of an arm 0.6 m long that bends in one plane by `bend` [rad] a module."""
+    """States (time, modules, 6) of an arm of 0.6 m whose modules bend by `bend`."""
     angles = bend * np.arange(1, modules + 1)
     radius = 0.6 / modules / bend
     sideways = np.stack([radius * (1 - np.cos(angles)), np.sin(angles)], axis=-1)
@@ -35,13 +38,13 @@ def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarra
 
 @pytest.fixture
 def make_module():
-    """Builds a module of 0.2 m with evenly spread cables."""
+    """Build a module of 0.2 m with evenly spaced cables."""
     return _module
 
 
 @pytest.fixture
 def make_arm():
-    """Builds an arm of equal modules."""
+    """Build an arm of equal modules."""
 
     def make(modules: int = 3, cables: int = 3, **changes) -> ArmSpec:
         kinds = (_module(cables, length=0.6 / modules),) * modules
@@ -59,7 +62,7 @@ def make_arm():
 
 @pytest.fixture
 def make_trace(drawn):
-    """Builds a run round a circle, `lag` [rad] behind the target of the last module."""
+    """Build a run around a circle, `lag` [rad] behind the last module's target."""
 
     def make(
         label: str = "s2c2a",
@@ -76,11 +79,11 @@ def make_trace(drawn):
                 for b, a in zip(wobble, around[:, None] - lag, strict=True)
             ]
         )
-        positions, axes = np.full((2, STEPS, modules, 3), np.nan)
-        positions[:, -1] = np.stack(
-            [RADIUS * np.cos(around), RADIUS * np.sin(around), np.full(STEPS, HEIGHT)],
-            axis=-1,
-        )
+        x = RADIUS * np.cos(around)
+        y = RADIUS * np.sin(around)
+        positions = np.full((STEPS, modules, 3), np.nan)
+        positions[:, -1] = np.stack([x, y, np.full(STEPS, HEIGHT)], axis=-1)
+        axes = np.full((STEPS, modules, 3), np.nan)
         axes[:, -1] = _bent_states(BEND, around, modules)[:, -1, 3:]
         values = {
             "times": 0.1 * np.arange(STEPS),
@@ -98,22 +101,21 @@ def make_trace(drawn):
 def straight() -> np.ndarray:
     """States (modules, 6) of the straight arm."""
     states = np.zeros((3, 6))
-    states[:, 2], states[:, 5] = (0.2, 0.4, 0.6), 1.0
+    states[:, 2] = (0.2, 0.4, 0.6)
+    states[:, 5] = 1.0
     return states
 
 
 @pytest.fixture
 def tip_is_below():
-    """Whether a picture has the red module below the blue one; it must have both."""
+    """Check whether the red module is below the blue one; both must be visible."""
 
     def look(pixels: np.ndarray) -> bool:
-        red, _, blue = places = np.moveaxis(
+        red, green, blue = np.moveaxis(
             pixels[..., :3] / np.float64(pixels.max()), -1, 0
         )
-        tip, base = (
-            np.argwhere(one - np.delete(places, k, 0).max(axis=0) > 0.25)
-            for k, one in ((0, red), (2, blue))
-        )
+        tip = np.argwhere(red - np.maximum(green, blue) > 0.25)
+        base = np.argwhere(blue - np.maximum(red, green) > 0.25)
         assert min(len(tip), len(base)) > 100
         return bool(tip[:, 0].mean() > base[:, 0].mean() + 20)
 

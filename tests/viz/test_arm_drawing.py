@@ -20,12 +20,12 @@ def test_every_preset_is_drawn(name, tmp_path):
 @pytest.mark.parametrize(
     "gravity", [(0, 0, 1), (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, -0.8)]
 )
-def test_gravity_is_drawn_whichever_way_it_points(make_arm, gravity, tmp_path):
+def test_gravity_is_drawn_in_any_direction(make_arm, gravity, tmp_path):
     arm = make_arm(gravity_direction=gravity, description="costs $5 to $6, " * 20)
     assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
 
 
-def test_modules_whose_cables_run_alike_share_a_cross_section(make_module):
+def test_modules_with_equal_cable_arrangements_share_a_cross_section(make_module):
     turned = make_module(cable_angles_deg=(60.0, 180.0, 300.0))
     modules = (make_module(3), turned, make_module(3))
     arm = ArmSpec(name="mixed", actuation="displacement", modules=modules)
@@ -49,15 +49,15 @@ MOUNTS = [
 ]
 
 
-@pytest.mark.parametrize(("gravity", "way"), MOUNTS)
-def test_the_side_view_shows_the_arm_as_it_is_mounted_whole_and_to_scale(
-    make_arm, gravity, way
+@pytest.mark.parametrize(("gravity", "direction"), MOUNTS)
+def test_the_side_view_shows_the_whole_mounted_arm_to_scale(
+    make_arm, gravity, direction
 ):
     arm = make_arm(gravity_direction=gravity)
     view = SideView.of(arm, SIZE[1])
     base, tip = view.at([0.0, arm.length])
     np.testing.assert_allclose(
-        tip - base, np.array(way) * arm.length / view.per_inch, atol=1e-9
+        tip - base, np.array(direction) * arm.length / view.per_inch, atol=1e-9
     )
     corners = view.at(
         [0.0, 0.0, arm.length, arm.length], 0.027 * np.array([-1, 1, -1, 1])
@@ -69,7 +69,7 @@ def test_the_side_view_shows_the_arm_as_it_is_mounted_whole_and_to_scale(
     )
 
 
-def test_rows_are_spread_apart_without_leaving_the_table_or_their_order():
+def test_rows_are_spread_within_the_table_and_keep_their_order():
     rows = spread(np.array([0.10, 0.11, 0.12, 0.97, 0.99]), 0.1)
     assert np.diff(rows).min() > 0.1 - 1e-9
     assert rows[0] >= 0.05

@@ -1,7 +1,7 @@
 from s2c2a.viz.colors import colors_by_label, module_colors
 
 
-def test_three_modules_are_blue_green_red_and_any_number_gets_as_many_colors():
+def test_module_colors_run_from_blue_over_green_to_red():
     assert module_colors(3) == ["#2f6fdb", "#34a853", "#e0463a"]
     assert module_colors(1) == ["#2f6fdb"]
     for count in (2, 5, 20):
@@ -10,15 +10,15 @@ def test_three_modules_are_blue_green_red_and_any_number_gets_as_many_colors():
         assert (colors[0], colors[-1]) == ("#2f6fdb", "#e0463a")
 
 
-def test_a_controller_keeps_its_color_whatever_it_is_drawn_with():
+def test_a_strategy_keeps_its_color_beside_any_other():
     assert colors_by_label(["pcc", "s2c2a"]) == colors_by_label(["s2c2a", "pcc"])
     assert colors_by_label(["mine", "pcc"])["pcc"] == colors_by_label(["pcc"])["pcc"]
 
 
-def test_unknown_controllers_get_colors_of_their_own():
+def test_unknown_strategies_get_different_colors():
     colors = colors_by_label(["mine", "s2c2a", "yours", "pcc"])
     assert len(set(colors.values())) == 4
 
 
-def test_a_label_that_comes_again_keeps_its_color():
+def test_a_repeated_label_keeps_its_color():
     assert colors_by_label(["mine", "pcc", "mine"]) == colors_by_label(["mine", "pcc"])

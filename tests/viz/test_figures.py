@@ -16,24 +16,25 @@ def is_png(path) -> bool:
     return content.startswith(PNG) and len(content) > 10_000
 
 
-def test_a_run_is_drawn_with_all_its_controllers(traces, arm, tmp_path):
+def test_a_run_figure_shows_several_strategies(traces, arm, tmp_path):
     assert is_png(run_figure(traces, arm, tmp_path / "run.png"))
 
 
-def test_a_run_of_which_nothing_is_asked_is_drawn(make_trace, arm, tmp_path, drawn):
+def test_a_run_without_goals_is_drawn(make_trace, arm, tmp_path, drawn):
     states = make_trace().states
     trace = drawn("$recorded_", np.arange(200.0), states)
     assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
 
 
-def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatch):
-    drawn = []
+def test_uncounted_steps_are_shaded(make_trace, arm, tmp_path, monkeypatch):
+    figures = []
     monkeypatch.setattr(
-        "s2c2a.viz.figures.save_figure", lambda figure, path, **_: drawn.append(figure)
+        "s2c2a.viz.figures.save_figure",
+        lambda figure, path, **_: figures.append(figure),
     )
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
-    errors = [figure.axes[3] for figure in drawn]
+    errors = [figure.axes[3] for figure in figures]
     assert [
         axes.get_legend_handles_labels()[1].count("not counted") for axes in errors
     ] == [1, 0]
@@ -43,10 +44,10 @@ def test_what_does_not_count_is_told_apart(make_trace, arm, tmp_path, monkeypatc
 def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(
     make_trace, arm, tmp_path, drawn
 ):
-    seen = make_trace().states
-    one = drawn("one", [0.0], seen[:1])
-    assert is_png(run_figure([one], arm, tmp_path / "one.png"))
-    gap = seen.copy()
+    states = make_trace().states
+    single = drawn("single", [0.0], states[:1])
+    assert is_png(run_figure([single], arm, tmp_path / "single.png"))
+    gap = states.copy()
     gap[20:40] = np.nan
     assert is_png(run_figure([make_trace(states=gap)], arm, tmp_path / "gap.png"))
 
@@ -64,7 +65,7 @@ def test_a_recording_is_drawn_with_a_color_for_each_module(make_trace, arm, tmp_
 
 
 def place_in(axes, point) -> np.ndarray:
-    """Where a point of the base frame is on paper, up and to the right being positive."""
+    """Position of a point on paper, positive to the right and upward."""
     x, y = (
         point["xyz".index(label[0])] for label in (axes.get_xlabel(), axes.get_ylabel())
     )
@@ -72,7 +73,7 @@ def place_in(axes, point) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("gravity", "way"),
+    ("gravity", "direction"),
     [
         ((0, 0, -1), (0, 1)),
         ((0, 0, 0), (0, 1)),
@@ -81,8 +82,8 @@ def place_in(axes, point) -> np.ndarray:
         ((0, -0.8, 0.6), (1, 0)),
     ],
 )
-def test_a_recording_is_drawn_as_its_arm_is_mounted(
-    make_arm, make_trace, tmp_path, monkeypatch, gravity, way
+def test_a_recording_is_drawn_in_the_mounting_of_its_arm(
+    make_arm, make_trace, tmp_path, monkeypatch, gravity, direction
 ):
     figures = []
     monkeypatch.setattr(
@@ -93,10 +94,10 @@ def test_a_recording_is_drawn_as_its_arm_is_mounted(
         make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png"
     )
     side, above = figures[0].axes
-    for axes, expected in ((side, way), (above, (way[0], 0))):
+    for axes, expected in ((side, direction), (above, (direction[0], 0))):
         if any(expected):
-            apart = place_in(axes, (0.0, 0.0, 0.6)) - place_in(axes, (0.0, 0.0, 0.0))
-            np.testing.assert_allclose(apart / np.abs(apart).max(), expected, atol=1e-9)
+            tip = place_in(axes, (0.0, 0.0, 0.6)) - place_in(axes, (0.0, 0.0, 0.0))
+            np.testing.assert_allclose(tip / np.abs(tip).max(), expected, atol=1e-9)
         else:
             assert "z" not in axes.get_xlabel() + axes.get_ylabel()
 
@@ -123,11 +124,9 @@ def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
 
 
 @pytest.mark.parametrize("rises", [False, True])
-def test_trials_are_drawn_over_time_and_over_what_was_tried(rises, tmp_path):
-    scores, values = (
-        np.array([3.0, 0.1, 2.0]),
-        {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])},
-    )
+def test_scores_are_drawn_over_trials_and_parameters(rises, tmp_path):
+    scores = np.array([3.0, 0.1, 2.0])
+    values = {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])}
     assert is_png(
         trials_figure(
             [0, 1, 3],
@@ -141,6 +140,6 @@ def test_trials_are_drawn_over_time_and_over_what_was_tried(rises, tmp_path):
     )
 
 
-def test_without_a_finished_trial_there_is_nothing_to_draw(tmp_path):
+def test_a_search_without_finished_trials_is_refused(tmp_path):
     with pytest.raises(S2C2AError, match="no finished trial"):
         trials_figure([], np.array([]), {}, "error [cm]", [], tmp_path / "trials.png")

@@ -37,7 +37,7 @@ def test_every_piece_faces_outwards(make_trace, arm):
         assert piece.faces.max() == len(corners) - 1
 
 
-def test_a_straight_module_is_a_cylinder_as_wide_as_its_cables_and_a_bit(straight, arm):
+def test_a_straight_module_is_a_cylinder_around_its_cables(straight, arm):
     mesh = ArmMesh(arm)
     ((corners, _), *_) = named(mesh, mesh.vertices(straight), "module")
     np.testing.assert_allclose(np.linalg.norm(corners[:, :2], axis=-1), 1.12 * 0.027)
@@ -45,9 +45,7 @@ def test_a_straight_module_is_a_cylinder_as_wide_as_its_cables_and_a_bit(straigh
 
 
 @pytest.mark.parametrize("bend", [0.01, 0.26, 1.4])
-def test_the_tubes_run_along_the_center_line_and_keep_their_width(
-    make_trace, arm, bend
-):
+def test_the_tubes_follow_the_center_line_with_constant_radius(make_trace, arm, bend):
     mesh, states = ArmMesh(arm), make_trace(bend=bend).states[30]
     rings = np.reshape(mesh.vertices(states)[:3], (3, BODY_ROWS, -1, 3))
     middles = rings.mean(axis=2)
@@ -80,7 +78,7 @@ def test_frames_are_rotations_without_twist_that_point_along_the_axes(make_trace
     )
 
 
-def test_the_plate_at_the_tip_is_at_the_tip(make_trace, arm):
+def test_the_tip_disc_is_at_the_tip(make_trace, arm):
     states = make_trace().states[0]
     mesh = ArmMesh(arm)
     ((tip, _),) = named(mesh, mesh.vertices(states), "tip")
@@ -89,7 +87,7 @@ def test_the_plate_at_the_tip_is_at_the_tip(make_trace, arm):
     )
 
 
-def test_cables_lie_on_the_body_at_their_angles(make_arm, straight):
+def test_cables_lie_on_the_module_at_their_angles(make_arm, straight):
     mesh = ArmMesh(make_arm(3, 4))
     ((corners, _), *_) = named(mesh, mesh.vertices(straight), "cables")
     eyes = corners.reshape(4, BODY_ROWS, 3, 3)[:, 0].mean(axis=1)
@@ -97,7 +95,7 @@ def test_cables_lie_on_the_body_at_their_angles(make_arm, straight):
     np.testing.assert_allclose(angles, [0, 90, 180, 270], atol=1e-9)
 
 
-def test_the_outline_is_the_body_in_a_quarter_of_the_corners(make_trace, make_arm):
+def test_the_outline_keeps_the_volume_of_the_modules(make_trace, make_arm):
     for modules in (1, 3, 20):
         mesh = ArmMesh(make_arm(modules))
         vertices = mesh.vertices(make_trace(modules=modules, bend=0.05).states[0])

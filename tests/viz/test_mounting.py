@@ -1,4 +1,4 @@
-"""Which way up arms are drawn."""
+"""Orientation of drawn arms."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def directions():
         ((0.6, 0, -0.8), "stands", (0.6, 0, 0.8)),
     ],
 )
-def test_an_arm_points_in_the_world_where_its_gravity_says(gravity, word, tip):
+def test_the_direction_of_gravity_decides_the_mounting(gravity, word, tip):
     mounting = Mounting.of(mounted(*gravity))
     assert mounting.word == word
     along = mounting.turn @ (0, 0, 1)
@@ -58,7 +58,7 @@ def test_an_arm_points_in_the_world_where_its_gravity_says(gravity, word, tip):
 
 
 @given(directions())
-def test_the_turn_is_a_rotation_in_which_things_fall_straight_down(gravity):
+def test_the_rotation_to_the_world_turns_gravity_down(gravity):
     mounting = Mounting.of(mounted(*gravity))
     np.testing.assert_allclose(mounting.turn @ mounting.turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(mounting.turn) == pytest.approx(1.0)
@@ -66,7 +66,7 @@ def test_the_turn_is_a_rotation_in_which_things_fall_straight_down(gravity):
 
 
 @given(directions())
-def test_flat_drawings_have_different_axes_the_arm_in_the_plane_of_the_page_and_gravity_downward(
+def test_flat_drawings_show_the_arm_with_gravity_downward(
     gravity,
 ):
     mounting = Mounting.of(mounted(*gravity))
@@ -78,14 +78,14 @@ def test_flat_drawings_have_different_axes_the_arm_in_the_plane_of_the_page_and_
     assert {right, up, mounting.flat(ABOVE)[0][1]} == {0, 1, 2}
 
 
-def test_a_standing_arm_is_drawn_in_its_base_frame_as_it_is():
+def test_the_base_frame_of_a_standing_arm_is_the_world():
     mounting = Mounting.of(mounted(0, 0, -1))
     np.testing.assert_array_equal(mounting.turn, np.eye(3))
     assert mounting.flat(SIDE) == ((0, 2), (False, False))
     np.testing.assert_array_equal(mounting.placed((1.0, 2.0, 3.0)), (1, 2, 3))
 
 
-def test_gravity_is_named_where_an_arm_does_not_stand():
+def test_hanging_and_lying_arms_have_a_gravity_arrow():
     assert (
         Surroundings.of(mounted(0, 0, -1)).arrow
         is Surroundings.of(mounted(0, 0, 0)).arrow
@@ -98,11 +98,21 @@ def test_gravity_is_named_where_an_arm_does_not_stand():
         )
 
 
-def test_the_plane_is_below_the_base_and_its_lines_end_on_a_circle():
-    around = Surroundings.of(mounted(0, 0, -1))
-    assert around.spacing == 0.05
+def test_the_ground_is_below_the_base_and_ends_on_a_circle():
+    surroundings = Surroundings.of(mounted(0, 0, -1))
+    assert surroundings.spacing == 0.05
     np.testing.assert_allclose(
-        np.linalg.norm(around.grid[..., :2], axis=-1), around.radius, atol=1e-4
+        np.linalg.norm(surroundings.grid[..., :2], axis=-1),
+        surroundings.radius,
+        atol=1e-4,
     )
-    np.testing.assert_allclose(around.grid[..., 2], around.level)
-    assert around.level < 0
+    np.testing.assert_allclose(surroundings.grid[..., 2], surroundings.level)
+    assert surroundings.level < 0
+
+
+def test_one_grid_line_along_each_axis_passes_through_the_origin():
+    surroundings = Surroundings.of(mounted(0, 0, -1))
+    lines = surroundings.grid[surroundings.through_origin]
+    radius = surroundings.radius
+    ends = [[[0, -radius], [0, radius]], [[-radius, 0], [radius, 0]]]
+    np.testing.assert_allclose(lines[..., :2], ends, atol=1e-12)

@@ -25,32 +25,37 @@ OFFLINE = (
 )
 SIZES = [(1280, 800), (390, 844)]
 
-# Measures the page from inside: what overlaps, what sticks out sideways.
+# Measures overlaps and horizontal overflow inside the page.
 PROBE = """<script>
 const boxOf = (name) => document.querySelector(name).getBoundingClientRect();
 const boxes = [".head", ".stage", ".player", ".panel"].map(boxOf);
 const cross = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
   && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
 document.body.dataset.probe = JSON.stringify({
-  overlaps: boxes.flatMap((a, i) => boxes.slice(i + 1).filter((b) => cross(a, b))).length,
+  overlaps: boxes.flatMap((a, i) => boxes.slice(i + 1).filter((b) => cross(a, b)))
+    .length,
   sideways: document.documentElement.scrollWidth - innerWidth,
-  errors: [...document.querySelectorAll(".trace .now")].map((one) => one.textContent),
+  errors: [...document.querySelectorAll(".trace .now")].map((e) => e.textContent),
   clock: document.getElementById("clock").textContent,
 });
 </script>
 </body>"""
 
-# Steps, plays and chooses by keyboard, and says what became of it.
+# Steps, plays and selects runs by keyboard, and records the results.
 KEYS = """<script>
-const pressed = (key) => new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true });
-const press = (key) => document.body.dispatchEvent(pressed(key));
+const options = { bubbles: true, cancelable: true };
+const eventOf = (key) => new KeyboardEvent("keydown", { key, ...options });
+const press = (key) => document.body.dispatchEvent(eventOf(key));
 const label = () => document.getElementById("play").getAttribute("aria-label");
 const after = [];
-press("ArrowRight"); press("ArrowRight"); press("ArrowLeft"); press("2"); press(" "); after.push(label());
+for (const key of ["ArrowRight", "ArrowRight", "ArrowLeft", "2", " "]) press(key);
+after.push(label());
 press(" "); after.push(label());
-dispatchEvent(new Event("resize")); // draws at once; a headless browser may end before its next frame
+// Draw at once: a headless browser may end before its next frame.
+dispatchEvent(new Event("resize"));
 after.push(document.getElementById("clock").textContent);
-after.push([...document.querySelectorAll(".trace")].map((one) => one.getAttribute("aria-checked")).join());
+const rows = [...document.querySelectorAll(".trace")];
+after.push(rows.map((row) => row.getAttribute("aria-checked")).join());
 document.body.dataset.probe = JSON.stringify(after);
 </script>
 </body>"""
@@ -58,7 +63,7 @@ document.body.dataset.probe = JSON.stringify(after);
 
 @pytest.fixture
 def chromium(tmp_path):
-    """Runs a headless browser on a page."""
+    """Run a headless browser on a page."""
     if CHROMIUM is None:
         pytest.skip("no chromium, chromium-browser or google-chrome on the path")
 
@@ -110,7 +115,7 @@ def with_script(page, script: str):
 
 @pytest.fixture
 def page(traces, arm, tmp_path):
-    """A page of three controllers."""
+    """A page of three strategies."""
     summary = {"task": "circle", "controller": "s2c2a"}
     return replay_page(
         traces, arm, "A circle at 0.54 m", tmp_path / "page.html", summary
@@ -138,7 +143,7 @@ def test_the_page_draws_without_an_error_and_nothing_overlaps(
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_page_says_where_the_mean_is_taken_and_nothing_overlaps(
+def test_the_page_states_the_steps_of_the_mean_and_nothing_overlaps(
     chromium, make_trace, arm, tmp_path, size
 ):
     traces = [
@@ -171,7 +176,7 @@ def test_the_arm_is_seen_in_the_colors_of_its_modules(
         (blue, red, green),
     ):
         seen = np.sum((first - np.maximum(second, third) > 0.12) & (first > 0.25))
-        # pixels; a gray arm among colored paths has too few of green or blue
+        # a gray arm among colored paths has fewer green and blue pixels
         assert seen > least
 
 
@@ -187,7 +192,7 @@ def test_the_tip_of_a_hanging_arm_is_below_its_base(
     assert tip_is_below(imread(tmp_path / "page.png")[60:690, :900]) == below
 
 
-def test_keys_step_play_and_choose(chromium, page):
+def test_keys_step_play_and_select_runs(chromium, page):
     data = body_data(chromium(with_script(page, KEYS), "--dump-dom"))
     assert "error" not in data
     assert json.loads(data["probe"]) == [
@@ -198,9 +203,12 @@ def test_keys_step_play_and_choose(chromium, page):
     ]
 
 
-def test_odd_runs_draw_too(chromium, make_arm, make_trace, tmp_path, drawn):
+def test_runs_with_gaps_or_a_single_step_are_drawn(
+    chromium, make_arm, make_trace, tmp_path, drawn
+):
     states = make_trace(modules=20, bend=0.05).states.copy()
-    states[0], states[50:60] = np.nan, np.nan
+    states[0] = np.nan
+    states[50:60] = np.nan
     recorded = drawn("recorded", np.arange(200.0), states)
     single = drawn("one step", [4.0], states[1:2])
     for number, gravity in enumerate([(0, 0, 1), (1, 0, 0), (0, 0, 0)]):

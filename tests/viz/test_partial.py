@@ -1,4 +1,4 @@
-"""Arms of which only a part was seen are drawn whole: what was seen stays, arcs join it."""
+"""Completion of partly observed states."""
 
 import numpy as np
 
@@ -9,19 +9,19 @@ LENGTHS = np.full(3, 0.2)
 ARC = np.asarray(states_from_bends(np.tile([0.2, 0.3], (3, 1)), LENGTHS), float)
 
 
-def test_of_an_arc_the_tip_alone_tells_all():
-    seen = np.full((3, 6), np.nan)
-    seen[2, :3] = ARC[2, :3]
-    np.testing.assert_allclose(completed(seen, LENGTHS), ARC, atol=1e-6)
+def test_the_tip_position_determines_a_circular_arc():
+    known = np.full((3, 6), np.nan)
+    known[2, :3] = ARC[2, :3]
+    np.testing.assert_allclose(completed(known, LENGTHS), ARC, atol=1e-6)
 
 
-def test_what_was_seen_stays_and_the_rest_goes_straight_on():
-    seen = np.full((3, 6), np.nan)
-    seen[0] = [0.0, 0.0, 0.2, 0.0, 0.6, 0.8]
-    found = completed(seen, LENGTHS)
-    np.testing.assert_array_equal(found[0], seen[0])
-    np.testing.assert_allclose(found[2], [0.0, 0.24, 0.52, 0.0, 0.6, 0.8])
+def test_known_ends_stay_and_the_arm_is_straight_beyond_them():
+    known = np.full((3, 6), np.nan)
+    known[0] = [0.0, 0.0, 0.2, 0.0, 0.6, 0.8]
+    states = completed(known, LENGTHS)
+    np.testing.assert_array_equal(states[0], known[0])
+    np.testing.assert_allclose(states[2], [0.0, 0.24, 0.52, 0.0, 0.6, 0.8])
 
 
-def test_all_that_was_seen_is_left_as_it_is():
+def test_complete_states_stay_unchanged():
     np.testing.assert_array_equal(completed(ARC, LENGTHS), ARC)

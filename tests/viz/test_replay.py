@@ -15,20 +15,20 @@ NASTY = '</script><script>alert("x")</script>&{{data}}<!--'
 
 
 def data_of(page: str) -> dict:
-    """What the page's own script reads."""
+    """Data that the page's script reads."""
 
-    def refuse(word):
-        raise AssertionError(f"{word} is not JSON")
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
 
-    found = re.search(
+    match = re.search(
         r'<script type="application/json" id="run">(.*?)</script>', page, re.DOTALL
     )
-    return json.loads(found[1], parse_constant=refuse)
+    return json.loads(match[1], parse_constant=refuse)
 
 
 @pytest.fixture
 def write_page(arm, tmp_path):
-    """Writes a page and gives its text."""
+    """Write a page and return its text."""
 
     def write(traces, title="A circle", of_arm=arm, **options):
         return replay_page(
@@ -38,7 +38,7 @@ def write_page(arm, tmp_path):
     return write
 
 
-def test_a_page_needs_nothing_from_outside_of_itself(write_page, traces):
+def test_a_page_is_self_contained(write_page, traces):
     page = write_page(traces)
     assert not re.search(
         r"https?:|//[a-z0-9-]+\.[a-z]|\bimport\b|@import|url\(|\bsrc=|\bhref=|fetch\(",
@@ -73,14 +73,13 @@ def test_the_mean_is_that_of_the_steps_that_count(write_page, make_trace):
     trace = make_trace(lag=0.1, counted=counted)
     unreached = make_trace("unreached", counted=np.zeros(200, bool))
     means = [
-        one["meanError"] for one in data_of(write_page([trace, unreached]))["traces"]
+        trace["meanError"]
+        for trace in data_of(write_page([trace, unreached]))["traces"]
     ]
     assert means == [pytest.approx(trace.position_errors[:50].mean()), None]
 
 
-def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(
-    write_page, make_trace
-):
+def test_nan_becomes_null_and_modules_without_goals_are_omitted(write_page, make_trace):
     trace = make_trace()
     desired, states = trace.desired_positions.copy(), trace.states.copy()
     desired[5:9], states[7] = np.nan, np.nan
@@ -100,7 +99,7 @@ def test_nan_travels_as_null_and_what_nobody_asks_does_not_travel(
     ]
 
 
-def test_every_step_travels_to_a_tenth_of_a_millimetre(write_page, make_trace):
+def test_every_step_is_stored_to_a_tenth_of_a_millimeter(write_page, make_trace):
     trace = make_trace()
     data = data_of(write_page([trace]))["traces"][0]
     assert len(data["frames"]) == len(data["times"]) == 200
@@ -114,8 +113,8 @@ def test_every_step_travels_to_a_tenth_of_a_millimetre(write_page, make_trace):
     )
 
 
-def test_the_page_can_lay_the_surface_from_what_it_is_told(write_page, make_trace, arm):
-    """As page/arm.js does it: a section lies between the frames at its module's ends, an outline in the section."""
+def test_the_stored_sections_and_frames_reproduce_the_mesh(write_page, make_trace, arm):
+    """As in page/arm.js: sections follow the frames, outlines lie in the sections."""
     data, states = data_of(write_page([make_trace()])), make_trace().states[40]
     frames = frames_of(
         np.array(data["traces"][0]["frames"][40]).reshape(3, 9)[:, [0, 1, 2, 6, 7, 8]]
@@ -146,7 +145,7 @@ def test_the_page_can_lay_the_surface_from_what_it_is_told(write_page, make_trac
         )
 
 
-def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(
+def test_static_obstacles_are_stored_once_and_moving_ones_every_step(
     write_page, make_trace
 ):
     moving = make_trace().obstacles.copy()
@@ -155,7 +154,7 @@ def test_obstacles_that_stand_still_travel_once_and_moving_ones_every_step(
     assert [len(data_of(page)["traces"][0]["obstacles"]) for page in pages] == [1, 200]
 
 
-def test_a_page_is_refused_for_another_arm_or_for_no_trace(
+def test_a_trace_of_another_arm_and_an_empty_list_are_refused(
     write_page, make_arm, traces
 ):
     with pytest.raises(S2C2AError, match="modules"):
@@ -164,25 +163,26 @@ def test_a_page_is_refused_for_another_arm_or_for_no_trace(
         write_page([])
 
 
-def test_a_recording_of_which_nothing_is_asked_makes_a_page(
-    write_page, make_trace, drawn
-):
+def test_a_recording_without_goals_makes_a_page(write_page, make_trace, drawn):
     states = make_trace().states
     data = data_of(write_page([drawn("recorded", np.arange(200.0), states)]))
     assert data["traces"][0]["desired"] == {}
     assert set(data["traces"][0]["errors"]) == {None}
 
 
-def test_importing_viz_brings_in_neither_matplotlib_nor_engines():
+def test_importing_viz_imports_no_heavy_packages():
     heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy'}"
-    code = f"import sys, s2c2a.viz; found = {heavy} & set(sys.modules); assert not found, found"
-    done = subprocess.run(
+    code = (
+        f"import sys, s2c2a.viz; loaded = {heavy} & set(sys.modules); "
+        "assert not loaded, loaded"
+    )
+    result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
 
 
-def test_every_public_name_of_viz_can_be_had():
+def test_every_public_name_of_viz_can_be_imported():
     names = (
         "arm_figure",
         "learning_curves",

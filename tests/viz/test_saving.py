@@ -13,6 +13,6 @@ def test_a_figure_that_fails_to_draw_leaves_nothing_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_format_that_is_no_figure_is_refused(tmp_path):
+def test_an_unknown_figure_format_is_refused(tmp_path):
     with pytest.raises(S2C2AError, match=r"not in '\.doc'"):
         save_figure(Figure(), tmp_path / "figure.doc")

@@ -8,21 +8,21 @@ from s2c2a.viz import Trace
 from s2c2a.viz.trace import check_same_arm
 
 
-def test_what_was_not_seen_cannot_be_drawn(make_trace, drawn):
+def test_an_episode_without_true_states_or_a_run_is_refused(make_trace, drawn):
     episode = make_trace().episode
     unseen = {
         name: values
         for name, values in episode.columns.items()
         if name != "sensor.states"
     }
-    with pytest.raises(S2C2AError, match="'pcc' holds no true states"):
+    with pytest.raises(S2C2AError, match="'pcc' has no true states"):
         Trace(replace(episode, columns=unseen), "pcc")
     never_driven = {**episode.columns, "stage": np.zeros(len(episode), int)}
     with pytest.raises(S2C2AError, match="nothing to draw"):
         Trace(replace(episode, columns=never_driven), "pcc")
 
 
-def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
+def test_the_error_is_nan_where_the_target_is_nan(make_trace):
     desired = np.full((200, 3, 3), np.nan)
     desired[:10, 1] = 0.1
     trace = make_trace(desired_positions=desired)
@@ -32,16 +32,16 @@ def test_targets_may_be_nan_and_so_is_the_error_there(make_trace):
 
 
 def test_errors_are_distance_and_angle_from_what_is_desired(drawn):
-    asked = {
+    goals = {
         "desired_positions": [[[0.03, 0.04, 0.2]]],
         "desired_axes": [[[1.0, 0.0, 0.0]]],
     }
-    trace = drawn("one", [0.0], [[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]], **asked)
+    trace = drawn("one", [0.0], [[[0.0, 0.0, 0.2, 0.0, 0.0, 1.0]]], **goals)
     np.testing.assert_allclose(trace.position_errors, [0.05])
     np.testing.assert_allclose(trace.axis_errors, [np.pi / 2])
 
 
-def test_the_mean_is_over_the_steps_that_count(make_trace):
+def test_the_mean_error_is_over_the_counted_steps(make_trace):
     errors = make_trace().position_errors
     counted = np.arange(200) < 50
     trace = make_trace(counted=counted)
@@ -50,7 +50,7 @@ def test_the_mean_is_over_the_steps_that_count(make_trace):
     assert len(make_trace().counted_errors) == 200
 
 
-def test_steps_that_do_not_count_lie_in_spans_half_a_step_wider(make_trace):
+def test_uncounted_spans_are_wider_by_half_a_step(make_trace):
     counted = np.ones(200, bool)
     counted[[0, 50, 51, 70, 199]] = False
     spans = make_trace(counted=counted).uncounted_spans
@@ -66,7 +66,7 @@ def test_a_trace_without_a_target_follows_the_last_module(make_trace, drawn):
     assert np.isnan(trace.position_errors).all()
 
 
-def test_the_pointing_module_is_the_outermost_whose_axis_is_asked_for(make_trace):
+def test_the_pointing_module_is_the_outermost_with_a_desired_axis(make_trace):
     desired = np.full((200, 3, 3), np.nan)
     assert make_trace(desired_axes=desired).pointing_module == 2
     desired[5:, :2] = [0.0, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""Arm files: TOML in and out, with errors that name the key."""
+"""Arm files: reading and writing TOML, with error messages that name the key."""
 
 import os
 from functools import cache
@@ -11,11 +11,11 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.validation import explained
-from s2c2a.files import read_text, save_whole, toml_in
 
 PRESETS = Path(__file__).parent / "presets"
-"""Arms that come with the package; each is a plain arm file."""
+"""Arm files of the package."""
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
 TABLES = ArmSpec, Module, Motor, Cable, Mismatch, Sensors, Inertial, Camera, Flex, Raw
 KEYS = tuple(name for table in TABLES for name in table.model_fields)
@@ -23,7 +23,7 @@ KEYS = tuple(name for table in TABLES for name in table.model_fields)
 
 @cache
 def preset_names() -> tuple[str, ...]:
-    """Names of the presets, sorted."""
+    """Return the names of the presets, sorted."""
     return tuple(sorted(path.stem for path in PRESETS.glob("*.toml")))
 
 
@@ -31,29 +31,31 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
     """Load an arm by preset name or from a TOML file.
 
     Raises:
-        ArmError: no such preset or file, broken TOML, unknown key, impossible value.
+        ArmError: there is no such preset or file, or it has invalid TOML, an unknown
+            key or an invalid value.
     """
     is_preset = str(name_or_path) in preset_names()
     path = PRESETS / f"{name_or_path}.toml" if is_preset else Path(name_or_path)
     if not path.is_file():
         raise ArmError(
-            f"no arm '{name_or_path}': it is neither a preset ({', '.join(preset_names())}) nor a file; "
-            "check the path, or copy a preset with `s2c2a arm copy PRESET FILE`"
+            f"no arm '{name_or_path}': it is neither a preset "
+            f"({', '.join(preset_names())}) nor a file; check the path, "
+            "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
     return arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
-    """Parse and check the text of an arm file; `source` names it in errors.
+    """Parse and validate the text of an arm file; `source` names it in errors.
 
     Raises:
-        ArmError: broken TOML, unknown key, impossible value.
+        ArmError: it has invalid TOML, an unknown key or an invalid value.
     """
     try:
-        return ArmSpec.model_validate(toml_in(text))
+        return ArmSpec.model_validate(parse_toml(text))
     except S2C2AError as error:
         raise ArmError(
-            f"{source}: {error}; mend that place or start again from a preset"
+            f"{source}: {error}; correct that place or start again from a preset"
         ) from error
     except ValidationError as error:
         raise ArmError(explained(error, f"{source}: {HEADING}", KEYS, _hint)) from error
@@ -74,15 +76,13 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         raise ArmError(
             f"{path} exists; choose another name or overwrite it (--overwrite)"
         )
-    save_whole(arm_to_toml(arm), path, ArmError)
+    write_atomically(arm_to_toml(arm), path, ArmError)
 
 
 def _hint(fault) -> str:
-    """Guess a slip of units where a number misses its range."""
-    if (
-        fault["type"] not in ("greater_than_equal", "less_than_equal")
-        or not fault["input"]
-    ):
+    """Suggest wrong units where a number is outside its range."""
+    out_of_range = fault["type"] in ("greater_than_equal", "less_than_equal")
+    if not out_of_range or not fault["input"]:
         return ""
     if str(fault["loc"][-1]).endswith("_deg"):
         return "; this key is in degrees"

@@ -1,4 +1,4 @@
-"""What follows from an arm's description: numbers as arrays over its modules, and its center line."""
+"""Geometry of an arm: arrays over its modules, and its center line."""
 
 from dataclasses import dataclass
 from operator import attrgetter
@@ -12,12 +12,12 @@ from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
 
 
 def per_module(arm: ArmSpec, key: str) -> np.ndarray:
-    """What an arm file says of every module under a key such as `cable.backlash`, shape (modules, ...)."""
+    """Return the values of a key such as `cable.backlash`, shape (modules, ...)."""
     return np.array([attrgetter(key)(module) for module in arm.modules])
 
 
 def per_cable(arm: ArmSpec, key: str) -> Float[np.ndarray, "modules cables"]:
-    """The same of every cable, where a module says one number for all of its own, or one each."""
+    """Return the values of a key that has one number a module or one a cable."""
     values = map(attrgetter(key), arm.modules)
     return np.array(
         [np.broadcast_to(value, arm.cable_count) for value in values], dtype=float
@@ -27,32 +27,35 @@ def per_cable(arm: ArmSpec, key: str) -> Float[np.ndarray, "modules cables"]:
 def cable_matrix(
     angles: Float[np.ndarray, "*modules cables"],
 ) -> Float[np.ndarray, "*modules cables 2"]:
-    """B with rows -(cos b_i, sin b_i): cable displacements are r B b for a bend b [rad] at cable radius r."""
+    """Return B with rows -(cos b_i, sin b_i) for cables at angles b_i.
+
+    Cable displacements are r B b for a bend b [rad] at cable radius r.
+    """
     return -np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
 def balanced_pull(
     matrix: Float[np.ndarray, "cables 2"],
 ) -> Float[np.ndarray, " cables"]:
-    """Positive tensions of mean one that do not bend the module; all ones where the cables are evenly spread.
+    """Return positive tensions with mean one that do not bend the module.
 
-    They are t_i = exp(B_i q), where q minimizes their sum: its gradient B^T t is then
-    zero. The minimum exists for cables that can bend every way, and damped Newton steps
-    find it.
+    They are all one for evenly spread cables. In general t_i = exp(B_i q), where q
+    minimizes their sum, so that its gradient B^T t is zero. The minimum exists for
+    cables that can bend the module in every direction; damped Newton steps find it.
     """
     point = np.zeros(2)
     for _ in range(200):
-        pull = np.exp(matrix @ point)
-        gradient = matrix.T @ pull
-        if np.linalg.norm(gradient) < 1e-14 * pull.sum():
+        tensions = np.exp(matrix @ point)
+        gradient = matrix.T @ tensions
+        if np.linalg.norm(gradient) < 1e-14 * tensions.sum():
             break
-        step = np.linalg.solve((matrix.T * pull) @ matrix, gradient)
+        step = np.linalg.solve((matrix.T * tensions) @ matrix, gradient)
         point = point - step / max(1.0, float(np.linalg.norm(step)))
-    return pull / pull.mean()
+    return tensions / tensions.mean()
 
 
-# of the bend limit: what a plan may ask for where motion is lost on the way
-MADE_UP = 1.5
+# Share of the bend limit that plans may use by encoders, which do not see lost motion.
+_PLANNED_SHARE = 1.5
 
 
 @dataclass(frozen=True)
@@ -60,24 +63,23 @@ class ArmGeometry:
     """Arrays over the modules of one arm, SI units.
 
     An action is `action_neutral + action_scale * B v`, where v (|v| <= 1) is the share
-    of the full bend in the module's two bend directions: the same words for
-    displacement and tension. Where cables travel further than a full bend takes, v is
-    the share of that travel.
+    of the full bend in the module's two bend directions, both for displacement and for
+    tension. If the cable travel exceeds that of a full bend, v is the share of the
+    travel.
 
     Attributes:
         lengths: module lengths [m], shape (modules,).
         cable_radii: distance of cables from the center line [m], shape (modules,).
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
-        bend_limits: largest bend asked for [rad], shape (modules,).
-        action_bends: what the whole range of actions would bend without any loss [rad],
-            shape (modules,).
-        planned_bends: largest bend that a plan may have, as it is sensed: encoders do
-            not see what is lost on the way, for which cables that travel further may
-            make up by half the bend limit [rad], shape (modules,).
-        cable_springs: what cables that hold still add to a module's stiffness against
-            bending while all are taut [N m/rad], none where they give way, shape
+        bend_limits: largest true bend [rad], shape (modules,).
+        action_bends: bend at the limit of the actions without losses [rad], shape
             (modules,).
+        planned_bends: largest sensed bend of a plan [rad], shape (modules,). Encoders
+            do not see lost motion, so it exceeds the bend limit by up to a half if the
+            cable travel allows it.
+        cable_springs: bending stiffness of taut cables with fixed motors [N m/rad],
+            zero for tension arms, shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape
             (modules, cables).
         action_neutral: action at rest [m or N], shape (modules, cables).
@@ -102,25 +104,26 @@ class ArmGeometry:
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "ArmGeometry":
-        """Derive the arrays from a description."""
+        """Compute the arrays from a description."""
         matrices = cable_matrix(np.deg2rad(per_module(arm, "cable_angles_deg")))
         radii = per_module(arm, "cable_radius")
         bend_limits = np.deg2rad(per_module(arm, "bend_limit_deg"))
-        travels = [module.cable.travel for module in arm.modules]
-        bends = np.array(
-            [
-                limit if way is None else way / radius
-                for limit, way, radius in zip(bend_limits, travels, radii, strict=True)
-            ]
-        )
-        pull = np.array([balanced_pull(matrix) for matrix in matrices])
-        pretensions = per_module(arm, "pretension")[:, None] * pull
+        bends = bend_limits.copy()
+        for number, module in enumerate(arm.modules):
+            if module.cable.travel is not None:
+                bends[number] = module.cable.travel / radii[number]
+        balance = np.array([balanced_pull(matrix) for matrix in matrices])
+        pretensions = per_module(arm, "pretension")[:, None] * balance
         tension = arm.actuation == "tension"
         springs = per_module(arm, "cable.stiffness") * radii**2 * arm.cable_count / 2.0
         neutral = pretensions if tension else np.zeros_like(pretensions)
-        # a displacement shortens, a tension grows, towards the bend
+        # Towards the bend, displacements fall and tensions rise.
         scale = -per_module(arm, "tension_range") if tension else radii * bends
-        reach = np.abs(scale)[:, None]
+        action_range = np.abs(scale)[:, None]
+        low = neutral - action_range
+        planned_bends = bend_limits
+        if arm.sensing == "encoders":
+            planned_bends = np.minimum(bends, _PLANNED_SHARE * bend_limits)
         return cls(
             lengths=per_module(arm, "length"),
             cable_radii=radii,
@@ -128,30 +131,34 @@ class ArmGeometry:
             bend_matrices=np.linalg.pinv(matrices),
             bend_limits=bend_limits,
             action_bends=bends,
-            planned_bends=np.minimum(bends, MADE_UP * bend_limits)
-            if arm.sensing == "encoders"
-            else bend_limits,
+            planned_bends=planned_bends,
             cable_springs=springs * (0.0 if tension else 1.0),
             pretensions=pretensions,
             action_neutral=neutral,
             action_scale=scale,
-            action_low=np.maximum(neutral - reach, 0.0) if tension else neutral - reach,
-            action_high=neutral + reach,
+            action_low=np.maximum(low, 0.0) if tension else low,
+            action_high=neutral + action_range,
         )
 
     def actions_at(
         self, shares: Float[np.ndarray, "*batch modules 2"]
     ) -> Float[np.ndarray, "*batch modules cables"]:
-        """Actions [m or N] for shares v of the full bend in each module's two bend directions."""
-        return self.action_neutral + self.action_scale[:, None] * np.einsum(
-            "mck,...mk->...mc", self.cable_matrices, shares
-        )
+        """Return the actions [m or N] for shares v of the full bend.
+
+        Args:
+            shares: v in each module's two bend directions.
+        """
+        directions = np.einsum("mck,...mk->...mc", self.cable_matrices, shares)
+        return self.action_neutral + self.action_scale[:, None] * directions
 
 
 def hermite_weights(
     shares: Float[np.ndarray, " points"],
 ) -> Float[np.ndarray, "4 points"]:
-    """What start, slope there, end and slope there weigh in the cubic (Hermite) at shares 0 to 1 of its way."""
+    """Return the cubic Hermite basis functions at shares from 0 to 1.
+
+    Rows are the weights of the start, its slope, the end and its slope.
+    """
     s = shares
     return np.stack(
         [2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2]
@@ -163,17 +170,18 @@ def center_line(
     lengths: Float[Any, " modules"],
     points: int = CENTER_LINE_POINTS,
 ) -> Float[Any, "*batch points 3"]:
-    """Points along the arm from base to tip, the last of each module at its end [m], base frame.
+    """Return points along the arm from base to tip [m], base frame.
 
-    Between two ends runs the cubic that has their positions and axes (Hermite), its
-    speed the module's length: within a millimeter of an arc of 0.2 m and 50 deg, and
-    exact for a straight module.
+    The last point of each module is its end. A module is the cubic Hermite curve
+    between the positions and axes of its ends, with the module's length as speed. This
+    is within a millimeter of an arc of 0.2 m and 50 deg, and exact for a straight
+    module.
 
     Args:
-        states: end position [m] and axis of every module, base frame; of NumPy, or of
-            JAX and then differentiable.
-        lengths: of the modules [m], of the same kind.
-        points: of each module.
+        states: end position [m] and axis of every module, base frame; NumPy, or JAX and
+            then differentiable.
+        lengths: lengths of the modules [m], of the same library.
+        points: number of points of each module.
     """
     xp = states.__array_namespace__()
     unit = np.array([0, 0, 0, 0, 0, 1], states.dtype)

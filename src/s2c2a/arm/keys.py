@@ -1,4 +1,4 @@
-"""The keys of an arm file, as the description itself knows them."""
+"""Documentation of the keys of an arm file, derived from the description's schema."""
 
 from collections.abc import Iterable, Iterator
 from itertools import groupby
@@ -16,15 +16,14 @@ _TABLES = (
 
 
 class Key(NamedTuple):
-    """One key.
+    """One key of an arm file.
 
     Attributes:
-        table: where it stands: nothing for the arm itself, `[motor]`, `[[modules]]`,
-            ....
-        name: what stands left of the equals sign.
-        allowed: its values, in words.
-        otherwise: what holds if it is not stated.
-        meaning: in words, its unit in brackets.
+        table: its table, such as `[motor]` or `[[modules]]`; empty for the arm itself.
+        name: name of the key.
+        allowed: allowed values.
+        otherwise: default, or "required".
+        meaning: description with the unit in brackets.
     """
 
     table: str
@@ -35,7 +34,7 @@ class Key(NamedTuple):
 
 
 def file_keys() -> list[Key]:
-    """All of them, table after table."""
+    """Return all keys, table by table."""
     schema = ArmSpec.model_json_schema()
     return [
         key._replace(table=_TABLES[key.table])
@@ -44,7 +43,7 @@ def file_keys() -> list[Key]:
 
 
 def keys_as_markdown() -> str:
-    """A table for each table of the file."""
+    """Return a Markdown table for every table of the file."""
     tables = groupby(file_keys(), key=lambda key: key.table)
     return "\n".join(_as_markdown(table, rows) for table, rows in tables)
 
@@ -57,27 +56,32 @@ def _as_markdown(table: str, rows: Iterable[Key]) -> str:
     ]
     header = [
         f"### {title}\n",
-        "| key | allowed | if not stated | what it is |",
+        "| key | allowed | default | meaning |",
         "| --- " * 4 + "|",
     ]
     return "\n".join([*header, *lines, ""])
 
 
-def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
+def _keys_of(schema: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
     inner = []
-    for name, value in part["properties"].items():
-        form = next(
-            (one for one in value.get("anyOf", ()) if one.get("type") != "null"), value
-        )
+    for name, value in schema["properties"].items():
+        form = value
+        for alternative in reversed(value.get("anyOf", ())):
+            if alternative.get("type") != "null":
+                form = alternative
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
             if "items" in form:
                 allowed = f"{form['minItems']} to {form['maxItems']} tables"
-                needed = "needed" if name in part["required"] else "none"
-                yield Key(table, name, allowed, needed, value["description"])
+                default = "required" if name in schema["required"] else "none"
+                yield Key(table, name, allowed, default, value["description"])
             inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
             continue
-        otherwise = "needed" if name in part["required"] else _written(value["default"])
+        otherwise = (
+            "required"
+            if name in schema["required"]
+            else _format_value(value["default"])
+        )
         allowed = value.get("allowed") or _allowed(form)
         yield Key(
             table,
@@ -91,7 +95,11 @@ def _keys_of(part: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
 
 
 def _allowed(form: dict) -> str:
-    """Behind a validator of our own a number's range is `ge` and `le`, as pydantic has it; else as JSON Schema has."""
+    """Describe the allowed values of a key.
+
+    The range of a number is `ge` and `le` after a custom validator, and `minimum` and
+    `maximum` otherwise.
+    """
     low = form.get("ge", form.get("minimum"))
     high = form.get("le", form.get("maximum"))
     if low is not None:
@@ -100,7 +108,7 @@ def _allowed(form: dict) -> str:
     if "allowed" in form:
         return form["allowed"]
     if "enum" in form:
-        return " or ".join(f'"{one}"' for one in form["enum"])
+        return " or ".join(f'"{choice}"' for choice in form["enum"])
     if form["type"] == "array":
         least = form.get("minItems")
         most = form.get("maxItems")
@@ -110,15 +118,15 @@ def _allowed(form: dict) -> str:
     if form["type"] == "boolean":
         return "true or false"
     if form["type"] != "string":
-        raise NotImplementedError(f"a key of this form is not explained yet: {form}")
+        raise NotImplementedError(f"keys of this form have no description yet: {form}")
     return "letters, digits, - and _" if "pattern" in form else "text"
 
 
-def _written(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_written(one) for one in value) + "]"
+        return "[" + ", ".join(map(_format_value, value)) + "]"
     return "none" if value is None else f"{value:.10g}"

@@ -1,4 +1,4 @@
-"""How a simulated body differs from what its arm file says of it: nobody else is told."""
+"""Model mismatch: true parameters of a simulated arm that controllers do not know."""
 
 from typing import Annotated, Any
 
@@ -7,93 +7,98 @@ from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between
 
-SLOWLY = (2.0, 20.0)  # s
+RELAXATION_TIMES = (2.0, 20.0)  # s
 
 
 class Mismatch(Frozen):
-    """What a real module has and its description does not: all of it zero, or as described, unless stated.
+    """Mismatch between the nominal and the true parameters of one module.
 
-    Numbers beside these in a module are nominal: geometry, estimators, models and
-    planners know them and nothing else. Only the simulation reads this table.
+    The other values of a module are nominal: geometry, estimators, models and planners
+    use them only. The simulation alone reads this table. All mismatch is zero by
+    default.
     """
 
     angle_errors_deg: Annotated[Numbers, Within(-45, 45)] = Field(
-        default=0.0, description="how far cables are from their angles [deg]"
+        default=0.0, description="errors of cable_angles_deg [deg]"
     )
     radius_errors: Annotated[Numbers, Within(-0.5, 0.5)] = Field(
         default=0.0,
-        description="how much further out cables are, in parts of cable_radius [1]",
+        description="relative errors of cable_radius [1]",
     )
     coupling: Number | None = between(
         0,
         1,
         "1",
-        "where its cables run through the modules below, in parts of their radius; in tubes if none",
+        (
+            "radius of its cables in the modules below, relative to cable_radius; "
+            "default: in tubes"
+        ),
         None,
     )
-    mass_error: Number = between(
-        -0.9, 9, "1", "how much heavier it is, in parts of its mass", 0.0
-    )
-    stiffness_error: Number = between(
-        -0.9, 9, "1", "how much stiffer it is, in parts of EI and GJ", 0.0
-    )
+    mass_error: Number = between(-0.9, 9, "1", "relative error of the mass", 0.0)
+    stiffness_error: Number = between(-0.9, 9, "1", "relative error of EI and GJ", 0.0)
     stiffness_ratio: Number = between(
         0.1,
         10,
         "1",
-        "EI in its stiff direction over that across; their geometric mean is EI",
+        "EI in the stiff direction over EI across it; the geometric mean is EI",
         1.0,
     )
     stiff_direction_deg: Number = between(
-        -3600, 3600, "deg", "which way it is stiff, from x to y", 0.0
+        -3600, 3600, "deg", "azimuth of the stiff direction, from x to y", 0.0
     )
     hardening: Number = between(
         0,
         5,
         "1",
-        "how much stiffer it is at full bend, growing with the square of the bend about each axis",
+        (
+            "relative stiffness increase at full bend, quadratic in the bend about "
+            "each axis"
+        ),
         0.0,
     )
     relaxing: tuple[Number, Number] = Field(
         default=(0.0, 0.0),
-        description="parts of its stiffness that a held bend loses in the end, below one together [1]",
+        description="shares of the stiffness that relax, with a sum below 1 [1]",
     )
     relaxation_times: tuple[Number, Number] = Field(
-        default=SLOWLY, description="time constants of these two parts [s]"
+        default=RELAXATION_TIMES, description="time constants of the two shares [s]"
     )
     axial_stiffness: Number | None = between(
         10,
         1e7,
         "N",
-        "EA: cables shorten the center line by their tension over it; not at all if none",
+        "EA against shortening by cable tension; default: no shortening",
         None,
     )
     rest_bend_deg: Number = between(0, 90, "deg", "bend without any force", 0.0)
     rest_azimuth_deg: Number = between(
-        -3600, 3600, "deg", "which way that is, from x to y", 0.0
+        -3600, 3600, "deg", "azimuth of that bend, from x to y", 0.0
     )
     drift: Number = between(
         -0.5,
         0.5,
         "1",
-        "part of what its motors do that is lost on the way once the arm has aged",
+        "share of motor motion that is lost once the arm has aged",
         0.0,
     )
 
     @model_validator(mode="after")
-    def _can_relax(self):
+    def _validate(self):
         if min(self.relaxing) < 0 or sum(self.relaxing) >= 1:
             raise ValueError(
-                f"relaxing {list(self.relaxing)}: give parts from 0 that are below 1 together"
+                f"relaxing {list(self.relaxing)}: give shares from 0 that are below 1 "
+                "together"
             )
         if not all(0.1 <= time <= 36_000 for time in self.relaxation_times):
             raise ValueError(
-                f"relaxation_times {list(self.relaxation_times)}: give 0.1 to 36000 s each"
+                f"relaxation_times {list(self.relaxation_times)}: "
+                "give 0.1 to 36000 s each"
             )
         return self
 
     def per_cable(self) -> dict[str, Any]:
-        """Numbers that can be one each, by key."""
+        """Return the values that can differ between cables, by key."""
         return {
             "mismatch.angle_errors_deg": self.angle_errors_deg,
             "mismatch.radius_errors": self.radius_errors,
@@ -103,6 +108,5 @@ class Mismatch(Frozen):
     def rest_bend(self) -> np.ndarray:
         """Bend without any force [rad], module frame, shape (2,)."""
         azimuth = np.deg2rad(self.rest_azimuth_deg)
-        return np.deg2rad(self.rest_bend_deg) * np.array(
-            [np.cos(azimuth), np.sin(azimuth)]
-        )
+        direction = np.array([np.cos(azimuth), np.sin(azimuth)])
+        return np.deg2rad(self.rest_bend_deg) * direction

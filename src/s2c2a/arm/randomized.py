@@ -1,17 +1,16 @@
-"""Arms that nobody modeled: the mismatch of real arms, drawn at a strength."""
+"""Domain randomization: arms with sampled model mismatch of a given strength."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from s2c2a.arm.geometry import ArmGeometry
+from s2c2a.arm.geometry import ArmGeometry, per_module
 from s2c2a.arm.spec import ArmSpec, Module
 from s2c2a.errors import ArmError
 
 Random = np.random.Generator
 
-# either way
+# Mismatch at strength 1. Single values of errors are bounds of both signs.
 ANGLE_DEG = 5.0
 RADIUS = 0.06
 MASS = 0.1
@@ -19,64 +18,79 @@ STIFFNESS = 0.1
 COUPLING = 0.25
 RATIO = 0.15
 HARDENING = 0.2
-RELAXING = (1 / 10, 1 / 7)  # of the stiffness, for either time constant
-SHORTER = (0.02, 0.04)  # of the length, at full bend
+RELAXING = (1 / 10, 1 / 7)  # share of the stiffness, for either time constant
+SHORTENING = (0.02, 0.04)  # share of the length, at full bend
 REST_DEG = (2.0, 4.0)
-# m
-HOMING = 0.3e-3
-BACKLASH = (0.2e-3, 1.0e-3)
-# 1, N s/m, 1
+HOMING = 0.3e-3  # m
+BACKLASH = (0.2e-3, 1.0e-3)  # m
 FRICTION = 0.1
-VISCOUS = 50.0
+VISCOUS = 50.0  # N s/m
 DRIFT = 0.05
-DIGITS = 4
+DIGITS = 4  # significant digits in arm files
 MAX_STRENGTH = 2.0
 
 
 def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
-    """An arm with mismatch, each drawn independently; what its file says of it otherwise is the base's.
+    """Sample an arm with independent model mismatch in every module.
 
-    At strength 1 they are as large as in the numbers above, at others in proportion;
-    what the base has of backlash and friction itself gives way to what is drawn in the same
-    proportion, so that at strength 0 it is the base.
+    The constants above apply at strength 1; other strengths are in proportion. The
+    base's own backlash and friction fade in the same proportion, so strength 0 is the
+    base.
 
     Args:
-        base: how many modules and cables, and all nominal numbers.
-        seed: of everything random.
+        base: modules, cables and all nominal values.
+        seed: of all samples.
         strength: from 0 to 2.
 
     Raises:
-        ArmError: impossible seed or strength.
+        ArmError: the seed or the strength is out of range.
     """
     if seed < 0 or not 0 <= strength <= MAX_STRENGTH:
         raise ArmError(
-            f"seed {seed} and strength {strength} asked for; take a seed from 0 and 0 to {MAX_STRENGTH:g}"
+            f"seed {seed} and strength {strength} are not allowed; "
+            f"give a seed of 0 or more and a strength from 0 to {MAX_STRENGTH:g}"
         )
     name = {"name": f"{base.name[:48]}_{round(100 * strength)}_{seed}"}
     if strength == 0:
         return base.model_copy(update=name)
     random = np.random.default_rng([seed, 7])
     described = base.model_dump()
-    # of all cables through a module, its own and outer ones
-    pulls = np.cumsum(_pulls_at_full_bend(base)[::-1])[::-1]
-    for module, table, pull in zip(
-        base.modules, described["modules"], pulls, strict=True
+    # tension of all cables through a module: its own and those of distal modules
+    tensions = np.cumsum(_tensions_at_full_bend(base)[::-1])[::-1]
+    for module, table, tension in zip(
+        base.modules, described["modules"], tensions, strict=True
     ):
-        table["mismatch"] = _mismatch(module, random, strength, pull)
+        table["mismatch"] = _mismatch(module, random, strength, tension)
         table["cable"] |= _losses(module, random, strength, base.actuation)
     if base.actuation == "displacement":
-        described["motor"]["homing_error"] = _said(strength * HOMING)
-    about = f"{base.name} with the mismatch of a real arm, drawn with seed {seed} at strength {strength:g}."
-    return ArmSpec.model_validate(described | name | {"description": about})
+        described["motor"]["homing_error"] = _round(strength * HOMING)
+    summary = (
+        f"{base.name} with sampled model mismatch, seed {seed}, strength {strength:g}."
+    )
+    return ArmSpec.model_validate(described | name | {"description": summary})
 
 
 def _mismatch(
-    module: Module, random: Random, strength: float, pull: float
+    module: Module, random: Random, strength: float, tension: float
 ) -> dict[str, Any]:
-    """Of one module, through which cables together pull so much with all modules at full bend [N]."""
+    """Sample the mismatch of one module.
+
+    Args:
+        module: nominal values.
+        random: source of the samples.
+        strength: strength of the mismatch.
+        tension: of all cables through the module with all modules at full bend [N].
+    """
     cables = len(module.cable_angles_deg)
-    either = _either(random, strength)
-    within = _within(random, strength)
+
+    def either(limit: float, count: int | None = None) -> Any:
+        """Sample errors of both signs."""
+        return strength * random.uniform(-limit, limit, count)
+
+    def within(low: float, high: float) -> float:
+        """Sample a positive value."""
+        return strength * random.uniform(low, high)
+
     table = {
         "angle_errors_deg": either(ANGLE_DEG, cables),
         "radius_errors": either(RADIUS, cables),
@@ -87,57 +101,49 @@ def _mismatch(
         "stiff_direction_deg": random.uniform(0.0, 180.0),
         "hardening": strength * HARDENING,
         "relaxing": [within(*RELAXING), within(*RELAXING)],
-        "axial_stiffness": pull / within(*SHORTER),
+        "axial_stiffness": tension / within(*SHORTENING),
         "rest_bend_deg": within(*REST_DEG),
         "rest_azimuth_deg": random.uniform(0.0, 360.0),
         "drift": strength * DRIFT * random.choice((-1.0, 1.0)),
     }
-    return {key: _said(value) for key, value in table.items()}
+    return {key: _round(value) for key, value in table.items()}
 
 
 def _losses(
     module: Module, random: Random, strength: float, actuation: str
 ) -> dict[str, Any]:
-    """Of its cables; a tension arm has no backlash."""
-    kept = max(0.0, 1.0 - strength)
+    """Sample the cable losses of a module; a tension arm has no backlash."""
+    base_share = max(0.0, 1.0 - strength)
     cable = module.cable
     count = len(module.cable_angles_deg)
-    drawn = random.uniform(*BACKLASH, count)
+    backlash = random.uniform(*BACKLASH, count)
     losses: dict[str, Any] = {
-        "friction": kept * cable.friction + strength * FRICTION,
-        "viscous_friction": kept * cable.viscous_friction + strength * VISCOUS,
+        "friction": base_share * cable.friction + strength * FRICTION,
+        "viscous_friction": base_share * cable.viscous_friction + strength * VISCOUS,
     }
     if actuation == "displacement":
-        losses["backlash"] = kept * np.array(cable.backlashes(count)) + strength * drawn
-    return {key: _said(value) for key, value in losses.items()}
+        losses["backlash"] = (
+            base_share * np.array(cable.backlashes(count)) + strength * backlash
+        )
+    return {key: _round(value) for key, value in losses.items()}
 
 
-def _either(random: Random, strength: float) -> Callable[..., Any]:
-    return lambda most, count=None: strength * random.uniform(-most, most, count)
+def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
+    """Return the total cable tension of each module at its full bend [N].
 
-
-def _within(random: Random, strength: float) -> Callable[[float, float], float]:
-    return lambda low, high: strength * random.uniform(low, high)
-
-
-def _pulls_at_full_bend(arm: ArmSpec) -> np.ndarray:
-    """What the cables of each module pull together when they bend it fully, on average over directions [N]."""
+    For tension arms this is the mean over bend directions.
+    """
     geometry = ArmGeometry.of(arm)
     if arm.actuation == "displacement":  # one cable alone: T r = EI bend / length
-        moments = (
-            np.array([module.bending_stiffness for module in arm.modules])
-            * geometry.bend_limits
-        )
-        return (
-            moments / geometry.lengths / geometry.cable_radii
-            + geometry.pretensions.sum(axis=-1)
-        )
-    around = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
-    shares = np.stack([np.cos(around), np.sin(around)], axis=-1)[:, None, :]
+        moments = per_module(arm, "bending_stiffness") * geometry.bend_limits
+        tensions = moments / geometry.lengths / geometry.cable_radii
+        return tensions + geometry.pretensions.sum(axis=-1)
+    azimuths = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
+    shares = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)[:, None, :]
     actions = geometry.actions_at(np.broadcast_to(shares, (36, arm.module_count, 2)))
     return np.maximum(actions, 0.0).sum(axis=-1).mean(axis=0)
 
 
-def _said(value: Any) -> Any:
-    """As it stands in a file: a number, or a list of them, to so many digits."""
+def _round(value: Any) -> Any:
+    """Round a number, or an array to a list, to the digits of an arm file."""
     return np.vectorize(lambda number: float(f"{number:.{DIGITS}g}"))(value).tolist()

@@ -1,4 +1,4 @@
-"""What an arm sensors beside what its motors tell: with the faults that real parts have."""
+"""Sensors of an arm other than encoders, with the errors of real ones."""
 
 import math
 from typing import Annotated, ClassVar, Literal
@@ -7,7 +7,13 @@ from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, between
 
-TAKEN = {
+RESERVED_NAMES = {
+    "accelerations",
+    "angular_velocities",
+    "bends",
+    "imu",
+    "current",
+    "camera",
     "flex",
     "cables",
     "states",
@@ -18,145 +24,169 @@ TAKEN = {
     "camera_age",
     "inclinations",
 }
-TAKEN |= {"accelerations", "angular_velocities", "bends", "imu", "current", "camera"}
-"""Words of the package's own."""
+"""Sensor names that the package uses."""
 MAX_NUMBERS = 256
-"""Of one sensor of a body's own: a control step has to weigh them all."""
+"""Of one raw sensor: every control step processes all of them."""
 
 
 class Inertial(Frozen):
-    """An inertial sensor at the end of every module, aligned with the module's frame there."""
+    """Inertial sensors at the module ends, aligned with the frames there."""
 
     rate: Number = between(10, 2000, "Hz", "samples a second", 100.0)
     acceleration_noise: Number = between(
         0, 10, "m/s2", "standard deviation of a sample", 0.03
     )
     acceleration_bias: Number = between(
-        0, 10, "m/s2", "standard deviation of its zero, anew at every opening", 0.1
+        0, 10, "m/s2", "standard deviation of the bias, new at every opening", 0.1
     )
     turn_noise_deg: Number = between(
         0, 100, "deg/s", "standard deviation of a sample", 0.1
     )
     turn_bias_deg: Number = between(
-        0, 100, "deg/s", "standard deviation of its zero, anew at every opening", 0.5
+        0, 100, "deg/s", "standard deviation of the bias, new at every opening", 0.5
     )
 
 
 class Camera(Frozen):
-    """A camera, or motion capture, that sees where ends of modules are: slowly, late, and not always."""
+    """Camera or motion capture of module ends, with a delay and lost images."""
 
-    rate: Number = between(0.1, 1000, "Hz", "pictures a second", 5.0)
-    delay: Number = between(0, 0.7, "s", "age of a picture when it is read", 0.15)
-    lost: Number = between(0, 0.99, "1", "part of the pictures that are lost", 0.1)
+    rate: Number = between(0.1, 1000, "Hz", "images a second", 5.0)
+    delay: Number = between(0, 0.7, "s", "age of an image when it is read", 0.15)
+    lost: Number = between(0, 0.99, "1", "share of lost images", 0.1)
     noise: Number = between(0, 0.1, "m", "standard deviation of a position", 0.001)
     sees: Literal["tip", "ends"] = Field(
-        default="tip", description="the end of the last module, or of all"
+        default="tip", description="visible module ends: the last one, or all"
     )
 
 
 class Flex(Frozen):
-    """Strips along every module whose resistance says how far they bend; what each makes of it is learned.
+    """Resistive flex sensors along every module; their model is learned from data.
 
-    Strips are cheap, and no two alike: how each errs goes with `strips`, and stays the
-    same whenever the arm is opened.
+    Every strip has its own errors. They depend on `strips` only and stay the same at
+    every opening.
     """
 
     angles_deg: tuple[Annotated[Number, Field(ge=-360, le=360)], ...] = Field(
         default=(0.0, 120.0, 240.0),
         min_length=1,
         max_length=12,
-        description="where strips are round every module, from x to y [deg]",
+        description="angles of the strips around every module, from x to y [deg]",
     )
     strips: int = Field(
         default=0,
         ge=0,
         le=2**31,
-        description="which strips: another number, others of the same kind",
+        description="seed of the strips' own errors",
     )
     gain_error: Number = between(
-        0, 1, "1", "standard deviation of each one's own sensitivity", 0.2
+        0, 1, "1", "standard deviation of the gain between strips", 0.2
     )
     nonlinearity: Number = between(
-        0, 1, "1/rad", "standard deviation of what that changes by, by bend", 0.2
+        0, 1, "1/rad", "standard deviation of the change of the gain with the bend", 0.2
     )
     angle_error_deg: Number = between(
-        0, 45, "deg", "standard deviation of where each one is", 5.0
+        0, 45, "deg", "standard deviation of the strip angles", 5.0
     )
     crosstalk: Number = between(
-        0, 1, "1", "standard deviation of the parts of other modules' bends in it", 0.05
+        0, 1, "1", "standard deviation of the gain from other modules' bends", 0.05
     )
     hysteresis: Number = between(
         0,
         1,
         "rad",
-        "half-width of the bend that it does not follow when bent back",
+        "half-width of the hysteresis between bend and reading",
         0.02,
     )
     noise: Number = between(0, 1, "rad", "standard deviation of a reading", 0.01)
     zero_error: Number = between(
-        0, 1, "rad", "standard deviation of its zero, anew at every opening", 0.05
+        0, 1, "rad", "standard deviation of the bias, new at every opening", 0.05
     )
     drift: Number = between(
-        0, 1, "rad", "standard deviation of how far its zero wanders in a minute", 0.02
+        0, 1, "rad", "standard deviation of the bias drift in a minute", 0.02
     )
 
 
 class Raw(Frozen):
-    """A sensor of a body's own, of any kind; what its numbers have to do with bends is learned."""
+    """Additional sensor of a robot, of any kind.
+
+    Its values follow from the bends: by a formula, or as learned from data.
+    """
 
     name: str = Field(
-        pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", description="its word in readings"
+        pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", description="name in readings"
     )
     shape: tuple[Annotated[int, Field(ge=1, le=MAX_NUMBERS)], ...] = Field(
-        min_length=1, max_length=4, description="of one reading"
+        min_length=1, max_length=4, description="shape of one reading"
+    )
+    model: str = Field(
+        default="",
+        max_length=200,
+        description="class with a formula, file.py:Class; learned from data if empty",
     )
 
     @model_validator(mode="after")
-    def _not_too_many(self):
-        if (count := math.prod(self.shape)) > MAX_NUMBERS:
+    def _validate(self):
+        count = math.prod(self.shape)
+        if count > MAX_NUMBERS:
             raise ValueError(
-                f"'{self.name}' has {count} numbers; take at most {MAX_NUMBERS}"
+                f"'{self.name}' has {count} numbers; the limit is {MAX_NUMBERS}"
             )
         return self
 
 
 class Sensors(Frozen):
-    """Sensors beside the encoders, each there if it is named; what is there is used, but by recipes of the paper."""
+    """Sensors of an arm besides its encoders.
 
-    unsaid: ClassVar[frozenset[str]] = frozenset(("raw",))
+    Estimators use all of them, except in the recipes of the paper.
+    """
+
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("raw",))
 
     bends: bool = Field(
         default=False,
-        description="whether something sees how every module bends, at once",
+        description="whether true configurations are measured without delay",
     )
     imu: Inertial | None = Field(
-        default=None, description="inertial sensors at modules' ends"
+        default=None, description="inertial sensors at module ends"
     )
     camera: Camera | None = Field(
-        default=None, description="something that sees ends of modules"
+        default=None, description="camera or motion capture of module ends"
     )
     flex: Flex | None = Field(
-        default=None, description="strips that say how far modules bend"
+        default=None, description="flex sensors along the modules"
     )
     raw: tuple[Raw, ...] = Field(
-        default=(), min_length=0, max_length=8, description="of a body's own"
+        default=(),
+        min_length=0,
+        max_length=8,
+        description="additional sensors of a robot",
     )
 
     @model_validator(mode="after")
-    def _named_once(self):
-        names = [one.name for one in self.raw]
-        if wrong := [name for name in names if name in TAKEN or names.count(name) > 1]:
-            raise ValueError(
-                f"sensors.raw names '{wrong[0]}', which is taken; give every sensor a name of its own"
-            )
+    def _validate(self):
+        names = set(RESERVED_NAMES)
+        for sensor in self.raw:
+            if sensor.name in names:
+                raise ValueError(
+                    f"sensors.raw names '{sensor.name}', which is taken; "
+                    "give every sensor another name"
+                )
+            names.add(sensor.name)
         return self
 
     @property
     def learned(self) -> "Sensors":
-        """Those alone whose numbers have to be learned."""
-        return Sensors(flex=self.flex, raw=self.raw)
+        """Only the sensors whose model is learned from data."""
+        return Sensors(
+            flex=self.flex, raw=tuple(sensor for sensor in self.raw if not sensor.model)
+        )
 
     def learned_shapes(self, modules: int) -> dict[str, tuple[int, ...]]:
-        """Names in readings of those whose numbers have to be learned, and their shapes."""
-        strips = {"flex": (modules, len(self.flex.angles_deg))} if self.flex else {}
-        return strips | {one.name: one.shape for one in self.raw}
+        """Return the shapes of sensors whose model is learned, by name in readings."""
+        shapes: dict[str, tuple[int, ...]] = {}
+        if self.flex:
+            shapes["flex"] = (modules, len(self.flex.angles_deg))
+        for sensor in self.raw:
+            if not sensor.model:
+                shapes[sensor.name] = sensor.shape
+        return shapes

@@ -1,1 +1,1 @@
-"""The command line: one file a verb."""
+"""Command line of S2C2A: one module for each command."""

@@ -1,4 +1,4 @@
-"""`s2c2a bench`: how fast it is here."""
+"""Command `s2c2a bench`: computation times on this machine."""
 
 import json
 import os
@@ -7,8 +7,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,101 +16,96 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
-from s2c2a.cli.first_action import driver_of
+from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import all_cores
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.versions import versions
 
-QUIET_LOAD = 0.5
+MAX_SYSTEM_LOAD = 0.5
 REPEATS = 1000
-SECONDS_SIMULATED = 50
+SIMULATED_SECONDS = 50
 STARTS = 5
-WARM_UP = 10  # one call in so many is made before and not counted
-ASKED = {
+WARM_UP_RATIO = 10  # one warm-up call for every ten timed calls
+TIME_LIMITS = {
     "a plan": 1.3e-3,
     "a tick": 2e-3,
     "a later start": 3.0,
     "a simulated second, fast": 4e-3,
     "a simulated second, accurate": 40e-3,
 }
-"""What the project holds itself to on `twin_arm` and two cores of a common server:
-medians [s] (docs/benchmarks.md)."""
+"""Targets of the project for `twin_arm` on two cores of a common server: medians [s]
+(docs/benchmarks.md)."""
 
 
-class Figure(NamedTuple):
-    """What was timed, and how long each time took [s]."""
+class Timing(NamedTuple):
+    """Measured times of one operation [s]."""
 
-    what: str
+    operation: str
     seconds: Sequence[float]
 
-    def percentile(self, share: float) -> float:
-        """So many of a hundred times are shorter [s]."""
-        return float(np.percentile(self.seconds, share))
+    def percentile(self, percent: float) -> float:
+        """Percentile of the times [s]."""
+        return float(np.percentile(self.seconds, percent))
 
 
 def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
-    """Time a plan, a tick, a second start and a second of simulation. Leave the machine alone meanwhile.
+    """Time a plan, a control step, a second start and a simulated second.
+
+    Do not use the machine meanwhile.
 
     Args:
-        arm: a preset, driven by the networks that come with the package, or an arm
-            file, driven by PCC.
-        out: a file for the figures, as JSON; replaced if it exists.
+        arm: a preset, which uses the networks of the package, or an arm file, which
+            uses PCC.
+        out: a JSON file for the times; replaced if it exists.
     """
     spec = load_arm(arm)
     load = os.getloadavg()[0]
-    if load > QUIET_LOAD:
+    if load > MAX_SYSTEM_LOAD:
         print(f"this machine is busy (load {load:.1f}): times will be too long")
-    asked = ASKED if spec.same_mechanics(load_arm("twin_arm")) else {}
-    figures = [
+    timings = [
         *control_times(spec),
         *simulation_times(spec),
-        Figure("a later start", start_times(arm)),
+        Timing("a later start", start_times(arm)),
     ]
-    told = [_told(figure, asked.get(figure.what)) for figure in figures]
-    rows = [
-        (
-            each["what"],
-            *(_time(each[name]) for name in ("median", "percentile_99", "at_most")),
-        )
-        for each in told
-    ]
-    print_table(
-        f"{spec.name} on this machine",
-        ("what", "median", "99th percentile", "at most"),
-        rows,
-    )
+    limits = TIME_LIMITS if spec.same_mechanics(load_arm("twin_arm")) else {}
+    entries = [_entry(timing, limits.get(timing.operation)) for timing in timings]
+    _print_entries(spec, entries)
     machine = _machine()
     print("; ".join(f"{name} {value}" for name, value in machine.items()))
     if out:
-        kept = {
+        content = {
             "arm": spec.model_dump(mode="json"),
             "machine": machine | {"load": load},
-            "seconds": told,
+            "seconds": entries,
         }
-        print(f"kept in {save_whole(json.dumps(kept, indent=1), out)}")
+        print(f"saved: {write_atomically(json.dumps(content, indent=1), out)}")
 
 
-def control_times(arm: ArmSpec) -> Iterator[Figure]:
-    """Plans around the circle, each from the last, and whole ticks (sense, plan, act) on the readings of a run."""
+def control_times(arm: ArmSpec) -> Iterator[Timing]:
+    """Times of plans along the circle and of control steps (sense, plan, act).
+
+    Each plan starts from the last one; control steps use the readings of a run.
+    """
     import jax
 
     from s2c2a import planning, strategies, tasks
+    from s2c2a.estimation import Estimate
     from s2c2a.robots.simulation import SimulatedRobot
 
-    model, strategy = driver_of(arm)
+    model, strategy = default_model_and_strategy(arm)
     goals = tasks.circle(arm).goals
     planner = planning.Planner(arm, model, strategies.recipe_named("best").planner)
-    plan = planner.start(np.tile([0.0, 0.0, 1.0], (arm.module_count, 1)))
-    desired = cycle(goals)
+    straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
+    plan = planner.start(Estimate(straight))
+    next_goals = cycle(goals)
 
-    def next_plan() -> None:
+    def update_plan() -> None:
         nonlocal plan
-        plan = jax.block_until_ready(
-            planner.plan(plan, plan.configurations, next(desired))
-        )
+        plan = planner.plan(plan, Estimate(plan.configurations), next(next_goals))
+        jax.block_until_ready(plan)
 
-    yield Figure("a plan", times_of(next_plan, REPEATS))
+    yield Timing("a plan", times_of(update_plan, REPEATS))
     with SimulatedRobot(arm) as robot:
         readings = [robot.read()]
         strategy.start(readings[0])
@@ -120,53 +114,52 @@ def control_times(arm: ArmSpec) -> Iterator[Figure]:
             readings.append(robot.read())
     strategy.start(readings[0])
     steps = cycle(zip(readings, goals, strict=False))
-    yield Figure("a tick", times_of(lambda: strategy.step(*next(steps)), REPEATS))
+    yield Timing("a tick", times_of(lambda: strategy.step(*next(steps)), REPEATS))
 
 
-def simulation_times(arm: ArmSpec) -> Iterator[Figure]:
-    """A second of the arm's time while it babbles, in every fidelity."""
+def simulation_times(arm: ArmSpec) -> Iterator[Timing]:
+    """Times of one simulated second of motor babbling, for each fidelity."""
     from s2c2a.data import episode_actions
     from s2c2a.robots import simulation
 
     steps = max(1, round(arm.control_rate))
     actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, steps, 0)
+
+    def simulate() -> None:
+        for action in actions:
+            robot.step(action)
+
     for fidelity in simulation.FIDELITIES:
         with simulation.SimulatedRobot(arm, fidelity) as robot:
-            seconds = times_of(
-                partial(_call_with_each, robot.step, actions), SECONDS_SIMULATED
-            )
-        yield Figure(
+            seconds = times_of(simulate, SIMULATED_SECONDS)
+        yield Timing(
             f"a simulated second, {fidelity}", seconds / (steps * arm.control_period)
         )
 
 
-def _call_with_each(call: Callable[[Any], object], given: Iterable[Any]) -> None:
-    for one in given:
-        call(one)
-
-
 def start_times(arm: str, starts: int = STARTS) -> list[float]:
-    """From the start of a process to its first action [s], with what an earlier start has compiled.
+    """Times from the start of a process to its first action [s], with a warm cache.
 
     Raises:
-        S2C2AError: a process ended before it acted.
+        S2C2AError: a process ended before its first action.
     """
     command = [sys.executable, "-m", "s2c2a.cli.first_action", arm]
     seconds = []
     for _ in range(1 + starts):
-        began = time.time()
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if not done.stdout:
+        start = time.time()
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        if not process.stdout:
             raise S2C2AError(
-                f"the start of '{arm}' in a process of its own failed: {done.stderr[-500:]}"
+                f"the start of '{arm}' in a process of its own failed: "
+                f"{process.stderr[-500:]}"
             )
-        seconds.append(float(done.stdout) - began)
+        seconds.append(float(process.stdout) - start)
     return seconds[1:]
 
 
 def times_of(call: Callable[[], object], repeats: int):
-    """How long a call takes, again and again [s], shape (repeats,)."""
-    for _ in range(-(-repeats // WARM_UP)):
+    """Times of repeated calls [s], shape (repeats,), after a warm-up."""
+    for _ in range(-(-repeats // WARM_UP_RATIO)):
         call()
     ends = [time.perf_counter()]
     for _ in range(repeats):
@@ -175,29 +168,38 @@ def times_of(call: Callable[[], object], repeats: int):
     return np.diff(ends)
 
 
-def _told(figure: Figure, asked: float | None) -> dict[str, Any]:
-    said = {
-        "what": figure.what,
-        "median": figure.percentile(50),
-        "percentile_99": figure.percentile(99),
+def _entry(timing: Timing, limit: float | None) -> dict[str, Any]:
+    return {
+        "what": timing.operation,
+        "median": timing.percentile(50),
+        "percentile_99": timing.percentile(99),
+        "repeats": len(timing.seconds),
+        "at_most": limit,
     }
-    return said | {"repeats": len(figure.seconds), "at_most": asked}
 
 
-def _time(seconds: float | None) -> str:
+def _print_entries(arm: ArmSpec, entries: list[dict[str, Any]]) -> None:
+    header = ("operation", "median", "99th percentile", "at most")
+    rows = []
+    for entry in entries:
+        times = [entry["median"], entry["percentile_99"], entry["at_most"]]
+        rows.append((entry["what"], *map(_format_time, times)))
+    print_table(f"{arm.name} on this machine", header, rows)
+
+
+def _format_time(seconds: float | None) -> str:
     if seconds is None:
         return ""
     return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.2f} ms"
 
 
 def _machine() -> dict[str, object]:
-    """What figures depend on: the machine, and versions."""
+    """Hardware and software versions."""
     info = Path("/proc/cpuinfo")
-    said = info.read_text(encoding="utf-8") if info.is_file() else ""
-    model = re.search(r"^model name\s*: (.*)$", said, re.MULTILINE)
-    processor = model[1].strip() if model else platform.processor()
+    text = info.read_text(encoding="utf-8") if info.is_file() else ""
+    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
     return {
-        "processor": processor,
+        "processor": model[1].strip() if model else platform.processor(),
         "cores": all_cores(),
         "system": platform.platform(),
         **versions(),

@@ -1,4 +1,4 @@
-"""`s2c2a collect`: a recording of an arm."""
+"""Command `s2c2a collect`: record an arm."""
 
 from contextlib import nullcontext
 from dataclasses import replace
@@ -8,7 +8,13 @@ from typing import Literal
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
-from s2c2a.cli.execution import Address, RobotName, RobotOptions, body_for, executor_for
+from s2c2a.cli.execution import (
+    Address,
+    RobotName,
+    RobotOptions,
+    make_executor,
+    robot_factory_for,
+)
 from s2c2a.errors import S2C2AError
 
 
@@ -28,67 +34,72 @@ def collect(
     resume: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Collect a recording from an arm, and draw its workspace beside it.
+    """Record random motion of an arm (babbling), and plot its workspace.
 
     Args:
-        out: the recording to write, such as twin.episodes.
+        out: the recording, such as twin.episodes.
         arm: a preset or an arm file.
-        babbling: staged as in the paper, each module its own way (motor), or all
-            between (mixed); the recipe's if not stated.
-        episodes: number of episodes, each from rest; the recipe's if not stated.
-        samples: control steps in an episode.
-        seed: of everything random.
-        recipe: says how to babble, how fast, and in how many episodes; train with the
-            same one.
-        robot: what is driven: the simulated arm, or a class of your own such as
-            my_arm.py:MyArm.
-        robot_option: what that class takes beside the arm.
+        babbling: staged as in the paper, independent modules (motor), or a mixture of
+            both (mixed); default from the recipe.
+        episodes: number of episodes, each from rest; default from the recipe.
+        samples: control steps per episode.
+        seed: random seed.
+        recipe: sets the type of babbling, the speeds and the number of episodes; use
+            the same one in `train`.
+        robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        robot_option: further arguments of that class.
         fidelity: of the simulation.
-        threads: episodes side by side; all cores if not stated. The recording is the
-            same.
-        cluster: let the workers of a dask scheduler do it: its address
-            (tcp://host:8786, or the file where it wrote it), or local for one on this
-            machine; docs/cluster.md. The recording is the same.
-        resume: go on with a recording that was cut short.
+        threads: parallel episodes, all cores by default; the recording is the same.
+        cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
+            its scheduler file), or local for one on this machine; docs/cluster.md. The
+            recording is the same.
+        resume: continue an interrupted recording.
         overwrite: replace the recording if it exists.
     """
-    from s2c2a import data, strategies, viz
+    from s2c2a import data, strategies
 
     spec = load_arm(arm)
-    chosen = strategies.recipe_from(recipe)
-    body = body_for(robot, robot_option, fidelity)
-    options = chosen.collect_options(seed)
-    how = babbling or options.babbling
-    often = options.episodes if episodes is None else episodes
-    options = replace(options, babbling=how, episodes=often, samples=samples)
+    body = robot_factory_for(robot, robot_option, fidelity)
+    options = strategies.recipe_from(recipe).collect_options(seed)
+    options = replace(
+        options,
+        babbling=babbling or options.babbling,
+        episodes=options.episodes if episodes is None else episodes,
+        samples=samples,
+    )
     if not body.simulated:
         if cluster or threads not in (None, 1):
             raise S2C2AError(
-                f"{body} is one arm and does one episode at a time; leave out --threads and --cluster"
+                f"{body} is one arm and records one episode at a time; leave out "
+                "--threads and --cluster"
             )
         threads = 1
     with (
-        executor_for(threads, cluster) if cluster else nullcontext() as executor,
+        make_executor(threads, cluster) if cluster else nullcontext() as executor,
         progress_bar() as progress,
     ):
-        told = partial(progress, f"collecting from {spec.name}")
-        driven = partial(
-            data.collect,
-            executor=executor,
-            threads=threads,
-            body=str(body),
-            progress=told,
-        )
-        recording = driven(
+        recording = data.collect(
             out,
             spec,
             partial(body.seeded, spec),
             options,
+            executor=executor,
+            threads=threads,
+            body=str(body),
+            progress=partial(progress, f"collecting from {spec.name}"),
             resume=resume,
             overwrite=overwrite,
         )
-    said = f"{recording.time.size} samples of {', '.join(recording.sensors)}: {out}"
+    _print_summary(recording, out)
+
+
+def _print_summary(recording, out: Path) -> None:
+    from s2c2a import viz
+
+    sensors = ", ".join(recording.sensors)
+    text = f"{recording.time.size} samples of {sensors}: {out}"
     if "states" in recording.sensors:
-        states = recording.sensor("states").reshape(-1, spec.module_count, 6)
-        said += f"; workspace: {viz.recording_figure(states, spec, Path(f'{out}.png'))}"
-    print(said)
+        arm = recording.arm
+        states = recording.sensor("states").reshape(-1, arm.module_count, 6)
+        text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
+    print(text)

@@ -1,4 +1,4 @@
-"""What verbs print with: a progress bar, tables, and words that they share."""
+"""Console output of the commands: progress bars and tables; types of their options."""
 
 import math
 import time
@@ -14,23 +14,32 @@ if TYPE_CHECKING:
     from s2c2a.progress import Progress
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
-StrategyName = Literal["s2c2a", "pcc", "pcc-fitted", "lstm", "s2c2a-motor"]
+_STRATEGY = "s2c2a|pcc|pcc-fitted|lstm|s2c2a-motor|FILE.py:Class"
+StrategyName = Annotated[str, tyro.conf.arg(metavar=_STRATEGY)]
+StrategyNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_STRATEGY} ...")]
 FidelityName = Literal["fast", "accurate"]
 _RECIPE = tyro.conf.arg(metavar="best|best-long|paper|FILE")
 RecipeName = Annotated[str, _RECIPE]
 OptionalRecipe = Annotated[str | None, _RECIPE]
 ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
+ControllerName = ModelName
+Events = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="EVENT")
+]
 GuardName = Literal["tip", "arm"]
-WIDTH_IN_FILES = 120
-BETWEEN_LINES = 20.0  # s, where progress goes to a file
-KINDS = {".html": "replay", ".mp4": "video", ".gif": "video"}
-
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
+
+WIDTH_IN_FILES = 120  # characters
+LINE_INTERVAL = 20.0  # s; between lines of progress in a file
+OUTPUT_LABELS = {".html": "replay", ".mp4": "video", ".gif": "video"}
 
 
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
-    """A progress that draws one bar a piece of work; where nobody watches, as in a file, lines now and then."""
+    """Yield a progress callback that shows one bar for each piece of work.
+
+    Where the output is no terminal, it prints a line every `LINE_INTERVAL`.
+    """
     from rich import console, progress
 
     screen = console.Console(stderr=True)
@@ -44,23 +53,25 @@ def progress_bar() -> Iterator["Progress"]:
         *columns, console=screen, disable=not screen.is_terminal
     ) as bars:
         tasks: dict[str, progress.TaskID] = {}
-        said = dict[str, float]()
+        last_lines: dict[str, float] = {}
 
-        def told(doing: str, done: int, total: int) -> None:
-            if doing not in tasks:
-                tasks[doing] = bars.add_task(doing, total=total)
-            if (
-                not screen.is_terminal
-                and time.monotonic() > said.get(doing, -math.inf) + BETWEEN_LINES
-            ):
-                screen.print(
-                    f"{doing}: {done} of {total}" if doing in said else f"{doing} ...",
-                    highlight=False,
-                )
-                said[doing] = time.monotonic()
-            bars.update(tasks[doing], completed=done)
+        def print_line(work: str, done: int, total: int) -> None:
+            now = time.monotonic()
+            if now <= last_lines.get(work, -math.inf) + LINE_INTERVAL:
+                return
+            is_first = work not in last_lines
+            text = f"{work} ..." if is_first else f"{work}: {done} of {total}"
+            screen.print(text, highlight=False)
+            last_lines[work] = now
 
-        yield told
+        def on_progress(work: str, done: int, total: int) -> None:
+            if work not in tasks:
+                tasks[work] = bars.add_task(work, total=total)
+            if not screen.is_terminal:
+                print_line(work, done, total)
+            bars.update(tasks[work], completed=done)
+
+        yield on_progress
 
 
 def print_table(
@@ -69,30 +80,39 @@ def print_table(
     rows: Iterable[Iterable[str]],
     left_aligned: bool = False,
 ) -> None:
-    """Print a table to standard output: numbers to the right, or words all to the left."""
+    """Print a table to standard output.
+
+    Columns after the first are right-aligned for numbers, or left-aligned for text.
+    """
     from rich import console, markup, table
 
     justify: Literal["left", "right"] = "left" if left_aligned else "right"
-    columns = (
-        table.Column(name, justify=justify if number else "left")
-        for number, name in enumerate(header)
-    )
-    drawn = table.Table(*columns, title=title, title_justify="left")
+    output = table.Table(title=title, title_justify="left")
+    for number, name in enumerate(header):
+        output.add_column(name, justify=justify if number else "left")
     for row in rows:
-        # a cell is no markup, whatever brackets it has
-        drawn.add_row(*map(markup.escape, row))
+        # brackets in a cell are no markup
+        output.add_row(*map(markup.escape, row))
     screen = console.Console()
     if not screen.is_terminal:
         screen.width = WIDTH_IN_FILES
-    screen.print(drawn)
+    screen.print(output)
 
 
 def print_results(
     title: str, rows: Sequence["Row"], pictures: Sequence[Path], folder: Path
 ) -> None:
-    """Print result rows, the paper's numbers beside them, and where pictures and all else are."""
-    header = ("arm", "what", "of", "unit", "mean ± over steps", "± over seeds", "paper")
-    print_table(title, header, map(_cells, rows))
+    """Print result rows next to the paper's numbers, and the paths of all outputs."""
+    header = (
+        "arm",
+        "metric",
+        "strategy",
+        "unit",
+        "mean ± over steps",
+        "± over seeds",
+        "paper",
+    )
+    print_table(title, header, map(_result_cells, rows))
     modes = {
         row.arm: (row.first_mode_hz, row.damping_ratio)
         for row in rows
@@ -103,22 +123,20 @@ def print_results(
             f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}"
         )
     for picture in pictures:
-        print(f"{KINDS.get(picture.suffix, 'figure')}: {picture}")
-    print(f"all of it: {folder}")
+        print(f"{OUTPUT_LABELS.get(picture.suffix, 'figure')}: {picture}")
+    print(f"run directory: {folder}")
 
 
-def _cells(row: "Row") -> tuple[str, ...]:
+def _result_cells(row: "Row") -> tuple[str, ...]:
     from s2c2a.evaluation.report import pair
 
-    own = pair(row.mean, row.std_steps)
     seeds = "" if row.std_seeds is None else f"± {row.std_seeds:.2f} ({len(row.seeds)})"
-    paper = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
     return (
         row.arm,
         f"{row.task}: {row.metric}",
         row.strategy,
         row.unit,
-        own,
+        pair(row.mean, row.std_steps),
         seeds,
-        paper,
+        "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std),
     )

@@ -1,4 +1,4 @@
-"""`s2c2a doctor`: what this machine has and lacks."""
+"""Command `s2c2a doctor`: check the installation."""
 
 import os
 import platform
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 
-GOOD_FOR = {
+PACKAGE_USES = {
     "numpy": "everything",
     "pydantic": "arm files",
     "mujoco": "simulation",
@@ -24,81 +24,86 @@ GOOD_FOR = {
     "torch": "comparisons of benchmarks (extra bench)",
     "pyelastica": "comparisons of benchmarks (extra bench)",
 }
+Row = tuple[str, str, str]
 
 
 def doctor() -> None:
-    """Say what this machine has and lacks, and how to get what is missing."""
+    """Check the installation, and say how to install what is missing."""
     from s2c2a.cli.console import print_table
+
+    rows = _environment_rows()
+    advice = "install the package again with `pip install .`"
+    if not _failed(rows):
+        advice = "see the messages above"
+        rows.append(("simulated arm", _try(_check_simulation), "collect, run, demo"))
+        rows.append(("JAX device", _try(_jax_devices), "cpu is enough"))
+        rows.append(("cache folder", _try(_check_cache), "run"))
+    print_table("Installation", ("item", "found", "used for"), rows)
+    if failed := _failed(rows):
+        print(f"problems: {', '.join(failed)}; {advice}")
+        sys.exit(1)
+
+
+def _environment_rows() -> list[Row]:
     from s2c2a.executors import all_cores
 
     rows = [
         ("python", platform.python_version(), "everything"),
-        ("cores", str(all_cores()), "trainings, runs and collecting go side by side"),
-        *(
-            (name, _package(name, "(extra" in use), use)
-            for name, use in GOOD_FOR.items()
-        ),
-        ("browser", _browser(), "replay pages"),
+        ("cores", str(all_cores()), "parallel training, runs and collecting"),
     ]
-    advice = "install the package again with `pip install .`"
-    if not _faults(rows):
-        advice = "look at the message above"
-        rows.append(("simulated arm", _tried(_simulation), "collect, run, demo"))
-        rows.append(("JAX device", _tried(_numerics), "cpu is enough"))
-        rows.append(("cache folder", _tried(_cache), "run"))
-    print_table("What this machine has", ("what", "found", "good for"), rows)
-    if faults := _faults(rows):
-        print(f"not well: {', '.join(faults)}; {advice}")
-        sys.exit(1)
+    for name, use in PACKAGE_USES.items():
+        rows.append((name, _package_version(name, "(extra" in use), use))
+    rows.append(("browser", _browser(), "replay pages"))
+    return rows
 
 
-def _faults(rows: list[tuple[str, str, str]]) -> list[str]:
-    return [what for what, found, _ in rows if found.startswith(("missing", "FAILED"))]
+def _failed(rows: list[Row]) -> list[str]:
+    return [item for item, found, _ in rows if found.startswith(("missing", "FAILED"))]
 
 
-def _package(name: str, extra: bool) -> str:
+def _package_version(name: str, optional: bool) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
-        return "not installed" if extra else "missing"
+        return "not installed" if optional else "missing"
 
 
 def _browser() -> str:
-    found = map(shutil.which, ("chromium", "google-chrome", "firefox"))
-    return next(filter(None, found), "none found here; replay pages open in any")
+    for name in ("chromium", "google-chrome", "firefox"):
+        if path := shutil.which(name):
+            return path
+    return "none found here; replay pages open in any"
 
 
-def _tried(check: Callable[[], str]) -> str:
-    """What a check found, or what went wrong: a doctor does not fall ill."""
+def _try(check: Callable[[], str]) -> str:
+    """Result of a check, or its error, so that one failure does not end the report."""
     try:
         return check()
     except Exception as error:
         return f"FAILED: {error!r}"
 
 
-def _simulation() -> str:
+def _check_simulation() -> str:
     from s2c2a.arm import load_arm
     from s2c2a.robots import check_robot
     from s2c2a.robots.simulation import SimulatedRobot
 
     check_robot(SimulatedRobot(load_arm("twin_arm")))
-    return "opens, moves, keeps its promises"
+    return "fulfills the interface contract"
 
 
-def _numerics() -> str:
+def _jax_devices() -> str:
     import jax
 
     return ", ".join(sorted({device.platform for device in jax.devices()}))
 
 
-def _cache() -> str:
+def _check_cache() -> str:
     from s2c2a.cache import cache_folder
 
     folder = cache_folder()
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    if not os.access(existing, os.W_OK):
+        return f"FAILED: {folder} cannot be written"
     free = shutil.disk_usage(existing).free / 1e9
-    return (
-        f"{folder} ({free:.0f} GB free)"
-        if os.access(existing, os.W_OK)
-        else f"FAILED: {folder} cannot be written"
-    )
+    return f"{folder} ({free:.0f} GB free)"

@@ -1,4 +1,4 @@
-"""How verbs have things made: by whom, in which folder, on which body, told by a bar."""
+"""Execution options that commands share: executor, run directory and robot."""
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -13,8 +13,8 @@ import tyro
 from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import Processes, Serial, compute_on_one_thread
-from s2c2a.robots.factory import Body, options_from, robot_class
+from s2c2a.executors import Processes, Serial, limit_jax_to_one_thread
+from s2c2a.robots.factory import RobotFactory, options_from, robot_class
 
 if TYPE_CHECKING:
     from s2c2a import jobs
@@ -25,12 +25,12 @@ Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 
 @dataclass(frozen=True)
-class _Folder:
-    """Where results go.
+class _OutputOptions:
+    """Run directory of the results.
 
     Attributes:
-        out: the run folder; one under runs/ if not stated.
-        overwrite: replace the run folder if it exists.
+        out: the run directory; by default a new one in runs/.
+        overwrite: replace the run directory if it exists.
     """
 
     out: Path | None = None
@@ -38,36 +38,35 @@ class _Folder:
 
 
 @dataclass(frozen=True)
-class _Work(_Folder):
-    """Where results go, and who works; the results are the same.
+class _WorkOptions(_OutputOptions):
+    """Run directory and parallel execution; the results do not depend on the latter.
 
     Attributes:
-        jobs: trainings and runs side by side; all cores if not stated.
-        cluster: let the workers of a dask scheduler do it: its address
-            (tcp://host:8786, or the file where it wrote it), or local for one on this
-            machine; docs/cluster.md.
+        jobs: parallel trainings and runs; all cores by default.
+        cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
+            its scheduler file), or local for one on this machine; docs/cluster.md.
     """
 
     jobs: int | None = None
     cluster: Address = None
 
 
-NEW_FOLDER = _Folder()
-ALL_CORES = _Work()
-Folder = Annotated[_Folder, tyro.conf.arg(name="")]
-Work = Annotated[_Work, tyro.conf.arg(name="")]
+NEW_FOLDER = _OutputOptions()
+ALL_CORES = _WorkOptions()
+Folder = Annotated[_OutputOptions, tyro.conf.arg(name="")]
+Work = Annotated[_WorkOptions, tyro.conf.arg(name="")]
 
 
-def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executor:
-    """Processes of this machine, or the workers of a cluster.
+def make_executor(jobs: int | None = None, cluster: str | None = None) -> Executor:
+    """Return processes of this machine, or the workers of a cluster.
 
     Args:
-        jobs: side by side on this machine; all cores if None.
-        cluster: its address; none if None.
+        jobs: number of processes on this machine; all cores if None.
+        cluster: address of the cluster; None for this machine.
 
     Raises:
-        S2C2AError: no such cluster, its extra is missing, or a number that belongs to
-            another machine.
+        S2C2AError: the cluster does not exist, its extra is not installed, or `jobs` is
+            given for a cluster on other machines.
     """
     if cluster is None:
         return Processes(jobs)
@@ -76,84 +75,96 @@ def executor_for(jobs: int | None = None, cluster: str | None = None) -> Executo
 
     if jobs is not None and cluster != LOCAL:
         raise S2C2AError(
-            f"{jobs} side by side asked for; how many workers {cluster} has is said where they start"
+            f"{jobs} side by side asked for; how many workers {cluster} has is set "
+            "where they start. Leave out --jobs"
         )
     return Cluster(cluster, jobs)
 
 
 @contextmanager
-def making(
+def run_directory(
     label: str,
     options: dict,
-    folder: _Folder,
+    folder: _OutputOptions,
     *,
     alone: bool = False,
     go_on: bool = False,
     own_data: bool = False,
 ) -> "Iterator[tuple[Path, jobs.Make]]":
-    """A run folder, and what finds or makes things in it.
+    """Open a run directory; yield its path and a function that makes artifacts in it.
 
     Args:
-        label: of a folder that has no name.
-        options: that it is made with.
-        folder: where it shall be, and who works if it says so; else this process, which
-            tells in detail.
-        alone: whether this process works whatever the folder says.
-        go_on: whether one that was begun with the same options is gone on with, also
-            under runs/.
-        own_data: whether recordings and networks stay in it as well, and not in the
+        label: name of a directory that the user does not name.
+        options: options of the command, saved in the directory.
+        folder: where the directory is; with `_WorkOptions`, also the executor.
+        alone: whether to work in this process, whatever `folder` says.
+        go_on: whether to continue a directory with the same options.
+        own_data: whether to keep recordings and networks in the directory, not in the
             cache.
     """
     from s2c2a import jobs
-    from s2c2a.jobs.run_folder import open_run_folder
+    from s2c2a.jobs.run_folder import open_run_directory
 
-    compute_on_one_thread()
-    with (
-        executor_for(folder.jobs, folder.cluster)
-        if isinstance(folder, _Work) and not alone
-        else Serial() as executor
-    ):
-        place = open_run_folder(folder.out, label, options, folder.overwrite, go_on)
-        kept = jobs.Cache(
-            place / "data" if own_data else cache_folder(), place / "runs"
+    limit_jax_to_one_thread()
+    with _executor_of(folder, alone) as executor:
+        directory = open_run_directory(
+            folder.out, label, options, folder.overwrite, go_on
         )
+        data = directory / "data" if own_data else cache_folder()
+        cache = jobs.Cache(data, directory / "runs")
 
         def make(artifacts):
             with progress_bar() as progress:
-                return jobs.make_all(artifacts, kept, executor, progress)
+                return jobs.make_all(artifacts, cache, executor, progress)
 
-        yield place, make
+        yield directory, make
+
+
+def _executor_of(folder: _OutputOptions, alone: bool) -> Executor:
+    if alone or not isinstance(folder, _WorkOptions):
+        return Serial()
+    return make_executor(folder.jobs, folder.cluster)
 
 
 def require(extra: str, *packages: str) -> None:
-    """Say what to install where a package of an extra is missing.
+    """Check that the packages of an extra are installed.
 
     Raises:
-        S2C2AError: one is.
+        S2C2AError: at least one is missing.
     """
-    if missing := [package for package in packages if find_spec(package) is None]:
+    missing = [package for package in packages if find_spec(package) is None]
+    if missing:
         raise S2C2AError(
-            f'{", ".join(missing)} is missing; say, in your clone of s2c2a: pip install ".[{extra}]"'
+            f"{', '.join(missing)} is missing; install it, in your clone of s2c2a, "
+            f'with: pip install ".[{extra}]"'
         )
 
 
-def body_for(
-    robot: str, options: tuple[str, ...], fidelity: str = "fast", payload: float = 0.0
-) -> Body:
-    """The body, and how it is made; nothing is opened yet.
+def robot_factory_for(
+    robot: str,
+    options: tuple[str, ...],
+    fidelity: str = "fast",
+    payload: float = 0.0,
+    events: tuple[str, ...] = (),
+) -> RobotFactory:
+    """Return the description of a robot, from the options of a command.
+
+    It does not open the robot.
 
     Raises:
-        S2C2AError: no such class, no option, or one of the simulation's for another
-            body.
+        S2C2AError: no such class or option, or an option of the simulation is given for
+            another robot.
     """
-    given = options_from(options)
-    if Body(robot).simulated:
-        return Body(
-            robot, (*Body.simulation(fidelity, payload=payload).options, *given)
+    pairs = options_from(options)
+    if RobotFactory(robot).simulated:
+        simulation = RobotFactory.simulation(
+            fidelity, payload=payload, events="; ".join(events)
         )
-    if fidelity != "fast" or payload:
+        return RobotFactory(robot, (*simulation.options, *pairs))
+    if fidelity != "fast" or payload or events:
         raise S2C2AError(
-            f"--fidelity and --payload are of the simulated arm, and --robot is {robot}; leave them out"
+            "--fidelity, --payload and --event belong to the simulated arm, and --robot "
+            f"is {robot}; leave them out"
         )
-    robot_class(robot)  # what is not there is told before anything else
-    return Body(robot, given)
+    robot_class(robot)  # raises an error early if the class does not exist
+    return RobotFactory(robot, pairs)

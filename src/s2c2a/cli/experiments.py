@@ -1,4 +1,4 @@
-"""`s2c2a reproduce`, beyond the paper's tables: randomized arms, sensors, transfer, real recordings, plans."""
+"""Experiments of `s2c2a reproduce` beyond the paper's tables."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -7,10 +7,11 @@ from typing import Literal
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, print_results, progress_bar
-from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, making
+from s2c2a.cli.console import Arm, Events, print_results, progress_bar
+from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 Compared = Literal["best", "best-long", "paper", "pcc", "pcc-fitted"]
+
 TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
 
 
@@ -24,38 +25,40 @@ def randomized_arms(
     seed: int = 0,
     work: Work = ALL_CORES,
 ) -> None:
-    """Arms that nobody modeled: drawn ones through data, training and tasks, for every strategy (docs/protocol.md).
+    """All strategies on arms with random model mismatch (docs/protocol.md).
 
-    From strength 0.75 on, targets are put within the reach of the randomized arm. Cut short,
-    it goes on where it was.
+    Data, training and tasks are repeated for each arm. From strength 0.75 on, targets
+    lie within the reach of the randomized arm. Repeat the command to continue an
+    interrupted run.
 
     Args:
-        arms: how many are drawn at each strength, as `s2c2a arm random` does with seeds
-            from zero.
-        strengths: of their mismatch.
+        arms: number of arms at each strength, sampled as `s2c2a arm random` does, with
+            seeds from zero.
+        strengths: magnitudes of the mismatch.
         strategies: best, best-long and paper are recipes of the paper's strategy.
-        tasks: by name.
-        targets: within reach, each held for five seconds, to see whether any strategy
-            runs away; none if zero.
-        base: a preset or an arm file: modules, cables, and all that controllers are
-            told.
-        seed: of data, training and start.
-        work: where results go, and who works.
+        tasks: names of tasks.
+        targets: number of targets within reach, each held for five seconds, to find
+            strategies that diverge; none if zero.
+        base: a preset or an arm file: modules, cables, and all that the controllers
+            know.
+        seed: random seed of data, training and start.
+        work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_table
-    from s2c2a.studies.randomized_arms import EXPERIMENT, Unknown, randomized_arms_rows
-
-    asked = Unknown(load_arm(base), arms, strengths, strategies, tasks, targets, seed)
-    with making(EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True) as (
-        place,
-        make,
-    ):
-        rows = randomized_arms_rows(asked, make)
-        written = save_table(EXPERIMENT, rows, place)
-    print_results(
-        EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place
+    from s2c2a.studies.randomized_arms import (
+        EXPERIMENT,
+        RandomizedArmsStudy,
+        randomized_arms_rows,
     )
-    print(f"table: {written} (.csv, .tex, .json beside it)")
+
+    study = RandomizedArmsStudy(
+        load_arm(base), arms, strengths, strategies, tasks, targets, seed
+    )
+    options = asdict(study) | {"base": base}
+    with run_directory(EXPERIMENT, options, work, go_on=True) as (directory, make):
+        rows = randomized_arms_rows(study, make)
+        table = _save_table(EXPERIMENT, rows, directory)
+    print_results(EXPERIMENT, _summary_rows(rows), [], directory)
+    print(table)
 
 
 def sensors(
@@ -64,7 +67,7 @@ def sensors(
     strength: float = 0.5,
     sets: tuple[str, ...] = (
         "encoders",
-        "encoders-told",
+        "encoders-known-payload",
         "bends",
         "imu",
         "current",
@@ -72,57 +75,69 @@ def sensors(
         "flex",
         "imu-current-camera",
     ),
-    loads_g: tuple[float, ...] = (0.0, 50.0, 100.0),
+    payloads_g: tuple[float, ...] = (0.0, 50.0, 100.0),
     tasks: tuple[str, ...] = ("circle",),
     seeds: int = 1,
-    happens: str = "",
+    event: Events = (),
     work: Work = ALL_CORES,
 ) -> None:
-    """What sensors beside encoders are worth under loads that nobody told of, and the margins of each loop.
+    """Tip errors under unknown payloads for sets of sensors (docs/sensors.md).
 
-    Networks are trained without load, once for all sets but `flex`, whose strips are
-    learned too. Cut short, it goes on where it was (docs/sensors.md).
+    Networks are trained without payload,
+    once for all sets except `flex`, whose sensor model is trained too. Repeat the
+    command to continue an interrupted run.
 
     Args:
         arm: a preset or an arm file.
-        drawn: how many arms are drawn beside it, as `s2c2a arm random` does, and tried
-            in its place; none if zero.
-        strength: of their mismatch.
-        sets: of sensors; encoders-told is encoders and the word how much hangs at the
-            tip.
-        loads_g: that hang at the tip [g].
-        tasks: by name.
-        seeds: how many, from zero.
-        happens: while the arm works, such as "6 load 0.05; 10 blind" (docs/sensors.md).
-        work: where results go, and who works.
+        drawn: number of randomized arms, sampled as `s2c2a arm random` does, to use
+            instead of this arm; none if zero.
+        strength: magnitude of their mismatch.
+        sets: sets of sensors; encoders-known-payload is encoders and a known payload.
+        payloads_g: masses at the tip [g].
+        tasks: names of tasks.
+        seeds: number of seeds, from zero.
+        event: a disturbance during the run, such as "6 payload 0.05" or "10 sensor_loss";
+            repeat the option for several (docs/sensors.md).
+        work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs import checked_seeds
-    from s2c2a.studies import sensors as studied
-    from s2c2a.viz.sensor_comparison import worth_figure
+    from s2c2a.studies import sensors as study
+    from s2c2a.viz.sensor_comparison import sensor_comparison_figure
 
-    numbers = checked_seeds(0, seeds)
-    arms = studied.arms_of(load_arm(arm), drawn, strength)
-    loads = tuple(load / 1000 for load in loads_g)
-    asked = studied.Worth(arms, sets, loads, tasks, tuple(numbers), strength, happens)
     options = {
         "arm": arm,
         "drawn": drawn,
         "strength": strength,
         "sets": sets,
-        "loads_g": loads_g,
+        "payloads_g": payloads_g,
         "tasks": tasks,
+        "events": event,
+        "seeds": seeds,
     }
-    options |= {"happens": happens, "seeds": seeds}
-    with making(studied.EXPERIMENT, options, work, go_on=True) as (place, make):
-        rows = studied.sensors_rows(asked, make) + studied.margin_rows(asked, make)
-        save_rows(rows, place / "results.json")
-        figures = [
-            worth_figure(errors, place / f"{named}-{task}.png", f"{task} with {named}")
-            for named, task in dict.fromkeys((row.arm, row.task) for row in rows)
-            if (errors := studied.errors_of(rows, named, task))
-        ]
-    print_results(f"sensors, {seeds} seeds", rows, figures, place)
+    compared = study.SensorStudy(
+        arms=study.randomized_arms(load_arm(arm), drawn, strength),
+        sets=sets,
+        payloads=tuple(payload / 1000 for payload in payloads_g),
+        tasks=tasks,
+        seeds=tuple(checked_seeds(0, seeds)),
+        strength=strength,
+        events="; ".join(event),
+    )
+    with run_directory(study.EXPERIMENT, options, work, go_on=True) as (
+        directory,
+        make,
+    ):
+        rows = study.sensor_rows(compared, make)
+        save_rows(rows, directory / "results.json")
+        figures = []
+        for name, task in dict.fromkeys((row.arm, row.task) for row in rows):
+            if errors := study.errors_by_set(rows, name, task):
+                path = directory / f"{name}-{task}.png"
+                figures.append(
+                    sensor_comparison_figure(errors, path, f"{task} with {name}")
+                )
+    print_results(f"sensors, {seeds} seeds", rows, figures, directory)
 
 
 def transfer(
@@ -136,36 +151,34 @@ def transfer(
     seed: int = 0,
     work: Work = ALL_CORES,
 ) -> None:
-    """Networks of one arm for another of the same make, and for other module counts (docs/transfer.md).
+    """Transfer of networks to a similar arm or another module count (docs/transfer.md).
 
-    Cut short, it goes on where it was.
+    Repeat the command to continue an interrupted run.
 
     Args:
-        drawn: seeds of arms as `s2c2a arm random` draws them; each begins from the
-            networks of the next.
-        counts: of modules, learned from and begun; modules of half the base's length.
-        halves: seeds of arms of these counts.
-        strength: of their mismatch.
-        tasks: by name.
-        samples: of a short recording.
+        drawn: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
+            training from the networks of the next.
+        counts: module counts of the source and of the target; their modules have half
+            the length of the base's.
+        halves: seeds of randomized arms with these module counts.
+        strength: magnitude of the mismatch.
+        tasks: names of tasks.
+        samples: length of a short recording.
         base: a preset or an arm file.
-        seed: of data, training and start.
-        work: where results go, and who works.
+        seed: random seed of data, training and start.
+        work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.studies import transfer as studied
+    from s2c2a.studies.transfer import EXPERIMENT, Transfer, transfer_rows
 
-    asked = studied.Transfer(
+    study = Transfer(
         load_arm(base), drawn, counts, halves, strength, tasks, samples, seed
     )
-    with making(
-        studied.EXPERIMENT, asdict(asked) | {"base": base}, work, go_on=True
-    ) as (place, make):
-        rows = studied.transfer_rows(asked, make)
-        save_rows(rows, place / "results.json")
-    print_results(
-        studied.EXPERIMENT, [row for row in rows if " arms at " in row.arm], [], place
-    )
+    options = asdict(study) | {"base": base}
+    with run_directory(EXPERIMENT, options, work, go_on=True) as (directory, make):
+        rows = transfer_rows(study, make)
+        save_rows(rows, directory / "results.json")
+    print_results(EXPERIMENT, _summary_rows(rows), [], directory)
 
 
 def real(
@@ -177,77 +190,75 @@ def real(
     seeds: int = 1,
     folder: Folder = NEW_FOLDER,
 ) -> None:
-    """Forward models on a recording of an arm that nobody here made, such as `s2c2a import` writes.
+    """Forward models on recordings of real arms, such as `s2c2a import` writes.
 
-    Rows that are held out are never shown to a model; what cables remember is carried
-    along the whole recording.
+    Held-out rows are not used in training. Hysteresis states are propagated along the
+    whole recording.
 
     Args:
-        recording: to learn from.
-        unseen: other recordings of the same arm, tried as a whole.
+        recording: training data.
+        unseen: other recordings of the same arm, used for testing only.
         block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
             none if zero.
-        last: hold out so many last rows, in a training of their own; none if zero.
-        models: by name; all if not stated.
-        seeds: of training, from zero.
-        folder: where results go.
+        last: hold out so many last rows, in a separate training; none if zero.
+        models: names of models; all by default.
+        seeds: number of training seeds, from zero.
+        folder: run directory.
     """
-    from s2c2a.evaluation.report import save_table
-    from s2c2a.studies.real import EXPERIMENT, Asked, real_rows
+    from s2c2a.studies.real import EXPERIMENT, RealComparison, real_rows
 
-    asked = Asked.of(recording, unseen, block, last, models)
+    study = RealComparison.of(recording, unseen, block, last, models)
     options = {
         "recording": str(recording),
-        "unseen": [str(one) for one in unseen],
+        "unseen": [str(path) for path in unseen],
         "block": block,
         "last": last,
+        "models": models,
+        "seeds": seeds,
     }
     with (
-        making(EXPERIMENT, options | {"models": models, "seeds": seeds}, folder) as (
-            place,
-            _,
-        ),
-        progress_bar() as told,
+        run_directory(EXPERIMENT, options, folder) as (directory, _),
+        progress_bar() as progress,
     ):
-        rows = real_rows(asked, range(seeds), told)
-        written = save_table(EXPERIMENT, rows, place)
-    print_results(EXPERIMENT, rows, [], place)
-    print(f"table: {written} (.csv, .tex, .json beside it)")
+        rows = real_rows(study, range(seeds), progress)
+        table = _save_table(EXPERIMENT, rows, directory)
+    print_results(EXPERIMENT, rows, [], directory)
+    print(table)
 
 
-def loads(
+def payloads(
     weights: tyro.conf.Positional[Path],
     recordings: tyro.conf.Positional[tuple[Path, ...]],
     seen: float = 20.0,
     folder: Folder = NEW_FOLDER,
 ) -> None:
-    """Loads in recordings of an arm that nobody here made, of which its networks know nothing.
+    """Payload estimation on recordings of real arms.
 
-    The observer hears encoders, and where the tip was for the first seconds; then it
-    must do with what it found.
+    The networks are trained without payload. The state estimator uses the encoders
+    and, for the first seconds, the tip position.
 
     Args:
-        weights: made by `s2c2a train` from a recording without load.
-        recordings: of the same arm with something at its tip, imported --like the
+        weights: networks from `s2c2a train`, trained on a recording without payload.
+        recordings: recordings of the same arm with a payload, imported with --like the
             first.
-        seen: for how long the tip is seen [s].
-        folder: where results go.
+        seen: time in which the tip position is measured [s].
+        folder: run directory.
     """
     from s2c2a.data import load_recording
     from s2c2a.evaluation.report import save_rows
     from s2c2a.strategies import load_strategy
-    from s2c2a.studies.payloads import EXPERIMENT, load_rows
+    from s2c2a.studies.payloads import EXPERIMENT, payload_rows
 
-    given = {str(path.with_suffix("")): load_recording(path) for path in recordings}
+    loaded = {str(path.with_suffix("")): load_recording(path) for path in recordings}
     options = {
         "weights": weights,
         "recordings": [str(path) for path in recordings],
-        "camera_positions": seen,
+        "seen": seen,
     }
-    with making(EXPERIMENT, options, folder) as (place, _):
-        rows = list(load_rows(load_strategy(weights), given, seen))
-        save_rows(rows, place / "results.json")
-    print_results(f"loads, the tip seen for {seen:g} s", rows, [], place)
+    with run_directory(EXPERIMENT, options, folder) as (directory, _):
+        rows = list(payload_rows(load_strategy(weights), loaded, seen))
+        save_rows(rows, directory / "results.json")
+    print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
 
 
 def plans(
@@ -256,24 +267,39 @@ def plans(
     seed: int = 0,
     folder: Folder = NEW_FOLDER,
 ) -> None:
-    """Drawn plans beside a long search: which of them stand although their cost could fall.
+    """Random planning problems compared with a long search.
+
+    Reports the share of plans that are stuck although their cost could decrease.
 
     Args:
-        weights: files of networks; those that come with the package if none is given.
-        count: of plans for each.
-        seed: of all that is drawn.
-        folder: where results go.
+        weights: files of networks; those of the package by default.
+        count: number of problems for each.
+        seed: random seed of the problems.
+        folder: run directory.
     """
     from s2c2a import strategies
     from s2c2a.evaluation.report import save_rows
     from s2c2a.studies.circle import ARMS
     from s2c2a.studies.plans import plan_rows
 
-    given = [strategies.load_strategy(path) for path in weights]
-    every = given or [strategies.shipped_networks(load_arm(name)) for name in ARMS]
-    with making(
-        "plans", {"weights": weights, "count": count, "seed": seed}, folder
-    ) as (place, _):
-        rows = plan_rows(every, count, seed)
-        save_rows(rows, place / "results.json")
-    print_results(f"{count} drawn plans beside a long search", rows, [], place)
+    networks = [strategies.load_strategy(path) for path in weights]
+    if not networks:
+        networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
+    options = {"weights": weights, "count": count, "seed": seed}
+    with run_directory("plans", options, folder) as (directory, _):
+        rows = plan_rows(networks, count, seed)
+        save_rows(rows, directory / "results.json")
+    print_results(f"{count} plans compared with a long search", rows, [], directory)
+
+
+def _summary_rows(rows: list) -> list:
+    """Rows of averages over arms."""
+    return [row for row in rows if " arms at " in row.arm]
+
+
+def _save_table(name: str, rows: list, directory: Path) -> str:
+    """Save a table and return a message with its path."""
+    from s2c2a.evaluation.report import save_table
+
+    path = save_table(name, rows, directory)
+    return f"table: {path} (.csv, .tex, .json next to it)"

@@ -1,51 +1,57 @@
-"""What `s2c2a bench` starts: `python -m s2c2a.cli.first_action ARM` loads what drives an arm, acts, and says when."""
+"""Start-up benchmark: compute the first action of an arm in a new process.
+
+`s2c2a bench` starts `python -m s2c2a.cli.first_action ARM`, which prints the time.
+"""
 
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 
 if TYPE_CHECKING:
-    from s2c2a import arm, kinematics, strategies
+    from s2c2a import arm, strategies
+    from s2c2a.models.forward_model import ForwardModel
 
 
-def driver_of(
+def default_model_and_strategy(
     arm: "arm.ArmSpec",
-) -> "tuple[kinematics.ForwardModel, strategies.Strategy]":
-    """A forward model and a strategy that plans with it: networks where they come with the package, PCC elsewhere."""
-    from s2c2a import errors, kinematics, strategies
+) -> "tuple[ForwardModel, strategies.Strategy]":
+    """Forward model and strategy: the networks of the package, or else PCC."""
+    from s2c2a import errors, strategies
+    from s2c2a.models.forward_model import PCCForwardModel
 
     try:
         networks = strategies.shipped_networks(arm)
     except errors.StrategyError:
-        recipe = strategies.recipe_named("best")
-        return kinematics.PCCForwardModel.of(arm), strategies.pcc_strategy(
-            arm, recipe.planner
-        )
+        planner = strategies.recipe_named("best").planner
+        model = PCCForwardModel.of(arm)
+        return model, strategies.pcc_strategy(arm, planner)
     return networks.c2s, strategies.s2c2a_strategy(networks)
 
 
 def first_action(name: str) -> None:
-    """The action of the first control step of an arm, from rest towards a point aside; `name` is a preset or a file."""
+    """Compute the first action of an arm, from rest towards a lateral target.
+
+    Args:
+        name: a preset or an arm file.
+    """
     import numpy as np
 
     from s2c2a import goals, spaces
     from s2c2a.arm import load_arm
 
     arm = load_arm(name)
-    strategy = driver_of(arm)[1]
+    strategy = default_model_and_strategy(arm)[1]
     straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
     cables = np.zeros((arm.module_count, arm.cable_count))
     reading = spaces.Reading(0.0, {"cables": cables, "configurations": straight})
-    aside = goals.Goal.of(arm.module_count).with_position(
-        [0.2 * arm.length, 0.0, 0.9 * arm.length]
-    )
+    target = [0.2 * arm.length, 0.0, 0.9 * arm.length]
     strategy.start(reading)
-    strategy.step(reading, aside)
+    strategy.step(reading, goals.Goal.of(arm.module_count).with_position(target))
 
 
 if __name__ == "__main__":
-    keep_programs()
+    enable_compilation_cache()
     first_action(sys.argv[1])
     print(time.time())

@@ -1,5 +1,6 @@
-"""`s2c2a identify`: an arm file fitted to a recording, so that the simulation is that arm's twin."""
+"""Command `s2c2a identify`: fit an arm file to a recording (system identification)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,15 +8,16 @@ import tyro
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
-from s2c2a.cli.execution import executor_for
+from s2c2a.cli.execution import make_executor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
+    from s2c2a.episodes import Episode
     from s2c2a.identification import Fit, TipErrors
 
-SETTLING = 0.1  # s: a light arm is at rest then
-ENOUGH_ROWS = 400
+SETTLING_TIME = 0.1  # s; a light arm is then at rest
+DEFAULT_ROWS = 400
 Groups = Annotated[tuple[str, ...], tyro.conf.arg(metavar="GROUP ...")]
 
 
@@ -32,26 +34,26 @@ def identify(
     jobs: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Fit the simulated arm to a recording, and write the arm file of this twin (docs/identify.md).
+    """Fit the simulated arm to a recording, and write its arm file (docs/identify.md).
 
-    Every fifth stretch of 25 rows is kept from the fit, and the twin's error is said of
-    it. Interrupted, it writes the best so far; go on by giving that file as --arm.
+    Every fifth block of 25 rows is held out, and the error is reported on these. An
+    interrupted fit writes the best arm so far; continue with that file as --arm.
 
     Args:
-        recording: of the arm; its ends must have been seen, at least the tip.
-        arm: the start: a preset or an arm file, such as the one that `s2c2a import` has
-            found.
+        recording: recording of the arm with measured module ends, at least the tip.
+        arm: initial guess: a preset or an arm file, such as the one of `s2c2a import`.
         out: the arm file to write.
-        fit: what is fitted (docs/identify.md); what most recordings show if not stated.
-        on: other recordings of the same arm, on which the twin's error is said too.
-        settling: seconds that an action is held in the simulation; give it where every
-            row is a shape at rest. If not stated, 0.1 where `s2c2a import` was told so,
-            and elsewhere rows are as far apart as in the recording.
-        rows: rows that are fitted at most, evenly spread; only where all are at rest.
-            400 of them if not stated.
-        rounds: steps of the fit at most.
+        fit: groups of parameters to fit (docs/identify.md); by default those that most
+            recordings determine.
+        on: other recordings of the same arm, on which to report the error too.
+        settling: time for which the simulation holds each action [s], for recordings
+            whose rows are all at rest. By default 0.1 if `s2c2a import` recorded this;
+            otherwise rows follow each other at the recorded rate.
+        rows: maximum number of rows to fit, evenly spaced, for recordings at rest; 400
+            by default.
+        rounds: maximum number of iterations.
         fidelity: of the simulation.
-        jobs: simulations side by side; all cores if not stated. The result is the same.
+        jobs: parallel simulations, all cores by default; the result is the same.
         overwrite: replace the arm file if it exists.
     """
     from s2c2a import data, identification
@@ -61,104 +63,100 @@ def identify(
             f"{out} exists; choose another name or overwrite it (--overwrite)"
         )
     groups = fit or identification.USUAL
-    start = identification.stated_for(load_arm(arm), groups)
+    start = identification.with_default_starts(load_arm(arm), groups)
     recorded = data.load_recording(recording)
-    settling = (
-        SETTLING if settling is None and recorded.options.get("at_rest") else settling
-    )
-    if rows is not None and rows < 1:
-        raise S2C2AError(
-            f"--rows {rows} was asked for; take at least one, or leave it out for {ENOUGH_ROWS}"
-        )
-    if rows is not None and settling is None:
-        raise S2C2AError(
-            "--rows leaves rows out, which is possible where every one is at rest: say --settling too"
-        )
+    if settling is None and recorded.options.get("at_rest"):
+        settling = SETTLING_TIME
+    _check_rows(rows, settling)
     others = {str(path): data.load_recording(path) for path in on}
-    for one in (recorded, *others.values()):
-        _check_alike(start, one.arm)
+    for tested in (recorded, *others.values()):
+        _check_same_layout(start, tested.arm)
     options = identification.options_for(recorded, settling, rounds, fidelity)
-    disturbances = identification.unknowns_of(start, groups, moving=settling is None)
-    episodes = (
-        recorded.episodes
-        if settling is None
-        else identification.thinned(recorded.episodes, rows or ENOUGH_ROWS)
-    )
-    with executor_for(jobs) as executor, progress_bar() as progress:
-        found = identification.identify(
-            start, disturbances, episodes, options, executor, progress
+    parameters = identification.unknowns_of(start, groups, moving=settling is None)
+    episodes: Sequence[Episode] = recorded.episodes
+    if settling is not None:
+        episodes = identification.thinned(episodes, rows or DEFAULT_ROWS)
+    with make_executor(jobs) as executor, progress_bar() as progress:
+        result = identification.identify(
+            start, parameters, episodes, options, executor, progress
         )
     errors = identification.errors_of(
-        found, {name: one.episodes for name, one in others.items()}
+        result, {name: other.episodes for name, other in others.items()}
     )
-    save_whole(
-        identification.fitted_toml(found, _remark(recording, errors)), out, ArmError
+    remark = "\n".join(
+        [f"Fitted to {recording.name} by `s2c2a identify`.", *_describe(errors)]
     )
-    _tell(found, errors)
+    write_atomically(identification.fitted_toml(result, remark), out, ArmError)
+    _print_result(result, errors)
     print(f"arm: {out}")
 
 
-def _check_alike(start: ArmSpec, recorded: ArmSpec) -> None:
-    """Rows of a recording have to fit the arm that replays them."""
-    forms = [
-        (one.actuation, one.module_count, one.cable_count) for one in (start, recorded)
-    ]
-    if forms[0] != forms[1]:
-        said = [
-            f"driven by {actuation}, {modules} modules of {cables} cables"
-            for actuation, modules, cables in forms
-        ]
-        raise ArmError(
-            f"{start.name} is {said[0]}; what was recorded is {said[1]}: give the arm that was recorded"
+def _check_rows(rows: int | None, settling: float | None) -> None:
+    if rows is None:
+        return
+    if rows < 1:
+        raise S2C2AError(
+            f"--rows is {rows}; take at least 1, or leave it out for {DEFAULT_ROWS}"
+        )
+    if settling is None:
+        raise S2C2AError(
+            "--rows leaves rows out, which needs a recording whose rows are all at "
+            "rest: say --settling too"
         )
 
 
-def _remark(recording: Path, errors: "dict[str, TipErrors]") -> str:
-    return "\n".join(
-        [
-            f"Fitted to {recording.name} by `s2c2a identify`.",
-            *map(_in_words, errors, errors.values()),
-        ]
+def _check_same_layout(start: ArmSpec, recorded: ArmSpec) -> None:
+    """Check that the arm can replay the recorded actions."""
+    layout = _layout(start)
+    recorded_layout = _layout(recorded)
+    if layout != recorded_layout:
+        raise ArmError(
+            f"{start.name} is {layout}; the recorded arm is {recorded_layout}: give "
+            "the arm that was recorded"
+        )
+
+
+def _layout(arm: ArmSpec) -> str:
+    return (
+        f"driven by {arm.actuation}, {arm.module_count} modules of "
+        f"{arm.cable_count} cables"
     )
 
 
-def _in_words(of: str, errors: "TipErrors") -> str:
-    numbers = [
-        1e3 * one for one in (errors.mean, errors.rms, errors.rms_centered, errors.most)
+def _describe(errors: "dict[str, TipErrors]") -> list[str]:
+    """One line of tip errors for each recording."""
+    return [
+        f"{name} ({tip.rows}): tip error mean {1e3 * tip.mean:.1f} mm, "
+        f"rms {1e3 * tip.rms:.1f} ({1e3 * tip.rms_centered:.1f} about its mean), "
+        f"95 % below {1e3 * tip.most:.1f}"
+        for name, tip in errors.items()
     ]
-    said = "tip error mean {:.1f} mm, rms {:.1f} ({:.1f} about its mean), 95 % below {:.1f}".format(
-        *numbers
-    )
-    return f"{of} ({errors.rows}): {said}"
 
 
-def _tell(found: "Fit", errors: "dict[str, TipErrors]") -> None:
-    """Numbers, what cannot be told apart, and errors."""
-    from s2c2a.identification import found_numbers, untold
+def _print_result(result: "Fit", errors: "dict[str, TipErrors]") -> None:
+    """Print fitted parameters, unidentifiable combinations and errors."""
+    from s2c2a.identification import fitted_numbers, undetermined_combinations
 
     rows = [
         (
-            one.name,
-            f"{one.start:.5g}",
-            f"{one.value:.5g}",
-            f"{one.deviation:.2g}",
-            "" if one.seen else "hardly seen",
+            number.name,
+            f"{number.start:.5g}",
+            f"{number.value:.5g}",
+            f"{number.deviation:.2g}",
+            "" if number.seen else "poorly identifiable",
         )
-        for one in found_numbers(found)
+        for number in fitted_numbers(result)
     ]
-    print_table(
-        "What was fitted (SI units, deg)",
-        ("number", "start", "fitted", "+-", ""),
-        rows,
-        left_aligned=True,
-    )
-    if combinations := untold(found.belief):
+    header = ("parameter", "start", "fitted", "+-", "")
+    print_table("Fitted parameters (SI units, deg)", header, rows, left_aligned=True)
+    if combinations := undetermined_combinations(result.belief):
+        print("Poorly identifiable combinations (the prior outweighs the recording):")
+        for combination in combinations:
+            print(f"  {combination}")
+    for line in _describe(errors):
+        print(line)
+    if not result.finished:
         print(
-            "The recording says less than the start did of (in what each may be off by):"
-        )
-        print("".join(f"  {one}\n" for one in combinations), end="")
-    print("\n".join(map(_in_words, errors, errors.values())))
-    if not found.finished:
-        print(
-            "it could fall further: go on with the fitted arm as --arm, or with more --rounds"
+            "the fit has not converged: continue with the fitted arm as --arm, or with "
+            "more --rounds"
         )

@@ -1,4 +1,4 @@
-"""`s2c2a import`: logs of an arm, told by a map, become a recording and an arm file."""
+"""Command `s2c2a import`: convert logs of an arm to a recording and an arm file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,69 +23,85 @@ def import_(
     like: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Make a recording of logs of an arm: CSV, NPZ or MAT, told by a map file (docs/real-data.md).
+    """Convert logs (CSV, NPZ or MAT) to a recording (docs/real-data.md).
 
-    Writes the recording, and beside it the arm file that was found, with the
-    uncertainty of each number; with --like the recording alone.
+    A map file describes the columns. The command identifies the arm and writes its arm
+    file next to the recording, with the uncertainty of each number; with --like, it
+    writes the recording alone.
 
     Args:
-        logs: files of measurements; each is a session, or as many as the map joins are.
-        map: says what the columns are (TOML).
-        out: the recording to write, such as mine.episodes.
-        arm: take this arm, whose cables are matched with those found, in place of the
-            one that is found.
-        like: a recording that was imported before, of the same arm before the same
-            cameras: frame, cables and arm are as in it, and nothing is found anew.
+        logs: files of measurements. Each is one session, unless the map joins several.
+        map: description of the columns (TOML).
+        out: the recording, such as mine.episodes.
+        arm: use this arm, and match its cables with those of the logs, instead of
+            identifying the arm.
+        like: an earlier import of the same arm with the same cameras; take its frame,
+            cables and arm.
         overwrite: replace the recording and the arm file if they exist.
     """
     from s2c2a.data import load_recording
     from s2c2a.logs import (
-        arm_file_of,
-        import_again,
         import_logs,
+        import_session,
         load_map,
         save_imported,
         summary,
     )
 
-    if out.suffix != ENDING:
-        raise S2C2AError(
-            f"{out}: recordings end in {ENDING}; say --out {out.with_suffix(ENDING).name}"
-        )
-    if not logs:
-        raise S2C2AError(
-            "say which logs to import: s2c2a import LOG... --map FILE --out FILE"
-        )
-    if arm and like:
-        raise S2C2AError(
-            "--arm and --like were given; the arm is that of the recording, so leave --arm out"
-        )
-    there = [path for path in (out, arm_file_of(out)) if path.exists()]
-    if there and not overwrite:
-        raise S2C2AError(f"{there[0]} exists; choose another name, or say --overwrite")
-    if like and (arm_file_of(out).exists() or out.resolve() == like.resolve()):
-        raise S2C2AError(
-            f"{out} was imported by itself, or is what --like names; choose another name for --out"
-        )
-    told = load_map(map)
+    _check_arguments(logs, out, arm, like, overwrite)
+    log_map = load_map(map)
     options = {
         "map": map.name,
         "logs": [path.name for path in logs],
-        **told.source.model_dump(),
+        **log_map.source.model_dump(),
     }
     if like:
-        again = import_again(logs, told, load_recording(like))
-        save_imported(again, out, options)
-        print("\n".join([*summary.summary_again(again), f"recording: {out}"]))
+        repeated = import_session(logs, log_map, load_recording(like))
+        save_imported(repeated, out, options)
+        print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
         return
-    imported = import_logs(logs, told, load_arm(arm) if arm else None)
+    imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
     arm_file = save_imported(imported, out, options)
-    _tell(imported)
+    _print_summary(imported)
     print(f"recording: {out}\narm: {arm_file}")
 
 
-def _tell(imported: "Imported") -> None:
-    """What came of it, in a table and some lines."""
+def _check_arguments(
+    logs: tuple[Path, ...],
+    out: Path,
+    arm: str | None,
+    like: Path | None,
+    overwrite: bool,
+) -> None:
+    from s2c2a.logs import arm_file_of
+
+    if out.suffix != ENDING:
+        raise S2C2AError(
+            f"{out}: recordings end in {ENDING}; say --out "
+            f"{out.with_suffix(ENDING).name}"
+        )
+    if not logs:
+        raise S2C2AError(
+            "no logs given; write: s2c2a import LOG... --map FILE --out FILE"
+        )
+    if arm and like:
+        raise S2C2AError(
+            "--arm and --like exclude each other, since --like takes the arm of its "
+            "recording; leave --arm out"
+        )
+    existing = [path for path in (out, arm_file_of(out)) if path.exists()]
+    if existing and not overwrite:
+        raise S2C2AError(
+            f"{existing[0]} exists; choose another name, or say --overwrite"
+        )
+    if like and (arm_file_of(out).exists() or out.resolve() == like.resolve()):
+        raise S2C2AError(
+            f"{out} is the recording of --like, or has an arm file of its own; choose "
+            "another name for --out"
+        )
+
+
+def _print_summary(imported: "Imported") -> None:
     from s2c2a.cli.console import print_table
     from s2c2a.logs.summary import cable_rows, summary
 

@@ -1,4 +1,4 @@
-"""Control-C is heeded whenever it comes."""
+"""Handling of Ctrl-C (SIGINT) at any time, without a traceback."""
 
 import os
 import signal
@@ -10,50 +10,52 @@ from traceback import walk_stack
 from types import FrameType
 
 INTERRUPTED = 130  # exit code
-SOON = 0.1  # s
+RETRY_DELAY = 0.1  # s
 
 
-def end_at_interrupts() -> None:
-    """While nothing has begun that could be kept, or after the end, an interrupt ends the process without a word."""
+def exit_on_interrupt() -> None:
+    """Let an interrupt end the process silently, before the work starts or after it."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
 
 
 @contextmanager
-def interrupts_heeded() -> Iterator[None]:
-    """Interrupts become KeyboardInterrupt, also where that would be lost.
+def interrupts_as_exceptions() -> Iterator[None]:
+    """Turn interrupts into KeyboardInterrupt, even where Python would lose them.
 
-    One that comes while a module is imported, which may make an error of its own of it,
-    or while Python clears up after an object, where nothing can be raised, comes once
-    more. Where interrupts are ignored, as in what a shell starts in the background,
-    they stay so.
+    An interrupt during an import, which the module may turn into an error of its own,
+    or during the finalization of an object, where Python cannot raise an exception, is
+    repeated after `RETRY_DELAY`. If the process ignores interrupts, as a background job
+    of a shell does, it keeps ignoring them.
     """
-    before = sys.unraisablehook
+    previous_hook = sys.unraisablehook
     handler = signal.getsignal(signal.SIGINT)
-    swapped = threading.current_thread() is threading.main_thread() and callable(
-        handler
-    )
-    sys.unraisablehook = lambda lost: (
-        _come_again() if lost.exc_type is KeyboardInterrupt else before(lost)
-    )
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    replaces_handler = in_main_thread and callable(handler)
+
+    def on_unraisable(error) -> None:
+        if error.exc_type is KeyboardInterrupt:
+            _repeat_interrupt()
+        else:
+            previous_hook(error)
+
+    sys.unraisablehook = on_unraisable
     try:
-        if swapped:
-            signal.signal(signal.SIGINT, _interrupt)
+        if replaces_handler:
+            signal.signal(signal.SIGINT, _on_interrupt)
         yield
     finally:
-        if swapped:
+        if replaces_handler:
             signal.signal(signal.SIGINT, handler)
-        sys.unraisablehook = before
+        sys.unraisablehook = previous_hook
 
 
-def _interrupt(_: int, frame: FrameType | None) -> None:
-    if any(
-        one.f_code.co_filename.startswith("<frozen importlib")
-        for one, _ in walk_stack(frame)
-    ):
-        return _come_again()
+def _on_interrupt(_: int, frame: FrameType | None) -> None:
+    for caller, _ in walk_stack(frame):
+        if caller.f_code.co_filename.startswith("<frozen importlib"):
+            return _repeat_interrupt()
     raise KeyboardInterrupt
 
 
-def _come_again() -> None:
-    threading.Timer(SOON, os.kill, (os.getpid(), signal.SIGINT)).start()
+def _repeat_interrupt() -> None:
+    threading.Timer(RETRY_DELAY, os.kill, (os.getpid(), signal.SIGINT)).start()

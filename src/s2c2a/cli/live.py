@@ -1,4 +1,4 @@
-"""`s2c2a live`: the arm in the browser."""
+"""Command `s2c2a live`: interactive control of an arm in the browser."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -10,23 +10,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName
-from s2c2a.cli.execution import RobotName, RobotOptions, body_for, require
+from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName, StrategyNames
+from s2c2a.cli.execution import RobotName, RobotOptions, require, robot_factory_for
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
-    from s2c2a.robots import Body
+    from s2c2a.robots import RobotFactory
 
 Port = Annotated[
-    int, tyro.conf.arg(help="where the page shall be; the next free one if it is taken")
+    int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
 ]
 
 
 def live(
     arm: Arm = "twin_arm",
     weights: tuple[str, ...] = (),
+    strategy: StrategyNames = (),
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
@@ -37,46 +38,48 @@ def live(
     release_after: float = 10.0,
     model: ModelName = None,
 ) -> None:
-    """Open a page in the browser on which the arm is alive: drag the target, push the obstacle.
+    """Control an arm in the browser: drag its target, move an obstacle.
 
-    The page is on 127.0.0.1 alone; from another machine, go through `ssh -L`.
+    The page is reachable from this machine only (127.0.0.1); from another machine, use
+    `ssh -L`.
 
     Args:
         arm: a preset or an arm file.
-        weights: files made by `s2c2a train`, the first one drives; without any, the
-            networks that come with the package for the presets, and `pcc` for an arm of
-            your own.
-        robot: what is driven: the simulated arm, or a class of your own.
-        robot_option: what that class takes.
+        weights: files from `s2c2a train`; the first one starts. By default the networks
+            of the package for a preset, and `pcc` for an arm of your own.
+        strategy: more strategies without training, by name or your own file.py:Class.
+        robot: the simulated arm, or a class of your own.
+        robot_option: further arguments of that class.
         fidelity: of the simulation.
-        guard: what keeps out of obstacles: the tip, or the whole arm.
-        seed: of the simulation's noise.
-        port: where the page shall be; the next free one if it is taken.
-        out: the folder in which recordings get folders of their own.
-        release_after: seconds without a driver until the arm is led back to rest; until
-            then it holds.
-        model: the class of a forward model of your own that a strategy file names.
+        guard: what avoids obstacles: the tip, or the whole arm.
+        seed: random seed of the simulated noise.
+        port: port of the page; the next free one if it is taken.
+        out: folder of the run directories of recordings.
+        release_after: time without a connected page until the arm returns to rest [s];
+            until then it holds its position.
+        model: class of a custom forward model that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    body = body_for(robot, robot_option, fidelity)
-    said = partial(print, flush=True)
+    factory = robot_factory_for(robot, robot_option, fidelity)
+    on_message = partial(print, flush=True)
     options = {
         "weights": weights,
+        "strategies": strategy,
         "guard": guard,
         "seed": seed,
         "release_after": release_after,
         "model": model,
     }
-    with running_page(arm, body, port, out, said, **options) as (control, _):
+    with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         wait_for_interrupt()
     latest = control.latest
-    print(
-        f"{arm} has ended{', at rest' if latest and latest.stage is Stage.IDLE else '; look whether it is at rest'}."
-    )
+    at_rest = latest and latest.stage is Stage.IDLE
+    state = "at rest" if at_rest else "check whether it is at rest"
+    print(f"{arm} has stopped; {state}.")
 
 
 def wait_for_interrupt() -> None:
-    """Return at Control-C."""
+    """Return at Ctrl-C."""
     with suppress(KeyboardInterrupt):
         threading.Event().wait()
 
@@ -84,13 +87,21 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    body: "Body | None" = None,
+    factory: "RobotFactory | None" = None,
     port: int = 8080,
     out: Path = Path("runs"),
-    said: "Callable[[str], None]" = lambda _: None,
+    on_message: "Callable[[str], None]" = lambda _: None,
     **options: Any,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
-    """The control process and its page, closed in the end; options of `arm_control`. `said` is told how far it is.
+    """Run the control process and its page; close both at the end.
+
+    Args:
+        arm: a preset or an arm file.
+        factory: the robot; the simulated arm if None.
+        port: port of the page.
+        out: folder of recordings.
+        on_message: called with messages for the user.
+        options: of `arm_control`.
 
     Raises:
         S2C2AError: no networks for this arm, no free port, or the arm did not open.
@@ -99,29 +110,25 @@ def running_page(
     from s2c2a.live.process import ControlProcess
 
     spec = load_arm(arm)
-    with ExitStack() as ends:
+    robot = factory or robot_factory_for("sim", ())
+    with ExitStack() as stack:
         build = partial(
-            _called,
-            "s2c2a.live.control:arm_control",
-            spec,
-            body or body_for("sim", ()),
-            **options,
+            _import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options
         )
         control = ControlProcess(spec, build)
-        ends.callback(control.stop)
-        # imported while the other process imports its part
+        stack.callback(control.stop)
+        # this import runs while the control process does its own
         from s2c2a.live.page import LivePage
 
-        page = LivePage(
-            control, port, out, partial(_called, "s2c2a.live.workspace:survey", spec)
-        )
-        ends.callback(page.close)
-        said(f"open {page.gate.address}")
+        survey = partial(_import_and_call, "s2c2a.live.workspace:survey", spec)
+        page = LivePage(control, port, out, survey)
+        stack.callback(page.close)
+        on_message(f"open {page.gate.address}")
         control.wait_until_ready()
-        said(f"{arm} is alive; Control-C ends it.")
+        on_message(f"{arm} is running; Ctrl-C stops it.")
         yield control, page
 
 
-def _called(place: str, *arguments: Any, **options: Any) -> Any:
-    """What a function makes whose module is imported only where and when it is called."""
-    return resolve_name(place)(*arguments, **options)
+def _import_and_call(name: str, *arguments: Any, **options: Any) -> Any:
+    """Import a function when it is called, in the process that calls it."""
+    return resolve_name(name)(*arguments, **options)

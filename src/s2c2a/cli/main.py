@@ -1,11 +1,11 @@
-"""`s2c2a`: the verbs, and errors told in one line."""
+"""Command `s2c2a`: its subcommands and error messages."""
 
 import sys
 from collections.abc import Sequence
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.cache import keep_programs
+from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
     bench,
@@ -20,22 +20,21 @@ from s2c2a.cli import (
     train,
     view,
 )
-from s2c2a.cli.interrupts import INTERRUPTED, interrupts_heeded
-from s2c2a.cli.renamed import check_renamed
+from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError
 
 FAULT = 2  # exit code
-GOES_ON = {
-    "collect": "; what was whole is kept, and `collect` goes on with --resume",
-    "run": "; what was whole is kept, and the same goes on where --out names its folder",
-    "sweep": "; what was whole is kept: say the same again to go on",
-    "reproduce": "; what was whole is kept: say the same again to go on",
+RESUME_HINTS = {
+    "collect": "; finished episodes are kept, and `collect` goes on with --resume",
+    "run": "; finished runs are kept: continue with --out and the run directory",
+    "sweep": "; finished trials are kept: repeat the command to continue",
+    "reproduce": "; finished work is kept: repeat the command to continue",
 }
-"""Verb -> what becomes of what was interrupted."""
+"""How to continue an interrupted command, by command."""
 
 app = SubcommandApp()
 app.command(reproduce.demo)
-for verb in (
+for command in (
     live.live,
     view.view,
     collect.collect,
@@ -44,42 +43,43 @@ for verb in (
     run.run,
     sweep.sweep,
 ):
-    app.command(verb)
+    app.command(command)
 app.command(name="import")(import_.import_)
 app.command(bench.bench)
 app.command(doctor.doctor)
 app.command(
-    arm.app, name="arm", help="Explain, check, describe, draw or copy an arm file."
+    arm.app, name="arm", help="Check, describe, draw, copy or randomize an arm file."
 )
-app.command(arm.robot_app, name="robot", help="Check a body.")
+app.command(arm.robot_app, name="robot", help="Check a robot.")
 app.command(
     reproduce.app,
     name="reproduce",
-    help="Make the project's tables again, from nothing.",
+    help="Reproduce the project's tables from scratch.",
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
-    keep_programs()
+    enable_compilation_cache()
     try:
-        with interrupts_heeded():
-            check_renamed(sys.argv[1:] if arguments is None else arguments)
+        with interrupts_as_exceptions():
             app.cli(
                 prog="s2c2a",
                 description="Plan and control modular soft robot arms.",
                 args=arguments,
             )
-    # the latter: a place that cannot be read or written, named in the error
-    except (S2C2AError, OSError) as error:
-        advice = (
-            "; check the path and its permissions"
-            if isinstance(error, OSError) and error.filename
-            else ""
-        )
-        print(f"s2c2a: {error}{advice}", file=sys.stderr)
-        sys.exit(FAULT)
+    except S2C2AError as error:
+        _exit_with(str(error))
+    except OSError as error:
+        has_path = bool(error.filename)
+        advice = "; check the path and its permissions" if has_path else ""
+        _exit_with(f"{error}{advice}")
     except KeyboardInterrupt:
         verb = next(iter(sys.argv[1:] if arguments is None else arguments), "")
-        print(f"\ns2c2a: interrupted{GOES_ON.get(verb, '')}", file=sys.stderr)
+        print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+def _exit_with(message: str) -> None:
+    print(f"s2c2a: {message}", file=sys.stderr)
+    sys.exit(FAULT)

@@ -1,4 +1,4 @@
-"""`s2c2a demo`, and `s2c2a reproduce`: the project's tables, each from one command."""
+"""Commands `s2c2a demo` and `s2c2a reproduce`: the project's tables."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import load_arm, save_arm
+from s2c2a.arm import ArmSpec, load_arm, save_arm
 from s2c2a.cli import experiments
 from s2c2a.cli.console import (
     Arm,
@@ -16,26 +16,26 @@ from s2c2a.cli.console import (
     print_table,
     progress_bar,
 )
-from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, making
+from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 if TYPE_CHECKING:
     from s2c2a import strategies
 
 app = SubcommandApp()
 
-ABOUT = {
-    "simulation": "Table I of the simulation: ours, motor babbling, lstm, pcc, and both couplings.",
-    "tracking": "Table III: circle and tilt tasks; the twin's siblings; 50 g at the tip.",
-    "constraint": "Table V: one module's end stays where it is.",
-    "obstacles": "Reaching past obstacles and risk levels, tip or whole arm guarded.",
-    "interaction": "An obstacle and a target that move.",
-    "paths": "Square, eight, helix and star, on which the arm has to make an S.",
+TABLES = {
+    "simulation": "Table I: ours, motor babbling, lstm and pcc, with both couplings.",
+    "tracking": "Table III: circle and tilt tasks; other arms; 50 g at the tip.",
+    "constraint": "Table V: the end of one module holds its position.",
+    "obstacles": "Reaching past obstacles at three risk levels, guarding tip or arm.",
+    "interaction": "A moving obstacle and a moving target.",
+    "paths": "Square, eight, helix and star, which need S-shaped arms.",
     "networks": "Table II: held-out errors of both networks.",
     "workspace": "Estimation errors and workspaces of section II-D.",
 }
 
 
-def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
+def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
     def command(
         recipe: RecipeName = "best",
         seeds: int = 5,
@@ -46,85 +46,85 @@ def _table_command(name: str, about: str, names: tuple[str, ...]) -> None:
         from s2c2a.strategies import RECIPES
         from s2c2a.studies import tables
 
-        numbers, chosen = _given(seeds, recipe)
+        numbers, chosen = _seeds_and_recipe(seeds, recipe)
         options = {
             "tables": names,
             "recipe": recipe if recipe in RECIPES else asdict(chosen),
             "seeds": seeds,
         }
-        with making(f"{name}-{chosen.name}", options, work, go_on=True) as (
-            place,
+        with run_directory(f"{name}-{chosen.name}", options, work, go_on=True) as (
+            directory,
             make,
         ):
             for table in names:
-                rows, figures = tables.make_table(table, place, numbers, make, chosen)
-                written = report.save_table(
-                    table, rows, place, report.rows_beside(beside, table)
+                rows, figures = tables.make_table(
+                    table, directory, numbers, make, chosen
                 )
-                print_results(
-                    f"{table}, recipe {chosen.name}, {seeds} seeds",
-                    rows,
-                    figures,
-                    place,
-                )
-                print(f"table: {written} (.csv, .tex, .json beside it)")
+                compared = report.load_comparison(beside, table)
+                path = report.save_table(table, rows, directory, compared)
+                title = f"{table}, recipe {chosen.name}, {seeds} seeds"
+                print_results(title, rows, figures, directory)
+                print(f"table: {path} (.csv, .tex, .json next to it)")
 
     command.__name__ = name
-    command.__doc__ = f"""{about}
+    command.__doc__ = f"""{summary}
 
-    Cut short, it goes on where it was. Data and networks are kept in the cache (S2C2A_CACHE moves it).
+    Data and networks are kept in the cache (the environment variable S2C2A_CACHE moves
+    it). Repeat the command to continue an interrupted run.
 
     Args:
-        recipe: how networks are trained and plans made.
-        seeds: how many, from zero; each reseeds data, training and start.
-        beside: folder of the same tables made by another recipe, to stand beside.
-        work: where results go, and who works.
+        recipe: training of the networks and planning.
+        seeds: number of seeds, from zero; each sets data, training and start.
+        beside: run directory of the same tables with another recipe, to compare with.
+        work: run directory and parallel execution.
     """
     app.command(command)
 
 
-def _given(seeds: int, recipe: str = "best") -> "tuple[range, strategies.Recipe]":
-    """So many seeds from zero, and the recipe."""
+def _seeds_and_recipe(
+    seeds: int, recipe: str = "best"
+) -> "tuple[range, strategies.Recipe]":
     from s2c2a import jobs, strategies
 
     return jobs.checked_seeds(0, seeds), strategies.recipe_from(recipe)
 
 
-for _name, _about in ABOUT.items():
-    _table_command(_name, _about, (_name,))
-_table_command(
+for _name, _summary in TABLES.items():
+    _add_table_command(_name, _summary, (_name,))
+_add_table_command(
     "all",
     "All tables and figures of the paper.",
-    tuple(name for name in ABOUT if name != "paths"),
+    tuple(name for name in TABLES if name != "paths"),
 )
 
 
 @app.command
 def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -> None:
-    """What each ingredient of the recipe `best` is worth, alone and together (docs/recipe.md).
+    """Ablation study of the recipe `best`: each part alone, and all (docs/recipe.md).
 
-    Cut short, it goes on where it was.
+    Repeat the command to continue an interrupted run.
 
     Args:
-        seeds: how many, from zero.
+        seeds: number of seeds, from zero.
         arm: a preset or an arm file.
-        work: where results go, and who works.
+        work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_across
-    from s2c2a.studies.tables import ingredient_rows
+    from s2c2a.studies.tables import ablation_rows
 
-    numbers, _ = _given(seeds)
-    with making("ingredients", {"seeds": seeds, "arm": arm}, work, go_on=True) as (
-        place,
-        make,
-    ):
-        rows = ingredient_rows(numbers, make, arm)
-    print(save_across("ingredients", rows, place).read_text(encoding="utf-8"))
+    numbers, _ = _seeds_and_recipe(seeds)
+    options = {"seeds": seeds, "arm": arm}
+    with run_directory("ingredients", options, work, go_on=True) as (directory, make):
+        rows = ablation_rows(numbers, make, arm)
+    print(save_across("ingredients", rows, directory).read_text(encoding="utf-8"))
 
 
 app.command(name="randomised-arms")(experiments.randomized_arms)
-for _verb in (experiments.sensors, experiments.loads, experiments.transfer, experiments.real, experiments.plans):
-    app.command(_verb)
+app.command(experiments.sensors)
+app.command(experiments.payloads)
+app.command(experiments.transfer)
+app.command(experiments.real)
+app.command(experiments.plans)
 
 
 @app.command
@@ -134,35 +134,41 @@ def circle(
     fidelity: FidelityName = "fast",
     work: Work = ALL_CORES,
 ) -> None:
-    """The circle on both arms: the paper's strategy, pcc, pcc-fitted.
+    """The circle on both arms: the paper's strategy, pcc and pcc-fitted.
 
     Args:
-        seeds: how many, from zero; each reseeds data, training and start.
-        recipe: how networks are trained and plans made.
-        fidelity: of the simulation that is driven; data come from the fast one.
-        work: where results go, and who works.
+        seeds: number of seeds, from zero; each sets data, training and start.
+        recipe: training of the networks and planning.
+        fidelity: of the simulation in the runs; the data come from the fast one.
+        work: run directory and parallel execution.
     """
     from s2c2a.studies.circle import circle_table
 
-    numbers, chosen = _given(seeds, recipe)
+    numbers, chosen = _seeds_and_recipe(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "fidelity": fidelity}
-    with making("circle", options, work, own_data=True) as (place, make):
-        rows, pictures = circle_table(place, numbers, make, chosen, fidelity)
-    print_results(f"circle, {seeds} seeds", rows, pictures, place)
+    with run_directory("circle", options, work, own_data=True) as (directory, make):
+        rows, pictures = circle_table(directory, numbers, make, chosen, fidelity)
+    print_results(f"circle, {seeds} seeds", rows, pictures, directory)
 
 
 def demo(seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
-    """Run the whole pipeline on both simulated arms: collect, train, follow a circle, compare with the paper.
+    """Run the whole pipeline on both simulated arms: collect, train, follow a circle.
+
+    The last step compares the errors with those of the paper.
 
     Args:
-        seed: of everything random.
-        folder: where results go.
+        seed: random seed.
+        folder: run directory.
     """
     from s2c2a.studies.circle import circle_table
 
-    with making("demo", {"seed": seed}, folder, own_data=True) as (place, make):
-        rows, pictures = circle_table(place, [seed], make, _given(1)[1])
-    print_results("Following a circle: ours and the paper's", rows, pictures, place)
+    _, recipe = _seeds_and_recipe(1)
+    with run_directory("demo", {"seed": seed}, folder, own_data=True) as (
+        directory,
+        make,
+    ):
+        rows, pictures = circle_table(directory, [seed], make, recipe)
+    print_results("Following a circle: ours and the paper's", rows, pictures, directory)
 
 
 @app.command
@@ -172,29 +178,33 @@ def controller(
     arm: Arm | None = None,
     folder: Folder = NEW_FOLDER,
 ) -> None:
-    """C2A on its own, in closed loop, on references recorded while inverse PCC follows the circle at three speeds.
+    """The controller C2A alone, in closed loop, on recorded reference configurations.
+
+    The references are recorded while inverse PCC follows the circle at three speeds.
 
     Args:
-        seeds: how many, from zero.
-        recipe: how networks are trained.
-        arm: only this one; both presets of the paper if not stated.
-        folder: where results go.
+        seeds: number of seeds, from zero.
+        recipe: training of the networks.
+        arm: only this one; by default both presets of the paper.
+        folder: run directory.
     """
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.studies.circle import ARMS, tracking_table
+    from s2c2a.studies.circle import ARMS, controller_table
 
     names = (arm,) if arm else ARMS
-    (numbers, chosen) = _given(seeds, recipe)
+    numbers, chosen = _seeds_and_recipe(seeds, recipe)
     options = {"seeds": seeds, "recipe": recipe, "arms": names}
-    with making("controller", options, folder, own_data=True) as (place, make):
-        rows, ends = tracking_table(
-            [load_arm(name) for name in names], numbers, make, chosen
-        )
-    save_rows(rows, place / "results.json")
-    print_results("C2A in closed loop, 1000 steps", rows, [], place)
+    with run_directory("controller", options, folder, own_data=True) as (
+        directory,
+        make,
+    ):
+        arms = [load_arm(name) for name in names]
+        rows, final_errors = controller_table(arms, numbers, make, chosen)
+    save_rows(rows, directory / "results.json")
+    print_results("C2A in closed loop, 1000 steps", rows, [], directory)
     print(
         "mean of the last 200 steps, worst seed [deg]: "
-        + ", ".join(f"{value:.2f}" for value in ends)
+        + ", ".join(f"{error:.2f}" for error in final_errors)
     )
 
 
@@ -207,58 +217,61 @@ def calibration(
     out: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """The twin beside what the paper says of its arm, line by line.
+    """Properties of the simulated arm compared with those that the paper reports.
 
     Args:
         arm: a preset or an arm file.
-        seeds: how many, from zero.
-        network: also train NN_C2S, for its line.
-        search: first move stiffnesses and hysteresis, in so many evaluations of some
-            seconds each.
-        out: where to write the arm that the search finds; ARM-calibrated.toml if not
-            stated.
+        seeds: number of seeds, from zero.
+        network: train NN_C2S too, for its error.
+        search: first optimize stiffnesses and hysteresis, with so many evaluations of
+            some seconds each.
+        out: file of the optimized arm; ARM-calibrated.toml by default.
         overwrite: replace that file if it exists.
     """
-    from s2c2a.executors import compute_on_one_thread
-    from s2c2a.studies import calibration as studied
+    from s2c2a.executors import limit_jax_to_one_thread
+    from s2c2a.studies import calibration as study
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     spec = load_arm(arm)
-    (numbers, _) = _given(seeds)
-    studied.check_comparable(spec)
+    numbers, _ = _seeds_and_recipe(seeds)
+    study.check_comparable(spec)
     if search:
-        written = out or Path(f"{spec.name}-calibrated.toml")
-        # what cannot be written is told before the search
-        save_arm(spec, written, overwrite)
-        with progress_bar() as progress:
-            spec = studied.search(
-                spec,
-                0,
-                search,
-                lambda count, misfit: progress("searching", count, search),
-            )
-        save_arm(spec, written, overwrite=True)
-        print(f"written: {written}")
-    mean = studied.mean_measured(spec, numbers, network)
-    rows = []
-    for claim in studied.claims_for(spec):
-        if (value := mean.get(claim.quantity)) is not None:
-            held = f"± {claim.tolerance:.0%}", "yes" if claim.holds(value) else "NO"
-            rows.append(
-                (claim.quantity, f"{value:.2f} {claim.unit}", f"{claim.paper:g}", *held)
-            )
-    for name, claim in zip(("I", "II", "III"), studied.LARGEST, strict=True):
-        rows.append(
-            (
-                f"largest {name}",
-                f"{mean[claim.quantity]:.1f} deg",
-                f"{claim.paper:g}",
-                "",
-                "reported",
-            )
-        )
-    print_table(
-        f"{spec.name} beside the paper's arm",
-        ("line", "here", "paper", "tolerance", "holds"),
-        rows,
+        path = out or Path(f"{spec.name}-calibrated.toml")
+        spec = _calibrated(spec, search, path, overwrite)
+    measured = study.mean_measurements(spec, numbers, network)
+    rows = [
+        _claim_cells(claim, measured[claim.quantity])
+        for claim in study.claims_for(spec)
+        if measured.get(claim.quantity) is not None
+    ]
+    for name, claim in zip(("I", "II", "III"), study.LARGEST, strict=True):
+        value = f"{measured[claim.quantity]:.1f} deg"
+        rows.append((f"largest {name}", value, f"{claim.paper:g}", "", "reported"))
+    header = ("quantity", "measured", "paper", "tolerance", "within")
+    print_table(f"{spec.name} compared with the paper's arm", header, rows)
+
+
+def _calibrated(arm: ArmSpec, evaluations: int, path: Path, overwrite: bool) -> ArmSpec:
+    from s2c2a.studies.calibration import search
+
+    # a file that cannot be written is reported before the search
+    save_arm(arm, path, overwrite)
+    with progress_bar() as progress:
+
+        def on_evaluation(count: int, misfit: float) -> None:
+            progress("searching", count, evaluations)
+
+        calibrated = search(arm, 0, evaluations, on_evaluation)
+    save_arm(calibrated, path, overwrite=True)
+    print(f"arm: {path}")
+    return calibrated
+
+
+def _claim_cells(claim, value: float) -> tuple[str, ...]:
+    return (
+        claim.quantity,
+        f"{value:.2f} {claim.unit}",
+        f"{claim.paper:g}",
+        f"± {claim.tolerance:.0%}",
+        "yes" if claim.holds(value) else "NO",
     )

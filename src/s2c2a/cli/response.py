@@ -1,4 +1,4 @@
-"""`s2c2a robot check --response`: how a body answers, beside what its description or its networks expect."""
+"""Command `s2c2a robot check --response`: measured and expected frequency response."""
 
 import json
 from collections.abc import Sequence
@@ -11,228 +11,211 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.cli.console import print_table, progress_bar
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
-    from s2c2a.estimation import Margins, Swing
+    from s2c2a.estimation import ModalFactors
+    from s2c2a.estimation.excitation import Excitation
     from s2c2a.estimation.frequency_response import Response
-    from s2c2a.estimation.excitation import Shaken
     from s2c2a.robots import Robot
-    from s2c2a.strategies import Recipe, TrainedNetworks
+    from s2c2a.strategies import TrainedNetworks
 
-TOWARDS = "x", "y"
-UNLIKE = 0.5  # of what was seen; where more is not explained, a response says little
+DIRECTIONS = "x", "y"
+MAX_RESIDUAL = 0.5  # share of the motion; above it, a response is unreliable
 ROWS = (
     "first mode [Hz]",
     "damping ratio",
-    "gain of slow motion",
+    "static gain",
     "delay [control steps]",
-    "lost at a turn [deg]",
+    "backlash [deg]",
 )
-NO_SENSORS = "no margins: nothing in the arm file says what comes of it (docs/sensors.md), so no loop could swing"
-UNWATCHED = "no margins: plans of recipe '{}' take no notice of what comes of them"
 
 
 @dataclass(frozen=True)
-class Knowledge:
-    """What an arm is expected to be.
+class ExpectedDynamics:
+    """Expected dynamics of an arm.
 
     Attributes:
-        arm: by its file.
+        arm: description of the arm.
         networks: trained for it, if any.
     """
 
     arm: ArmSpec
-    networks: "TrainedNetworks[Recipe] | None"
+    networks: "TrainedNetworks | None"
 
     @property
-    def swing(self) -> "Swing":
-        """The trained factors; those of the description else."""
-        from s2c2a.estimation import Swing
+    def modal_factors(self) -> "ModalFactors":
+        """Factors of the modal model: the trained ones, otherwise the nominal ones."""
+        from s2c2a.estimation import MODAL_MODEL, ModalFactors
 
-        return (
-            Swing.nominal()
-            if self.networks is None
-            else self.networks.networks.get("swing", Swing.nominal())
-        )
+        if self.networks is None:
+            return ModalFactors.nominal()
+        return self.networks.networks.get(MODAL_MODEL, ModalFactors.nominal())
 
     @property
     def frequency(self) -> float:
-        """Of the first mode, without a load [Hz]."""
-        from s2c2a.estimation.modal_model import Body, modes, motion
+        """Frequency of the first mode, without payload [Hz]."""
+        from s2c2a.estimation.modal_model import LinearizedArm, modal_step, modes
 
         period = self.arm.control_period
-        return float(
-            modes(motion(Body.of(self.arm), self.swing, 0.0, period), period)[0, 0]
-        )
+        step = modal_step(LinearizedArm.of(self.arm), self.modal_factors, period)
+        return float(modes(step, period)[0, 0])
 
-    def tilts(self, shaken: "Shaken", towards: int) -> np.ndarray:
-        """How the tip would have tilted in a chirp [rad]."""
+    def tilts(self, chirps: "Excitation", direction: int) -> np.ndarray:
+        """Expected tilt of the tip during a chirp [rad]."""
+        from s2c2a.estimation import MODAL_MODEL
         from s2c2a.estimation.expected_response import (
+            equilibria_by_description,
+            equilibria_by_model,
             expected_tilts,
-            rests_by_description,
-            rests_by_model,
         )
         from s2c2a.kinematics import configurations_from_bends
 
-        felt = shaken.felt[towards]
-        if self.networks is None or not self.networks.recipe.observes:
-            rests = rests_by_description(self.arm, self.swing, felt)
+        factors = self.modal_factors
+        bends = chirps.encoders[direction]
+        if self.networks is None or MODAL_MODEL not in self.networks.networks:
+            equilibria = equilibria_by_description(self.arm, factors, bends)
         else:
-            sensed = np.asarray(configurations_from_bends(felt.astype(np.float32)))
-            rests = rests_by_model(self.networks.c2s, sensed)
-        return expected_tilts(self.arm, self.swing, rests)[:, towards]
+            sensed = configurations_from_bends(bends.astype(np.float32))
+            equilibria = equilibria_by_model(self.networks.c2s, np.asarray(sensed))
+        return expected_tilts(self.arm, factors, equilibria)[:, direction]
 
 
 def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> None:
-    """Measure how a body answers, and say it beside what is expected."""
-    from s2c2a.estimation.frequency_response import response_of
-    from s2c2a.estimation.excitation import shaken, sight_of
-    from s2c2a.executors import compute_on_one_thread
+    """Measure the frequency response of a robot, and compare it with the expected one.
+
+    Args:
+        robot: opened; it moves.
+        weights: networks from `s2c2a train`, if any.
+        out: a JSON file for the responses, with a figure next to it.
+    """
+    from s2c2a.estimation.excitation import excite, tip_sensor_of
+    from s2c2a.estimation.frequency_response import fit_response
+    from s2c2a.executors import limit_jax_to_one_thread
     from s2c2a.strategies import load_strategy
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     arm = robot.arm
-    sight_of(robot)  # refused before anything else is read
-    known = Knowledge(arm, None if weights is None else load_strategy(weights, arm))
+    tip_sensor_of(robot)  # raises an error if no sensor of the robot measures the tip
+    networks = None if weights is None else load_strategy(weights, arm)
+    expectation = ExpectedDynamics(arm, networks)
+    frequency = expectation.frequency
     with progress_bar() as progress:
-        told = shaken(
-            robot,
-            known.frequency,
-            lambda done, total: progress("shaking the arm", done, total),
-        )
-    seen = [told.tilts(towards) for towards in range(2)]
-    desired = [known.tilts(told, towards) for towards in range(2)]
-    measured, expected = (
-        [
-            response_of(asked, came, arm.control_period, known.frequency)
-            for asked, came in pairs
-        ]
-        for pairs in (
-            seen,
-            [(asked, came) for (asked, _), came in zip(seen, desired, strict=True)],
-        )
-    )
-    _print(arm, told.sight, measured, expected)
-    found = _margins(known)
-    print(found if isinstance(found, str) else verdict(measured, expected, found))
+
+        def on_progress(done: int, total: int) -> None:
+            progress("exciting the arm", done, total)
+
+        chirps = excite(robot, frequency, on_progress)
+    measured = []
+    expected = []
+    expected_tilts = []
+    for direction in range(len(DIRECTIONS)):
+        inputs, outputs = chirps.tilts(direction)
+        tilts = expectation.tilts(chirps, direction)
+        period = arm.control_period
+        measured.append(fit_response(inputs, outputs, period, frequency))
+        expected.append(fit_response(inputs, tilts, period, frequency))
+        expected_tilts.append(tilts)
+    _print_responses(arm, chirps.sensor, measured, expected)
+    print(compare_responses(measured, expected))
     if out is not None:
-        _keep(out, told, desired, measured, expected, arm)
+        _save(out, chirps, expected_tilts, measured, expected, arm)
 
 
-def _print(
+def _print_responses(
     arm: ArmSpec,
-    sight: str,
+    sensor: str,
     measured: "Sequence[Response]",
     expected: "Sequence[Response]",
 ) -> None:
-    columns = [
-        cells(one) for pair in zip(measured, expected, strict=True) for one in pair
-    ]
-    header = [
-        "",
-        *(
-            f"{what} {towards}"
-            for towards in TOWARDS
-            for what in ("towards", "predicted")
-        ),
-    ]
-    print_table(
-        f"How {arm.name} answers, as '{sight}' show it",
-        header,
-        zip(ROWS, *columns, strict=True),
-    )
-    worst = max(one.left for one in measured)
-    print(
-        f"not explained by this: {100 * worst:.0f} % of the motion"
-        + f"{'; believe none of it' * (worst > UNLIKE)}"
-    )
+    header = [""]
+    columns = []
+    for number, direction in enumerate(DIRECTIONS):
+        header += [f"measured {direction}", f"expected {direction}"]
+        columns += [cells(measured[number]), cells(expected[number])]
+    title = f"Response of {arm.name}, measured by '{sensor}'"
+    print_table(title, header, zip(ROWS, *columns, strict=True))
+    residual = max(response.residual for response in measured)
+    warning = "; the response is unreliable" if residual > MAX_RESIDUAL else ""
+    print(f"not explained by the model: {100 * residual:.0f} % of the motion{warning}")
 
 
-def cells(one: "Response") -> tuple[str, ...]:
-    """A response in words, row by row."""
-    if np.isnan(one.frequency):
+def cells(response: "Response") -> tuple[str, ...]:
+    """Table cells of a response, in the order of `ROWS`."""
+    if np.isnan(response.frequency):
         frequency = "too fast to see"
         damping = "-"
     else:
-        frequency = f"{one.frequency:.2f}"
-        damping = f"{one.damping:.2f}" if one.damping < 1.0 else "1 or more: no swing"
-    numbers = f"{one.gain:.2f}", f"{one.delay:.1f}", f"{np.rad2deg(one.lost):.1f}"
-    return frequency, damping, *numbers
+        frequency = f"{response.frequency:.2f}"
+        damping = f"{response.damping:.2f}"
+        if response.damping >= 1.0:
+            damping = "1 or more: no vibration"
+    return (
+        frequency,
+        damping,
+        f"{response.gain:.2f}",
+        f"{response.delay:.1f}",
+        f"{np.rad2deg(response.backlash):.1f}",
+    )
 
 
-def _margins(known: Knowledge) -> "Margins | str":
-    """Of the loop with trained networks; why there are none else."""
-    from s2c2a.estimation import margins_of
-    from s2c2a.strategies import observer_of
-
-    if known.networks is None:
-        return "no margins: give --weights, made by `s2c2a train`, to hold this against those of their loop"
-    if not known.networks.recipe.observes:
-        return UNWATCHED.format(known.networks.recipe.name)
-    observer = observer_of(known.networks)
-    return margins_of(known.arm, observer) if observer.sensors else NO_SENSORS
-
-
-def verdict(
-    measured: "Sequence[Response]", expected: "Sequence[Response]", margins: "Margins"
+def compare_responses(
+    measured: "Sequence[Response]", expected: "Sequence[Response]"
 ) -> str:
-    """Whether gain and delay lie within the margins, in words."""
+    """Say how gain and delay of the worst direction differ from the expected ones."""
     pairs = list(zip(measured, expected, strict=True))
-    gain = max(one.gain / max(other.gain, 1e-6) for one, other in pairs)
-    late = max(one.delay - other.delay for one, other in pairs)
-    said = f"it answers {gain:.2f} times as much as expected, {abs(late):.1f} steps {'later' if late > 0 else 'earlier'}"
-    within = gain <= margins.gain and late <= margins.delay
-    return f"{said}: {'within' if within else 'BEYOND'} the margins of its loop ({margins})"
+    gain = max(real.gain / max(model.gain, 1e-6) for real, model in pairs)
+    delay = max(real.delay - model.delay for real, model in pairs)
+    order = "later" if delay > 0 else "earlier"
+    return (
+        f"the gain is {gain:.2f} times the expected one; the response is "
+        f"{abs(delay):.1f} steps {order} than expected"
+    )
 
 
-def _keep(
+def _save(
     out: Path,
-    told: "Shaken",
-    desired: list[np.ndarray],
+    chirps: "Excitation",
+    expected_tilts: list[np.ndarray],
     measured: "Sequence[Response]",
     expected: "Sequence[Response]",
     arm: ArmSpec,
 ) -> None:
+    """Save responses as JSON, and their spectra as a figure."""
     from s2c2a.estimation.frequency_response import spectrum
     from s2c2a.viz.response import response_figure
 
-    both = {"measured": measured, "predicted": expected}
-    rows = {
-        name: dict(zip(TOWARDS, (kept(one) for one in ones), strict=True))
-        for name, ones in both.items()
-    }
-    print(
-        f"kept in {save_whole(json.dumps({'arm': arm.name, 'seen_by': told.sight} | rows, indent=1), out)}"
-    )
+    content: dict = {"arm": arm.name, "seen_by": chirps.sensor}
+    content["measured"] = dict(zip(DIRECTIONS, map(kept, measured), strict=True))
+    content["predicted"] = dict(zip(DIRECTIONS, map(kept, expected), strict=True))
+    print(f"saved: {write_atomically(json.dumps(content, indent=1), out)}")
     spectra = {}
-    for number, towards in enumerate(TOWARDS):
-        asked, seen = told.tilts(number)
-        spectra[towards] = [
-            spectrum(asked, came, arm.control_period)
-            for came in (seen, desired[number])
+    for number, direction in enumerate(DIRECTIONS):
+        inputs, outputs = chirps.tilts(number)
+        spectra[direction] = [
+            spectrum(inputs, tilts, arm.control_period)
+            for tilts in (outputs, expected_tilts[number])
         ]
-    picture = response_figure(spectra, Path(f"{out}.png"), f"How {arm.name} answers")
-    print(f"figure: {picture}")
+    title = f"Response of {arm.name}"
+    print(f"figure: {response_figure(spectra, Path(f'{out}.png'), title)}")
 
 
-def kept(one: "Response") -> dict[str, float | None]:
-    """A response as it stands in a file, without what is not known."""
+def kept(response: "Response") -> dict[str, float | None]:
+    """A response as JSON values; None for numbers that are not finite."""
     return {
         name: number if np.isfinite(number) else None
-        for name, number in one._asdict().items()
+        for name, number in response._asdict().items()
     }
 
 
-def check_alone(response: bool, **options: object) -> None:
-    """Refuse options of the response where it is not asked for.
+def check_response_options(response: bool, **options: object) -> None:
+    """Reject options that need --response where it is not given.
 
     Raises:
         S2C2AError: there is one.
     """
-    if not response and (
-        given := [f"--{name}" for name, value in options.items() if value is not None]
-    ):
+    names = [f"--{name}" for name, value in options.items() if value is not None]
+    if names and not response:
         raise S2C2AError(
-            f"{' and '.join(given)} go with --response; say that, too, or leave them out"
+            f"{' and '.join(names)} go with --response; add it, or leave them out"
         )

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 from s2c2a.cli.console import (
     Arm,
+    ControllerName,
+    Events,
     FidelityName,
     File,
     GuardName,
     ModelName,
     OptionalRecipe,
-    StrategyName,
+    StrategyNames,
     print_results,
 )
 from s2c2a.cli.execution import (
@@ -19,21 +21,24 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     Work,
-    body_for,
-    making,
+    robot_factory_for,
+    run_directory,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from s2c2a import arm, jobs, robots, tasks
 
 
 def run(
     task: File,
     arm: Arm = "twin_arm",
-    strategy: tuple[StrategyName, ...] = ("s2c2a",),
+    strategy: StrategyNames = ("s2c2a",),
     recipe: OptionalRecipe = None,
     weights: Path | None = None,
     model: ModelName = None,
+    controller: ControllerName = None,
     pace: float = 1.0,
     seed: int = 0,
     seeds: int = 1,
@@ -41,143 +46,170 @@ def run(
     robot_option: RobotOptions = (),
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
-    told: float = 0.0,
-    estimates: bool = True,
-    yields: float | None = None,
+    event: Events = (),
+    known_payload: float = 0.0,
+    disturbance_estimation: bool = True,
+    max_compensated_force: float | None = None,
     guard: GuardName = "tip",
     video: bool = False,
     work: Work = ALL_CORES,
 ) -> None:
-    """Let strategies work on a task, and show what happened: results, figure, replay page.
+    """Run strategies on a task; write results, a figure and a replay page.
 
-    Cut short, it goes on where it was, if the folder is named.
+    An interrupted run continues if you name its run directory with --out.
 
     Args:
-        task: its name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...),
-            a file of waypoints (columns time, x, y, z and, where desired, axis_x,
-            axis_y, axis_z, module) ending in .csv, or your own as file.py:function,
-            which is given the arm.
+        task: a name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...), a
+            file of waypoints (columns time, x, y, z; optional axis_x, axis_y, axis_z,
+            module) ending in .csv, or your own file.py:function, called with the arm.
         arm: a preset or an arm file.
-        strategy: one or several, compared in one figure.
-        recipe: how networks are trained and plans made, `best` if not stated. A file of
-            weights brings its own; one beside it must train alike, and says how to
-            plan.
-        weights: a file made by `s2c2a train`; without it, networks are trained, or
-            found in the cache (S2C2A_CACHE moves it).
-        model: the class of a forward model of your own that this file names; no code is
-            run because a file says so.
-        pace: of the task: at 0.5 it takes twice its time, for an arm that may not go as
-            far in a control step.
-        seed: of data, training and start; the first one of several.
-        seeds: how many; several are run side by side.
-        robot: what is driven: the simulated arm, or a class of your own such as
-            my_arm.py:MyArm.
-        robot_option: what that class takes beside the arm.
+        strategy: one or several, by name or your own file.py:Class; compared in one
+            figure.
+        recipe: how networks are trained and plans made; `best` by default. A weight file
+            has its own; a recipe beside it must train alike, and decides how to plan.
+        weights: a file of `s2c2a train`; without it, networks are trained or taken from
+            the cache (S2C2A_CACHE sets its directory).
+        model: class of your own forward model that the weight file uses; files alone run
+            no code.
+        controller: the same of your own learned controller.
+        pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
+        seed: of data, training and start; the first of several.
+        seeds: number of seeds; several run in parallel.
+        robot: the simulated arm, or your own class such as my_arm.py:MyArm.
+        robot_option: parameters of that class.
         fidelity: of the simulation that is driven; data come from the fast one.
-        payload: mass that hangs at the tip of the simulated arm [kg].
-        told: mass that the strategy is told hangs there [kg]; recipes that observe
-            count on it.
-        estimates: whether these find loads and leans from what is sensed beside
-            encoders (docs/sensors.md).
-        yields: force at the tip that is made up for at most where something leans on
-            the arm [N]; beyond, it gives way.
-        guard: what keeps out of obstacles: the tip, or the whole arm.
-        video: also write a moving picture of the first run: an MP4 where ffmpeg is
-            found, a GIF otherwise.
-        work: where results go, and who works.
+        payload: mass at the tip of the simulated arm [kg].
+        event: a disturbance during the run of the simulated arm, such as "6 payload
+            0.05" or "10 force 0.3 0 0" (docs/sensors.md); repeat for several.
+        known_payload: mass at the tip that the strategy knows of [kg].
+        disturbance_estimation: estimate payload and bend biases from sensors
+            (docs/sensors.md).
+        max_compensated_force: largest external force at the tip that the strategy
+            compensates [N]; the arm yields to larger ones.
+        guard: keep the tip, or the whole arm, out of obstacles.
+        video: also write a video of the first run: MP4 with ffmpeg, else GIF.
+        work: run directory and parallel execution.
     """
-    from s2c2a import evaluation, jobs, strategies
+    from s2c2a import jobs, strategies
     from s2c2a.arm import load_arm
-    from s2c2a.jobs.run_folder import draw_runs, save_results
-    from s2c2a.models.registry import model_named
+    from s2c2a.estimation import EstimationSettings
 
     spec = load_arm(arm)
-    numbers = jobs.checked_seeds(seed, seeds)
-    body = body_for(robot, robot_option, fidelity, payload)
-    watched = strategies.Watched(told, estimates, yields)
-    under = jobs.Conditions(body, guard, watched)
-    if model:
-        model_named(model)
-    given = (
-        jobs.GivenNetworks.read(
-            weights, spec, strategies.recipe_from(recipe) if recipe else None
-        )
-        if weights
-        else None
+    factory = robot_factory_for(robot, robot_option, fidelity, payload, event)
+    settings = EstimationSettings(
+        known_payload, disturbance_estimation, max_compensated_force
     )
-    _check_trained(under.body, strategy, given)
-    asked = _asked(task, spec, pace)
-    chosen = given.recipe if given else strategies.recipe_from(recipe or "best")
-    asked_for = jobs.jobs_for([asked], spec, strategy, numbers, chosen, under, given)
-    jobs.check_robots(asked_for)
-    options: dict = {
+    conditions = jobs.Conditions(factory, strategies.RunOptions(guard, settings))
+    _import_classes(model, controller)
+    chosen = strategies.recipe_from(recipe) if recipe else None
+    given = jobs.GivenNetworks.read(weights, spec, chosen) if weights else None
+    used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
+    paced = _paced_task(task, spec, pace)
+    job_list = jobs.jobs_for(
+        [paced],
+        spec,
+        strategy,
+        jobs.checked_seeds(seed, seeds),
+        used_recipe,
+        conditions,
+        given,
+    )
+    _check_trained(factory, job_list)
+    jobs.check_robots(job_list)
+    options = {
         "task": task,
         "arm": spec.model_dump(mode="json"),
         "strategy": strategy,
-        "recipe": asdict(chosen),
-    }
-    options |= {
+        "recipe": asdict(used_recipe),
         "pace": pace,
-        "seeds": list(numbers),
-        "conditions": asdict(under),
+        "seeds": [job.seed for job in job_list],
+        "conditions": asdict(conditions),
         "weights": weights,
     }
-    alone = not under.body.simulated or (seeds == 1 and work.cluster is None)
-    unfinished = work.out is not None and not (work.out / f"{spec.name}.html").exists()
-    label = f"{asked.name}-{spec.name}"
-    with making(label, options, work, alone=alone, go_on=unfinished) as (place, make):
-        runs = make(asked_for)
-    rows = jobs.score_rows("run", runs)
-    save_results(place, rows, runs)
-    print_results(
-        f"{asked.name} with {spec.name}", rows, draw_runs(place, runs, video), place
+    one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
+    is_unfinished = (
+        work.out is not None and not (work.out / f"{spec.name}.html").exists()
     )
-    for run in runs:
-        for said in filter(
-            None,
-            (
-                evaluation.said_of_plans(run.episode),
-                evaluation.said_of_belief(run.episode),
-            ),
-        ):
-            print(f"{run.strategy}, seed {run.seed}: {said}")
-    for row in rows:
-        if row.metric == "position":
-            print(f"{row.strategy}: {row.mean / spec.length:.1f} % of the arm's length")
+    label = f"{paced.name}-{spec.name}"
+    with run_directory(
+        label, options, work, alone=one_process, go_on=is_unfinished
+    ) as (directory, make):
+        runs = make(job_list)
+    _report(runs, directory, f"{paced.name} with {spec.name}", video)
 
 
-def _check_trained(
-    body: "robots.Body", strategies: tuple[str, ...], given: "jobs.GivenNetworks | None"
-) -> None:
-    """Networks for a body of the user's come from its own recordings, never from the simulated arm's."""
+def _import_classes(model: str | None, controller: str | None) -> None:
+    """Import the user's classes, so that a weight file may name them."""
+    from s2c2a.control.options import CONTROLLERS
+    from s2c2a.models.registry import MODELS
+
+    if model:
+        MODELS.named(model)
+    if controller:
+        CONTROLLERS.named(controller)
+
+
+def _check_trained(factory: "robots.RobotFactory", jobs: "Sequence[jobs.Job]") -> None:
+    """Refuse to drive a user's robot with networks of the simulated arm.
+
+    Raises:
+        S2C2AError: a strategy would be trained in simulation.
+    """
     from s2c2a.errors import S2C2AError
 
+    if factory.simulated:
+        return
     untrained = [
-        name for name in strategies if name != "pcc" and not (given and name == "s2c2a")
+        job.strategy for job in jobs if job.needs and job.needs[0] != job.weights
     ]
-    if untrained and not body.simulated:
+    if untrained:
+        names = ", ".join(dict.fromkeys(untrained))
         raise S2C2AError(
-            f"{', '.join(untrained)} would be trained on the simulated arm, and {body} is driven; `s2c2a collect` from "
-            "it, `s2c2a train`, and give the file with --weights, or take --strategy pcc"
+            f"{names} would be trained on the simulated arm, but {factory} is driven; "
+            "record it with `s2c2a collect`, train with `s2c2a train` (--strategy for "
+            "another than s2c2a), give the file with --weights, or take --strategy pcc"
         )
 
 
-def _asked(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
-    """The task, and a word on every waypoint of a file that the arm cannot reach."""
+def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
+    """The task at a pace; report every waypoint that the arm cannot reach.
+
+    Raises:
+        S2C2AError: an impossible pace, or no such task.
+    """
     from s2c2a.errors import S2C2AError
-    from s2c2a.tasks import load_waypoints, out_of_reach, task_named
+    from s2c2a.tasks import load_task, load_waypoints, unreachable_waypoints
 
     if not 0.01 <= pace <= 10:
         raise S2C2AError(
-            f"a pace of {pace:g} was asked for; take 0.01 to 10, such as 0.5 for half as fast"
+            f"a pace of {pace:g} was given; give 0.01 to 10, such as 0.5 for half as fast"
         )
-    asked = task_named(
-        task, spec.model_copy(update={"control_rate": spec.control_rate / pace})
-    )
-    for far in (
-        out_of_reach(load_waypoints(task), spec) if task.endswith(".csv") else ()
-    ):
-        print(
-            f"out of reach by {100 * far.gap:.1f} cm: waypoint at {far.time:g} s, module {far.module}"
-        )
-    return asked
+    rate = spec.control_rate / pace
+    paced = load_task(task, spec.model_copy(update={"control_rate": rate}))
+    if task.endswith(".csv"):
+        for waypoint in unreachable_waypoints(load_waypoints(task), spec):
+            print(
+                f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
+                f"{waypoint.time:g} s, module {waypoint.module}"
+            )
+    return paced
+
+
+def _report(
+    runs: "Sequence[jobs.Run]", directory: Path, title: str, video: bool
+) -> None:
+    """Write results, print the table, and what is remarkable about each run."""
+    from s2c2a import evaluation, jobs
+    from s2c2a.jobs.run_folder import draw_runs, save_results
+
+    rows = jobs.score_rows("run", runs)
+    save_results(directory, rows, runs)
+    print_results(title, rows, draw_runs(directory, runs, video), directory)
+    for run in runs:
+        for describe in (evaluation.describe_plans, evaluation.describe_estimates):
+            if text := describe(run.episode):
+                print(f"{run.strategy}, seed {run.seed}: {text}")
+    length = runs[0].job.arm.length
+    for row in rows:
+        if row.metric == "position":
+            print(f"{row.strategy}: {row.mean / length:.1f} % of the arm's length")

@@ -1,8 +1,8 @@
-"""`s2c2a sweep`: a better recipe, searched in closed loop."""
+"""`s2c2a sweep`: search for a better recipe in closed loop."""
 
 from dataclasses import asdict
 from importlib.metadata import version
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -12,6 +12,7 @@ from s2c2a.cli.console import (
     FidelityName,
     GuardName,
     RecipeName,
+    StrategyName,
     print_table,
     progress_bar,
 )
@@ -20,25 +21,29 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     Work,
-    body_for,
-    executor_for,
+    make_executor,
     require,
+    robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import Serial
 
-SHOWN = 10
+if TYPE_CHECKING:
+    from s2c2a.jobs.sweep import Sweep, Trial
+
+MAX_ROWS = 10
 
 Tasks = tyro.conf.Positional[
     Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
 ]
-Vary = Annotated[tuple[str, ...], tyro.conf.arg(metavar="PLACE=VALUES ...")]
+Vary = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUES ...")]
 
 
 def sweep(
     tasks: Tasks,
     vary: Vary,
     arm: Arm = "twin_arm",
+    strategy: StrategyName = "s2c2a",
     recipe: RecipeName = "best",
     trials: int = 32,
     seeds: int = 1,
@@ -52,90 +57,96 @@ def sweep(
     batch: int = 8,
     work: Work = ALL_CORES,
 ) -> None:
-    """Search a better recipe: trials are trained and judged by their error in closed loop.
+    """Search for a better recipe: train trials, and compare their errors in closed loop.
 
-    Cut short, it goes on where it was; with more --trials, it goes on from there.
+    An interrupted sweep continues in its run directory; a larger --trials adds trials.
 
     Args:
-        tasks: what each trial is judged on, by name or a file of waypoints (.csv); the
+        tasks: that each trial is scored on, by name or a file of waypoints (.csv); their
             mean counts.
-        vary: what to try: planner.solver.iterations=5:60 (a range),
-            c2s_fit.learning_rate=1e-4:1e-2:log (by its logarithm), c2s.hidden=32,64,128
-            (choices), one after the other. A wrong name is told with those there are.
+        vary: recipe keys and their values: planner.solver.iterations=5:60 (a range),
+            c2s_fit.learning_rate=1e-4:1e-2:log (a logarithmic range),
+            c2s.hidden=32,64,128 (choices). A wrong key is answered with the valid ones.
         arm: a preset or an arm file.
-        recipe: to begin from.
-        trials: how many in all.
+        strategy: by name, or your own file.py:Class.
+        recipe: to start from.
+        trials: number of trials in all.
         seeds: of data, training and start in each trial, from zero; their mean counts.
-        metric: of the tasks; the first one of the first task if not stated.
-        robot: what is driven: the simulated arm, or a class of your own, one trial
-            after the other; networks are trained on the simulated arm's recordings.
-        robot_option: what that class takes.
+        metric: of the tasks; by default the first one of the first task.
+        robot: the simulated arm, or your own class, one trial after another; networks are
+            trained on recordings of the simulated arm.
+        robot_option: parameters of that class.
         fidelity: of the simulation that is driven.
         payload: mass at the tip [kg].
-        guard: what keeps out of obstacles: the tip, or the whole arm.
+        guard: keep the tip, or the whole arm, out of obstacles.
         seed: of the choices.
-        batch: trials that are chosen together, and can run side by side.
-        work: where results go, runs/sweep-TASK-ARM if not stated, and who works.
+        batch: trials that are chosen together and can run in parallel.
+        work: run directory (runs/sweep-TASK-ARM by default) and parallel execution.
     """
     require("sweep", "optuna")
     from s2c2a import jobs, strategies
-    from s2c2a.jobs import sweep as searching
-    from s2c2a.jobs.run_folder import open_run_folder
+    from s2c2a.jobs import sweep as sweeps
+    from s2c2a.jobs.run_folder import open_run_directory
     from s2c2a.jobs.search_space import varied_from
-    from s2c2a.tasks import task_named
+    from s2c2a.tasks import load_task
 
     spec = load_arm(arm)
-    chosen = strategies.recipe_from(recipe)
-    numbers = tuple(jobs.checked_seeds(0, seeds))
+    start = strategies.recipe_from(recipe)
     if not tasks:
-        raise S2C2AError("no task to judge by; name at least one, such as circle")
-    asked = tuple(task_named(name, spec) for name in dict.fromkeys(tasks))
-    varied = varied_from(vary, chosen)
-    judged = metric or asked[0].scores[0].metric
-    under = jobs.Conditions(body_for(robot, robot_option, fidelity, payload), guard)
-    plan = searching.Sweep(
-        spec, asked, chosen, varied, numbers, judged, batch, seed, under
+        raise S2C2AError("no task to score; name at least one, such as circle")
+    chosen_tasks = tuple(load_task(name, spec) for name in dict.fromkeys(tasks))
+    factory = robot_factory_for(robot, robot_option, fidelity, payload)
+    plan = sweeps.Sweep(
+        arm=spec,
+        tasks=chosen_tasks,
+        recipe=start,
+        varied=varied_from(vary, start),
+        seeds=tuple(jobs.checked_seeds(0, seeds)),
+        metric=metric or chosen_tasks[0].scores[0].metric,
+        batch=batch,
+        seed=seed,
+        conditions=jobs.Conditions(factory, strategies.RunOptions(guard)),
+        strategy=strategy,
     )
-    options: dict = {
+    options = {
         "tasks": tasks,
         "vary": vary,
         "arm": spec.model_dump(mode="json"),
-        "recipe": asdict(chosen),
-    }
-    options |= {
-        "seeds": numbers,
-        "metric": judged,
-        "conditions": asdict(under),
+        "strategy": strategy,
+        "recipe": asdict(start),
+        "seeds": plan.seeds,
+        "metric": plan.metric,
+        "conditions": asdict(plan.conditions),
         "seed": seed,
         "batch": batch,
+        "optuna": version("optuna"),
     }
-    options["optuna"] = version("optuna")
-    workers = (
-        executor_for(work.jobs, work.cluster) if under.body.simulated else Serial()
-    )
-    with workers as executor, progress_bar() as progress:
-        label = f"sweep-{asked[0].name}-{spec.name}"
-        place = open_run_folder(work.out, label, options, work.overwrite, go_on=True)
-        cache = jobs.Cache(runs_in=place / "runs")
-        done = searching.search(plan, trials, place, cache, executor, progress)
-        best, weights = searching.save_best(done, plan, place, cache, progress)
-    table, figure = searching.save_trials(done, plan, place)
-    places = [one.place for one in varied]
-    rows = []
-    for one in done[:SHOWN]:
-        tried = (
-            f"{one.values[place]:.6g}" if place in one.values else ""
-            for place in places
+    executor = make_executor(work.jobs, work.cluster) if factory.simulated else Serial()
+    label = f"sweep-{chosen_tasks[0].name}-{spec.name}"
+    with executor, progress_bar() as progress:
+        directory = open_run_directory(
+            work.out, label, options, work.overwrite, go_on=True
         )
-        rows.append(
-            (
-                str(one.number),
-                *tried,
-                f"failed: {one.said}" if one.score is None else f"{one.score:.4f}",
-            )
-        )
-    print_table(f"{len(done)} trials, the best first", ("trial", *places, judged), rows)
-    print(
-        f"best recipe: {best} (as --recipe {best})\nits networks: {weights} (as --weights)"
-    )
+        cache = jobs.Cache(runs_in=directory / "runs")
+        done = sweeps.search(plan, trials, directory, cache, executor, progress)
+        best, weights = sweeps.save_best(done, plan, directory, cache, progress)
+    table, figure = sweeps.save_trials(done, plan, directory)
+    _print_trials(done, plan)
+    print(f"best recipe: {best} (use it with --recipe {best})")
+    print(f"its networks: {weights} (use them with --weights)")
     print(f"figure: {figure}\nall trials: {table}")
+
+
+def _print_trials(trials: "list[Trial]", plan: "Sweep") -> None:
+    """Print the best trials."""
+    keys = [varied.place for varied in plan.varied]
+    rows = []
+    for trial in trials[:MAX_ROWS]:
+        values = [
+            f"{trial.values[key]:.6g}" if key in trial.values else "" for key in keys
+        ]
+        failed = f"failed: {trial.failure}"
+        score = failed if trial.score is None else f"{trial.score:.4f}"
+        rows.append((str(trial.number), *values, score))
+    title = f"{len(trials)} trials, best first"
+    print_table(title, ("trial", *keys, plan.metric), rows)

@@ -1,4 +1,4 @@
-"""`s2c2a train`: the two networks of an arm."""
+"""`s2c2a train`: the networks of a strategy."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import RecipeName, print_table, progress_bar
+from s2c2a.cli.console import RecipeName, StrategyName, print_table, progress_bar
 from s2c2a.errors import StrategyError
-from s2c2a.executors import compute_on_one_thread
+from s2c2a.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
@@ -24,37 +24,38 @@ Start = Annotated[Path | None, tyro.conf.arg(name="from", metavar="FILE")]
 def train(
     out: Path,
     recording: Recorded = None,
+    strategy: StrategyName = "s2c2a",
     recipe: RecipeName = "best",
     start: Start = None,
     arm: OptionalArm = None,
     seed: int = 0,
     overwrite: bool = False,
 ) -> None:
-    """Train both networks on a recording, and draw their learning curves beside the file.
+    """Train the networks of a strategy on a recording; draw the learning curves.
 
-    With --from, networks of another arm of the same make are begun from, its module
-    count may differ, and a short recording will do (docs/transfer.md): `s2c2a collect
-    --arm mine.toml --babbling motor --episodes 5 --samples 100`.
+    With --from, training starts from networks of another arm of the same make. Its
+    number of modules may differ, and a short recording will do (docs/transfer.md):
+    `s2c2a collect --arm mine.toml --babbling motor --episodes 5 --samples 100`.
 
     Args:
-        out: the strategy to write, such as twin.safetensors.
-        recording: made by `s2c2a collect` or `s2c2a import`; with --from and --arm
-            there need be none.
+        out: weight file to write, such as twin.safetensors.
+        recording: of `s2c2a collect` or `s2c2a import`; not needed with --from and
+            --arm.
+        strategy: whose networks, by name or your own file.py:Class.
         recipe: how to train.
-        start: a strategy of another arm to begin from.
-        arm: a preset or an arm file, where there is no recording of it.
+        start: weight file of another arm to start from.
+        arm: a preset or an arm file, if there is no recording of it.
         seed: of everything random.
-        overwrite: replace the strategy if it exists.
+        overwrite: replace the weight file if it exists.
     """
     from s2c2a import strategies, viz
-    from s2c2a.estimation.margins import CARRIED, margins_of
 
-    compute_on_one_thread()
+    limit_jax_to_one_thread()
     if out.exists() and not overwrite:
-        raise StrategyError(f"{out} exists; say --overwrite or choose another --out")
+        raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
     chosen = strategies.recipe_from(recipe)
     begun = strategies.load_strategy(start) if start else None
-    networks = _learned(recording, arm, chosen, seed, begun, out)
+    networks = _trained(recording, arm, strategy, chosen, seed, begun, out)
     strategies.save_strategy(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
@@ -62,51 +63,79 @@ def train(
         for name, rows in networks.curves.items()
     }
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
-    held_out = [
-        (name, f"{mean:.2f} ± {spread:.2f} %")
-        for name, (mean, spread) in networks.percent.items()
+    errors = [
+        (name, f"{mean:.2f} ± {std:.2f} %")
+        for name, (mean, std) in networks.percent.items()
     ]
-    where = "" if begun is None else f"; what was not trained here, of {begun.arm.name}"
-    print_table(
-        f"Held-out errors, of full range{where}", ("network", "error"), held_out
-    )
-    if networks.percent.get("swing", (0.0,))[0] >= 100.0:
-        print(
-            "how it swings does not show in this recording, and is taken from the description: margins are a guess"
-        )
-    if chosen.observes and (observer := strategies.observer_of(networks)).sensors:
-        found = margins_of(networks.arm, observer)
-        print(
-            f"margins of the loop, with up to {CARRIED:g} of the arm's mass at its tip: {found}"
-        )
-    print(f"strategy: {out}; learning curves: {picture}")
+    title = "Held-out errors, in percent of the full range"
+    if begun is not None:
+        title += f"; networks that were not trained here are those of {begun.arm.name}"
+    print_table(title, ("network", "error"), errors)
+    _report_modal_model(networks)
+    print(f"weights: {out}; learning curves: {picture}")
 
 
-def _learned(
+def _report_modal_model(networks: "TrainedNetworks") -> None:
+    """Say whether the recording shows the vibration of the arm."""
+    from s2c2a.estimation import MODAL_MODEL
+
+    if MODAL_MODEL not in networks.percent:
+        return
+    percent, _ = networks.percent[MODAL_MODEL]
+    if percent >= 100.0:
+        print(
+            "modal model: the recording does not show the vibration; frequency and "
+            "damping are those of the arm file"
+        )
+    else:
+        print(
+            f"modal model: {100.0 - percent:.0f} % of the fast motion in the recording is "
+            "explained by vibration"
+        )
+
+
+def _trained(
     recording: str | None,
     arm: str | None,
+    strategy: str,
     recipe: "Recipe",
     seed: int,
-    begun: "TrainedNetworks | None",
+    start: "TrainedNetworks | None",
     out: Path,
 ) -> "TrainedNetworks":
-    """From a recording, from other networks, or from both."""
+    """Train on a recording, on other networks, or on both.
+
+    Raises:
+        StrategyError: what to train on is missing or contradictory.
+    """
     from s2c2a import strategies
     from s2c2a.data import load_recording
 
-    if (recording is None) == (arm is None) or (recording is None and begun is None):
+    options = strategies.STRATEGIES.named(strategy)()
+    has_one_source = (recording is None) != (arm is None)
+    if not has_one_source or (recording is None and start is None):
         raise StrategyError(
-            "say a recording, or --arm and --from FILE for an arm that nothing was recorded of"
+            "give a recording, or --arm and --from for an arm without a recording"
         )
+    if start is not None and options.name != "s2c2a":
+        raise StrategyError(f"--from works with s2c2a alone, not with {options.name}")
     data = load_recording(recording) if recording else None
-    # a place that cannot be is told before the long work
+    # an impossible place is refused before the long work
     out.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar() as progress:
 
-        def told(name: str, epoch: int, most: int, loss: float) -> None:
-            progress(f"training {name}", epoch, most)
+        def training_progress(
+            network: str, epoch: int, epochs: int, loss: float
+        ) -> None:
+            progress(f"training {network}", epoch, epochs)
 
+        if data is not None and start is not None:
+            return strategies.train_s2c2a(data, recipe, seed, training_progress, start)
         if data is not None:
-            return strategies.train_s2c2a(data, recipe, seed, told, begun)
-        progress("carrying over what was learned", 0, 1)
-        return strategies.transferred(begun, load_arm(arm), seed)  # type: ignore[arg-type]
+            used = options.recipe(recipe)
+            networks = options.train(data, used, seed, training_progress)
+            return strategies.labeled(networks, options)
+        assert start is not None
+        assert arm is not None
+        progress("transferring networks", 0, 1)
+        return strategies.transferred(start, load_arm(arm), seed)

@@ -1,4 +1,4 @@
-"""Data from an arm: babbling, collecting, recordings, splits and windows."""
+"""Training data: babbling, data collection, recordings, splits, and windows."""
 
 from s2c2a.data.babbling import BABBLING, episode_actions
 from s2c2a.data.collecting import CollectOptions, collect

@@ -1,9 +1,12 @@
-"""Collecting a recording: episodes side by side, written in order, resumable, each driven by the loop that runs use."""
+"""Collection of recordings: parallel episodes, written in order, resumable.
+
+The control loop of `s2c2a run` drives each episode.
+"""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import closing, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,28 +21,28 @@ from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, CommandLimits, Loop, episode_of
+from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
 from s2c2a.spaces import Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
 MAX_SAMPLES = 100_000
 MAX_SEED = 2**63
-STEP_LIMIT_DEG = 4.0  # of the arms that speeds were chosen on
+STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
 MakeRobot = Callable[[int], Robot]
 
 
 @dataclass(frozen=True)
 class CollectOptions:
-    """How to collect.
+    """Options of a collection.
 
     Attributes:
         babbling: one of `BABBLING`.
         episodes: number of episodes, each from rest.
-        samples: control steps in an episode.
-        seed: of everything random.
-        speeds: slowest and fastest approach of a bend target, as part of the full bend
-            per step, of an arm with a step limit of 4 deg; of others in proportion, for
-            what they may do in a step they shall have tried.
+        samples: number of control steps in an episode.
+        seed: seed of all random numbers.
+        speeds: slowest and fastest approach of a bend target, as a share of the full
+            bend per step, for a step limit of 4 deg; they scale with the step limit, so
+            that the recording covers the steps of the arm.
     """
 
     babbling: str = "staged"
@@ -57,18 +60,19 @@ class CollectOptions:
             1 <= self.episodes <= MAX_EPISODES and 1 <= self.samples <= MAX_SAMPLES
         ):
             raise RecordingError(
-                f"{self.episodes} episodes of {self.samples} samples asked for; both must be positive, and at most "
-                f"{MAX_EPISODES} and {MAX_SAMPLES}"
+                f"{self.episodes} episodes of {self.samples} samples are out of range; "
+                f"choose 1 to {MAX_EPISODES} and 1 to {MAX_SAMPLES}"
             )
-        if not 0 <= self.seed <= MAX_SEED or any(
-            count % 1 for count in (self.episodes, self.samples, self.seed)
-        ):
+        counts = (self.episodes, self.samples, self.seed)
+        if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
             raise RecordingError(
-                f"seed {self.seed} asked for; it must be whole, as counts are, and not negative"
+                f"seed {self.seed}, {self.episodes} episodes, {self.samples} samples: "
+                "all must be whole numbers, and the seed must not be negative"
             )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
-                f"speeds {self.speeds} asked for; they must rise from above 0 to at most 1 bend a step"
+                f"speeds {self.speeds} are out of range; "
+                "they must rise from above 0 to at most 1 bend a step"
             )
 
 
@@ -83,62 +87,64 @@ def collect(
     executor: Executor | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Recording:
-    """Collect a recording, the same whoever drives its episodes and however often it was killed and resumed.
+    """Collect a recording, identical for any number of threads, stops, and resumes.
 
     Args:
-        path: the file to write.
-        arm: the arm to drive.
-        make_robot: a robot for the episode of the given seed; called once an episode,
-            in its thread.
-        options: how to babble.
-        body: what the robot is, kept with the recording, such as "simulation fast".
-        threads: episodes side by side; all cores if not stated. A real arm takes one.
-        executor: who drives the episodes, if not threads of this process; where it has
-            others, `make_robot` has to travel, as a `partial` of a class does and a
-            lambda does not.
-        resume: go on with a file that has fewer episodes than asked for.
-        overwrite: begin anew where a file exists.
-        progress: told how many episodes of how many are whole.
+        path: file to write.
+        arm: arm to drive.
+        make_robot: function from a seed to a robot; called once per episode, in its
+            thread.
+        options: options of the collection.
+        body: description of the robot, such as "simulation fast"; the recording keeps
+            it.
+        threads: number of parallel episodes; all cores by default. Use one for a real
+            arm.
+        executor: executor of the episodes instead of threads. If it has other
+            processes, `make_robot` must be picklable: a `partial` of a class is, a
+            lambda is not.
+        resume: whether to continue a file that has too few episodes.
+        overwrite: whether to replace an existing file.
+        progress: callback with the number of complete episodes and of all episodes.
 
     Raises:
-        RecordingError: the file exists and neither `resume` nor `overwrite` was asked
-            for, it was begun otherwise, or it cannot be written.
+        RecordingError: the file exists and neither `resume` nor `overwrite` is set, it
+            was started with other options, or it cannot be written.
     """
     if threads is not None and threads < 1:
         raise RecordingError(
-            f"{threads} threads asked for; take at least one, or leave it out for all cores"
+            f"{threads} threads are too few; use at least one, or omit the number for "
+            "all cores"
         )
-    drive = partial(_episode, arm, make_robot, options)
-    # of a real arm nothing is begun before the last episode is safe
-    workers = (
-        nullcontext(executor)
-        if executor
-        else Serial()
-        if threads == 1
-        else Threads(threads)
-    )
-    with closing(
-        _open_writer(
-            Path(path), arm, _as_written(options) | {"body": body}, resume, overwrite
-        )
-    ) as writer:
-        progress(writer.count, options.episodes)
-        with workers as driving:
-            for episode in in_order(
-                driving, drive, range(writer.count, options.episodes)
-            ):
+    run_episode = partial(_run_episode, arm, make_robot, options)
+    stored = _stored_options(options) | {"body": body}
+    with closing(_open_writer(Path(path), arm, stored, resume, overwrite)) as writer:
+        numbers = range(writer.count, options.episodes)
+        if progress:
+            progress(writer.count, options.episodes)
+        with _workers(executor, threads) as workers:
+            for episode in in_order(workers, run_episode, numbers):
                 writer.append(episode)
-                progress(writer.count, options.episodes)
+                if progress:
+                    progress(writer.count, options.episodes)
     return load_recording(path)
 
 
-def _as_written(options: CollectOptions) -> dict:
-    """Options as they stand in a file: one number or word each."""
-    written = asdict(options)
-    slowest, fastest = written.pop("speeds")
-    return written | {"slowest": slowest, "fastest": fastest}
+def _workers(
+    executor: Executor | None, threads: int | None
+) -> AbstractContextManager[Executor]:
+    if executor:
+        return nullcontext(executor)
+    # serial: a real arm starts an episode after the last one is written
+    return Serial() if threads == 1 else Threads(threads)
+
+
+def _stored_options(options: CollectOptions) -> dict:
+    """Options as a recording stores them: single numbers and words."""
+    stored = asdict(options)
+    slowest, fastest = stored.pop("speeds")
+    return stored | {"slowest": slowest, "fastest": fastest}
 
 
 def _open_writer(
@@ -148,27 +154,32 @@ def _open_writer(
         return EpisodeWriter.create(path, arm, options)
     if not resume:
         raise RecordingError(
-            f"{path} exists; go on with it (--resume), begin anew (--overwrite), or take another name"
+            f"{path} exists; continue it (--resume), replace it (--overwrite), or "
+            "choose another name"
         )
     writer = EpisodeWriter(path)
-    begun = writer.options
-    differing = [
-        f"{key} {begun.get(key)!r}, now {new!r}"
+    stored = writer.options
+    differences = [
+        f"{key} {stored.get(key)!r}, now {new!r}"
         for key, new in options.items()
-        if begun.get(key) != new
+        if stored.get(key) != new
     ]
-    differing += ["arm"] if writer.arm != arm else []
-    if differing:
+    if writer.arm != arm:
+        differences.append("arm")
+    if differences:
         writer.close()
         raise RecordingError(
-            f"{path} was begun with another arm or other options ({'; '.join(differing)}); "
-            "resume it as begun, or overwrite it (--overwrite)"
+            f"{path} was started with another arm or other options "
+            f"({'; '.join(differences)}); resume it with the same ones, or replace it "
+            "(--overwrite)"
         )
     return writer
 
 
 class Player:
-    """Actions that were chosen before, one a step; it needs everything that the body says, since all is recorded."""
+    """Controller that plays back actions; it requires all sensors, to record them."""
+
+    name = "player"
 
     def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
         self.arm = arm
@@ -176,31 +187,37 @@ class Player:
         self._actions = actions
 
     def start(self, reading: Reading) -> None:
-        """From the first one."""
-        self._left = iter(self._actions)
+        """Start at the first action."""
+        self._remaining = iter(self._actions)
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """The next one."""
-        return next(self._left)
+    def estimate(self, reading: Reading, last_command: Actions) -> Reading:
+        """The reading itself."""
+        return reading
+
+    def plan(self, estimate: Reading, goal: Goal) -> Goal:
+        """The goal itself, which is ignored."""
+        return goal
+
+    def act(self, plan: Goal, estimate: Reading) -> Actions:
+        """Next action."""
+        return next(self._remaining)
 
     def sent(self, action: Actions) -> None:
-        """It goes on with the next one."""
+        """Do nothing: the next action does not depend on the last."""
 
     def diagnostics(self) -> dict:
-        """It makes nothing of what it reads."""
+        """No diagnostics."""
         return {}
 
 
-def _episode(
+def _run_episode(
     arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int
 ) -> Episode:
-    """Drive the arm through one episode, and back to rest.
+    """Drive the arm through one episode and back to rest.
 
     Raises:
-        RecordingError: a sensor could not be believed; the arm is at rest, and the
-            episode is not kept.
+        RecordingError: a sensor failed; the arm is at rest, and the episode is dropped.
     """
-    speeds = _speeds(arm, options)
     actions = episode_actions(
         ArmGeometry.of(arm),
         options.babbling,
@@ -208,45 +225,45 @@ def _episode(
         options.episodes,
         options.samples,
         options.seed,
-        speeds,
+        _speeds(arm, options),
     )
-    robot = make_robot(
-        int(np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0])
-    )
-    # one of metal keeps its own, whatever babbles
+    seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
+    robot = make_robot(int(seed))
+    # a real arm keeps its own limits
     limits = _limits(arm, options) if robot.own_time else None
-    with Loop(robot, Player(arm, _needed(robot), actions), limits=limits) as loop:
-        steps = []
+    player = Player(arm, _required_sensors(robot), actions)
+    steps = []
+    with Loop(robot, player, limits=limits) as loop:
         for _ in actions:
-            steps.append(loop.tick(Ask()))
-            if steps[-1].stage is not Stage.RUN:
+            step = loop.tick(StepRequest())
+            steps.append(step)
+            if step.stage is not Stage.RUN:
                 raise RecordingError(
-                    f"episode {number + 1}, step {len(steps)}: {loop.fault}; mend that, then go on (--resume)"
+                    f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
+                    "correct that, then continue (--resume)"
                 )
-        whole = episode_of(steps, arm)
-    timeless = {
-        name: values for name, values in whole.columns.items() if name != "tick_time"
-    }
-    # a recording is the same to the last byte, wherever it is made
-    return replace(whole, columns=timeless)
+        episode = build_episode(steps, arm)
+    # without computing times, the file is identical on any machine
+    columns = dict(episode.columns)
+    columns.pop("tick_time", None)
+    return replace(episode, columns=columns)
 
 
-def _needed(robot: Robot) -> tuple[str, ...]:
-    """Sensors without which there is no sample."""
+def _required_sensors(robot: Robot) -> tuple[str, ...]:
+    """Sensors that every sample has."""
     return tuple(name for name, sensor in robot.sensors.items() if sensor.always)
 
 
 def _speeds(arm: ArmSpec, options: CollectOptions) -> tuple[float, float]:
-    """For an arm that may go so far in a step."""
-    slowest, fastest = (
-        min(speed * arm.step_limit_deg / STEP_LIMIT_DEG, 1.0)
-        for speed in options.speeds
-    )
-    return slowest, fastest
+    """Speeds scaled to the step limit of the arm."""
+    scale = arm.step_limit_deg / STEP_LIMIT_DEG
+    slow, fast = options.speeds
+    return min(slow * scale, 1.0), min(fast * scale, 1.0)
 
 
 def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
-    """As fast as the babbling is meant to be, and its corners as sharp."""
+    """Limits that allow the speed and the corners of the babbling."""
     share = fastest(options.babbling, arm.module_count, _speeds(arm, options))
-    most = share * np.rad2deg(ArmGeometry.of(arm).action_bends.max()) * (1 + 1e-6)
-    return CommandLimits.with_steps(arm, most, 2 * most)
+    full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
+    step_deg = share * full_bend_deg * (1 + 1e-6)
+    return CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)

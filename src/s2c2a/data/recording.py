@@ -1,4 +1,4 @@
-"""Recordings: many episodes of one arm, from which networks learn."""
+"""Recordings: episodes of one arm, used as training data."""
 
 import os
 from collections.abc import Mapping
@@ -16,18 +16,18 @@ from s2c2a.episodes.episode import SENSOR, stacked
 from s2c2a.errors import RecordingError
 from s2c2a.spaces import Reading
 
-LARGEST = 1e6
-"""A number of a sensor, or an action [m or N], beyond this is no measurement."""
+LARGEST = 1e6  # larger sensor values and actions [m or N] are invalid
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What an arm did, from rest, several times. Sample t holds the reading before its action is sent.
+    """Episodes of one arm; sample t holds the reading before its action is sent.
 
     Attributes:
-        arm: the arm that was recorded.
-        options: how it was collected: babbling, episodes, samples, seed, body, version.
-        episodes: one or more.
+        arm: the recorded arm.
+        options: options of the collection: babbling, episodes, samples, seed, body,
+            version.
+        episodes: one or more episodes.
     """
 
     arm: ArmSpec
@@ -36,60 +36,69 @@ class Recording:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Samples of each episode; logs with gaps have them of different lengths, and arrays of all repeat the last."""
+        """Number of samples of each episode.
+
+        Arrays of all episodes repeat the last sample of shorter ones.
+        """
         return tuple(map(len, self.episodes))
 
     @cached_property
     def time(self) -> Float[np.ndarray, "episodes samples"]:
-        """[s], since each episode began."""
+        """Time since the start of each episode [s]."""
         return stacked(self.episodes, "time")
 
     @cached_property
     def actions(self) -> Float[np.ndarray, "episodes samples modules cables"]:
-        """As really sent [m or N]."""
+        """Actions that were sent [m or N]."""
         return stacked(self.episodes, "actions")
 
     @property
     def sensors(self) -> list[str]:
-        """Names of those that every episode has."""
-        return [
-            name
-            for name in self.episodes[0].sensors
-            if all(name in one.sensors for one in self.episodes)
-        ]
+        """Names of the sensors that every episode has."""
+        common = []
+        for name in self.episodes[0].sensors:
+            if all(name in episode.sensors for episode in self.episodes):
+                common.append(name)
+        return common
 
     def sensor(self, name: str) -> np.ndarray:
-        """What a sensor said, shape (episodes, samples, ...).
+        """Values of a sensor, shape (episodes, samples, ...).
 
         Raises:
-            RecordingError: it was not measured in all of them.
+            RecordingError: an episode lacks the sensor.
         """
         if name not in self.sensors:
             raise RecordingError(
-                f"this recording lacks '{name}'; it has {', '.join(self.sensors) or 'no sensors'}: record with it on"
+                f"this recording lacks '{name}'; it has "
+                f"{', '.join(self.sensors) or 'no sensors'}. Record with this sensor"
             )
         return stacked(self.episodes, SENSOR + name)
 
     def readings(self) -> Reading:
-        """All readings as one, the numbers of every sensor with (episodes, samples) in front."""
+        """All sensors as one reading, each of shape (episodes, samples, ...)."""
         return Reading(0.0, {name: self.sensor(name) for name in self.sensors})
 
     def check_complete(self) -> None:
-        """Raise RecordingError if episodes are missing: a staged recording cut short knows only its first stages."""
-        asked = self.options.get("episodes", 0)
-        if not isinstance(asked, int) or len(self.episodes) < asked:
+        """Check that no episode is missing, since each stage of babbling has its own.
+
+        Raises:
+            RecordingError: the recording has fewer episodes than requested.
+        """
+        requested = self.options.get("episodes", 0)
+        if not isinstance(requested, int) or len(self.episodes) < requested:
             raise RecordingError(
-                f"this recording has {len(self.episodes)} of {asked} episodes; go on with `s2c2a collect --resume`"
+                f"this recording has {len(self.episodes)} of {requested} episodes; "
+                "complete it with `s2c2a collect --resume`"
             )
 
 
 def load_recording(path: str | os.PathLike) -> Recording:
-    """Read the whole episodes of a recording.
+    """Read the complete episodes of a recording.
 
     Raises:
-        RecordingError: no such file, without one whole episode, or with numbers that no
-            arm can have said.
-        DamagedRecordingError: not a file of episodes, cut off, or damaged.
+        RecordingError: the file does not exist, has no complete episode, or has invalid
+            values.
+        DamagedRecordingError: the file is not a recording, is cut off, or is damaged.
     """
     episodes, options = load_episodes(Path(path))
     for episode in episodes:
@@ -97,6 +106,7 @@ def load_recording(path: str | os.PathLike) -> Recording:
             largest = np.nanmax(np.abs(episode[name].astype(float)), initial=0.0)
             if not largest < LARGEST:
                 raise RecordingError(
-                    f"{path}: '{name}' holds {largest:.3g}, which no arm says; measure it anew"
+                    f"{path}: '{name}' has values up to {largest:.3g}; at most "
+                    f"{LARGEST:.0e} is valid. Record it again"
                 )
     return Recording(episodes[0].arm, options, tuple(episodes))

@@ -1,4 +1,4 @@
-"""From recordings to samples for the networks, split by stretches of time."""
+"""Samples for the networks, split into training, validation, and test stretches."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from s2c2a.errors import RecordingError
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 SHARES = (0.70, 0.15, 0.15)
-"""Training, validation and test shares of every episode, in this order of time."""
+"""Shares of training, validation, and test samples, in this order of time."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Inputs and targets of a network, first axis: samples."""
+    """Inputs and targets of a network; samples are the first axis."""
 
     inputs: dict[str, np.ndarray]
     targets: np.ndarray
@@ -24,32 +24,33 @@ class Samples:
 
 @dataclass(frozen=True)
 class Split:
-    """Samples for training, for early stopping, and held out."""
+    """Samples for training, early stopping, and testing."""
 
     training: Samples
     validation: Samples
     test: Samples
 
 
-SHORTEST_EPISODE = 50
-"""Samples without which the shortest stretch has no whole window."""
-PIECE = 500
-"""Samples of an episode, about, of which each part gets a share."""
+SHORTEST_EPISODE = 50  # samples; shorter stretches may have no complete window
+PIECE = 500  # approximate samples of a piece that is divided among the parts
+# part to which shorter episodes belong as a whole, in turn
 WHOLE = (0, 0, 0, 0, 1, 0, 2)
-"""Which part shorter episodes are of, in turn."""
 
 Lengths = Sequence[int] | None
 Stretch = tuple[int, slice]
 
 
 def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
-    """Training, validation and test stretches of episodes of so many samples: which episode, and which samples.
+    """Training, validation, and test stretches: episode index and slice of samples.
 
-    Long episodes are cut, very long ones piece by piece; shorter ones, as logs with
-    gaps have them, are of one part as a whole.
+    Long episodes are divided, very long ones in pieces. Short ones, as in logs with
+    gaps, belong to one part as a whole.
+
+    Args:
+        lengths: number of samples of each episode.
 
     Raises:
-        RecordingError: a part would stay empty.
+        RecordingError: a part would be empty.
     """
     parts: list[list[Stretch]] = [[], [], []]
     short = 0
@@ -58,20 +59,17 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
             parts[WHOLE[short % len(WHOLE)]].append((episode, slice(0, samples)))
             short += 1
             continue
-        for begin, end in pairwise(
-            np.linspace(0, samples, 1 + max(1, round(samples / PIECE))).astype(int)
-        ):
-            edges = begin + np.rint(np.cumsum([0.0, *SHARES]) * (end - begin)).astype(
-                int
-            )
-            for part, (start, stop) in zip(
-                parts, pairwise(edges.tolist()), strict=True
-            ):
-                part.append((episode, slice(start, stop)))
+        pieces = max(1, round(samples / PIECE))
+        borders = np.linspace(0, samples, 1 + pieces).astype(int)
+        for begin, end in pairwise(borders):
+            shares = np.cumsum([0.0, *SHARES])
+            edges = begin + np.rint(shares * (end - begin)).astype(int)
+            for index, (start, stop) in enumerate(pairwise(edges.tolist())):
+                parts[index].append((episode, slice(start, stop)))
     if not all(parts):
         raise RecordingError(
-            f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; collect at least "
-            f"{SHORTEST_EPISODE} each, or {len(WHOLE)} shorter ones"
+            f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; "
+            f"collect at least {SHORTEST_EPISODE} each, or {len(WHOLE)} shorter ones"
         )
     return parts
 
@@ -81,31 +79,32 @@ def forward_samples(
     states: Float[np.ndarray, "episodes samples modules 6"],
     lengths: Lengths = None,
 ) -> Split:
-    """Samples for C2S: sensed configuration in, true state of the same moment out, where any of it is known.
+    """Samples for C2S: sensed configuration in, true state at the same time out.
+
+    Samples without any known state are dropped.
 
     Args:
-        configurations: as they were sensed.
-        states: true ones; NaN where they are not known.
-        lengths: samples of each episode, where they differ; what is behind them counts
-            nothing.
+        configurations: sensed configurations.
+        states: true states; NaN: unknown.
+        lengths: number of samples of each episode, if they differ; the rest is padding.
     """
     known = np.isfinite(states).any(axis=(2, 3))
-    known &= np.arange(known.shape[1]) < np.asarray(_all(states, lengths))[:, None]
-    rows = [np.flatnonzero(one) for one in known]
+    counts = np.asarray(_lengths_of(states, lengths))
+    known &= np.arange(known.shape[1]) < counts[:, None]
+    rows = [np.flatnonzero(mask) for mask in known]
 
-    def samples(part: list[Stretch]) -> Samples:
-        inputs, targets = (
-            np.concatenate(
-                [values[episode, rows[episode][place]] for episode, place in part]
-            ).astype(np.float32)
-            for values in (configurations, states)
-        )
-        return Samples({"configurations": inputs}, targets)
+    def select(values: np.ndarray, part: list[Stretch]) -> np.ndarray:
+        parts = [values[episode, rows[episode][span]] for episode, span in part]
+        return np.concatenate(parts).astype(np.float32)
 
-    return Split(*map(samples, stretches([len(one) for one in rows])))
+    samples = [
+        Samples({"configurations": select(configurations, part)}, select(states, part))
+        for part in stretches([len(indices) for indices in rows])
+    ]
+    return Split(*samples)
 
 
-def _all(values: np.ndarray, lengths: Lengths) -> Sequence[int]:
+def _lengths_of(values: np.ndarray, lengths: Lengths) -> Sequence[int]:
     return [values.shape[1]] * len(values) if lengths is None else lengths
 
 
@@ -115,21 +114,16 @@ def controller_samples(
     neutral: Float[np.ndarray, "modules cables"],
     lengths: Lengths = None,
 ) -> Split:
-    """Samples for C2A (Chen et al. 2025, eq. (8)): C_{t+1}; C_t to C_{t-3}; A_{t-1} to A_{t-5} in, A_t out.
+    """Samples for C2A: C_{t+1}, C_t to C_{t-3}, and A_{t-1} to A_{t-5} in, A_t out.
 
-    No window crosses the border of an episode or a stretch. Before an episode the arm
-    was at rest: its first configuration and the neutral action stand in, as they do
-    when a controller starts.
+    Source: Chen et al. 2025, eq. (8). No window crosses the border of an episode or a
+    stretch. The arm rests before an episode: the history consists of its first
+    configuration and the neutral action, as when a controller starts.
     """
-    ages = range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1)
-    return Split(
-        *(
-            _windows("configurations", part, *ages, axis=-2)
-            for part in _from_rest(
-                configurations, actions, neutral, _all(actions, lengths)
-            )
-        )
-    )
+    ages = (range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1))
+    counts = _lengths_of(actions, lengths)
+    parts = _prepend_rest(configurations, actions, neutral, counts)
+    return Split(*(_windows("configurations", part, *ages, axis=-2) for part in parts))
 
 
 def lstm_samples(
@@ -137,36 +131,36 @@ def lstm_samples(
     actions: Float[np.ndarray, "episodes samples modules cables"],
     neutral: Float[np.ndarray, "modules cables"],
 ) -> Split:
-    """Samples for the LSTM (Chen et al. 2025, sec. IV-A2): p_{t+1}; p_{t-4} to p_t; A_{t-5} to A_{t-1} in, A_t out.
+    """Samples for the LSTM: p_{t+1}, p_{t-4} to p_t, A_{t-5} to A_{t-1} in, A_t out.
 
-    Its sequence is time, so histories have the oldest moment first. Borders and starts
-    as in `controller_samples`.
+    Source: Chen et al. 2025, sec. IV-A2. The oldest step of a history is first. Borders
+    and starts are as in `controller_samples`.
 
     Args:
-        positions: of the tip [m], base frame.
-        actions: as really sent [m or N].
-        neutral: the action at rest [m or N].
+        positions: positions of the tip [m], base frame.
+        actions: actions that were sent [m or N].
+        neutral: action at rest [m or N].
     """
-    ages = range(ACTION_HISTORY - 1, -1, -1), range(ACTION_HISTORY, 0, -1)
-    parts = _from_rest(positions, actions, neutral, _all(actions, None))
+    ages = (range(ACTION_HISTORY - 1, -1, -1), range(ACTION_HISTORY, 0, -1))
+    parts = _prepend_rest(positions, actions, neutral, _lengths_of(actions, None))
     return Split(*(_windows("positions", part, *ages, axis=1) for part in parts))
 
 
-def _from_rest(
+def _prepend_rest(
     sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray, lengths: Sequence[int]
 ) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-    """What was sensed and sent in every stretch of every part, rest put before those that begin an episode."""
+    """Sensed values and actions of all stretches; those at a start begin with rest."""
     rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
 
-    def part(episode: int, stretch: slice) -> tuple[np.ndarray, np.ndarray]:
-        felt = sensed[episode, stretch]
+    def select(episode: int, stretch: slice) -> tuple[np.ndarray, np.ndarray]:
+        values = sensed[episode, stretch]
         sent = actions[episode, stretch]
         if stretch.start:
-            return felt, sent
-        still = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
-        return np.concatenate([still, felt]), np.concatenate([rest, sent])
+            return values, sent
+        first = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
+        return np.concatenate([first, values]), np.concatenate([rest, sent])
 
-    return [[part(*stretch) for stretch in every] for every in stretches(lengths)]
+    return [[select(*stretch) for stretch in part] for part in stretches(lengths)]
 
 
 def _windows(
@@ -176,19 +170,19 @@ def _windows(
     action_ages: range,
     axis: int,
 ) -> Samples:
-    """All windows with a whole history behind them and one sensed moment after them; ages [steps] get an axis."""
-    rows = [_windows_of(name, *part, sensed_ages, action_ages, axis) for part in parts]
-    keys = rows[0].inputs
+    """All windows with a complete history and a next sample; `axis` is that of ages."""
+    windows = [
+        _stretch_windows(name, *part, sensed_ages, action_ages, axis) for part in parts
+    ]
     inputs = {
-        key: np.concatenate([row.inputs[key] for row in rows]).astype(np.float32)
-        for key in keys
+        key: np.concatenate([part.inputs[key] for part in windows]).astype(np.float32)
+        for key in windows[0].inputs
     }
-    return Samples(
-        inputs, np.concatenate([row.targets for row in rows]).astype(np.float32)
-    )
+    targets = np.concatenate([part.targets for part in windows])
+    return Samples(inputs, targets.astype(np.float32))
 
 
-def _windows_of(
+def _stretch_windows(
     name: str,
     sensed: np.ndarray,
     actions: np.ndarray,
@@ -196,7 +190,7 @@ def _windows_of(
     action_ages,
     axis: int,
 ) -> Samples:
-    """Those of one stretch."""
+    """Windows of one stretch."""
     steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
     inputs = {
         "desired": sensed[steps + 1],

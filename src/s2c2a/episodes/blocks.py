@@ -1,14 +1,14 @@
-"""Files as rows of checked blocks: safe to open, whoever made them.
+"""Block files with checksums: safe to open, whatever their source.
 
-A block is the word `S2C2A` and a line feed, the length of its content (8 bytes,
-little-endian), a digest of the length (8 bytes), the content, a digest of both (16
-bytes). Digests are BLAKE2b with the digest of the block before as key: a block that was
-moved, doubled or taken out is as wrong as one that was changed. Nobody looks inside a
-block before its digest is right, and sizes are capped before anything is read.
+A block is the magic word `S2C2A` and a line feed, the length of its content (8 bytes,
+little-endian), a digest of the length (8 bytes), the content, a digest of length and
+content (16 bytes). Digests are BLAKE2b with the digest of the previous block as key, so
+a block that was moved, duplicated or removed is as invalid as one that was changed. A
+reader parses a block only after its digest is valid, and checks sizes before it reads.
 
-Blocks are only ever added at the end, so a process that is killed leaves whole ones and
-at most a part of the last. Since a length has a digest of its own, such a part cannot
-be mistaken for a block whose length is damaged.
+Files only grow at the end: a process that is killed leaves whole blocks and at most a
+part of the last one. Since the length has its own digest, a partial block cannot be
+confused with a block whose length is damaged.
 """
 
 import errno
@@ -31,83 +31,93 @@ MAX_BLOCK = 150_000_000
 MAX_HEAD = 1_000_000
 
 
-def write_block(file: Any, content: bytes, before: bytes) -> bytes:
-    """Add a block at the end of a file; its digest, which the next one needs.
+def write_block(file: Any, content: bytes, previous_digest: bytes) -> bytes:
+    """Append a block to a file.
+
+    Args:
+        file: open for writing, at its end.
+        content: of the block.
+        previous_digest: digest of the previous block; empty for the first one.
+
+    Returns:
+        The digest of the block, which the next one needs.
 
     Raises:
-        OSError: it, or the file, becomes larger than may be read again.
+        OSError: the block or the file would exceed the size that can be read.
     """
-    if (
-        len(content) > MAX_BLOCK
-        or file.tell() + START + len(content) + DIGEST > MAX_BYTES
-    ):
+    new_size = file.tell() + START + len(content) + DIGEST
+    if len(content) > MAX_BLOCK or new_size > MAX_BYTES:
         raise OSError(
             errno.EFBIG,
-            f"at most {MAX_BLOCK} bytes an episode and {MAX_BYTES} a file; take several files",
+            f"at most {MAX_BLOCK} bytes an episode and {MAX_BYTES} a file; "
+            "use several files",
         )
     length = len(content).to_bytes(LENGTH, "little")
-    digest = _digest(DIGEST, before, length, content)
-    left = memoryview(WORD + length + _digest(CHECK, before, length) + content + digest)
-    while left:  # an unbuffered file may take a part of it
-        left = left[file.write(left) :]
+    start = WORD + length + _digest(CHECK, previous_digest, length)
+    digest = _digest(DIGEST, previous_digest, length, content)
+    remaining = memoryview(start + content + digest)
+    while remaining:  # an unbuffered file may write only a part
+        remaining = remaining[file.write(remaining) :]
     return digest
 
 
 def read_blocks(
-    file: BinaryIO, path: str | os.PathLike, unsound_end: bool = False
+    file: BinaryIO, path: str | os.PathLike, allow_damaged_end: bool = False
 ) -> Iterator[tuple[bytes, bytes]]:
-    """Contents of all blocks and their digests, each once it is right; a part of one at the end is passed over.
+    """Yield the contents of all blocks and their digests, each after verification.
+
+    A partial block at the end is skipped.
 
     Args:
         file: at its beginning.
-        path: for errors.
-        unsound_end: whether the last one's digest may be wrong, as when power fails; it
-            is passed over.
+        path: for error messages.
+        allow_damaged_end: whether to skip a last block with a wrong digest, as after a
+            power failure.
 
     Raises:
-        DamagedRecordingError: a byte is not as it was written.
+        DamagedRecordingError: a byte differs from what was written.
     """
     size = os.fstat(file.fileno()).st_size
-    before = b""
+    digest = b""
     while (begin := file.tell()) < size:
         start = file.read(START)
         length = start[len(WORD) : len(WORD) + LENGTH]
-        count = int.from_bytes(length, "little")
-        if not start.startswith(WORD[: len(start)]) or (
-            len(start) == START
-            and start != WORD + length + _digest(CHECK, before, length)
-        ):
+        is_partial = len(start) < START
+        if is_partial:
+            valid = start.startswith(WORD[: len(start)])
+        else:
+            valid = start == WORD + length + _digest(CHECK, digest, length)
+        if not valid:
             raise damaged(path, "its blocks do not follow each other")
-        if len(start) < START or count > size - file.tell() - DIGEST:
+        count = int.from_bytes(length, "little")
+        if is_partial or count > size - file.tell() - DIGEST:
             if begin:
                 return
-            raise damaged(path, "it is cut off")
+            raise damaged(path, "it is truncated")
         if count > (MAX_BLOCK if begin else MAX_HEAD):
             raise damaged(path, f"a block of {count} bytes")
         content = file.read(count)
-        before = _digest(DIGEST, before, length, content)
-        if file.read(DIGEST) != before:
-            if unsound_end and begin and file.tell() == size:
+        digest = _digest(DIGEST, digest, length, content)
+        if file.read(DIGEST) != digest:
+            if allow_damaged_end and begin and file.tell() == size:
                 return
             raise damaged(path, "a checksum is wrong")
-        yield content, before
+        yield content, digest
 
 
-def opened_blocks(
-    path: str | os.PathLike, mode: str = "rb", buffering: int = -1
-) -> Any:
-    """A file of blocks, at its beginning.
+def open_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) -> Any:
+    """Open a block file at its beginning.
 
     Raises:
-        RecordingError: none there, or it cannot be opened.
-        DamagedRecordingError: too large, or no file of blocks.
+        RecordingError: there is no such file, or it cannot be opened.
+        DamagedRecordingError: it is too large, or not a block file.
     """
     if not Path(path).is_file():
         raise RecordingError(
             f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`"
         )
     try:
-        file = open(path, mode, buffering)
+        file = open(path, mode, buffering)  # noqa: SIM115  # closed by the caller
         begin = file.read(8)
         size = os.fstat(file.fileno()).st_size
     except OSError as error:
@@ -120,44 +130,47 @@ def opened_blocks(
     file.close()
     if begin == b"\x89HDF\r\n\x1a\n":
         raise DamagedRecordingError(
-            f"{path} was written by version 0.1; collect it again with `s2c2a collect`, the numbers are the same"
+            f"{path} was written by version 0.1; collect it again with "
+            "`s2c2a collect`, the numbers are the same"
         )
     if size > MAX_BYTES:
         raise DamagedRecordingError(
             f"{path} has {size} bytes; files of episodes have at most {MAX_BYTES}"
         )
     raise DamagedRecordingError(
-        f"{path} is no file of episodes, or its beginning is damaged; collect, run or import it anew"
+        f"{path} is no file of episodes, or its beginning is damaged; "
+        "collect, run or import it again"
     )
 
 
 def lock(file: BinaryIO, path: str | os.PathLike) -> None:
-    """One writer at a time, where the system knows locks.
+    """Lock a file for one writer, on systems with file locks.
 
     Raises:
-        RecordingError: there is one.
+        RecordingError: another process has the lock.
     """
     try:
-        import fcntl
+        import fcntl  # noqa: PLC0415  # not on Windows
     except ImportError:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         raise RecordingError(
-            f"{path} is in use by another process; wait for it, or take another name"
+            f"{path} is in use by another process; wait for it, or use another name"
         ) from error
 
 
-def damaged(path: str | os.PathLike, why: str) -> DamagedRecordingError:
-    """The error that says so."""
+def damaged(path: str | os.PathLike, reason: str) -> DamagedRecordingError:
+    """Return the error for a damaged file."""
     return DamagedRecordingError(
-        f"{path} is damaged, or no file of episodes: {why}; collect, run or import it anew"
+        f"{path} is damaged, or no file of episodes: {reason}; "
+        "collect, run or import it again"
     )
 
 
-def _digest(size: int, before: bytes, *parts: bytes) -> bytes:
-    digest = hashlib.blake2b(digest_size=size, key=before)
+def _digest(size: int, key: bytes, *parts: bytes) -> bytes:
+    digest = hashlib.blake2b(digest_size=size, key=key)
     for part in parts:
         digest.update(part)
     return digest.digest()

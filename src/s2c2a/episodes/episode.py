@@ -1,4 +1,4 @@
-"""One container for what an arm did: collected, run, driven live, or imported."""
+"""Episodes: recordings of an arm from data collection, runs or imports."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,43 +15,43 @@ SENSOR = "sensor."
 MAX_COLUMNS = 256
 
 
-@dataclass(frozen=True, eq=False)  # arrays inside know no single answer to ==
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value for ==
 class Episode:
-    """What an arm did; a row a control step, each with the reading before the step's action.
+    """Columns with one row a control step; a row has the reading before its action.
 
-    What was not measured, asked or planned has no column. These columns mean the same
-    in every episode:
+    A quantity that was not measured, desired or planned has no column. These columns
+    have the same meaning in every episode:
 
-    | column                            | what                                           | shape after the steps |
-    | --------------------------------- | ---------------------------------------------- | --------------------- |
-    | `time`                            | of the reading, since the arm was opened [s]   |                       |
-    | `actions`                         | as really sent [m or N]                        | (modules, cables)     |
-    | `sensor.NAME`                     | what a sensor said (`spaces.Reading`)          | its own               |
-    | `stage`                           | number of the stage (`spaces.Stage`)           |                       |
-    | `sensed`, `planned`               | configurations                                 | (modules, 3)          |
-    | `expected`                        | states that the plan leads to [m, 1]           | (modules, 6)          |
-    | `predictive_std`                       | how far off these must be expected to be [m]   | (modules,)            |
-    | `extrapolation`                           | of that, because nothing was learned there [m] |                       |
-    | `rescued`                         | what took over from the plan, zero if nothing  |                       |
-    | `standing`                        | one where it stood though its cost could fall  |                       |
-    | `load`                            | that is believed to hang at the tip [kg]       |                       |
-    | `bend_biases`                           | by which modules are believed to lean [rad]    | (modules, 2)          |
-    | `external_force`                            | force at the tip that leans stand for [N]      |                       |
-    | `rejected.NAME`                   | one where a sense was not believed             |                       |
-    | `desired_positions`, `desired_axes` | base frame [m, 1]; NaN where nothing was asked | (modules, 3)          |
-    | `obstacles`                       | centers and thresholds [m]; 0: not there       | (obstacles, 4)        |
-    | `tick_time`                       | sense, plan and act together [s]               |                       |
+    | column              | meaning                                         | row shape         |
+    | ------------------- | ----------------------------------------------- | ----------------- |
+    | `time`              | time of the reading since opening [s]           |                   |
+    | `actions`           | actions sent [m or N]                           | (modules, cables) |
+    | `sensor.NAME`       | values of a sensor (`spaces.Reading`)           | the sensor's      |
+    | `stage`             | number of the stage (`spaces.Stage`)            |                   |
+    | `sensed`, `planned` | configurations                                  | (modules, 3)      |
+    | `predicted`         | predicted states of the plan [m, 1]             | (modules, 6)      |
+    | `predictive_std`    | predictive standard deviation of ends [m]       | (modules,)        |
+    | `extrapolation`     | part of it that is due to extrapolation [m]     |                   |
+    | `rescued`           | fallback that replaced the plan, zero if none   |                   |
+    | `standing`          | one if the plan stopped above the lowest cost   |                  |
+    | `load`              | estimated payload at the tip [kg]               |                   |
+    | `bend_biases`       | estimated bend biases [rad]                     | (modules, 2)      |
+    | `push`              | external force at the tip from them [N]         |                  |
+    | `rejected.NAME`     | one if a sensor was rejected                    |                   |
+    | `desired_positions` | base frame [m]; NaN without a target            | (modules, 3)      |
+    | `desired_axes`      | base frame [1]; NaN without a target            | (modules, 3)      |
+    | `obstacles`         | centers and thresholds [m]; 0: unused           | (obstacles, 4)    |
+    | `tick_time`         | duration of sensing, planning and sending [s]   |                   |
 
     Attributes:
-        arm: that it was.
-        columns: name -> numbers, all with as many steps.
-        options: how it came about: task, strategy, seed, body, versions, ...; what JSON
-            knows.
+        arm: description of the arm.
+        columns: name -> values, all with as many steps.
+        options: metadata as JSON values: task, strategy, seed, robot, versions, ....
 
     Raises:
-        RecordingError: columns of different lengths, no `time` or `actions`, times that
-            do not rise, numbers that are not finite where they must be, or shapes that
-            do not fit the arm.
+        RecordingError: columns have different lengths, `time` or `actions` is missing,
+            times do not rise, values are not finite where they must be, or shapes do
+            not fit the arm.
     """
 
     arm: ArmSpec
@@ -59,25 +59,24 @@ class Episode:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
-        """Refuse what is no episode."""
-        columns = {name: _frozen(name, values) for name, values in self.columns.items()}
+        """Make the columns read-only and check them."""
+        columns = {
+            name: _read_only(name, values) for name, values in self.columns.items()
+        }
         object.__setattr__(self, "columns", columns)
-        if missing := {"time", "actions"} - set(columns):
+        missing = {"time", "actions"} - set(columns)
+        if missing:
             raise RecordingError(
-                f"an episode needs {' and '.join(sorted(missing))}; it has {', '.join(columns)}"
+                f"an episode needs {' and '.join(sorted(missing))}; "
+                f"it has {', '.join(columns)}"
             )
-        if (
-            len(columns) > MAX_COLUMNS
-            or len({values.shape[:1] for values in columns.values()}) > 1
-        ):
+        lengths = {values.shape[:1] for values in columns.values()}
+        if len(columns) > MAX_COLUMNS or len(lengths) > 1:
             raise RecordingError(
-                f"an episode's columns must have as many steps each, at most {MAX_COLUMNS} of them"
+                "an episode's columns must have as many steps each, "
+                f"at most {MAX_COLUMNS} of them"
             )
-        for name, shape in _known_shapes(self.arm, columns).items():
-            if name in columns and columns[name].shape[1:] != shape:
-                raise RecordingError(
-                    f"column '{name}' is of shape {columns[name].shape[1:]} a step; on '{self.arm.name}' it is {shape}"
-                )
+        self._check_shapes()
         for name in ("time", "actions"):
             if not np.isfinite(columns[name]).all():
                 raise RecordingError(
@@ -86,15 +85,24 @@ class Episode:
         if (np.diff(columns["time"]) <= 0).any():
             raise RecordingError("the times of an episode must rise from step to step")
 
+    def _check_shapes(self) -> None:
+        for name, shape in _standard_row_shapes(self.arm, self.columns).items():
+            values = self.get(name)
+            if values is not None and values.shape[1:] != shape:
+                raise RecordingError(
+                    f"column '{name}' is of shape {values.shape[1:]} a step; "
+                    f"on '{self.arm.name}' it is {shape}"
+                )
+
     def __len__(self) -> int:
-        """How many steps."""
+        """Return the number of steps."""
         return len(self.columns["time"])
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A column, first axis steps.
+        """Return a column; its first axis is the steps.
 
         Raises:
-            RecordingError: there is none of that name.
+            RecordingError: there is no such column.
         """
         if name not in self.columns:
             raise RecordingError(
@@ -103,100 +111,96 @@ class Episode:
         return self.columns[name]
 
     def get(self, name: str) -> np.ndarray | None:
-        """The same, None where there is none."""
+        """Return a column, or None if there is no such column."""
         return self.columns.get(name)
 
     def sensor(self, name: str) -> np.ndarray:
-        """What a sensor said before each action.
+        """Return the values of a sensor before each action.
 
         Raises:
-            RecordingError: it said nothing.
+            RecordingError: there is no such sensor.
         """
         return self[SENSOR + name]
 
     @property
     def sensors(self) -> list[str]:
         """Names of the sensors, sorted."""
-        return sorted(
-            name.removeprefix(SENSOR)
-            for name in self.columns
-            if name.startswith(SENSOR)
-        )
+        columns = [name for name in self.columns if name.startswith(SENSOR)]
+        return sorted(name.removeprefix(SENSOR) for name in columns)
 
     @property
     def running(self) -> np.ndarray:
-        """Numbers of the steps in which the arm was driven, or held in between; all where no stage is known."""
+        """Indices of the steps in stage RUN or HOLD; all steps without stages."""
         stage = self.get("stage")
-        return (
-            np.arange(len(self))
-            if stage is None
-            else np.flatnonzero(np.isin(stage, (Stage.RUN, Stage.HOLD)))
-        )
+        if stage is None:
+            return np.arange(len(self))
+        return np.flatnonzero(np.isin(stage, (Stage.RUN, Stage.HOLD)))
 
     def after(self, name: str) -> np.ndarray:
-        """What a sensor said after each action of the run: what a goal is compared with.
+        """Return the values of a sensor after each action of the run.
+
+        Scores compare these values with the goals.
 
         Raises:
-            RecordingError: it said nothing, or the last action of the run has no
-                reading after it.
+            RecordingError: there is no such sensor, or no reading after the last action
+                of the run.
         """
         values = self.sensor(name)
         steps = self.running + 1
         if len(steps) and steps[-1] >= len(values):
             raise RecordingError(
-                "nothing was read after the last action of this episode; record one step more"
+                "nothing was read after the last action of this episode; "
+                "record one step more"
             )
         return values[steps]
 
     def ran(self, name: str) -> np.ndarray:
-        """A column in the steps of the run."""
+        """Return a column in the steps of the run."""
         return self[name][self.running]
 
     def times(self) -> Float[np.ndarray, " steps"]:
-        """Of the readings after each action of the run [s]."""
+        """Return the times of the readings after each action of the run [s]."""
         return self["time"][np.minimum(self.running + 1, len(self) - 1)]
 
     def with_options(self, **options: Any) -> "Episode":
-        """The same with more said of how it came about."""
+        """Return the episode with more options."""
         return replace(self, options={**self.options, **options})
 
 
 def stacked(episodes: Iterable[Episode], name: str) -> np.ndarray:
-    """A column of episodes as one array, shape (episodes, steps, ...); shorter ones stay at their last row.
+    """Stack a column of episodes, shape (episodes, steps, ...).
+
+    Shorter episodes repeat their last row.
 
     Raises:
-        RecordingError: one has no such column, or rows are of different shapes.
+        RecordingError: an episode has no such column, or rows have different shapes.
     """
-    values = [episode[name] for episode in episodes]
-    if len({one.shape[1:] for one in values}) != 1:
-        raise RecordingError(
-            f"'{name}' has shapes {sorted({one.shape for one in values})} in these episodes, not one"
-        )
-    longest = max(map(len, values))
-    return np.stack(
-        [
-            np.concatenate([one, np.repeat(one[-1:], longest - len(one), axis=0)])
-            for one in values
-        ]
-    )
+    columns = [episode[name] for episode in episodes]
+    if len({values.shape[1:] for values in columns}) != 1:
+        shapes = sorted({values.shape for values in columns})
+        raise RecordingError(f"'{name}' has shapes {shapes} in these episodes, not one")
+    longest = max(map(len, columns))
+    padded = []
+    for values in columns:
+        padding = np.repeat(values[-1:], longest - len(values), axis=0)
+        padded.append(np.concatenate([values, padding]))
+    return np.stack(padded)
 
 
-def _known_shapes(
+def _standard_row_shapes(
     arm: ArmSpec, columns: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[int, ...]]:
     modules = arm.module_count
-    cables = (arm.module_count, arm.cable_count)
+    cables = (modules, arm.cable_count)
     states = (modules, 6)
     vectors = (modules, 3)
-    known = {
+    shapes = {
         "time": (),
         "actions": cables,
         "stage": (),
         "tick_time": (),
         "predicted": states,
         "sensed": vectors,
-    }
-    known |= {
         "predictive_std": (modules,),
         "extrapolation": (),
         "rescued": (),
@@ -204,26 +208,28 @@ def _known_shapes(
         "load": (),
         "bend_biases": (modules, 2),
         "push": (),
-    }
-    known |= {"planned": vectors, "desired_positions": vectors, "desired_axes": vectors}
-    if "obstacles" in columns:
-        # as many as there are
-        known["obstacles"] = (*columns["obstacles"].shape[1:2], 4)
-    return known | {
+        "planned": vectors,
+        "desired_positions": vectors,
+        "desired_axes": vectors,
         SENSOR + "cables": cables,
         SENSOR + "states": states,
         SENSOR + "configurations": vectors,
     }
+    if "obstacles" in columns:
+        # any number of obstacles
+        shapes["obstacles"] = (*columns["obstacles"].shape[1:2], 4)
+    return shapes
 
 
-def _frozen(name: str, values) -> np.ndarray:
+def _read_only(name: str, values) -> np.ndarray:
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
         array = np.array(values, dtype=object)
     if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8 or array.ndim < 1:
         raise RecordingError(
-            f"column '{name}' holds {array.dtype} of shape {array.shape}, not numbers for every step"
+            f"column '{name}' holds {array.dtype} of shape {array.shape}, "
+            "not numbers for every step"
         )
     view = array.view()
     view.setflags(write=False)

@@ -1,4 +1,4 @@
-"""An arm that is shaken gently: chirps of bends, all modules together, towards x, then towards y."""
+"""Excitation of an arm by chirps: all modules bend together towards x, then towards y."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,211 +12,206 @@ from s2c2a.data.collecting import Player
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
-from s2c2a.runtime import Ask, Loop, Step
+from s2c2a.runtime import Loop, StepRecord, StepRequest
 from s2c2a.runtime.limits import TURN
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
-# of the expected frequency
-FROM = 0.2
-TO = 2.5
-FASTEST = 0.4  # of the control rate: below half of it
-# of bend limits, and rad in all
-SHARE = 0.1
-MAX_TILT = 0.35
-OF_LIMITS = 0.7  # of those of rate and acceleration
-# periods of the expected mode: of a chirp, and of what is waited after it
-WAVES = 30.0
-REST = 6.0
-FADE = 0.03  # of a chirp, at either end
-# what shows how a tip swings, best first
-SIGHT = "states", "configurations", "angular_velocities"
-LACKING = (
-    "nothing that this body says shows how it swings: it says {}. The response could be measured with inertial "
-    "sensors (`accelerations`, `angular_velocities`), or with something that sees how the arm bends (`states`, "
-    "`configurations`), at every control step; encoders and currents are before the cables' losses, cameras too slow"
+# frequency range of a chirp, in parts of the expected frequency
+FIRST_FREQUENCY = 0.2
+LAST_FREQUENCY = 2.5
+MAX_FREQUENCY = 0.4  # of the control rate
+AMPLITUDE = 0.1  # of the bend limits
+MAX_TILT = 0.35  # rad; of the tip
+LIMIT_SHARE = 0.7  # of the limits of rate and acceleration
+CHIRP_PERIODS = 30.0  # of the expected mode
+REST_PERIODS = 6.0  # of the expected mode, after a chirp
+FADE = 0.03  # of a chirp, at both ends
+TIP_SENSORS = ("states", "configurations", "angular_velocities")
+"""Sensors that show the vibration of the tip, best first."""
+NO_TIP_SENSOR = (
+    "no sensor of this robot shows the vibration of its tip; it provides {}. Add inertial "
+    "sensors (`accelerations`, `angular_velocities`) or motion capture (`states`, "
+    "`configurations`) at the control rate; encoders and currents are before the cables' "
+    "backlash, and cameras are too slow"
 )
 
 
-class Shaken(NamedTuple):
-    """What came of it, chirp by chirp, at every control step.
+class Excitation(NamedTuple):
+    """Record of both chirps, at every control step.
 
     Attributes:
-        asked: bends that were asked for [rad], shape (2, steps, modules, 2): PCC of
-            what was really sent.
-        felt: bends by PCC of what the motors' encoders said [rad], the same shape;
-            asked ones where they say nothing.
-        seen: tilts of the tip towards x and y [rad], shape (2, steps, 2); NaN where
-            nothing was seen.
-        sight: name of the sensor that saw it.
+        commanded: bends by PCC of the commands that were sent [rad], shape (2, steps,
+            modules, 2).
+        encoders: bends by PCC of the encoders [rad], the same shape; commands where they
+            are missing.
+        measured: tilts of the tip towards x and y [rad], shape (2, steps, 2); NaN if
+            missing.
+        sensor: name of the sensor that measured them.
     """
 
-    asked: Float[np.ndarray, "chirps steps modules 2"]
-    felt: Float[np.ndarray, "chirps steps modules 2"]
-    seen: Float[np.ndarray, "chirps steps 2"]
-    sight: str
+    commanded: Float[np.ndarray, "chirps steps modules 2"]
+    encoders: Float[np.ndarray, "chirps steps modules 2"]
+    measured: Float[np.ndarray, "chirps steps 2"]
+    sensor: str
 
-    def tilts(self, towards: int) -> tuple[np.ndarray, np.ndarray]:
-        """Asked and seen towards x (0) or y (1), of its own chirp [rad]."""
-        return self.asked[towards, ..., towards].sum(axis=-1), self.seen[
-            towards, :, towards
-        ]
+    def tilts(self, direction: int) -> tuple[np.ndarray, np.ndarray]:
+        """Commanded and measured tilts towards x (0) or y (1) in its own chirp [rad]."""
+        commanded = self.commanded[direction, ..., direction].sum(axis=-1)
+        return commanded, self.measured[direction, :, direction]
 
 
 def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
-    """Bends [rad]: a wave from well below a frequency [Hz] to above it, as far as control steps show, then none.
+    """Bends of a chirp about a frequency [Hz], then of rest [rad].
 
-    Small, no faster and no sharper than the arm may, and slower where that would be too
-    little.
+    It is small, within the limits of rate and acceleration, and slower where it would
+    otherwise be too small.
     """
     period = arm.control_period
-    step = np.deg2rad(arm.step_limit_deg)
-    turn = np.deg2rad(arm.acceleration_limit_deg or TURN * arm.step_limit_deg)
-    high = min(TO * frequency, FASTEST / period)
-    low = min(FROM * frequency, high / 4.0)
-    shares = np.linspace(
-        0.0,
-        1.0,
-        max(round(WAVES / frequency / period), round(WAVES / 3.0 / low / period)),
-    )
-    # of the wave in a step
-    angles = 2.0 * np.pi * low * (high / low) ** shares * period
-    sizes = SHARE * ArmGeometry.of(arm).bend_limits
-    sizes *= min(1.0, MAX_TILT / sizes.sum())
-    allowed = OF_LIMITS * np.minimum(step / angles, turn / angles**2)
+    max_step = np.deg2rad(arm.step_limit_deg)
+    turn_limit = arm.acceleration_limit_deg or TURN * arm.step_limit_deg
+    max_turn = np.deg2rad(turn_limit)
+    high = min(LAST_FREQUENCY * frequency, MAX_FREQUENCY / period)
+    low = min(FIRST_FREQUENCY * frequency, high / 4.0)
+    duration = max(CHIRP_PERIODS / frequency, CHIRP_PERIODS / 3.0 / low)
+    shares = np.linspace(0.0, 1.0, round(duration / period))
+    phase_steps = 2.0 * np.pi * low * (high / low) ** shares * period
+    amplitudes = AMPLITUDE * ArmGeometry.of(arm).bend_limits
+    amplitudes *= min(1.0, MAX_TILT / amplitudes.sum())
+    by_rate = max_step / phase_steps
+    by_acceleration = max_turn / phase_steps**2
+    allowed = LIMIT_SHARE * np.minimum(by_rate, by_acceleration)
     fade = np.minimum(1.0, np.minimum(shares, 1.0 - shares) / FADE)
-    waves = (fade * np.sin(np.cumsum(angles)))[:, None] * np.minimum(
-        sizes, allowed[:, None]
-    )
-    return np.concatenate(
-        [waves, np.zeros((round(REST / frequency / period), arm.module_count))]
-    )
+    wave = fade * np.sin(np.cumsum(phase_steps))
+    bends = wave[:, None] * np.minimum(amplitudes, allowed[:, None])
+    rest = np.zeros((round(REST_PERIODS / frequency / period), arm.module_count))
+    return np.concatenate([bends, rest])
 
 
-def sight_of(robot: Robot) -> str:
-    """The sensor that shows how a body swings.
+def tip_sensor_of(robot: Robot) -> str:
+    """The sensor of a robot that shows the vibration of its tip best.
 
     Raises:
-        S2C2AError: none does; the message says which could.
+        S2C2AError: there is none.
     """
-    for name in SIGHT:
+    for name in TIP_SENSORS:
         if name in robot.sensors:
             return name
-    raise S2C2AError(LACKING.format(", ".join(robot.sensors) or "nothing"))
+    raise S2C2AError(NO_TIP_SENSOR.format(", ".join(robot.sensors) or "nothing"))
 
 
-def shaken(
+def excite(
     robot: Robot,
     frequency: float,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Shaken:
-    """Shake a body within its limits, and lead it to rest; on every way out, too.
+) -> Excitation:
+    """Move a robot through both chirps within its limits, and back to rest.
 
     Args:
-        robot: the body, not open yet.
-        frequency: of its first mode, about [Hz].
-        progress: told how many control steps of how many are done.
+        robot: not open yet.
+        frequency: approximate frequency of its first mode [Hz].
+        progress: called with the number of control steps done, and of all.
 
     Raises:
-        S2C2AError: nothing shows how it swings, or a reading could not be believed; the
-            arm is at rest.
+        S2C2AError: no sensor shows the tip, or readings failed the check; the arm is at
+            rest.
     """
     arm = robot.arm
-    sight = sight_of(robot)
+    sensor = tip_sensor_of(robot)
     waves = chirp(arm, frequency)
     pcc = PCC.of(arm)
     bends = np.zeros((2, *waves.shape, 2))
-    bends[0, ..., 0] = bends[1, ..., 1] = waves
-    actions = np.asarray(
-        pcc.actions(jnp.asarray(bends.reshape(-1, arm.module_count, 2), jnp.float32)),
-        np.float64,
-    )
-    needed = (sight,) if robot.sensors[sight].always else ()
-    with Loop(robot, Player(arm, needed, actions)) as loop:
-        steps: list[Step] = []
+    bends[0, ..., 0] = waves
+    bends[1, ..., 1] = waves
+    flat = jnp.asarray(bends.reshape(-1, arm.module_count, 2), jnp.float32)
+    actions = np.asarray(pcc.actions(flat), np.float64)
+    required = (sensor,) if robot.sensors[sensor].always else ()
+    steps: list[StepRecord] = []
+    with Loop(robot, Player(arm, required, actions)) as loop:
         for number in range(len(actions)):
-            steps.append(loop.tick(Ask()))
+            steps.append(loop.tick(StepRequest()))
             if steps[-1].stage is not Stage.RUN:
+                seconds = steps[-1].moment - steps[0].moment
                 raise S2C2AError(
-                    f"the arm was held {steps[-1].moment - steps[0].moment:.1f} s on: {loop.fault}"
+                    f"the arm was held after {seconds:.1f} s: {loop.fault}"
                 )
             progress(number + 1, len(actions))
-    halves = steps[: len(waves)], steps[len(waves) :]
-    parts = zip(*(_chirp_of(half, arm, pcc, sight) for half in halves), strict=True)
-    # late steps add some
-    asked, felt, seen = (
-        np.stack([part[: len(waves)] for part in chirps]) for chirps in parts
+    records = []
+    for chirp_steps in (steps[: len(waves)], steps[len(waves) :]):
+        records.append(_chirp_record(chirp_steps, arm, pcc, sensor))
+    # late steps make a record longer
+    commanded, encoders, measured = (
+        np.stack([series[: len(waves)] for series in both])
+        for both in zip(*records, strict=True)
     )
-    return Shaken(asked, felt, seen, sight)
+    return Excitation(commanded, encoders, measured, sensor)
 
 
-def _chirp_of(
-    steps: list[Step], arm: ArmSpec, pcc: PCC, sight: str
+def _chirp_record(
+    steps: list[StepRecord], arm: ArmSpec, pcc: PCC, sensor: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Asked and felt bends and seen tilts, at every control step: where one was left out, nothing was seen."""
+    """Commanded and encoder bends and measured tilts, one row a control period.
+
+    Periods that the loop skipped repeat the last command, and have no measurement.
+    """
     moments = np.array([step.moment for step in steps])
-    places = np.maximum.accumulate(
-        np.round((moments - moments[0]) / arm.control_period).astype(int)
-    )
+    periods = np.round((moments - moments[0]) / arm.control_period).astype(int)
+    periods = np.maximum.accumulate(periods)
     sent = np.array([step.action for step in steps])
-    said = [step.reading.get("cables") for step in steps]
-    cables = [
-        action if one is None else one
-        for action, one in zip(np.roll(sent, 1, axis=0), said, strict=True)
-    ]
-    asked, felt = (
-        np.asarray(pcc.bends(np.asarray(part, np.float32)), float)
-        for part in (sent, cables)
-    )
-    held = np.searchsorted(places, np.arange(places[-1] + 1), side="right") - 1
-    seen = np.full((len(held), 2), np.nan)
-    seen[places] = tilts_of([step.reading for step in steps], arm, sight)
-    return asked[held], felt[held], seen
+    cables = []
+    for step, last_sent in zip(steps, np.roll(sent, 1, axis=0), strict=True):
+        reading = step.reading.get("cables")
+        cables.append(last_sent if reading is None else reading)
+    commanded = np.asarray(pcc.bends(np.asarray(sent, np.float32)), float)
+    encoders = np.asarray(pcc.bends(np.asarray(cables, np.float32)), float)
+    all_periods = np.arange(periods[-1] + 1)
+    rows = np.searchsorted(periods, all_periods, side="right") - 1
+    measured = np.full((len(rows), 2), np.nan)
+    measured[periods] = tip_tilts([step.reading for step in steps], arm, sensor)
+    return commanded[rows], encoders[rows], measured
 
 
-def tilts_of(
-    readings: list[Reading], arm: ArmSpec, sight: str
+def tip_tilts(
+    readings: list[Reading], arm: ArmSpec, sensor: str
 ) -> Float[np.ndarray, "readings 2"]:
-    """Tilts of the tip towards x and y [rad], base frame; NaN where nothing is said."""
-    if sight == "angular_velocities":
-        return _turned(readings)
-    size = 6 if sight == "states" else 3
-    none = np.full((arm.module_count, size), np.nan)
-    said = np.array(
-        [none if (one := reading.get(sight)) is None else one for reading in readings],
-        float,
-    )
-    return tilts(said if sight == "states" else _states(said, arm))
+    """Tilts of the tip towards x and y [rad], base frame; NaN if missing."""
+    if sensor == "angular_velocities":
+        return _integrated_tilts(readings)
+    missing = np.full((arm.module_count, 6 if sensor == "states" else 3), np.nan)
+    rows = []
+    for reading in readings:
+        values = reading.get(sensor)
+        rows.append(missing if values is None else values)
+    values = np.array(rows, float)
+    return tilts(values if sensor == "states" else _states(values, arm))
 
 
 def tilts(states: States) -> Float[np.ndarray, "*batch 2"]:
-    """Of the tip: the angle of its axis with z, times its direction [rad]."""
+    """Tilts of the tip [rad]: the angle of its axis to z, times its direction."""
     axis = states[..., -1, AXIS]
     across = np.linalg.norm(axis[..., :2], axis=-1, keepdims=True)
     return axis[..., :2] * np.arctan2(across, axis[..., 2:]) / np.maximum(across, 1e-12)
 
 
 def _states(configurations: np.ndarray, arm: ArmSpec) -> States:
-    numbers = (
-        jnp.asarray(part, jnp.float32)
-        for part in (configurations, ArmGeometry.of(arm).lengths)
+    lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
+    states = states_from_configurations(
+        jnp.asarray(configurations, jnp.float32), lengths
     )
-    return np.asarray(states_from_configurations(*numbers), np.float64)
+    return np.asarray(states, np.float64)
 
 
-def _turned(readings: list[Reading]) -> Float[np.ndarray, "readings 2"]:
-    """By how much an inertial sensor at the tip has turned; its zero makes that drift, which a fit takes off.
+def _integrated_tilts(readings: list[Reading]) -> Float[np.ndarray, "readings 2"]:
+    """Integrated angular velocity of the tip; the gyroscope bias becomes a drift.
 
-    An arm that tilts towards x turns about y, and one that tilts towards y the other
-    way about x.
+    A tilt towards x is a rotation about y, and a tilt towards y one about -x.
     """
-    said = [reading.get("angular_velocities") for reading in readings]
-    rates = np.array(
-        [[np.nan] * 3 if one is None else np.mean(one[:, -1], axis=0) for one in said]
-    )
+    rates = np.full((len(readings), 3), np.nan)
+    for row, reading in enumerate(readings):
+        samples = reading.get("angular_velocities")
+        if samples is not None:
+            rates[row] = np.mean(samples[:, -1], axis=0)
     times = np.array([reading.time for reading in readings])
-    lost = ~np.isfinite(rates).all(axis=-1)
-    ways = (
-        np.nan_to_num(rates[:, [1, 0]] * [1.0, -1.0])
-        * np.diff(times, prepend=times[0])[:, None]
-    )
-    return np.where(lost[:, None], np.nan, np.cumsum(ways, axis=0))
+    is_missing = ~np.isfinite(rates).all(axis=-1)
+    tilt_rates = np.nan_to_num(rates[:, [1, 0]] * [1.0, -1.0])
+    changes = tilt_rates * np.diff(times, prepend=times[0])[:, None]
+    return np.where(is_missing[:, None], np.nan, np.cumsum(changes, axis=0))

@@ -1,12 +1,13 @@
-"""How an arm answers: from tilts of its tip that were asked for, and seen, to its first mode, gain and delay.
+"""Frequency response of the tip: first mode, gain, delay and backlash of a robot.
 
-    y = g x(t) + r p(t) + c + d t,    x'' + 2 z w x' + w^2 (x - p) = 0,    p(t) =
-    play(u)(t - T)
+    y = g x(t) + r p(t) + c + d t
+    x'' + 2 z w x' + w^2 (x - p) = 0
+    p(t) = play(u)(t - T)
 
-Of what is asked, u, some is lost at every turn (play), and it comes late by T. The
-first mode, with frequency w and damping ratio z, follows it; faster modes follow at
-once (r). All of it is fitted to the whole recording (output error): noise and steps
-without a reading do little harm, and what was held for a control step is taken as held.
+Backlash takes a part of the input u at every reversal, and the output is late by T. The
+first mode, of frequency w and damping ratio z, follows; faster modes follow at once (r).
+All parameters are fitted to the whole recording (output error), which tolerates noise and
+missing readings. Inputs are constant within a control step.
 """
 
 from typing import NamedTuple
@@ -21,152 +22,144 @@ from s2c2a.errors import S2C2AError
 
 Series = Float[np.ndarray, " steps"]
 
-# of the expected frequency; modes that are looked for
-SLOWEST = 0.2
-FASTEST = 4.0
-RATIOS = 0.005, 1.5
-LATEST = 6.0, 0.4  # control steps, or periods of the mode, whichever is more
-MAX_LOST = 0.4  # of the largest tilt
+# search range of the first mode, in parts of the expected frequency
+MIN_FREQUENCY = 0.2
+MAX_FREQUENCY = 4.0
+DAMPING_RATIOS = (0.005, 1.5)
+MAX_DELAY_STEPS = 6.0
+MAX_DELAY_PERIODS = 0.4  # of the mode; the larger limit holds
+MAX_BACKLASH = 0.4  # of the largest tilt
+FIRST_DAMPING = 0.3
 STARTS = [
-    (size, late, lost)
-    for size in (0.5, 0.75, 1.1, 1.8)
-    for late in (0.03, 0.3, 0.7)
-    for lost in (0.01, 0.5)
+    (frequency, delay, backlash)
+    for frequency in (0.5, 0.75, 1.1, 1.8)
+    for delay in (0.03, 0.3, 0.7)
+    for backlash in (0.01, 0.5)
 ]
-"""Frequencies over the expected one, delays and losses over the most; fits from all of
-them, for many end elsewhere."""
-FIRST_RATIO = 0.3
-# of the gain; where the mode should be fast, and so much follows at once, it is
-MAX_AT_ONCE = 0.6
-SEEN = 0.45  # of the control rate
-FEWEST = 40  # readings
-CLEAR = 0.03  # of the strongest part of what was asked; weaker frequencies tell nothing
+"""Frequency over the expected one, delay and backlash over their limits: many fits end in
+a local minimum."""
+MAX_IMMEDIATE = 0.6  # of the gain; above it, a fast mode cannot be resolved
+RESOLVED = 0.45  # of the control rate
+MIN_READINGS = 40
+MIN_POWER = 0.03  # of the strongest frequency of the input
 
 
 class Response(NamedTuple):
-    """How a tip answers.
+    """Response of a tip.
 
     Attributes:
-        frequency: of the first mode [Hz]; NaN where it is too fast for the control
-            rate.
-        damping: its damping ratio, the same; from 1 on nothing swings.
-        gain: of slow motion, what comes over what is asked for beyond what is lost.
-        delay: [control steps], the motors' lag included.
-        lost: half of the motion that is lost at every turn [rad].
-        left: part of the motion that was seen that this does not explain, root mean
-            square.
+        frequency: of the first mode [Hz]; NaN if it is too fast for the control rate.
+        damping: its damping ratio; from 1 on it does not vibrate.
+        gain: of slow motion beyond the backlash.
+        delay: including the lag of the motors [control steps].
+        backlash: half-width [rad].
+        residual: share of the motion that this does not explain, root mean square.
     """
 
     frequency: float
     damping: float
     gain: float
     delay: float
-    lost: float
-    left: float
+    backlash: float
+    residual: float
 
 
-def response_of(
-    asked: Series, seen: Series, period: float, expected: float
+def fit_response(
+    inputs: Series, outputs: Series, period: float, expected: float
 ) -> Response:
-    """Find it.
+    """Fit the response to a recording.
 
     Args:
-        asked: tilts that were asked for [rad], each held for a control step from the
-            moment of its reading on.
-        seen: tilts at those moments [rad]; NaN where nothing was seen.
+        inputs: commanded tilts [rad], each constant for a control step.
+        outputs: measured tilts [rad] at the beginning of each step; NaN if missing.
         period: of the control steps [s].
-        expected: frequency of the first mode [Hz], about.
+        expected: approximate frequency of the first mode [Hz].
 
     Raises:
-        S2C2AError: hardly anything was asked for, or seen.
+        S2C2AError: too few readings, or no motion.
     """
-    known = np.isfinite(seen)
-    if known.sum() < FEWEST or not np.ptp(asked) > 0.0 or not np.ptp(seen[known]) > 0.0:
+    known = np.isfinite(outputs)
+    moves = np.ptp(inputs) > 0.0 and known.any() and np.ptp(outputs[known]) > 0.0
+    if known.sum() < MIN_READINGS or not moves:
         raise S2C2AError(
-            f"no response in {known.sum()} readings; at least {FEWEST} of an arm that moves are needed"
+            f"no response in {known.sum()} readings; record at least {MIN_READINGS} of "
+            "an arm that moves"
         )
-    low, high = _bounds(asked, period, expected)
+    low, high = _bounds(inputs, period, expected)
 
-    def fitted(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        parts = _parts(asked, period, *numbers)[known]
-        weights = np.linalg.lstsq(parts, seen[known], rcond=None)[0]
-        return parts @ weights - seen[known], weights
+    def fit_weights(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        components = _components(inputs, period, *parameters)[known]
+        weights = np.linalg.lstsq(components, outputs[known], rcond=None)[0]
+        return components @ weights - outputs[known], weights
 
-    starts = (
-        np.array([size * expected, FIRST_RATIO, late * high[2], lost * high[3]])
-        for size, late, lost in STARTS
-    )
-    found = [
-        least_squares(
-            lambda numbers: fitted(numbers)[0],
+    results = []
+    for frequency, delay, backlash in STARTS:
+        start = np.array(
+            [frequency * expected, FIRST_DAMPING, delay * high[2], backlash * high[3]]
+        )
+        result = least_squares(
+            lambda parameters: fit_weights(parameters)[0],
             start.clip(low, high),
             bounds=(low, high),
             x_scale=high - low,
         )
-        for start in starts
-    ]
-    best = min(found, key=lambda one: one.cost).x
-    missed, weights = fitted(best)
-    frequency, damping, delay, lost = map(float, best)
-    left = float(np.sqrt(np.mean(missed**2)) / np.std(seen[known]))
+        results.append(result)
+    best = min(results, key=lambda result: result.cost).x
+    errors, weights = fit_weights(best)
+    frequency, damping, delay, backlash = map(float, best)
     gain = float(weights[0] + weights[1])
-    at_once = expected * period > SEEN and weights[1] > MAX_AT_ONCE * gain
-    if at_once or frequency * period > SEEN:
+    is_immediate = weights[1] > MAX_IMMEDIATE * gain
+    if (expected * period > RESOLVED and is_immediate) or frequency * period > RESOLVED:
         frequency = damping = np.nan
-    return Response(frequency, damping, gain, delay, lost, left)
+    residual = float(np.sqrt(np.mean(errors**2)) / np.std(outputs[known]))
+    return Response(frequency, damping, gain, delay, backlash, residual)
 
 
 def _bounds(
-    asked: Series, period: float, expected: float
+    inputs: Series, period: float, expected: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of frequency, damping ratio, delay and what is lost."""
-    fastest = min(FASTEST * expected, 0.5 / period)
-    latest = max(LATEST[0], LATEST[1] / (expected * period))
-    low = [min(SLOWEST * expected, fastest / 2.0), RATIOS[0], 0.0, 0.0]
-    return np.array(low), np.array(
-        [fastest, RATIOS[1], latest, MAX_LOST * np.abs(asked).max()]
-    )
+    """Limits of frequency, damping ratio, delay and backlash."""
+    max_frequency = min(MAX_FREQUENCY * expected, 0.5 / period)
+    min_frequency = min(MIN_FREQUENCY * expected, max_frequency / 2.0)
+    max_delay = max(MAX_DELAY_STEPS, MAX_DELAY_PERIODS / (expected * period))
+    max_backlash = MAX_BACKLASH * np.abs(inputs).max()
+    low = np.array([min_frequency, DAMPING_RATIOS[0], 0.0, 0.0])
+    return low, np.array([max_frequency, DAMPING_RATIOS[1], max_delay, max_backlash])
 
 
-def _parts(
-    asked: Series,
+def _components(
+    inputs: Series,
     period: float,
     frequency: float,
     damping: float,
     delay: float,
-    lost: float,
+    backlash: float,
 ) -> Float[np.ndarray, "steps 4"]:
-    """What is seen is a sum of these, by weights: what swings, what follows at once, what stands, what drifts."""
-    came = play(asked, lost)
-    swung = swing(came, period, frequency, damping, delay)
-    return np.stack(
-        [
-            swung,
-            _late(came, delay),
-            np.ones(len(came)),
-            np.linspace(-1.0, 1.0, len(came)),
-        ],
-        axis=1,
-    )
+    """Components of the output: first mode, immediate part, offset and drift."""
+    transmitted = play_operator(inputs, backlash)
+    mode = second_order_response(transmitted, period, frequency, damping, delay)
+    offset = np.ones(len(inputs))
+    drift = np.linspace(-1.0, 1.0, len(inputs))
+    return np.stack([mode, _delayed(transmitted, delay), offset, drift], axis=1)
 
 
-def play(asked: Series, lost: float) -> Series:
-    """What comes of a motion of which so much is lost to either side [rad]."""
-    came = []
-    now = float(asked[0])
-    for desired in asked.tolist():
-        now = min(max(now, desired - lost), desired + lost)
-        came.append(now)
-    return np.array(came)
+def play_operator(inputs: Series, half_width: float) -> Series:
+    """Output of a play operator: it follows when the input leaves the backlash."""
+    outputs = []
+    output = float(inputs[0])
+    for value in inputs.tolist():
+        output = min(max(output, value - half_width), value + half_width)
+        outputs.append(output)
+    return np.array(outputs)
 
 
-def swing(
-    held: Series, period: float, frequency: float, damping: float, delay: float
+def second_order_response(
+    inputs: Series, period: float, frequency: float, damping: float, delay: float
 ) -> Series:
-    """What follows as a mode does, from rest: exact at control steps for what is held in between, `delay` steps late.
+    """Response of a second-order system at rest, exact at the control steps.
 
-    Within a step, what was held before acts for the part of it by which the delay is no
-    whole number of steps.
+    With a fractional delay, the input of the step before acts in the first part of each
+    step.
     """
     rate = 2.0 * np.pi * frequency
     whole = int(delay)
@@ -174,65 +167,62 @@ def swing(
     rates = np.array(
         [[0.0, 1.0, 0.0], [-(rate**2), -2.0 * damping * rate, rate**2], [0.0, 0.0, 0.0]]
     )
-    before, after = expm(
-        np.multiply.outer(period * np.array([share, 1.0 - share]), rates)
-    )
-    steps = after[:2, :2] @ before[:2, :2]
-    trace = np.trace(steps)
-    size = np.linalg.det(steps)
-    swung = np.full(len(held), held[0])
-    for late, moved in (
-        (whole, after[:2, 2]),
-        (whole + 1, after[:2, :2] @ before[:2, 2]),
-    ):
-        heads = [0.0, moved[0], (steps @ moved)[0] - trace * moved[0]]
-        swung += lfilter(heads, [1.0, -trace, size], _shifted(held - held[0], late))
-    return swung
+    durations = period * np.array([share, 1.0 - share])
+    before, after = expm(np.multiply.outer(durations, rates))
+    transition = after[:2, :2] @ before[:2, :2]
+    denominator = [1.0, -np.trace(transition), np.linalg.det(transition)]
+    outputs = np.full(len(inputs), inputs[0])
+    changes = inputs - inputs[0]
+    gains = (after[:2, 2], after[:2, :2] @ before[:2, 2])
+    for steps, gain in zip((whole, whole + 1), gains, strict=True):
+        second = (transition @ gain)[0] - np.trace(transition) * gain[0]
+        numerator = [0.0, gain[0], second]
+        outputs += lfilter(numerator, denominator, _shifted(changes, steps))
+    return outputs
 
 
-def _late(held: Series, delay: float) -> Series:
-    """What is held, so many steps late; between steps as if motors took a step to get there."""
+def _delayed(inputs: Series, delay: float) -> Series:
+    """The input, late by a delay [control steps], interpolated between steps."""
     whole = int(delay)
     share = delay % 1.0
-    return (1.0 - share) * _shifted(held, whole + 1) + share * _shifted(held, whole + 2)
+    earlier = _shifted(inputs, whole + 1)
+    return (1.0 - share) * earlier + share * _shifted(inputs, whole + 2)
 
 
-def _shifted(held: Series, steps: int) -> Series:
-    return np.concatenate([np.full(steps, held[0]), held])[: len(held)]
+def _shifted(inputs: Series, steps: int) -> Series:
+    return np.concatenate([np.full(steps, inputs[0]), inputs])[: len(inputs)]
 
 
 def spectrum(
-    asked: Series, seen: Series, period: float, bands: int = 16
+    inputs: Series, outputs: Series, period: float, bands: int = 16
 ) -> tuple[Float[np.ndarray, " bands"], Complex[np.ndarray, " bands"]]:
-    """What comes over what is asked, by frequency, without any model: from cross spectra, band by band.
+    """Complex gain over frequency, from cross spectra, without a model.
 
     Args:
-        asked: tilts [rad].
-        seen: the same [rad]; NaN where nothing was seen.
+        inputs: tilts [rad].
+        outputs: tilts [rad]; NaN if missing.
         period: of the control steps [s].
-        bands: of frequencies, as wide as each other on a logarithmic scale.
+        bands: number of frequency bands, of equal width on a logarithmic scale.
 
     Returns:
-        Frequencies [Hz], and gains with their phases; of bands in which something was
-        asked.
+        Frequencies [Hz] and gains of the bands in which the input has power.
     """
-    places = np.arange(len(seen))
-    known = np.isfinite(seen)
-    whole = np.interp(places, places[known], seen[known])
-    desired, came = (np.fft.rfft(part - part.mean()) for part in (asked, whole))
-    frequencies = np.fft.rfftfreq(len(asked), period)
-    power = np.abs(desired) ** 2
-    strong = np.flatnonzero(power > CLEAR * power.max())
-    edges = np.geomspace(
-        frequencies[strong[0]], frequencies[strong[-1]] * 1.001, bands + 1
-    )
-    band = np.where(
-        np.isin(np.arange(len(power)), strong), np.digitize(frequencies, edges), 0
-    )
-    chosen = [np.flatnonzero(band == number) for number in range(1, bands + 1)]
-    chosen = [one for one in chosen if len(one)]
-    middles = [np.average(frequencies[one], weights=power[one]) for one in chosen]
-    gains = [
-        np.sum(came[one] * desired[one].conj()) / np.sum(power[one]) for one in chosen
-    ]
-    return np.array(middles), np.array(gains)
+    steps = np.arange(len(outputs))
+    known = np.isfinite(outputs)
+    complete = np.interp(steps, steps[known], outputs[known])
+    input_fft = np.fft.rfft(inputs - inputs.mean())
+    output_fft = np.fft.rfft(complete - complete.mean())
+    frequencies = np.fft.rfftfreq(len(inputs), period)
+    power = np.abs(input_fft) ** 2
+    strong = np.flatnonzero(power > MIN_POWER * power.max())
+    last = frequencies[strong[-1]] * 1.001
+    edges = np.geomspace(frequencies[strong[0]], last, bands + 1)
+    band = np.digitize(frequencies[strong], edges)
+    centers = []
+    gains = []
+    for number in np.unique(band):
+        chosen = strong[band == number]
+        cross = np.sum(output_fft[chosen] * input_fft[chosen].conj())
+        centers.append(np.average(frequencies[chosen], weights=power[chosen]))
+        gains.append(cross / np.sum(power[chosen]))
+    return np.array(centers), np.array(gains)

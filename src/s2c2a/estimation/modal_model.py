@@ -1,13 +1,13 @@
-"""How an arm swings about where it would rest: the motion that a forward model of rest leaves out.
+"""Modal model: how an arm vibrates about its equilibrium.
 
-Bends b of all modules follow the bends s at which they would rest, with masses M,
-damping D and stiffness K:
+Bends b of all modules follow their equilibrium bends s, with mass M, damping D and
+stiffness K:
 
     M b'' + D b' + K (b - s) = 0
 
-M and the part of K that is weight follow from the arm's description and from what hangs
-at its tip, the rest of K and D from the description and two factors, which are found in
-a recording.
+M and the gravity part of K follow from the arm's description and the payload. The rest
+of K and D follow from the description and two factors, which are identified from a
+recording.
 """
 
 from typing import NamedTuple
@@ -26,17 +26,21 @@ from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.trunk import TAUT, Trunk
 from s2c2a.training.fit import Fixed
 
-FIRST_DAMPING = 2.0  # of the nominal one
-NEARLY = 1e-3  # rad; of a straight arm
-SLOW = 1.3  # s; what is slower is no swing
-# that are enough to see it
-EPISODES = 8
-SAMPLES = 600
-FACTORS = np.log([[0.2, 0.3], [5.0, 20.0]])
+NOMINAL_DAMPING = 2.0  # of the described one, where nothing was identified
+LINEARIZATION_BEND = 1e-3  # rad; nearly straight
+MIN_STIFFNESS = (
+    0.05  # of the softest module: a heavy payload must not make K indefinite
+)
+SLOWEST = 1.3  # s; slower errors are not vibration
+MAX_EPISODES = 8  # used for identification
+MAX_SAMPLES = 600  # of each
+LOG_FACTOR_LIMITS = np.log([[0.2, 0.3], [5.0, 20.0]])
+TABLE_PAYLOADS = np.array([0.0, 0.1, 0.2, 0.4, 0.8, 1.6])  # of the arm's mass
+AXIAL_CUTOFF = 0.1  # of the largest: along a straight arm, forces bend nothing
 
 
-class Swing(Fixed):
-    """Two factors.
+class ModalFactors(Fixed):
+    """Stiffness and damping over their nominal values.
 
     Attributes:
         stiffness: over the nominal one, with half of the cables taut.
@@ -47,69 +51,73 @@ class Swing(Fixed):
     damping: Float[Array, ""]
 
     @classmethod
-    def nominal(cls) -> "Swing":
-        """As the description says."""
-        return cls(jnp.asarray(1.0), jnp.asarray(FIRST_DAMPING))
+    def nominal(cls) -> "ModalFactors":
+        """As described."""
+        return cls(jnp.asarray(1.0), jnp.asarray(NOMINAL_DAMPING))
 
 
-class Motion(NamedTuple):
-    """One control step of the swing, of bends and their rates: x' = A x + B s.
+class ModalStep(NamedTuple):
+    """One control step of bends and their rates: x' = A x + B s.
 
     Attributes:
-        steps: A, shape (2 n, 2 n), with n = 2 modules.
-        inputs: B, shape (2 n, n).
-        masses: M [kg m2], shape (n, n).
-        springs: K [N m], shape (n, n).
+        transition: A, shape (2 n, 2 n), with n = 2 modules.
+        input: B, shape (2 n, n).
+        stiffness: K [N m], shape (n, n).
     """
 
-    steps: Float[np.ndarray, "states states"]
-    inputs: Float[np.ndarray, "states bends"]
-    masses: Float[np.ndarray, "bends bends"]
-    springs: Float[np.ndarray, "bends bends"]
+    transition: Float[np.ndarray, "states states"]
+    input: Float[np.ndarray, "states bends"]
+    stiffness: Float[np.ndarray, "bends bends"]
 
 
-class Body(NamedTuple):
-    """What the swing of a nearly straight arm follows from.
+class LinearizedArm(NamedTuple):
+    """Quantities of a nearly straight arm that its vibration depends on.
 
     Attributes:
-        levers: how ends move with bends [m], shape (modules, 3, n).
-        rises: the same of second order, along gravity [m2/s2], shape (modules, n, n).
-        weights: of modules [kg], shape (modules,).
-        springs: nominal [N m], shape (n,).
+        jacobians: of the modules' ends by the bends [m], shape (modules, 3, n).
+        heights: second derivatives of the ends along gravity [m2/s2], shape (modules, n,
+            n).
+        masses: of the modules [kg], shape (modules,).
+        stiffnesses: nominal [N m], shape (n,).
         dampings: nominal [N m s], shape (n,).
     """
 
-    levers: np.ndarray
-    rises: np.ndarray
-    weights: np.ndarray
-    springs: np.ndarray
+    jacobians: np.ndarray
+    heights: np.ndarray
+    masses: np.ndarray
+    stiffnesses: np.ndarray
     dampings: np.ndarray
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> "Body":
-        """From the description."""
+    def of(cls, arm: ArmSpec) -> "LinearizedArm":
+        """From the arm's description."""
         trunk = Trunk.of(arm)
-        modules = arm.module_count
-
-        levers, turns = _slopes_of_ends(jnp.full(2 * modules, NEARLY), trunk.lengths)
-        rises = np.einsum("mcij,c->mij", np.asarray(turns), np.asarray(trunk.gravity))
+        bends = jnp.full(2 * arm.module_count, LINEARIZATION_BEND)
+        jacobians, hessians = _end_derivatives(bends, trunk.lengths)
+        gravity = np.asarray(trunk.gravity)
         elastic = 1.0 / np.asarray(trunk.compliances)
-        damping = elastic * np.array([module.damping_time for module in arm.modules])
-        springs = elastic + TAUT * ArmGeometry.of(arm).cable_springs
+        damping_times = np.array([module.damping_time for module in arm.modules])
+        cables = TAUT * ArmGeometry.of(arm).cable_springs
         return cls(
-            np.asarray(levers),
-            rises,
-            np.asarray(trunk.weights),
-            np.repeat(springs, 2),
-            np.repeat(damping, 2),
+            jacobians=np.asarray(jacobians),
+            heights=np.einsum("mcij,c->mij", np.asarray(hessians), gravity),
+            masses=np.asarray(trunk.weights),
+            stiffnesses=np.repeat(elastic + cables, 2),
+            dampings=np.repeat(elastic * damping_times, 2),
         )
+
+    def with_payload(self, payload: float) -> "LinearizedArm":
+        """The same with a mass at the tip [kg]."""
+        masses = self.masses.copy()
+        masses[-1] += payload
+        return self._replace(masses=masses)
 
 
 @jax.jit
-def _slopes_of_ends(
+def _end_derivatives(
     bends: Float[Array, " n"], lengths: Float[Array, " modules"]
 ) -> tuple[Array, Array]:
-    """First and second slopes of where modules' ends are, by bends."""
+    """First and second derivatives of the modules' end positions by the bends."""
 
     def ends(bends: Array) -> Array:
         return states_from_bends(bends.reshape(-1, 2), lengths)[:, :3]
@@ -117,112 +125,158 @@ def _slopes_of_ends(
     return jax.jacfwd(ends)(bends), jax.jacfwd(jax.jacrev(ends))(bends)
 
 
-def motion(body: Body, swing: Swing, load: float, period: float) -> Motion:
-    """One control step.
+def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> ModalStep:
+    """Discretize the modal model.
 
     Args:
-        body: that swings.
-        swing: how.
-        load: at the tip [kg].
+        arm: with its payload.
+        factors: of stiffness and damping.
         period: of the control steps [s].
     """
-    weights = body.weights.copy()
-    weights[-1] += load
-    masses = np.einsum("mci,mcj,m->ij", body.levers, body.levers, weights)
-    stiff = float(swing.stiffness) * body.springs
-    sinking = np.einsum("mij,m->ij", body.rises, weights)
-    springs = np.diag(stiff) - (sinking + sinking.T) / 2.0
-    # it stands
-    springs += max(
-        0.0, 0.05 * stiff.min() - np.linalg.eigvalsh(springs).min()
-    ) * np.eye(len(stiff))
-    inverse = np.linalg.inv(masses)
-    count = len(stiff)
-    rates = np.zeros((3 * count, 3 * count))
-    rates[:count, count : 2 * count] = np.eye(count)
-    rates[count : 2 * count, :count] = -inverse @ springs
-    rates[count : 2 * count, count : 2 * count] = -inverse @ np.diag(
-        float(swing.damping) * body.dampings
-    )
-    rates[count : 2 * count, 2 * count :] = inverse @ springs
-    whole = expm(rates * period)[: 2 * count]
-    return Motion(whole[:, : 2 * count], whole[:, 2 * count :], masses, springs)
+    bends = len(arm.stiffnesses)
+    masses = np.einsum("mci,mcj,m->ij", arm.jacobians, arm.jacobians, arm.masses)
+    inverse_mass = np.linalg.inv(masses)
+    stiffness = _stiffness(arm, float(factors.stiffness))
+    damping = np.diag(float(factors.damping) * arm.dampings)
+    # d/dt [b, b', s] = rates [b, b', s], s constant within a control step
+    rates = np.zeros((3 * bends, 3 * bends))
+    rates[:bends, bends : 2 * bends] = np.eye(bends)
+    rates[bends : 2 * bends, :bends] = -inverse_mass @ stiffness
+    rates[bends : 2 * bends, bends : 2 * bends] = -inverse_mass @ damping
+    rates[bends : 2 * bends, 2 * bends :] = inverse_mass @ stiffness
+    step = expm(rates * period)[: 2 * bends]
+    return ModalStep(step[:, : 2 * bends], step[:, 2 * bends :], stiffness)
 
 
-def modes(motion: Motion, period: float) -> Float[np.ndarray, "modes 2"]:
+def _stiffness(arm: LinearizedArm, factor: float) -> Float[np.ndarray, "bends bends"]:
+    """Stiffness of modules and cables less that of gravity, positive definite."""
+    own = factor * arm.stiffnesses
+    gravity = np.einsum("mij,m->ij", arm.heights, arm.masses)
+    stiffness = np.diag(own) - (gravity + gravity.T) / 2.0
+    softest = np.linalg.eigvalsh(stiffness).min()
+    missing = max(0.0, MIN_STIFFNESS * own.min() - softest)
+    return stiffness + missing * np.eye(len(own))
+
+
+def modes(step: ModalStep, period: float) -> Float[np.ndarray, "modes 2"]:
     """Frequencies [Hz] and damping ratios, slowest first."""
-    poles = np.log(np.linalg.eigvals(motion.steps).astype(complex)) / period
+    poles = np.log(np.linalg.eigvals(step.transition).astype(complex)) / period
+    poles = poles[np.argsort(np.abs(poles))]
+    poles = poles[poles.imag >= 0]
     sizes = np.abs(poles)
-    found = np.stack(
-        [sizes / (2.0 * np.pi), -poles.real / np.maximum(sizes, 1e-12)], axis=-1
-    )
-    return found[np.argsort(sizes)][poles.imag[np.argsort(sizes)] >= 0]
+    ratios = -poles.real / np.maximum(sizes, 1e-12)
+    return np.stack([sizes / (2.0 * np.pi), ratios], axis=-1)
 
 
-def identified_swing(
+class ModalTable(NamedTuple):
+    """The modal model over the payload, and forces for bend biases.
+
+    Attributes:
+        payloads: of the table's rows [kg], shape (payloads,).
+        transitions: A of each, shape (payloads, states, states).
+        inputs: B of each, shape (payloads, states, bends).
+        forces: at the tip that would cause bend biases [N/rad], shape (3, bends).
+    """
+
+    payloads: Float[Array, " payloads"]
+    transitions: Float[Array, "payloads states states"]
+    inputs: Float[Array, "payloads states bends"]
+    forces: Float[Array, "3 bends"]
+
+    @classmethod
+    def of(cls, arm: ArmSpec, factors: ModalFactors) -> "ModalTable":
+        """The table of an arm with these factors."""
+        linearized = LinearizedArm.of(arm)
+        payloads = TABLE_PAYLOADS * linearized.masses.sum()
+        steps = [
+            modal_step(linearized.with_payload(payload), factors, arm.control_period)
+            for payload in payloads
+        ]
+        tip = linearized.jacobians[-1]
+        stiffnesses = float(factors.stiffness) * linearized.stiffnesses
+        forces = np.linalg.pinv(tip.T, rcond=AXIAL_CUTOFF) * stiffnesses
+        return cls(
+            jnp.asarray(payloads, jnp.float32),
+            jnp.asarray(np.stack([step.transition for step in steps]), jnp.float32),
+            jnp.asarray(np.stack([step.input for step in steps]), jnp.float32),
+            jnp.asarray(forces, jnp.float32),
+        )
+
+    def at(self, payload: Float[Array, ""]) -> tuple[Array, Array]:
+        """A and B for a payload [kg], interpolated."""
+        rows = jnp.arange(len(self.payloads), dtype=jnp.float32)
+        place = jnp.interp(payload, self.payloads, rows)
+        row = jnp.clip(jnp.floor(place).astype(int), 0, len(self.payloads) - 2)
+        share = place - row
+
+        def interpolated(table: Array) -> Array:
+            return (1.0 - share) * table[row] + share * table[row + 1]
+
+        return interpolated(self.transitions), interpolated(self.inputs)
+
+
+def identify_modal_factors(
     arm: ArmSpec,
-    rests: Float[np.ndarray, "episodes samples modules 2"],
-    bends: np.ndarray,
-) -> tuple[Swing, tuple[float, float]]:
-    """The factors under which the swing from rest to rest is most like what was recorded.
+    equilibria: Float[np.ndarray, "episodes samples modules 2"],
+    bends: Float[np.ndarray, "episodes samples modules 2"],
+) -> tuple[ModalFactors, float, float]:
+    """Find the factors with which the simulated vibration fits a recording best.
 
     Args:
         arm: that was recorded.
-        rests: bends at which a forward model says it would rest [rad].
-        bends: true ones [rad], the same shape; NaN where they are not known.
+        equilibria: bends at rest that the forward model predicts [rad].
+        bends: true bends [rad]; NaN where unknown.
 
     Returns:
-        The swing, and what is left of what is faster than slow [deg], root mean square:
-        without and with it.
+        The factors; the fast part of the error without and with the modal model, root
+        mean square [deg]. Nominal factors if the recording does not show the vibration.
     """
-    episodes = [
-        one for one in range(len(rests)) if np.isfinite(bends[one, :SAMPLES]).all()
-    ][:EPISODES]
-    body = Body.of(arm)
-    window = max(3, round(SLOW * arm.control_rate) | 1)
-    nominal = Swing.nominal()
-    if not episodes or rests.shape[1] < 2 * window:
-        return nominal, (0.0, 0.0)
-    told, seen = (np.asarray(part[episodes, :SAMPLES], float).reshape(len(episodes), -1, 2 * arm.module_count)
-                  for part in (rests, bends))  # fmt: skip
+    nominal = ModalFactors.nominal()
+    window = max(3, round(SLOWEST * arm.control_rate) | 1)
+    complete = np.isfinite(bends[:, :MAX_SAMPLES]).all(axis=(1, 2, 3))
+    episodes = np.flatnonzero(complete)[:MAX_EPISODES]
+    if not len(episodes) or equilibria.shape[1] < 2 * window:
+        return nominal, 0.0, 0.0
+    shape = (len(episodes), -1, 2 * arm.module_count)
+    inputs = np.asarray(equilibria[episodes, :MAX_SAMPLES], float).reshape(shape)
+    targets = np.asarray(bends[episodes, :MAX_SAMPLES], float).reshape(shape)
+    linearized = LinearizedArm.of(arm)
 
-    def left(moved: np.ndarray) -> float:
-        off = moved - seen
-        return float(
-            np.sqrt(np.mean((off - uniform_filter1d(off, window, axis=1)) ** 2))
-        )
+    def fast_error(predicted: np.ndarray) -> float:
+        errors = predicted - targets
+        fast = errors - uniform_filter1d(errors, window, axis=1)
+        return float(np.sqrt(np.mean(fast**2)))
 
-    def cost(factors: np.ndarray) -> float:
-        swing = Swing(*np.exp(np.clip(factors, *FACTORS)))
-        return left(followed(motion(body, swing, 0.0, arm.control_period), told))
+    def cost(log_factors: np.ndarray) -> float:
+        factors = _factors(log_factors)
+        step = modal_step(linearized, factors, arm.control_period)
+        return fast_error(simulate(step, inputs))
 
-    begun = np.log([float(nominal.stiffness), float(nominal.damping)])
-    found = minimize(
-        cost,
-        begun,
-        method="Nelder-Mead",
-        options={"maxfev": 80, "xatol": 0.02, "fatol": 1e-6},
+    start = np.log([float(nominal.stiffness), float(nominal.damping)])
+    options = {"maxfev": 80, "xatol": 0.02, "fatol": 1e-6}
+    result = minimize(cost, start, method="Nelder-Mead", options=options)
+    without = fast_error(inputs)
+    if result.fun >= without:
+        return nominal, np.rad2deg(without), np.rad2deg(without)
+    return _factors(result.x), np.rad2deg(without), np.rad2deg(float(result.fun))
+
+
+def _factors(log_factors: np.ndarray) -> ModalFactors:
+    stiffness, damping = np.exp(np.clip(log_factors, *LOG_FACTOR_LIMITS))
+    return ModalFactors(
+        jnp.asarray(stiffness, jnp.float32), jnp.asarray(damping, jnp.float32)
     )
-    if found.fun >= left(told):  # it does not show
-        return nominal, (np.rad2deg(left(told)),) * 2
-    swing = Swing(
-        *(
-            jnp.asarray(factor, jnp.float32)
-            for factor in np.exp(np.clip(found.x, *FACTORS))
-        )
-    )
-    return swing, (np.rad2deg(left(told)), np.rad2deg(float(found.fun)))
 
 
-def followed(
-    motion: Motion, rests: Float[np.ndarray, "episodes samples n"]
+def simulate(
+    step: ModalStep, equilibria: Float[np.ndarray, "episodes samples n"]
 ) -> Float[np.ndarray, "episodes samples n"]:
-    """Bends that swing from rest to rest."""
-    count = rests.shape[-1]
-    state = np.zeros((len(rests), 2 * count))
-    state[:, :count] = rests[:, 0]
-    moved = [state[:, :count]]
-    for now in range(1, rests.shape[1]):
-        state = state @ motion.steps.T + rests[:, now] @ motion.inputs.T
-        moved.append(state[:, :count])
-    return np.stack(moved, axis=1)
+    """Bends that follow their equilibria and vibrate."""
+    bends = equilibria.shape[-1]
+    state = np.zeros((len(equilibria), 2 * bends))
+    state[:, :bends] = equilibria[:, 0]
+    results = [state[:, :bends]]
+    for sample in range(1, equilibria.shape[1]):
+        state = state @ step.transition.T + equilibria[:, sample] @ step.input.T
+        results.append(state[:, :bends])
+    return np.stack(results, axis=1)

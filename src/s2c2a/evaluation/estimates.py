@@ -1,51 +1,76 @@
-"""What a strategy believes of its arm beside where it is, in words; nothing where it sensors no more than its motors."""
+"""Descriptions of estimates: payload, bend bias, force, and rejected sensors.
+
+Empty for strategies without an estimator, which have no `rejected.*` columns.
+"""
 
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.episodes import Episode
 
 REJECTED = "rejected."
 
 
-def belief_said(told: Mapping[str, np.ndarray]) -> str:
-    """Load, the largest lean, and sensors that are left out.
+def describe_step_estimates(diagnostics: Mapping[str, np.ndarray]) -> str:
+    """Describe the estimates of one control step.
 
     Args:
-        told: what the strategy made of a step, by column of an episode: `load` [kg],
-            `bend_biases` [rad], `external_force` [N], `rejected.NAME`.
+        diagnostics: telemetry of a step, by column of an episode: `payload` [kg],
+            `bend_biases` [rad], `external_force` [N], and `rejected.NAME`, which is
+            positive while the sensor is rejected.
     """
-    sensors = {
-        name.removeprefix(REJECTED): value
-        for name, value in told.items()
-        if name.startswith(REJECTED)
-    }
+    sensors = _estimator_sensors(diagnostics)
     if not sensors:
         return ""
-    grams = 1000.0 * float(told["load"])
-    leans = np.rad2deg(np.linalg.norm(told["bend_biases"], axis=-1))
-    said = f"at the tip: {grams:.0f} g · leans: {leans.max():.1f} deg, as if pushed by {float(told['push']):.1f} N"
-    wrong = [name for name, value in sensors.items() if value > 0]
-    return f"{said} · **not believed: {', '.join(wrong)}**" if wrong else said
-
-
-def said_of_belief(episode: Episode) -> str:
-    """What was heard in a run beside encoders, what was found by it, and what was not believed for how long."""
-    heard = [
-        name.removeprefix(REJECTED)
-        for name in episode.columns
-        if name.startswith(REJECTED)
-    ]
-    if not heard or not len(episode.running):
-        return ""
-    leans = np.rad2deg(np.linalg.norm(episode.ran("bend_biases"), axis=-1).max())
-    rejected = {name: int((episode.ran(REJECTED + name) > 0).sum()) for name in heard}
-    grams = 1000 * episode.ran("load")[-1]
-    found = f"heard {', '.join(heard)}; found {grams:.0f} g at the tip, leans to {leans:.1f} deg"
-    wrong = "".join(
-        f"; {name} was not believed in {count} steps"
-        for name, count in rejected.items()
-        if count
+    text = _describe(
+        float(diagnostics["payload"]),
+        diagnostics["bend_biases"],
+        float(diagnostics["external_force"]),
     )
-    return found + wrong
+    rejected = [name for name in sensors if diagnostics[REJECTED + name] > 0]
+    if rejected:
+        text += f"; **rejected: {', '.join(rejected)}**"
+    return text
+
+
+def describe_estimates(episode: Episode) -> str:
+    """Describe the estimates of a run.
+
+    The payload is that of the last step, bend bias and external force are the largest
+    of the run; rejected sensors follow with their share of the steps.
+    """
+    sensors = _estimator_sensors(episode.columns)
+    if not sensors or not len(episode.running):
+        return ""
+    text = _describe(
+        episode.ran("payload")[-1],
+        episode.ran("bend_biases"),
+        np.nanmax(episode.ran("external_force")),
+    )
+    rejected = []
+    for name in sensors:
+        share = np.mean(episode.ran(REJECTED + name) > 0)
+        if share > 0:
+            rejected.append(f"{name} {100 * share:.3g} % of the steps")
+    if rejected:
+        text += f"; rejected: {', '.join(rejected)}"
+    return text
+
+
+def _estimator_sensors(columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Names of the sensors that the estimator uses."""
+    names = [name for name in columns if name.startswith(REJECTED)]
+    return [name.removeprefix(REJECTED) for name in names]
+
+
+def _describe(
+    payload: float, bend_biases: Float[np.ndarray, "*batch modules 2"], force: float
+) -> str:
+    biases_deg = np.rad2deg(np.linalg.norm(bend_biases, axis=-1))
+    return (
+        f"payload {1000 * payload:.0f} g, "
+        f"largest bend bias {np.nanmax(biases_deg):.1f} deg "
+        f"(external force {force:.1f} N)"
+    )

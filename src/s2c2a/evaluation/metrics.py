@@ -1,6 +1,6 @@
-"""Metrics as functions of arrays, one number for every control step, and how runs are scored (docs/protocol.md).
+"""Metrics of a run, one value a control step, and the scores of tasks.
 
-From a run to its scores: which metric, over which steps, summed up how.
+docs/protocol.md defines the metrics, the steps that count, and their summaries.
 """
 
 from collections.abc import Callable
@@ -15,43 +15,51 @@ from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
-LAST_STEPS = 10
-REACHED = {"paper": 5.0}
-REACHED_OTHERWISE = 3.0
-"""The mean of the last ten steps counts as reached below this [cm]; the paper's recipe
-is allowed more."""
-FAR = 0.08  # m beyond its threshold an obstacle is far
-RECOVERED = 3.0  # cm
+LAST_STEPS = 10  # whose mean is the end distance
+REACH_THRESHOLDS = {"paper": 5.0}  # cm of end distance, by recipe
+DEFAULT_REACH_THRESHOLD = 3.0  # cm, of all other recipes
+FAR_CLEARANCE = 0.08  # m; an obstacle with more clearance is far
+RECOVERED = 3.0  # cm of position error
 
 States = Float[np.ndarray, "steps modules 6"]
 Desired = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
-Of = Callable[[Episode, Task, Score], PerStep]
+Vectors = Float[np.ndarray, "steps 3"]
+Obstacles = Float[np.ndarray, "steps obstacles 4"]
+StepMetric = Callable[[Episode, Task, Score], PerStep]
 
 
 def position_errors(states: States, desired: Desired, module: int = -1) -> PerStep:
-    """`position` [cm]: distance of a module's end to its target; NaN where there is none."""
-    return 100.0 * np.linalg.norm(
-        states[:, module, POSITION] - desired[:, module], axis=-1
-    )
+    """`position` [cm]: distance of a module's end to its target; NaN without target."""
+    ends = states[:, module, POSITION]
+    return 100.0 * np.linalg.norm(ends - desired[:, module], axis=-1)
 
 
-def tilts_deg(axes: Float[np.ndarray, "steps 3"]) -> PerStep:
-    """Angle of axes to the vertical [deg]."""
+def tilts_deg(axes: Vectors) -> PerStep:
+    """Angles between axes and the vertical [deg]."""
     return np.rad2deg(np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2]))
 
 
 def tilt_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:
-    """`tilt` [deg]: error of the end axis' angle to the vertical; the paper's 'orientation error (z)'."""
+    """`tilt` [deg]: error of the end axis' angle to the vertical.
+
+    The paper's "orientation error (z)".
+    """
     return np.abs(tilts_deg(states[:, module, AXIS]) - tilts_deg(desired[:, module]))
 
 
 def azimuth_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:
-    """`azimuth` [deg]: error of the end axis' direction in the x-y plane; the paper's 'orientation error (x)'."""
-    true = states[:, module, AXIS]
-    asked = desired[:, module]
-    turned = np.arctan2(true[:, 1], true[:, 0]) - np.arctan2(asked[:, 1], asked[:, 0])
-    return np.abs(np.rad2deg((turned + np.pi) % (2 * np.pi) - np.pi))
+    """`azimuth` [deg]: error of the end axis' direction in the x-y plane.
+
+    The paper's "orientation error (x)".
+    """
+    difference = _azimuths(states[:, module, AXIS]) - _azimuths(desired[:, module])
+    wrapped = (difference + np.pi) % (2 * np.pi) - np.pi
+    return np.abs(np.rad2deg(wrapped))
+
+
+def _azimuths(axes: Vectors) -> PerStep:
+    return np.arctan2(axes[:, 1], axes[:, 0])
 
 
 def orientation_errors_deg(
@@ -64,7 +72,7 @@ def orientation_errors_deg(
 def angles_deg(
     first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"]
 ) -> np.ndarray:
-    """Angle between vectors, such as configurations, of any length [deg]."""
+    """Angles between vectors of any length, such as configurations [deg]."""
     cosine = np.sum(first * second, axis=-1)
     sine = np.linalg.norm(np.cross(first, second), axis=-1)
     return np.rad2deg(np.arctan2(sine, cosine))
@@ -72,101 +80,121 @@ def angles_deg(
 
 def clearances(
     points: Float[np.ndarray, "steps *points 3"],
-    obstacles: Float[np.ndarray, "steps obstacles 4"],
+    obstacles: Obstacles,
 ) -> PerStep:
-    """`clearance` [cm]: smallest distance of any point of a step to an obstacle's center, less its threshold r.
+    """`clearance` [cm]: least distance to an obstacle's center, less its threshold r.
 
     Args:
-        points: where the arm was in each step [m].
-        obstacles: centers and thresholds [m]; one whose threshold is zero is not there,
-            and none leave infinite room.
+        points: points of the arm in each step [m].
+        obstacles: centers and thresholds [m]; one with a threshold of zero is absent.
+
+    Returns:
+        One value a step; infinite in steps without obstacles.
     """
     flat = points.reshape(len(points), -1, 1, 3)
     centers = obstacles[:, None, :, :3]
     thresholds = obstacles[:, None, :, 3]
-    distances = np.where(
-        thresholds > 0, np.linalg.norm(flat - centers, axis=-1) - thresholds, np.inf
-    )
-    return 100.0 * distances.min(axis=(1, 2), initial=np.inf)
+    distances = np.linalg.norm(flat - centers, axis=-1) - thresholds
+    present = np.where(thresholds > 0, distances, np.inf)
+    return 100.0 * present.min(axis=(1, 2), initial=np.inf)
 
 
-def step_lengths(tips: Float[np.ndarray, "steps 3"]) -> PerStep:
-    """Way of the tip [cm] in every control step but the first, which counts zero."""
-    return 100.0 * np.concatenate(
-        [[0.0], np.linalg.norm(np.diff(tips, axis=0), axis=-1)]
-    )
+def step_lengths(tips: Vectors) -> PerStep:
+    """Displacements of the tip in every control step [cm]; zero in the first."""
+    lengths = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
+    return 100.0 * np.concatenate([[0.0], lengths])
 
 
-def stray(
-    tips: Float[np.ndarray, "steps 3"],
-    obstacles: Float[np.ndarray, "steps obstacles 4"],
-    far: float,
+def tip_drifts(
+    tips: Vectors,
+    obstacles: Obstacles,
+    far_clearance: float,
 ) -> PerStep:
-    """`stillness` [cm]: how far the tip is from where it was when every obstacle last came to be far; NaN while near.
+    """`stillness` [cm]: distance of the tip from where it was when obstacles got far.
+
+    NaN in steps with an obstacle that is not far.
 
     Args:
         tips: tip positions [m].
         obstacles: centers and thresholds [m].
-        far: how much more than its threshold an obstacle is away when it is far [m].
+        far_clearance: clearance above which an obstacle is far [m].
     """
-    away = clearances(tips[:, None], obstacles) > 100.0 * far
-    begins = np.where(
-        away & ~np.concatenate([[False], away[:-1]]), np.arange(len(tips)), 0
-    )
-    since = np.maximum.accumulate(begins)
-    return np.where(away, 100.0 * np.linalg.norm(tips - tips[since], axis=-1), np.nan)
+    far = clearances(tips[:, None], obstacles) > 100.0 * far_clearance
+    far_before = np.concatenate([[False], far[:-1]])
+    begins = np.where(far & ~far_before, np.arange(len(tips)), 0)
+    latest_begin = np.maximum.accumulate(begins)
+    drifts = 100.0 * np.linalg.norm(tips - tips[latest_begin], axis=-1)
+    return np.where(far, drifts, np.nan)
 
 
 def recovery_time(
-    errors: PerStep, inside: Bool[np.ndarray, " steps"], near: float, period: float
+    errors: PerStep, reachable: Bool[np.ndarray, " steps"], near: float, period: float
 ) -> float:
-    """`recovery` [s]: time from the target's last re-entry until the error stays below `near` [cm] to the end.
+    """`recovery` [s]: time from the target's last re-entry until the error stays small.
 
-    NaN where the target never left, infinite where the error does not stay below.
+    Args:
+        errors: position errors [cm].
+        reachable: whether the target is within reach in each step.
+        near: error below which the arm has recovered [cm].
+        period: of the control steps [s].
+
+    Returns:
+        NaN if the target never re-enters; infinite if the last error is not small.
     """
-    entries = np.flatnonzero(inside[1:] & ~inside[:-1]) + 1
+    entries = np.flatnonzero(reachable[1:] & ~reachable[:-1]) + 1
     if not len(entries):
         return float("nan")
-    apart = np.flatnonzero(errors[entries[-1] :] > near)
-    if len(apart) and apart[-1] == len(errors) - entries[-1] - 1:
+    errors_since = errors[entries[-1] :]
+    large = np.flatnonzero(errors_since > near)
+    if not len(large):
+        return 0.0
+    if large[-1] == len(errors_since) - 1:
         return float("inf")
-    return period * (apart[-1] + 1 if len(apart) else 0)
+    return period * (large[-1] + 1)
 
 
 def _mean(values: PerStep) -> float:
-    """NaN where no step counts, as on an arm that reaches none of a path."""
+    """Mean of the steps that count; NaN without any."""
     counting = values[~np.isnan(values)]
     return counting.mean() if len(counting) else np.nan
 
 
+def _last_mean(values: PerStep) -> float:
+    return np.mean(values[-LAST_STEPS:])
+
+
+def _last(values: PerStep) -> float:
+    return values[-1]
+
+
 @dataclass(frozen=True)
 class Metric:
-    """A metric of the protocol.
+    """Metric of the protocol.
 
     Attributes:
         unit: of its values.
-        of: (episode, task, score) -> a value for every control step after its action,
-            NaN where none counts.
-        summed_up: values of the steps that count -> one number for the run.
-        rises: whether more is better.
+        per_step: (episode, task, score) -> one value for every control step, after its
+            action; NaN where the step does not count.
+        aggregate: values of the steps that count -> the run's value.
+        rises: whether larger values are better.
     """
 
     unit: str
-    of: Of
-    summed_up: Callable[[PerStep], float] = _mean
+    per_step: StepMetric
+    aggregate: Callable[[PerStep], float] = _mean
     rises: bool = False
 
 
 @dataclass(frozen=True)
-class Scored:
-    """One score of one run.
+class ScoreResult:
+    """Result of one score of one run.
 
     Attributes:
-        score: what was scored.
+        score: definition of the score.
         unit: of the values.
-        values: one for every control step, NaN where none counts.
-        value: the run's number.
-        averaged: whether it is the mean of the values, so that their spread has a
+        values: one for every control step, NaN where the step does not count.
+        value: the run's value.
+        averaged: whether `value` is the mean of `values`, so that their spread has a
             meaning.
     """
 
@@ -177,132 +205,145 @@ class Scored:
     averaged: bool
 
 
-def score_run(episode: Episode, task: Task, recipe: str) -> list[Scored]:
-    """Score a run by what its task asks for.
+def score_run(episode: Episode, task: Task, recipe: str) -> list[ScoreResult]:
+    """Evaluate the scores of a task for one run.
 
     Args:
-        episode: what happened.
-        task: what was asked.
-        recipe: its name; the protocol lets the paper's recipe end further from a target
-            and still count as there.
+        episode: recorded run.
+        task: task of the run.
+        recipe: name of the recipe; it sets the threshold of `reached`.
 
     Raises:
-        S2C2AError: the episode holds no true states, or is not of as many steps as the
-            task.
+        S2C2AError: the episode lacks true states, or has another number of steps than
+            the task.
     """
     if "states" not in episode.sensors:
         raise S2C2AError(
-            "this episode holds no true states; a run needs them to be scored"
+            "the episode has no true states (`states`), which scores need; "
+            "run the task on a robot that provides them"
         )
     steps = len(episode.after("states"))
     if steps != len(task.goals):
         raise S2C2AError(
-            f"this episode has {steps} steps, and '{task.name}' has {len(task.goals)}"
+            f"the episode has {steps} steps; task '{task.name}' has {len(task.goals)}; "
+            "score a whole run of this task"
         )
-    return [_scored(episode, task, score, recipe) for score in task.scores]
+    return [_score(episode, task, score, recipe) for score in task.scores]
 
 
 def check_scores(task: Task, arm: ArmSpec) -> None:
-    """Refuse a task that cannot be scored, before anything moves for it.
+    """Check before a run that the scores of a task can be evaluated.
 
     Raises:
-        TargetError: no such metric or module, or not a truth for every step.
+        TargetError: a score names no metric or module, or `steps` has another length
+            than the task.
     """
     for score in task.scores:
         if score.metric not in METRICS:
             raise TargetError(
-                f"'{task.name}' has the score '{score.metric}'; take one of {', '.join(METRICS)}"
+                f"task '{task.name}' has the unknown metric '{score.metric}'; "
+                f"choose one of {', '.join(METRICS)}"
             )
         if not -arm.module_count <= score.module < arm.module_count:
             raise TargetError(
-                f"'{task.name}' scores module {score.module}; '{arm.name}' has {arm.module_count}"
+                f"task '{task.name}' scores module {score.module}; "
+                f"'{arm.name}' has {arm.module_count} modules"
             )
         if score.steps is not None and np.shape(score.steps) != (len(task.goals),):
             raise TargetError(
-                f"'{task.name}' counts {np.shape(score.steps)} steps, and has {len(task.goals)}"
+                f"task '{task.name}' has {len(task.goals)} steps; `steps` of its score "
+                f"'{score.metric}' has shape {np.shape(score.steps)}"
             )
 
 
-def _scored(episode: Episode, task: Task, score: Score, recipe: str) -> Scored:
+def _score(episode: Episode, task: Task, score: Score, recipe: str) -> ScoreResult:
     metric = METRICS[score.metric]
-    values = metric.of(episode, task, score)
+    values = metric.per_step(episode, task, score)
+    # `recovery` uses the score's steps itself
     if score.steps is not None and score.metric != "recovery":
         values = np.where(score.steps, values, np.nan)
-    value = float(metric.summed_up(values))
+    value = float(metric.aggregate(values))
     if score.metric == "reached":
-        value = float(value <= REACHED.get(recipe, REACHED_OTHERWISE))
-    return Scored(score, metric.unit, values, value, averaged=metric.summed_up is _mean)
+        threshold = REACH_THRESHOLDS.get(recipe, DEFAULT_REACH_THRESHOLD)
+        value = float(value <= threshold)
+    averaged = metric.aggregate is _mean
+    return ScoreResult(score, metric.unit, values, value, averaged)
 
 
-def _of_states(function, desired: str) -> Of:
-    return lambda episode, task, score: function(
-        episode.after("states"), getattr(task, desired)(), score.module
+def _compare_states(
+    errors: Callable[[States, Desired, int], PerStep],
+    desired: Callable[[Task], Desired],
+) -> StepMetric:
+    """Metric that compares true states with desired positions or axes of a task."""
+    return lambda episode, task, score: errors(
+        episode.after("states"), desired(task), score.module
     )
 
 
-def _clearance(points: Callable[[Episode], np.ndarray]) -> Of:
-    return lambda episode, task, _: clearances(points(episode), task.obstacles())
+def _clearance_of(points: Callable[[Episode], np.ndarray]) -> StepMetric:
+    """Metric of the clearance of some points of the arm."""
+    return lambda episode, task, score: clearances(points(episode), task.obstacles())
 
 
-def _tips(episode: Episode) -> Float[np.ndarray, "steps 3"]:
+def _tips(episode: Episode) -> Vectors:
     return episode.after("states")[:, -1, POSITION]
 
 
-def _lines(episode: Episode) -> Float[np.ndarray, "steps moments points 3"]:
-    """The true center line between control steps too, the tip last; else the modules' ends, as one moment [m]."""
-    watched = "center_line" in episode.sensors
-    return (
-        episode.after("center_line")
-        if watched
-        else episode.after("states")[:, None, :, POSITION]
-    )
+def _arm_points(episode: Episode) -> Float[np.ndarray, "steps moments points 3"]:
+    """Points along the arm [m], the tip last.
+
+    The true center line, also between control steps, where the robot provides it; else
+    the modules' ends at control steps.
+    """
+    if "center_line" in episode.sensors:
+        return episode.after("center_line")
+    return episode.after("states")[:, None, :, POSITION]
+
+
+def _tip_path(episode: Episode) -> Float[np.ndarray, "steps moments 3"]:
+    return _arm_points(episode)[:, :, -1]
 
 
 def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
-    """The one number of the run at the last step, so that it can be shown beside the others.
+    """Recovery time in the last step, NaN before.
 
     The score's steps are those whose target is within reach.
     """
     errors = position_errors(episode.after("states"), task.desired_positions())
     period = float(np.diff(episode.times()[:2])[0])
+    reachable = np.ones(len(errors), bool) if score.steps is None else score.steps
     values = np.full(len(errors), np.nan)
-    inside = np.ones(len(errors), bool) if score.steps is None else score.steps
-    values[-1] = recovery_time(errors, inside, RECOVERED, period)
+    values[-1] = recovery_time(errors, reachable, RECOVERED, period)
     return values
 
 
 def _stillness(episode: Episode, task: Task, _: Score) -> PerStep:
-    return stray(_tips(episode), task.obstacles(), FAR)
+    return tip_drifts(_tips(episode), task.obstacles(), FAR_CLEARANCE)
 
 
-def _last_mean(values: PerStep) -> float:
-    return np.mean(values[-LAST_STEPS:])
+def _path_length(episode: Episode, _task: Task, _score: Score) -> PerStep:
+    return step_lengths(_tips(episode))
 
 
-_position = _of_states(position_errors, "desired_positions")
+_position = _compare_states(position_errors, Task.desired_positions)
 
 METRICS = {
     "position": Metric("cm", _position),
     "constraint": Metric("cm", _position),
-    "tilt": Metric("deg", _of_states(tilt_errors_deg, "desired_axes")),
-    "azimuth": Metric("deg", _of_states(azimuth_errors_deg, "desired_axes")),
-    "orientation": Metric("deg", _of_states(orientation_errors_deg, "desired_axes")),
+    "tilt": Metric("deg", _compare_states(tilt_errors_deg, Task.desired_axes)),
+    "azimuth": Metric("deg", _compare_states(azimuth_errors_deg, Task.desired_axes)),
+    "orientation": Metric(
+        "deg", _compare_states(orientation_errors_deg, Task.desired_axes)
+    ),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean, rises=True),
-    "clearance": Metric(
-        "cm",
-        _clearance(lambda episode: _lines(episode)[:, :, -1]),
-        np.nanmin,
-        rises=True,
+    "clearance": Metric("cm", _clearance_of(_tip_path), np.nanmin, rises=True),
+    "clearance at steps": Metric("cm", _clearance_of(_tips), np.nanmin, rises=True),
+    "clearance of the arm": Metric(
+        "cm", _clearance_of(_arm_points), np.nanmin, rises=True
     ),
-    "clearance at steps": Metric(
-        "cm", _clearance(lambda episode: _tips(episode)[:, None]), np.nanmin, rises=True
-    ),
-    "clearance of the arm": Metric("cm", _clearance(_lines), np.nanmin, rises=True),
-    "path length": Metric(
-        "cm", lambda episode, *_: step_lengths(_tips(episode)), np.sum
-    ),
+    "path length": Metric("cm", _path_length, np.sum),
     "stillness": Metric("cm", _stillness, np.nanmax),
-    "recovery": Metric("s", _recovery, lambda values: values[-1]),
+    "recovery": Metric("s", _recovery, _last),
 }
 """Metrics by name (docs/protocol.md)."""

@@ -1,4 +1,4 @@
-"""Results: rows, and the tables made of them as files: JSON, Markdown, comma-separated values, LaTeX."""
+"""Reports: result rows, tables as JSON, CSV, Markdown, and LaTeX, and text on plans."""
 
 import csv
 import json
@@ -14,17 +14,24 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, save_whole, written_whole
+from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.spaces import POSITION
 
 MAX_BYTES = 20_000_000
-WORTH_A_WORD = 0.01  # of the arm's length
-WHOLE_STEP = 0.98  # of the step limit: plans are kept in single precision
-_ESCAPED = str.maketrans(
+PLAN_OUTCOMES = {
+    1: "kept the last plan",
+    2: "restarted from another shape",
+    3: "used the fallback search",
+    4: "was stuck",
+}
+"""What the planner did in a step, by its `outcome`; 0, solved, is not reported."""
+SIGNIFICANT = 0.01  # of the arm's length
+WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
+_LATEX_ESCAPES = str.maketrans(
     {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
 )
-HEADER = ("task", "metric", "strategy", "here", "± seeds", "beside", "paper")
+HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper")
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class Row:
     """One line of `results.json`.
 
     `mean` and `std_steps` are over the steps of a run, as in the paper, averaged over
-    seeds; `std_seeds` is the spread of the means between seeds.
+    seeds; `std_seeds` is the standard deviation of the means between seeds.
     """
 
     experiment: str
@@ -58,107 +65,98 @@ class Row:
 def over_seeds(
     values: Sequence[float], spreads: Sequence[float] = ()
 ) -> dict[str, Any]:
-    """Mean over seeds, mean of the spreads over steps if there are any, and spread between seeds.
+    """Return `mean`, `std_steps`, and `std_seeds` of a `Row`.
 
     Args:
-        values: one number a seed.
-        spreads: over the steps of each run.
+        values: one value a seed.
+        spreads: standard deviations over the steps of each run, if known.
     """
-    between = (
-        float(np.std(values, ddof=1))
-        if len(values) > 1 and np.isfinite(values).all()
-        else None
-    )
-    steps = float(np.mean(spreads)) if len(spreads) else None
-    return {"mean": float(np.mean(values)), "std_steps": steps, "std_seeds": between}
+    std_seeds = None
+    if len(values) > 1 and np.isfinite(values).all():
+        std_seeds = float(np.std(values, ddof=1))
+    std_steps = float(np.mean(spreads)) if len(spreads) else None
+    mean = float(np.mean(values))
+    return {"mean": mean, "std_steps": std_steps, "std_seeds": std_seeds}
 
 
 def pair(mean: float, spread: float | None) -> str:
-    """A mean and its spread, where there is one, as tables show them."""
+    """Format a mean and its spread, if any, for a table."""
     return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
 
 
-def said_of_plans(episode: Episode) -> str:
-    """How often plans were rescued, stood although their cost could fall (`planning.fallback`), doubtful, or held back.
+def describe_plans(episode: Episode) -> str:
+    """Describe in how many steps of a run planning was difficult; empty if in none.
 
-    Held back are those that end a whole step from the last one and still far from what
-    is desired.
+    Counted are steps in which the planner did not solve its problem (`outcome`), the
+    model extrapolated, or the step limit held the plan back.
     """
-    least = {
-        "rescued": 0.0,
-        "standing": 0.0,
-        "extrapolation": WORTH_A_WORD * episode.arm.length,
-    }
-    said = {
-        "was rescued": "rescued",
-        "stood although its cost could fall": "standing",
-        "was at the edge of what the data show, or beyond,": "extrapolation",
-    }
-    counts = {
-        word: int(np.nansum(episode.ran(name) > least[name]))
-        for word, name in said.items()
-        if name in episode.columns
-    }
-    held_back = f"was held back by the step limit of {episode.arm.step_limit_deg:g} deg (a slower --pace gives it time)"
-    counts[held_back] = int(_held_back(episode).sum())
-    return ", ".join(
-        f"the plan {word} in {count} steps" for word, count in counts.items() if count
+    counts: dict[str, int] = {}
+    if "outcome" in episode.columns:
+        outcomes = episode.ran("outcome")
+        for outcome, text in PLAN_OUTCOMES.items():
+            counts[f"the planner {text}"] = int((outcomes == outcome).sum())
+    if "extrapolation" in episode.columns:
+        far = episode.ran("extrapolation") > SIGNIFICANT * episode.arm.length
+        counts["the plan left the range of the training data"] = int(far.sum())
+    limit_text = (
+        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back "
+        "(a slower --pace avoids that)"
     )
+    counts[limit_text] = int(_limited_steps(episode).sum())
+    sentences = [
+        f"{text} in {count} of {len(episode.running)} steps"
+        for text, count in counts.items()
+        if count
+    ]
+    return ", ".join(sentences)
 
 
-def _held_back(episode: Episode) -> Bool[np.ndarray, " steps"]:
-    """Steps that went as far as they may, and whose ends are not where they shall be; none where nobody planned."""
-    if not {
-        "planned",
-        "predicted",
-        "desired_positions",
-    } <= episode.columns.keys() or not len(episode.running):
+def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    """Steps whose plan moved by the whole step limit and still missed its target."""
+    required = {"planned", "predicted", "desired_positions"}
+    if not required <= episode.columns.keys() or not len(episode.running):
         return np.zeros(0, dtype=bool)
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
-    moved = np.linalg.norm(np.diff(bends, axis=0, prepend=bends[:1]), axis=-1).max(
-        axis=-1
-    )
-    missed = np.linalg.norm(
-        episode.ran("predicted")[..., POSITION] - episode.ran("desired_positions"),
-        axis=-1,
-    )
-    far = (
-        np.where(np.isfinite(missed), missed, 0.0).max(axis=-1)
-        > WORTH_A_WORD * episode.arm.length
-    )
-    return far & (moved > WHOLE_STEP * np.deg2rad(episode.arm.step_limit_deg))
+    changes = np.diff(bends, axis=0, prepend=bends[:1])
+    largest_change = np.linalg.norm(changes, axis=-1).max(axis=-1)
+    ends = episode.ran("predicted")[..., POSITION]
+    misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
+    largest_miss = np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
+    missed = largest_miss > SIGNIFICANT * episode.arm.length
+    step_limit = np.deg2rad(episode.arm.step_limit_deg)
+    return missed & (largest_change > WHOLE_STEP * step_limit)
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:
-    """Write `results.json`; numbers that are not finite stand as words, for JSON knows none."""
+    """Write `results.json`; JSON has no infinity or NaN, so these become strings."""
     written = [
-        {key: _as_word(value) for key, value in asdict(row).items()} for row in rows
+        {key: _json_value(value) for key, value in asdict(row).items()} for row in rows
     ]
-    save_whole(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
+    write_atomically(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
 
 
 def load_rows(path: str | Path) -> list[Row]:
-    """Read what `save_rows` wrote.
+    """Read result rows that `save_rows` wrote.
 
     Raises:
-        S2C2AError: it is no list of rows.
+        S2C2AError: the file does not hold a list of rows.
     """
     try:
         return TypeAdapter(list[Row]).validate_json(read_text(path, most=MAX_BYTES))
     except (S2C2AError, ValidationError) as error:
         raise S2C2AError(
-            f"{path} holds no result rows: {error}; make the table again"
+            f"{path} does not hold result rows: {error}; make the table again"
         ) from error
 
 
-def _as_word(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     return str(value) if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | Path) -> None:
     """Write a table of comma-separated values."""
     with (
-        written_whole(path) as part,
+        atomic_write(path) as part,
         open(part, "w", newline="", encoding="utf-8") as file,
     ):
         csv.writer(file).writerows([header, *rows])
@@ -167,64 +165,68 @@ def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | Path) 
 def save_table(
     name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Row] = ()
 ) -> Path:
-    """Write one table in every form; returns the Markdown file.
+    """Write a table as JSON, CSV, LaTeX, and Markdown; return the Markdown file.
 
     Args:
-        name: of the table.
-        rows: of it.
-        folder: where.
-        beside: rows of another recipe, to stand beside.
+        name: of the table and its files.
+        rows: of the table.
+        folder: directory of the files.
+        beside: rows of another recipe, for comparison.
     """
     save_rows(rows, folder / f"{name}.json")
-    save_csv(
-        [field.name for field in fields(Row)],
-        map(astuple, rows),
-        folder / f"{name}.csv",
-    )
+    header = [field.name for field in fields(Row)]
+    save_csv(header, map(astuple, rows), folder / f"{name}.csv")
     lines = table_lines(rows, beside)
-    save_whole(_latex(lines), folder / f"{name}.tex")
-    return save_whole(_markdown(name, rows, lines, beside), folder / f"{name}.md")
+    write_atomically(_latex(lines), folder / f"{name}.tex")
+    return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
 
 
 def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
-    """Write means and spreads between seeds, a line a strategy and a column a task and metric; returns the Markdown."""
+    """Write a table with a line a strategy and a column a task and metric.
+
+    Cells hold means and standard deviations between seeds.
+
+    Returns:
+        The Markdown file.
+    """
     save_rows(rows, folder / f"{name}.json")
     columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
-    values = {(row.strategy, row.task, row.metric): row for row in rows}
+    cells = {
+        (row.strategy, row.task, row.metric): pair(row.mean, row.std_seeds)
+        for row in rows
+    }
     header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
     lines = []
     for strategy in dict.fromkeys(row.strategy for row in rows):
-        cells = [values[strategy, task, metric] for task, metric, _ in columns]
-        lines.append([strategy, *(pair(row.mean, row.std_seeds) for row in cells)])
-    return save_whole(_bars(header, lines), folder / f"{name}.md")
+        values = [cells[strategy, task, metric] for task, metric, _ in columns]
+        lines.append([strategy, *values])
+    return write_atomically(_markdown_table(header, lines), folder / f"{name}.md")
 
 
-def rows_beside(folder: Path | None, name: str) -> list[Row]:
-    """Rows of a table that stands in another folder, if there is one."""
-    path = None if folder is None else folder / f"{name}.json"
-    return load_rows(path) if path is not None and path.is_file() else []
+def load_comparison(folder: Path | None, name: str) -> list[Row]:
+    """Read the rows of a table in another directory; empty if there is none."""
+    if folder is None:
+        return []
+    path = folder / f"{name}.json"
+    return load_rows(path) if path.is_file() else []
 
 
 def table_lines(
     rows: Sequence[Row], beside: Sequence[Row] = ()
 ) -> list[tuple[str, ...]]:
-    """Cells of every row, as `HEADER` names them."""
+    """Return the cells of every row, in the order of `HEADER`."""
     others = {_key(row): row for row in beside}
     lines: list[tuple[str, ...]] = []
     for row in rows:
-        other = others.get(_key(row))
+        _, _, detail = row.experiment.partition(", ")
+        task = f"{row.arm}: {row.task}" + (f" ({detail})" if detail else "")
+        metric = f"{row.metric} [{row.unit}]"
         seeds = "" if row.std_seeds is None else f"{row.std_seeds:.2f}"
-        aside = "" if other is None else pair(other.mean, other.std_steps)
-        printed = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
-        said = (
-            f" ({row.experiment.split(', ', 1)[1]})" if ", " in row.experiment else ""
-        )
-        cells = (
-            f"{row.arm}: {row.task}{said}",
-            f"{row.metric} [{row.unit}]",
-            row.strategy,
-        )
-        lines.append((*cells, pair(row.mean, row.std_steps), seeds, aside, printed))
+        other = others.get(_key(row))
+        compared = "" if other is None else pair(other.mean, other.std_steps)
+        paper = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
+        result = pair(row.mean, row.std_steps)
+        lines.append((task, metric, row.strategy, result, seeds, compared, paper))
     return lines
 
 
@@ -240,33 +242,33 @@ def _markdown(
 ) -> str:
     seeds = ", ".join(map(str, sorted({seed for row in rows for seed in row.seeds})))
     recipe = rows[0].recipe if rows else ""
-    header = (
-        *HEADER[:3],
-        f"`{recipe}`",
-        HEADER[4],
-        f"`{beside[0].recipe}`" if beside else "",
-        HEADER[6],
-    )
+    header = list(HEADER)
+    header[3] = f"`{recipe}`"
+    header[5] = f"`{beside[0].recipe}`" if beside else ""
+    table = _markdown_table(header, lines)
+    footer = ""
     modes = {row.arm: row for row in rows if row.first_mode_hz is not None}
-    said = (
-        f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, damping ratio {row.damping_ratio:.2f}.\n"
-        for arm, row in modes.items()
-    )
-    return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{_bars(header, lines)}\n{''.join(said)}"
+    for arm, row in modes.items():
+        footer += (
+            f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, "
+            f"damping ratio {row.damping_ratio:.2f}.\n"
+        )
+    return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{table}\n{footer}"
 
 
-def _bars(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
+def _markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    separator = ["---"] * len(header)
     return "".join(
-        f"| {' | '.join(cells)} |\n"
-        for cells in (header, ["---"] * len(header), *lines)
+        f"| {' | '.join(cells)} |\n" for cells in (header, separator, *lines)
     )
 
 
 def _latex(lines: Sequence[tuple[str, ...]]) -> str:
-    body = [
-        " & ".join(cell.translate(_ESCAPED) for cell in line) + r" \\"
-        for line in (HEADER, *lines)
-    ]
-    top = r"\begin{tabular}{lll" + "r" * (len(HEADER) - 3) + "}"
-    return "\n".join([top, body[0] + r" \hline", *body[1:], r"\end{tabular}"]) + "\n"
+    rows = []
+    for cells in (HEADER, *lines):
+        escaped = [cell.translate(_LATEX_ESCAPES) for cell in cells]
+        rows.append(" & ".join(escaped) + r" \\")
+    rows[0] += r" \hline"
+    columns = "lll" + "r" * (len(HEADER) - 3)
+    begin = rf"\begin{{tabular}}{{{columns}}}"
+    return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"

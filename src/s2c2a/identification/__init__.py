@@ -1,22 +1,22 @@
-"""The simulated arm fitted to a recording: a twin of the arm that was recorded."""
+"""System identification: fit of a simulated arm to a recording of an arm."""
 
-from s2c2a.identification.fitting import Belief, Fit, identify
+from s2c2a.identification.fitting import Fit, Posterior, identify
 from s2c2a.identification.numbers import (
     GROUPS,
     USUAL,
     Unknown,
     arm_at,
-    stated_for,
     unknowns_of,
+    with_default_starts,
 )
 from s2c2a.identification.problem import FitOptions, Problem, held_out, options_for
 from s2c2a.identification.replay import Replay, replayed, thinned
 from s2c2a.identification.report import (
-    Found,
+    FittedNumber,
     TipErrors,
     errors_of,
+    fitted_numbers,
     fitted_toml,
-    found_numbers,
     tip_errors,
-    untold,
+    undetermined_combinations,
 )

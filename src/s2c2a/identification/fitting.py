@@ -1,12 +1,11 @@
-"""Least squares for the numbers of an arm file, beside what the file says of them.
+"""Maximum-a-posteriori fit of the numbers of an arm file to a recording.
 
-With residuals r of the replayed arm, their variance v, and coordinates u of the numbers
-(one a spread away from the file, `numbers.Unknown`), the fit is least |r(u)|^2 / v +
-|u|^2: the likeliest arm, by the file and what was recorded. v comes from what a first
-fit leaves; rows that follow each other and err alike count as fewer, since a twin errs
-by what it does not model, and a thousand such rows say little more than one. What the
-recording says of u is J^T J / v: eigenvalues below one belong to combinations that it
-says less of than the file did.
+Let r be the residuals of the replayed arm, v their variance, and u the coordinates of
+the numbers, in prior standard deviations from the file (`numbers.Unknown`). The fit
+minimizes |r(u)|^2 / v + |u|^2. A first fit estimates v. Successive rows with similar
+residuals count as fewer rows, because the model error is correlated in time. The
+information of the recording is J^T J / v: eigenvalues below one belong to combinations
+of numbers that the prior determines better than the recording.
 """
 
 from collections.abc import Sequence
@@ -25,235 +24,224 @@ from s2c2a.identification.numbers import Unknown, arm_at
 from s2c2a.identification.problem import (
     FitOptions,
     Problem,
-    compared,
-    framed,
-    limits_of,
-    problem_of,
+    build_problem,
+    coordinate_bounds,
     residuals,
-    simulated,
+    residuals_of,
+    simulate,
+    to_recording_frame,
 )
 from s2c2a.identification.replay import replayed
 from s2c2a.progress import Progress, quiet
 from s2c2a.spaces import States
 
-STEP = 0.02  # spreads: finite differences
-USUAL_WAY = FitOptions()
-MIN_VARIANCE = 1e-12  # a recording of the simulation itself leaves nothing
-ENOUGH = 1e-4  # relative change of the sum, or of the coordinates, at which it ends
+STEP = 0.02  # step of finite differences, in prior standard deviations
+DEFAULT_OPTIONS = FitOptions()
+MIN_VARIANCE = 1e-12  # a recording of the simulation itself leaves no residual
+TOLERANCE = 1e-4  # relative change of the cost, or of the coordinates, at convergence
+MAX_CORRELATION = 0.99
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
-    """What the recording says of the numbers.
+class Posterior:
+    """Uncertainty of the fitted coordinates.
 
     Attributes:
-        names: of the coordinates.
-        deviations: standard deviation of each coordinate, in spreads.
-        information: eigenvalues of what the recording says, least first; below one:
-            less than the file.
-        combinations: their directions, one a row.
+        names: names of the coordinates.
+        std: standard deviation of each coordinate, in prior standard deviations.
+        information: eigenvalues of the information of the recording, ascending; below
+            one, the prior is more informative.
+        combinations: eigenvectors, one in each row.
     """
 
     names: tuple[str, ...]
-    deviations: Float[np.ndarray, " coordinates"]
+    std: Float[np.ndarray, " coordinates"]
     information: Float[np.ndarray, " coordinates"]
     combinations: Float[np.ndarray, "coordinates coordinates"]
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What came of it.
+    """Result of a fit.
 
     Attributes:
-        problem: that was solved.
-        coordinates: of numbers, and of the frame where that was fitted.
-        belief: how sure they are.
-        finished: whether it came to an end by itself, not by the limit of rounds or an
-            interrupt.
+        problem: the problem.
+        coordinates: coordinates of the numbers, and of the frame if it is fitted.
+        belief: their uncertainty.
+        finished: whether the fit converged, before the limit of rounds or an interrupt.
     """
 
     problem: Problem
     coordinates: Float[np.ndarray, " coordinates"]
-    belief: Belief = field(repr=False)
+    belief: Posterior = field(repr=False)
     finished: bool
 
     @property
     def arm(self) -> ArmSpec:
         """The fitted arm."""
-        return arm_at(
-            self.problem.arm,
-            self.problem.unknowns,
-            self.coordinates[: len(self.problem.unknowns)],
-        )
+        unknowns = self.problem.unknowns
+        return arm_at(self.problem.arm, unknowns, self.coordinates[: len(unknowns)])
 
     def predicted(self, episodes: Sequence[Episode]) -> list[States]:
-        """What the fitted arm does in these episodes, in the recording's frame."""
-        states = replayed(self.arm, episodes, self.problem.options.replay)
-        return [framed(self.problem, self.coordinates, one) for one in states]
+        """States of the fitted arm in episodes, in the recording's frame."""
+        simulated = replayed(self.arm, episodes, self.problem.options.replay)
+        return [
+            to_recording_frame(self.problem, self.coordinates, states)
+            for states in simulated
+        ]
 
 
 def identify(
     arm: ArmSpec,
     unknowns: Sequence[Unknown],
     episodes: Sequence[Episode],
-    options: FitOptions = USUAL_WAY,
+    options: FitOptions = DEFAULT_OPTIONS,
     executor: Executor | None = None,
     progress: Progress = quiet,
 ) -> Fit:
-    """Fit an arm's numbers to what was recorded, but for what `problem.held_out` keeps.
+    """Fit an arm's numbers to all rows but those of `problem.held_out`.
 
-    An interrupt ends it with the best so far.
+    An interrupt after the first round ends the fit with the best result so far.
 
     Args:
-        arm: the start; it must be of the same form as the one that was recorded.
-        unknowns: numbers of it that are fitted.
-        episodes: with the sensor `states`; NaN: not seen.
-        options: how.
-        executor: works out columns of the Jacobian side by side.
-        progress: told rounds.
+        arm: start of the fit, with as many modules and cables as the recorded arm.
+        unknowns: numbers to fit.
+        episodes: episodes with the sensor `states`; NaN: not measured.
+        options: options of the fit.
+        executor: computes columns of the Jacobian in parallel.
+        progress: callback after each round.
 
     Raises:
-        RecordingError: no state was seen.
+        RecordingError: no state is measured.
     """
-    problem = problem_of(arm, unknowns, episodes, options)
-    return _Search(problem, executor or Serial(), progress).done()
+    problem = build_problem(arm, unknowns, episodes, options)
+    return _Optimizer(problem, executor or Serial(), progress).run()
 
 
-class _Search:
-    """The way to the least sum of squares: where it is, with slopes there, and the variance that residuals have."""
+class _Optimizer:
+    """Least-squares search, with the best coordinates and Jacobian so far."""
 
     def __init__(self, problem: Problem, executor: Executor, progress: Progress):
         self._problem = problem
         self._executor = executor
         self._progress = progress
         self._round = 0
-        self._there = _start(problem)
+        self._coordinates = _start(problem)
         self._variance = 1.0
-        self._slopes = np.zeros((1, len(problem.names)))
+        self._residual_jacobian = np.zeros((1, len(problem.names)))
 
-    def done(self) -> Fit:
-        """Go there twice, the second time with the variance that the first has left; an interrupt ends it early."""
-        rounds = self._problem.options.rounds
+    def run(self) -> Fit:
+        """Minimize twice, the second time with the variance after the first."""
+        problem = self._problem
+        rounds = problem.options.rounds
         finished = False
         try:
-            for share in (rounds - rounds // 2, rounds // 2):
-                finished = self._gone(share) if share else finished
-                self._variance = variance_of(
-                    self._problem, residuals(self._problem, self._there)
-                )
+            for count in (rounds - rounds // 2, rounds // 2):
+                if count:
+                    finished = self._minimize(count)
+                errors = residuals(problem, self._coordinates)
+                self._variance = estimate_variance(problem, errors)
         except KeyboardInterrupt:
             if not self._round:
                 raise
             finished = False
         self._progress("fitting", rounds, rounds)
-        return Fit(
-            self._problem,
-            self._there,
-            belief(self._problem, self._slopes, self._variance),
-            finished,
-        )
+        posterior = estimate_posterior(problem, self._residual_jacobian, self._variance)
+        return Fit(problem, self._coordinates, posterior, finished)
 
-    def _gone(self, rounds: int) -> bool:
-        """So many rounds at most; whether it came to an end before."""
-        limits = limits_of(self._problem)
-        found = least_squares(
-            self._left,
-            self._there,
-            self._slopes_at,
-            limits,
-            ftol=ENOUGH,
-            xtol=ENOUGH,
+    def _minimize(self, rounds: int) -> bool:
+        """Run at most this many rounds; return whether they converged."""
+        result = least_squares(
+            self._cost_terms,
+            self._coordinates,
+            self._jacobian,
+            coordinate_bounds(self._problem),
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
             max_nfev=rounds + 1,
         )
-        self._there = found.x
-        return bool(found.status > 0)
+        self._coordinates = result.x
+        return bool(result.status > 0)
 
-    def _left(self, coordinates: np.ndarray) -> np.ndarray:
-        return np.concatenate(
-            [
-                residuals(self._problem, coordinates) / np.sqrt(self._variance),
-                coordinates,
-            ]
-        )
+    def _cost_terms(self, coordinates: np.ndarray) -> np.ndarray:
+        errors = residuals(self._problem, coordinates) / np.sqrt(self._variance)
+        return np.concatenate([errors, coordinates])
 
-    def _slopes_at(self, coordinates: np.ndarray) -> np.ndarray:
-        """Asked for where the sum fell."""
-        self._progress(
-            "fitting",
-            min(self._round, self._problem.options.rounds - 1),
-            self._problem.options.rounds,
-        )
-        self._slopes = jacobian(self._problem, coordinates, self._executor)
-        self._round = self._round + 1
-        self._there = coordinates.copy()
-        return np.vstack(
-            [self._slopes / np.sqrt(self._variance), np.eye(len(coordinates))]
-        )
+    def _jacobian(self, coordinates: np.ndarray) -> np.ndarray:
+        """Jacobian of the cost terms; called where the cost has fallen."""
+        rounds = self._problem.options.rounds
+        self._progress("fitting", min(self._round, rounds - 1), rounds)
+        self._residual_jacobian = jacobian(self._problem, coordinates, self._executor)
+        self._round += 1
+        self._coordinates = coordinates.copy()
+        scaled = self._residual_jacobian / np.sqrt(self._variance)
+        return np.vstack([scaled, np.eye(len(coordinates))])
 
 
 def _start(problem: Problem) -> np.ndarray:
-    """What the file says, and the frame that suits it: the arm may have been fitted before."""
+    """Coordinates of the file, with the frame fitted to the recording."""
     count = len(problem.unknowns)
     size = len(problem.names)
-    states = simulated(problem, np.zeros(count)) if problem.options.frame else None
+    start = np.zeros(size)
+    if not problem.options.frame:
+        return start
+    states = simulate(problem, start[:count])
     if states is None:
-        return np.zeros(size)
+        return start
 
-    def left(frame):
-        return np.append(
-            compared(problem, np.append(np.zeros(count), frame), states), frame
-        )
+    def cost_terms(frame):
+        coordinates = np.append(start[:count], frame)
+        return np.append(residuals_of(problem, coordinates, states), frame)
 
-    return np.append(np.zeros(count), least_squares(left, np.zeros(size - count)).x)
+    start[count:] = least_squares(cost_terms, start[count:]).x
+    return start
 
 
 def jacobian(
     problem: Problem, coordinates: Float[np.ndarray, " coordinates"], executor: Executor
-) -> Float[np.ndarray, "seen coordinates"]:
-    """Slopes of the residuals by finite differences, away from the nearest limit."""
+) -> Float[np.ndarray, "measured coordinates"]:
+    """Jacobian of the residuals by finite differences, within the bounds."""
     count = len(problem.unknowns)
-    high = limits_of(problem)[1]
+    high = coordinate_bounds(problem)[1]
     steps = np.where(coordinates + STEP > high, -STEP, STEP)
-    moved = coordinates + np.diag(steps)  # a row a coordinate
-    states = list(
-        in_order(
-            executor,
-            partial(simulated, problem),
-            [row[:count] for row in [coordinates, *moved[:count]]],
-        )
-    )
-    here = compared(problem, coordinates, states[0])
-    # a frame needs no arm
-    there = states[1:] + [states[0]] * (len(coordinates) - count)
-    ends = [compared(problem, row, one) for row, one in zip(moved, there, strict=True)]
-    return ((np.array(ends) - here) / steps[:, None]).T
+    stepped = coordinates + np.diag(steps)
+    points = [row[:count] for row in [coordinates, *stepped[:count]]]
+    states = list(in_order(executor, partial(simulate, problem), points))
+    base = residuals_of(problem, coordinates, states[0])
+    # coordinates of the frame need no simulation
+    frame_count = len(coordinates) - count
+    stepped_states = states[1:] + [states[0]] * frame_count
+    errors = [
+        residuals_of(problem, row, row_states)
+        for row, row_states in zip(stepped, stepped_states, strict=True)
+    ]
+    return ((np.array(errors) - base) / steps[:, None]).T
 
 
-def belief(
-    problem: Problem, slopes: Float[np.ndarray, "seen coordinates"], variance: float
-) -> Belief:
-    """How sure the coordinates are, from slopes and the variance of residuals."""
-    information = slopes.T @ slopes / variance
+def estimate_posterior(
+    problem: Problem,
+    residual_jacobian: Float[np.ndarray, "measured coordinates"],
+    variance: float,
+) -> Posterior:
+    """Uncertainty of the coordinates, from the Jacobian and variance of residuals."""
+    information = residual_jacobian.T @ residual_jacobian / variance
     values, directions = np.linalg.eigh(information)
-    deviations = np.sqrt(np.diag(np.linalg.inv(information + np.eye(len(information)))))
-    return Belief(problem.names, deviations, values, directions.T)
+    covariance = np.linalg.inv(information + np.eye(len(information)))
+    std = np.sqrt(np.diag(covariance))
+    return Posterior(problem.names, std, values, directions.T)
 
 
-def variance_of(problem: Problem, left: Float[np.ndarray, " seen"]) -> float:
-    """Of the residuals that are left, as if rows that follow each other and are alike were fewer."""
-    table = np.full(np.shape(np.concatenate(problem.seen)), np.nan)
-    table[np.isfinite(np.concatenate(problem.seen))] = left
+def estimate_variance(
+    problem: Problem, errors: Float[np.ndarray, " measured"]
+) -> float:
+    """Variance of the residuals, increased for the correlation of successive rows."""
+    measured = np.concatenate(problem.measured)
+    table = np.full(measured.shape, np.nan)
+    table[np.isfinite(measured)] = errors
     rows = table.reshape(len(table), -1)
-    alike = np.clip(
-        np.nansum(rows[1:] * rows[:-1]) / max(np.nansum(rows**2), 1e-30), 0.0, 0.99
-    )
-    return max(
-        float(
-            left
-            @ left
-            / max(len(left) - len(problem.names), 1)
-            * (1 + alike)
-            / (1 - alike)
-        ),
-        MIN_VARIANCE,
-    )
+    products = np.nansum(rows[1:] * rows[:-1])
+    correlation = products / max(np.nansum(rows**2), 1e-30)
+    correlation = np.clip(correlation, 0.0, MAX_CORRELATION)
+    freedom = max(len(errors) - len(problem.names), 1)
+    variance = errors @ errors / freedom * (1 + correlation) / (1 - correlation)
+    return max(float(variance), MIN_VARIANCE)

@@ -1,4 +1,4 @@
-"""Which numbers of an arm file are fitted, how far they may be from what the file says, and where they end."""
+"""Numbers of an arm file that can be fitted, with their priors and bounds."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,8 +14,11 @@ from s2c2a.errors import S2C2AError
 
 Path = tuple[str | int, ...]
 EACH = "*"
-# EA over EI / radius^2; a solid rod as thick as its cables are apart has 4
-HARDLY_SHORTER = 20.0
+# EA over EI / radius^2 of an arm that hardly shortens; a solid rod whose radius is that
+# of its cables has 4
+STIFF_AXIAL_RATIO = 20.0
+MIN_AXIAL_STIFFNESS = 10.0  # N
+MAX_AXIAL_STIFFNESS = 1e7  # N
 
 
 @dataclass(frozen=True)
@@ -23,15 +26,14 @@ class Kind:
     """Numbers of one kind.
 
     Attributes:
-        group: the word by which a user asks for them.
-        key: where they stand in an arm file, dotted; `*` for every module, cable or
-            component.
-        spread: how far one may be from what the file says, as a standard deviation, in
-            its unit; of its logarithm if `ratio`.
-        low: least value.
+        group: name of their group on the command line.
+        key: dotted key in an arm file, with `*` for every module, cable, or component.
+        spread: prior standard deviation about the file's value, in its unit; of the
+            logarithm if `ratio`.
+        low: smallest value.
         high: largest value.
-        ratio: whether it is fitted as a ratio to what the file says.
-        only_moving: whether it cannot be seen in an arm that rests.
+        ratio: whether it is fitted as a ratio to the file's value.
+        only_moving: whether it has no effect on an arm at rest.
     """
 
     group: str
@@ -45,7 +47,7 @@ class Kind:
 
 KINDS = (
     Kind("stiffness", "modules.*.bending_stiffness", 0.7, 0.0005, 50, ratio=True),
-    # of its logarithm
+    # components of the logarithm
     Kind("axes", "modules.*.mismatch.stiffness_ratio.*", 0.2, -2.3, 2.3),
     Kind("hardening", "modules.*.mismatch.hardening", 0.3, 0, 5),
     Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
@@ -68,44 +70,48 @@ KINDS = (
 )
 GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS))
 USUAL = tuple(group for group in GROUPS if group not in ("axes", "hardening", "radii"))
-"""Fitted where nothing else is asked for: without numbers that few recordings tell from
-the others."""
+"""Groups that are fitted by default: those that most recordings determine."""
 
 
 @dataclass(frozen=True)
-class Turned:
-    """A size and a direction in an arm file, fitted as the two components of a vector, which knows no seam.
+class PolarKeys:
+    """Size and direction in an arm file, fitted as the two components of a vector.
+
+    Components are continuous where a direction jumps by a turn.
 
     Attributes:
-        size: key of the size, whose place the components take.
+        size: key of the size, which the components replace.
         direction: key of the direction [deg].
-        times: turns of the vector in one of the direction: two where opposite
-            directions are the same.
-        of_logarithm: whether the vector is as long as the size's logarithm.
+        symmetry: turns of the vector per turn of the direction: two where opposite
+            directions are equal.
+        logarithmic: whether the length of the vector is the logarithm of the size.
     """
 
     size: str
     direction: str
-    times: int = 1
-    of_logarithm: bool = False
+    symmetry: int = 1
+    logarithmic: bool = False
 
-    def vector(self, size: float, direction: float) -> list[float]:
-        """The two components."""
-        long = math.log(size) if self.of_logarithm else size
-        angle = self.times * math.radians(direction)
-        return [long * math.cos(angle), long * math.sin(angle)]
+    def to_components(self, table: dict[str, Any]) -> None:
+        """Replace the size by the components."""
+        length = table[self.size]
+        if self.logarithmic:
+            length = math.log(length)
+        angle = self.symmetry * math.radians(table[self.direction])
+        table[self.size] = [length * math.cos(angle), length * math.sin(angle)]
 
-    def size_and_direction(self, vector: Sequence[float]) -> tuple[float, float]:
-        """The other way."""
-        x, y = vector
-        long = math.hypot(x, y)
-        angle = math.degrees(math.atan2(y, x)) / self.times
-        return math.exp(long) if self.of_logarithm else long, angle
+    def to_polar(self, table: dict[str, Any]) -> None:
+        """Replace the components by the size and the direction."""
+        x, y = table[self.size]
+        length = math.hypot(x, y)
+        table[self.size] = math.exp(length) if self.logarithmic else length
+        angle = math.atan2(y, x)
+        table[self.direction] = math.degrees(angle) / self.symmetry
 
 
-TURNED = (
-    Turned("rest_bend_deg", "rest_azimuth_deg"),
-    Turned("stiffness_ratio", "stiff_direction_deg", times=2, of_logarithm=True),
+POLAR_KEYS = (
+    PolarKeys("rest_bend_deg", "rest_azimuth_deg"),
+    PolarKeys("stiffness_ratio", "stiff_direction_deg", symmetry=2, logarithmic=True),
 )
 
 
@@ -113,13 +119,13 @@ TURNED = (
 class Unknown:
     """One number of one arm.
 
-    Its coordinate u is zero at what the file says, one a spread away: `start + spread
-    u`, or `start exp(spread u)`.
+    Its coordinate u is zero at the file's value and one a prior standard deviation
+    above it: `start + spread u`, or `start exp(spread u)`.
 
     Attributes:
-        path: where it stands in the arm file.
-        kind: what it is.
-        start: what the file says.
+        path: keys and indices in the arm file.
+        kind: kind of the number.
+        start: value in the file.
     """
 
     path: Path
@@ -128,90 +134,95 @@ class Unknown:
 
     @property
     def name(self) -> str:
-        """Such as `modules.0.cable.backlash`."""
+        """Dotted path, such as `modules.0.cable.backlash`."""
         return ".".join(map(str, self.path))
 
     def value(self, coordinate: float) -> float:
-        """The number at a coordinate."""
-        moved = self.kind.spread * coordinate
-        value = self.start * np.exp(moved) if self.kind.ratio else self.start + moved
+        """Value at a coordinate."""
+        change = self.kind.spread * coordinate
+        value = self.start * np.exp(change) if self.kind.ratio else self.start + change
         return float(np.clip(value, self.kind.low, self.kind.high))
 
     def coordinate(self, value: float) -> float:
-        """The coordinate of a number."""
-        moved = np.log(value / self.start) if self.kind.ratio else value - self.start
-        return float(moved / self.kind.spread)
+        """Coordinate of a value."""
+        change = np.log(value / self.start) if self.kind.ratio else value - self.start
+        return float(change / self.kind.spread)
 
     def slope(self, coordinate: float) -> float:
-        """What the number changes by for a unit of the coordinate."""
+        """Derivative of the value by the coordinate."""
         return self.kind.spread * (self.value(coordinate) if self.kind.ratio else 1.0)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and largest coordinate."""
+        """Smallest and largest coordinate."""
         return self.coordinate(self.kind.low), self.coordinate(self.kind.high)
 
 
-def stated_for(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
-    """The arm with a start for what its file leaves out and a group fits: a body that hardly shortens."""
+def with_default_starts(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
+    """Arm with a start for numbers that a group fits and its file lacks.
+
+    This is the axial stiffness, which starts at that of an arm that hardly shortens.
+    """
     if "shortening" not in groups:
         return arm
     table = arm.model_dump(mode="json")
-    for module, written in zip(arm.modules, table["modules"], strict=True):
-        if module.mismatch.axial_stiffness is None:
-            stiff = HARDLY_SHORTER * module.bending_stiffness / module.cable_radius**2
-            written["mismatch"] = written.get("mismatch", {}) | {
-                "axial_stiffness": float(np.clip(stiff, 10, 1e7))
-            }
+    for module, values in zip(arm.modules, table["modules"], strict=True):
+        if module.mismatch.axial_stiffness is not None:
+            continue
+        stiffness = (
+            STIFF_AXIAL_RATIO * module.bending_stiffness / module.cable_radius**2
+        )
+        stiffness = np.clip(stiffness, MIN_AXIAL_STIFFNESS, MAX_AXIAL_STIFFNESS)
+        mismatch = values.setdefault("mismatch", {})
+        mismatch["axial_stiffness"] = float(stiffness)
     return ArmSpec.model_validate(table)
 
 
 def unknowns_of(
     arm: ArmSpec, groups: Iterable[str] = USUAL, moving: bool = True
 ) -> tuple[Unknown, ...]:
-    """The numbers of an arm file that are fitted: those of some groups that it states or has a default for.
+    """Numbers of some groups that an arm file states or has a default for.
 
     Args:
-        arm: the start.
-        groups: words of `GROUPS`.
+        arm: start of the fit.
+        groups: names in `GROUPS`.
         moving: whether the recording shows the arm in motion, not only at rest.
 
     Raises:
-        S2C2AError: no such group, or nothing to fit.
+        S2C2AError: a group does not exist, or there is nothing to fit.
     """
-    asked = tuple(groups)
-    if wrong := sorted(set(asked) - set(GROUPS)):
+    groups = tuple(groups)
+    wrong = sorted(set(groups) - set(GROUPS))
+    if wrong:
         raise S2C2AError(
-            f"nothing to fit is called {', '.join(wrong)}; choose from {', '.join(GROUPS)}"
+            f"{', '.join(wrong)}: no such group of numbers; "
+            f"choose from {', '.join(GROUPS)}"
         )
     table = _table_of(arm)
-    kinds = [
-        kind
-        for kind in KINDS
-        if kind.group in asked and (moving or not kind.only_moving)
-    ]
-    every = (
-        Unknown(path, kind, value)
-        for kind in kinds
-        for path, value in _matching(table, kind.key.split("."), ())
-    )
-    found = tuple(one for one in every if _shows(arm, one))
-    if not found:
+    unknowns = []
+    for kind in KINDS:
+        if kind.group not in groups or (kind.only_moving and not moving):
+            continue
+        for path, value in _match(table, kind.key.split("."), ()):
+            unknown = Unknown(path, kind, value)
+            if _has_effect(arm, unknown):
+                unknowns.append(unknown)
+    if not unknowns:
         raise S2C2AError(
-            f"{arm.name} has no number of {', '.join(asked) or 'no group'} that this recording can show"
+            f"{arm.name} has no number of {', '.join(groups) or 'no group'} that this "
+            f"recording can show; choose from {', '.join(GROUPS)}"
         )
-    return found
+    return tuple(unknowns)
 
 
-def _shows(arm: ArmSpec, unknown: Unknown) -> bool:
-    """A ratio needs a start that is not zero, weight needs gravity, and tensions know no displacement."""
-    if (
-        arm.actuation == "tension"
-        and unknown.path[-2:-1] == ("cable",)
-        and unknown.path[-1] != "friction"
-    ):
-        return False
-    if unknown.kind.group == "backlash" and arm.actuation == "tension":
+def _has_effect(arm: ArmSpec, unknown: Unknown) -> bool:
+    """Whether a number can be fitted.
+
+    A ratio needs a start above zero, a mass needs gravity, and of the cables of an arm
+    driven by tension only the friction has an effect.
+    """
+    is_cable = unknown.kind.group == "backlash" or unknown.path[-2:-1] == ("cable",)
+    if arm.actuation == "tension" and is_cable and unknown.path[-1] != "friction":
         return False
     if unknown.kind.group == "mass" and not any(arm.gravity_direction):
         return False
@@ -223,66 +234,69 @@ def arm_at(
     unknowns: Sequence[Unknown],
     coordinates: Float[np.ndarray, " unknowns"],
 ) -> ArmSpec:
-    """The arm with its unknown numbers at these coordinates.
+    """Arm with its unknown numbers at these coordinates.
 
     Raises:
-        ValidationError: they are no possible arm together.
+        ValidationError: the numbers together are not a valid arm.
     """
     table = _table_of(arm)
     for unknown, coordinate in zip(unknowns, coordinates, strict=True):
-        place: Any = table
-        for step in unknown.path[:-1]:
-            place = place[step]
-        place[unknown.path[-1]] = unknown.value(coordinate)
-    return ArmSpec.model_validate(_as_written(table))
+        entry: Any = table
+        for key in unknown.path[:-1]:
+            entry = entry[key]
+        entry[unknown.path[-1]] = unknown.value(coordinate)
+    _undo_expansion(table)
+    return ArmSpec.model_validate(table)
+
+
+def _per_cable_entries(
+    module: dict[str, Any],
+) -> tuple[tuple[dict[str, Any], str], ...]:
+    """Tables and keys of numbers that may be given once for all cables."""
+    return (module["cable"], "backlash"), (module["mismatch"], "radius_errors")
 
 
 def _table_of(arm: ArmSpec) -> dict[str, Any]:
-    """All that can stand in its file, defaults too, one number a cable, and vectors in place of directions."""
-    table = _plain(arm)
+    """All keys of an arm file, with a number per cable and components of vectors."""
+    table = _to_plain(arm)
     for module in table["modules"]:
         cables = len(module["cable_angles_deg"])
-        for part, key in (
-            (module["cable"], "backlash"),
-            (module["mismatch"], "radius_errors"),
-        ):
-            part[key] = list(np.broadcast_to(part[key], cables).astype(float))
-        for one in TURNED:
-            module["mismatch"][one.size] = one.vector(
-                module["mismatch"][one.size], module["mismatch"][one.direction]
-            )
+        for entry, key in _per_cable_entries(module):
+            entry[key] = list(np.broadcast_to(entry[key], cables).astype(float))
+        for keys in POLAR_KEYS:
+            keys.to_components(module["mismatch"])
     return table
 
 
-def _as_written(table: dict[str, Any]) -> dict[str, Any]:
-    """As an arm file has it; one number where all cables have the same."""
+def _undo_expansion(table: dict[str, Any]) -> None:
+    """Restore directions, and one number where all cables have the same."""
     for module in table["modules"]:
-        mismatch = module["mismatch"]
-        for one in TURNED:
-            mismatch[one.size], mismatch[one.direction] = one.size_and_direction(
-                mismatch[one.size]
-            )
-        for part, key in ((module["cable"], "backlash"), (mismatch, "radius_errors")):
-            part[key] = part[key] if len(set(part[key])) > 1 else part[key][0]
-    return table
+        for keys in POLAR_KEYS:
+            keys.to_polar(module["mismatch"])
+        for entry, key in _per_cable_entries(module):
+            if len(set(entry[key])) == 1:
+                entry[key] = entry[key][0]
 
 
-def _plain(value: Any) -> Any:
-    """Tables and lists of what a description holds."""
+def _to_plain(value: Any) -> Any:
+    """Dictionaries and lists of a description."""
     if isinstance(value, BaseModel):
-        return {name: _plain(getattr(value, name)) for name in type(value).model_fields}
-    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+        names = type(value).model_fields
+        return {name: _to_plain(getattr(value, name)) for name in names}
+    if isinstance(value, tuple):
+        return [_to_plain(item) for item in value]
+    return value
 
 
-def _matching(
-    value: Any, rest: Sequence[str], path: Path
-) -> Iterator[tuple[Path, float]]:
-    """Numbers under a key with stars."""
-    if not rest:
+def _match(value: Any, keys: Sequence[str], path: Path) -> Iterator[tuple[Path, float]]:
+    """Paths and values of the numbers under a key with stars."""
+    if not keys:
         if isinstance(value, int | float) and not isinstance(value, bool):
             yield path, float(value)
-    elif rest[0] == EACH:
-        for place, one in enumerate(value):
-            yield from _matching(one, rest[1:], (*path, place))
-    else:
-        yield from _matching(value[rest[0]], rest[1:], (*path, rest[0]))
+        return
+    key, *rest = keys
+    if key != EACH:
+        yield from _match(value[key], rest, (*path, key))
+        return
+    for index, item in enumerate(value):
+        yield from _match(item, rest, (*path, index))

@@ -1,4 +1,4 @@
-"""What a recording asks of an arm: differences between what it did and what the simulated one does."""
+"""Residuals of a fit: differences between recorded and simulated states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,27 +17,28 @@ from s2c2a.identification.numbers import Unknown, arm_at
 from s2c2a.identification.replay import Replay, replayed
 from s2c2a.spaces import AXIS, POSITION, States
 
-EXPECTED = 0.01  # of the arm's length: residual of a twin that is worth its name
-FAILED = 100.0  # residual of an arm that cannot be or blows up, in what is expected
-# rad, and parts of the length: how far off the recording's frame is
-FRAME_SPREAD = np.array([0.1] * 3 + [0.05] * 3)
+EXPECTED = 0.01  # typical residual of a good fit, relative to the arm's length
+FAILED = 100.0  # residual of an arm that is invalid or diverges, in typical ones
+# prior standard deviation of the recording's frame: rotation [rad], and shift relative
+# to the arm's length
+FRAME_SPREAD = np.array([0.1, 0.1, 0.1, 0.05, 0.05, 0.05])
 FRAME_NAMES = tuple(
-    f"frame.{what}_{axis}" for what in ("turn", "shift") for axis in "xyz"
+    f"frame.{kind}_{axis}" for kind in ("turn", "shift") for axis in "xyz"
 )
-LONGEST_SETTLING = 60.0  # s
-# every fifth stretch of 25 rows is kept from the fit
+MAX_SETTLING = 60.0  # s
+# every fifth block of 25 rows is held out
 HELD_OUT = 5
-STRETCH = 25
+BLOCK = 25
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How it is fitted.
+    """Options of a fit.
 
     Attributes:
-        replay: how the recording is gone through again.
-        frame: whether the recording's frame may be off too, as that of an imported one.
-        rounds: Jacobians at most.
+        replay: options of the replay.
+        frame: whether to fit the recording's frame, as for an imported recording.
+        rounds: largest number of Jacobians.
     """
 
     replay: Replay = field(default_factory=Replay)
@@ -48,21 +49,25 @@ class FitOptions:
 def options_for(
     recording: Recording, settling: float | None, rounds: int, fidelity: str
 ) -> FitOptions:
-    """What suits a recording: an imported one may be registered wrongly, and its episodes follow each other.
+    """Options for a recording.
+
+    The frame of an imported recording may be wrong, and its episodes are continuous.
 
     Args:
-        recording: that is fitted to.
-        settling: seconds that an action is held, where rows are shapes at rest.
-        rounds: of the fit.
-        fidelity: of the simulation.
+        recording: recording to fit.
+        settling: time to hold each action if rows are poses at rest [s].
+        rounds: rounds of the fit.
+        fidelity: fidelity of the simulation.
 
     Raises:
-        S2C2AError: numbers that are not positive.
+        S2C2AError: a number is out of range.
     """
-    if rounds < 1 or (settling is not None and not 0 < settling <= LONGEST_SETTLING):
+    if rounds < 1:
+        raise S2C2AError(f"{rounds} rounds are too few; choose at least 1")
+    if settling is not None and not 0 < settling <= MAX_SETTLING:
         raise S2C2AError(
-            f"{rounds} rounds and {settling} s to settle asked for; take at least one round, and up to "
-            f"{LONGEST_SETTLING:g} s"
+            f"settling of {settling} s is out of range; choose a time above 0 s and up "
+            f"to {MAX_SETTLING:g} s"
         )
     imported = str(recording.options.get("babbling", "")).startswith("imported")
     return FitOptions(Replay(settling, imported, fidelity), imported, rounds)
@@ -70,101 +75,102 @@ def options_for(
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be explained, by which numbers; it travels to other processes.
+    """Data and unknowns of a fit; it can be sent to other processes.
 
     Attributes:
-        arm: the start.
-        unknowns: its numbers that are fitted.
-        episodes: what was recorded.
-        seen: states that the fit shall explain; NaN where nothing was seen or rows are
-            kept from it.
-        options: how.
+        arm: start of the fit.
+        unknowns: numbers of the arm to fit.
+        episodes: recorded episodes.
+        measured: states to fit; NaN where they are not measured or held out.
+        options: options of the fit.
     """
 
     arm: ArmSpec
     unknowns: tuple[Unknown, ...]
     episodes: tuple[Episode, ...]
-    seen: tuple[States, ...]
+    measured: tuple[States, ...]
     options: FitOptions
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates."""
-        return tuple(one.name for one in self.unknowns) + (
-            FRAME_NAMES if self.options.frame else ()
-        )
+        """Names of the coordinates."""
+        names = tuple(unknown.name for unknown in self.unknowns)
+        return names + FRAME_NAMES if self.options.frame else names
 
 
-def problem_of(
+def build_problem(
     arm: ArmSpec,
     unknowns: Sequence[Unknown],
     episodes: Sequence[Episode],
     options: FitOptions,
 ) -> Problem:
-    """What is to be explained, without what `held_out` keeps.
+    """Problem without the rows of `held_out`.
 
     Raises:
-        RecordingError: no state was seen.
+        RecordingError: no state is measured.
     """
-    kept = held_out(episodes, options.replay.one_session)
-    seen = tuple(
-        np.where(rows[:, None, None], np.nan, one.sensor("states"))
-        for rows, one in zip(kept, episodes, strict=True)
+    excluded = held_out(episodes, options.replay.one_session)
+    measured = tuple(
+        np.where(rows[:, None, None], np.nan, episode.sensor("states"))
+        for rows, episode in zip(excluded, episodes, strict=True)
     )
-    if not any(np.isfinite(one).any() for one in seen):
+    if not any(np.isfinite(states).any() for states in measured):
         raise RecordingError(
-            "nothing was seen of this arm's ends, so nothing can be fitted; record `states` too"
+            "the recording has no measured states, so there is nothing to fit; "
+            "record the sensor `states`"
         )
-    return Problem(arm, tuple(unknowns), tuple(episodes), seen, options)
+    return Problem(arm, tuple(unknowns), tuple(episodes), measured, options)
 
 
 def held_out(
     episodes: Sequence[Episode], one_session: bool = False
 ) -> list[np.ndarray]:
-    """Which rows are kept from the fit: every fifth stretch of 25, counted through all episodes; shapes (rows,).
+    """Rows that are held out from the fit: every fifth block of 25 in all episodes.
 
-    Beside them the first row of every episode, since what came before it is not known;
-    in one session of the first.
+    The first row of every episode (in one session: of the first one) is held out too,
+    because its history is unknown. Shapes (rows,).
     """
-    ends = np.cumsum([len(one) for one in episodes])
-    kept = np.split(
-        np.arange(ends[-1]) // STRETCH % HELD_OUT == HELD_OUT - 1, ends[:-1]
-    )
-    return [
-        rows | unknown
-        for rows, unknown in zip(kept, begun(episodes, one_session), strict=True)
-    ]
+    ends = np.cumsum([len(episode) for episode in episodes])
+    blocks = np.arange(ends[-1]) // BLOCK
+    excluded = np.split(blocks % HELD_OUT == HELD_OUT - 1, ends[:-1])
+    first = first_rows(episodes, one_session)
+    return [rows | unknown for rows, unknown in zip(excluded, first, strict=True)]
 
 
-def begun(episodes: Sequence[Episode], one_session: bool = False) -> list[np.ndarray]:
-    """Rows that count for nothing, since what came before them is not known; shapes (rows,)."""
-    return [
-        (np.arange(len(one)) == 0) & (number == 0 or not one_session)
-        for number, one in enumerate(episodes)
-    ]
+def first_rows(
+    episodes: Sequence[Episode], one_session: bool = False
+) -> list[np.ndarray]:
+    """Rows with an unknown history, which are not evaluated; shapes (rows,)."""
+    masks = []
+    for number, episode in enumerate(episodes):
+        mask = np.zeros(len(episode), bool)
+        mask[:1] = number == 0 or not one_session
+        masks.append(mask)
+    return masks
 
 
-def limits_of(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates; a start on its limit is within."""
-    sides = np.array([one.bounds for one in problem.unknowns]).reshape(-1, 2)
-    frame = np.full((len(problem.names) - len(sides), 2), [-np.inf, np.inf])
-    low, high = np.concatenate([sides, frame]).T
+def coordinate_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest coordinates, widened so that the start is inside."""
+    size = len(problem.names)
+    low = np.full(size, -np.inf)
+    high = np.full(size, np.inf)
+    for index, unknown in enumerate(problem.unknowns):
+        low[index], high[index] = unknown.bounds
     return np.minimum(low, -1e-9), np.maximum(high, 1e-9)
 
 
 def residuals(
     problem: Problem, coordinates: Float[np.ndarray, " coordinates"]
-) -> Float[np.ndarray, " seen"]:
-    """Differences of states, in parts of what is expected; a large one each where the arm cannot be."""
-    return compared(
-        problem, coordinates, simulated(problem, coordinates[: len(problem.unknowns)])
-    )
+) -> Float[np.ndarray, " measured"]:
+    """Differences of states, in typical ones; large values if the simulation fails."""
+    states = simulate(problem, coordinates[: len(problem.unknowns)])
+    return residuals_of(problem, coordinates, states)
 
 
-def simulated(
+def simulate(
     problem: Problem, coordinates: Float[np.ndarray, " unknowns"]
 ) -> list[States] | None:
-    """What the arm at these coordinates does, none where it cannot be or blows up."""
+    """States of the arm at these coordinates; None if it is invalid or diverges."""
     try:
         arm = arm_at(problem.arm, problem.unknowns, coordinates)
         return replayed(arm, problem.episodes, problem.options.replay)
@@ -172,29 +178,31 @@ def simulated(
         return None
 
 
-def compared(
+def residuals_of(
     problem: Problem,
     coordinates: Float[np.ndarray, " coordinates"],
     states: list[States] | None,
-) -> Float[np.ndarray, " seen"]:
-    """The same for states that were worked out before; what arms do does not depend on the frame."""
-    seen = np.concatenate(problem.seen)
+) -> Float[np.ndarray, " measured"]:
+    """Residuals of simulated states, which do not depend on the recording's frame."""
+    measured = np.concatenate(problem.measured)
+    known = np.isfinite(measured)
     if states is None:
-        return np.full(np.isfinite(seen).sum(), FAILED)
-    apart = np.concatenate([framed(problem, coordinates, one) for one in states]) - seen
+        return np.full(known.sum(), FAILED)
+    predicted = to_recording_frame(problem, coordinates, np.concatenate(states))
+    errors = predicted - measured
     expected = EXPECTED * problem.arm.length
-    apart[..., POSITION] /= expected
-    apart[..., AXIS] *= per_module(problem.arm, "length").mean() / expected
-    return apart[np.isfinite(seen)]
+    errors[..., POSITION] /= expected
+    errors[..., AXIS] *= per_module(problem.arm, "length").mean() / expected
+    return errors[known]
 
 
-def framed(problem: Problem, coordinates: np.ndarray, states: States) -> States:
-    """States as they look in the recording's frame."""
+def to_recording_frame(
+    problem: Problem, coordinates: np.ndarray, states: States
+) -> States:
+    """States in the recording's frame, from those in the base frame."""
     if not problem.options.frame:
         return states
-    moved = FRAME_SPREAD * coordinates[len(problem.unknowns) :]
-    turn = Rotation.from_rotvec(moved[:3]).as_matrix()
-    shift = moved[3:] * problem.arm.length
-    return np.concatenate(
-        [states[..., POSITION] @ turn.T + shift, states[..., AXIS] @ turn.T], axis=-1
-    )
+    frame = FRAME_SPREAD * coordinates[len(problem.unknowns) :]
+    rotation = Rotation.from_rotvec(frame[:3]).as_matrix()
+    positions = states[..., POSITION] @ rotation.T + frame[3:] * problem.arm.length
+    return np.concatenate([positions, states[..., AXIS] @ rotation.T], axis=-1)

@@ -1,4 +1,4 @@
-"""A recording's actions on a simulated arm: what it would have done in the recorded arm's place."""
+"""Replay of a recording's actions on a simulated arm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,21 +11,21 @@ from s2c2a.episodes import Episode
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import States
 
-# m, of arm files
-MIN_TRAVEL = 0.0001
-MAX_TRAVEL = 2.0
+# limits of `cable.travel` in arm files
+MIN_TRAVEL = 0.0001  # m
+MAX_TRAVEL = 2.0  # m
 
 
 @dataclass(frozen=True)
 class Replay:
-    """How a recording is gone through again.
+    """Options of a replay.
 
     Attributes:
-        settling: seconds that every action is held, where rows are shapes at rest;
-            none: each as long as it was.
-        one_session: whether an episode goes on where the last one ended, and does not
-            begin at rest.
-        fidelity: of the simulation.
+        settling: time to hold each action if rows are poses at rest [s]; None: as
+            recorded.
+        one_session: whether an episode continues the last one, instead of starting at
+            rest.
+        fidelity: fidelity of the simulation.
     """
 
     settling: float | None = None
@@ -33,87 +33,86 @@ class Replay:
     fidelity: str = "fast"
 
 
-def replayed(arm: ArmSpec, episodes: Sequence[Episode], how: Replay) -> list[States]:
-    """States of the simulated arm at every row of every episode, each of shape (rows, modules, 6).
+def replayed(
+    arm: ArmSpec, episodes: Sequence[Episode], options: Replay
+) -> list[States]:
+    """States of the simulated arm in each episode, each of shape (rows, modules, 6).
 
     Raises:
-        SimulationError: the simulated arm blew up.
+        SimulationError: the simulation diverges.
     """
-    with SimulatedRobot(_reaching(arm, episodes), how.fidelity) as robot:
-        return [
-            _one_replayed(robot, episode, how, number == 0)
-            for number, episode in enumerate(episodes)
-        ]
+    results: list[States] = []
+    with SimulatedRobot(_widen_travel(arm, episodes), options.fidelity) as robot:
+        for episode in episodes:
+            if results and not options.one_session:
+                robot.open()
+            results.append(_replay_episode(robot, episode, options))
+    return results
 
 
-def _reaching(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
-    """The arm with limits that let through what was really sent."""
+def _widen_travel(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
+    """Arm whose travel limits include all recorded displacements."""
     if arm.actuation == "tension":
         return arm
-    sent = [
-        one[name]
-        for one in episodes
+    displacements = [
+        episode[name]
+        for episode in episodes
         for name in ("actions", "sensor.cables")
-        if name in one.columns
+        if name in episode.columns
     ]
-    farthest = np.nanmax(np.abs(np.concatenate(sent)), axis=(0, 2))
+    largest = np.nanmax(np.abs(np.concatenate(displacements)), axis=(0, 2))
+    largest = np.clip(largest, MIN_TRAVEL, MAX_TRAVEL)
     modules = []
-    for module, travel in zip(
-        arm.modules, np.clip(farthest, MIN_TRAVEL, MAX_TRAVEL), strict=True
-    ):
-        cable = module.cable.model_copy(
-            update={"travel": float(max(travel, module.cable.travel or 0.0))}
-        )
+    for module, travel in zip(arm.modules, largest, strict=True):
+        travel = float(max(travel, module.cable.travel or 0.0))
+        cable = module.cable.model_copy(update={"travel": travel})
         modules.append(module.model_copy(update={"cable": cable}))
     return arm.model_copy(update={"modules": tuple(modules)})
 
 
-def _one_replayed(
-    robot: SimulatedRobot, episode: Episode, how: Replay, opened: bool
-) -> States:
-    if not (opened or how.one_session):
-        robot.open()
-    _lead_in(robot, episode, how)
+def _replay_episode(robot: SimulatedRobot, episode: Episode, options: Replay) -> States:
+    _move_to_first_row(robot, episode, options)
     states = [robot.states()]
-    for action, seconds in zip(
-        episode["actions"][:-1], _durations(episode, how), strict=True
-    ):
+    durations = _durations(episode, options)
+    for action, duration in zip(episode["actions"][:-1], durations, strict=True):
         robot.send(action)
-        robot.advance(seconds)
+        robot.advance(duration)
         states.append(robot.states())
     return np.array(states)
 
 
-def _lead_in(robot: SimulatedRobot, episode: Episode, how: Replay) -> None:
-    """To where the cables were in the first row, if that is known, and time to come to rest there."""
+def _move_to_first_row(
+    robot: SimulatedRobot, episode: Episode, options: Replay
+) -> None:
+    """Send the measured displacements of the first row, if they are known."""
     cables = episode.get("sensor.cables")
-    if (
-        cables is not None
-        and np.isfinite(cables[0]).all()
-        and robot.arm.actuation == "displacement"
-    ):
+    if cables is None or robot.arm.actuation != "displacement":
+        return
+    if np.isfinite(cables[0]).all():
         robot.send(cables[0])
-        robot.advance(how.settling or robot.arm.control_period)
+        robot.advance(options.settling or robot.arm.control_period)
 
 
-def _durations(episode: Episode, how: Replay) -> Float[np.ndarray, " steps"]:
-    steps = np.diff(episode["time"])
-    return steps if how.settling is None else np.full(len(steps), how.settling)
+def _durations(episode: Episode, options: Replay) -> Float[np.ndarray, " steps"]:
+    recorded = np.diff(episode["time"])
+    if options.settling is None:
+        return recorded
+    return np.full(len(recorded), options.settling)
 
 
 def thinned(episodes: Sequence[Episode], rows: int) -> list[Episode]:
-    """Every n-th row of shapes at rest, so that no more than about so many are left; the last action goes along."""
-    every = max(1, int(np.ceil(sum(map(len, episodes)) / rows)))
-    return (
-        [_every(episode, every) for episode in episodes]
-        if every > 1
-        else list(episodes)
-    )
+    """Every n-th row of poses at rest, so that about this many rows remain."""
+    total = sum(len(episode) for episode in episodes)
+    stride = max(1, int(np.ceil(total / rows)))
+    if stride == 1:
+        return list(episodes)
+    return [_thin(episode, stride) for episode in episodes]
 
 
-def _every(episode: Episode, every: int) -> Episode:
-    """An action leads to the row that follows it, so actions are those before the rows that are kept."""
-    kept = np.arange(0, len(episode), every)
-    columns = {name: values[kept] for name, values in episode.columns.items()}
-    columns["actions"] = episode["actions"][np.append(kept[1:] - 1, kept[-1])]
+def _thin(episode: Episode, stride: int) -> Episode:
+    """Every n-th row, with the actions that lead to these rows."""
+    rows = np.arange(0, len(episode), stride)
+    columns = {name: values[rows] for name, values in episode.columns.items()}
+    # an action leads to the row after it
+    columns["actions"] = episode["actions"][np.append(rows[1:] - 1, rows[-1])]
     return replace(episode, columns=columns)

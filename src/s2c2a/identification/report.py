@@ -1,4 +1,4 @@
-"""What a fit says: numbers with their uncertainty, what cannot be told apart, and the twin's error."""
+"""Report of a fit: numbers with uncertainty, ambiguous combinations, and tip errors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,25 +8,25 @@ from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
-from s2c2a.identification.fitting import Belief, Fit
+from s2c2a.identification.fitting import Fit, Posterior
 from s2c2a.identification.numbers import Path
-from s2c2a.identification.problem import FRAME_SPREAD, begun, held_out
+from s2c2a.identification.problem import FRAME_SPREAD, first_rows, held_out
 from s2c2a.spaces import POSITION, States
 
-UNSEEN = 0.7  # spreads: a number that is known no better than this was hardly seen
-NAMED = 0.3  # a combination's parts that are worth a word
+UNSEEN = 0.7  # posterior over prior std from which a number is hardly determined
+NAMED = 0.3  # smallest component of a combination that is printed
 
 
 @dataclass(frozen=True)
 class TipErrors:
-    """Distances of the simulated from the recorded end of the outermost module that was seen [m].
+    """Errors of the outermost measured end [m].
 
     Attributes:
-        rows: how many.
-        mean: of the distances.
-        rms: of the distances.
-        rms_centered: the same, after the mean difference is taken out.
-        most: 95 % are below.
+        rows: number of rows.
+        mean: mean distance.
+        rms: root-mean-square distance.
+        rms_centered: the same without the mean offset.
+        most: 95th percentile of the distance.
     """
 
     rows: int
@@ -39,62 +39,73 @@ class TipErrors:
 def tip_errors(
     predicted: Sequence[States], episodes: Sequence[Episode], rows: Sequence[np.ndarray]
 ) -> TipErrors | None:
-    """Errors in some rows of episodes, none where nothing was seen in them.
+    """Errors in some rows of episodes, None if no end is measured in them.
 
     Args:
-        predicted: states, one array an episode.
-        episodes: with the sensor `states`.
-        rows: which of each episode count, true or false.
+        predicted: predicted states, one array for each episode.
+        episodes: episodes with the sensor `states`.
+        rows: mask of the rows of each episode.
     """
-    pairs = zip(predicted, episodes, rows, strict=True)
-    apart = np.concatenate(
-        [
-            (one - episode.sensor("states"))[kept][..., POSITION]
-            for one, episode, kept in pairs
-        ]
-    )
-    seen = np.flatnonzero(np.isfinite(apart).all(axis=-1).any(axis=0))
-    if not len(seen):
+    parts = [
+        (states - episode.sensor("states"))[mask][..., POSITION]
+        for states, episode, mask in zip(predicted, episodes, rows, strict=True)
+    ]
+    errors = np.concatenate(parts)
+    measured = np.flatnonzero(np.isfinite(errors).all(axis=-1).any(axis=0))
+    if not len(measured):
         return None
-    tip = apart[:, seen[-1]]
+    tip = errors[:, measured[-1]]
     tip = tip[np.isfinite(tip).all(axis=-1)]
-    far, centered = (
-        np.linalg.norm(one, axis=-1) for one in (tip, tip - tip.mean(axis=0))
-    )
-    rms, rms_centered = (float(np.sqrt(np.mean(one**2))) for one in (far, centered))
+    distance = np.linalg.norm(tip, axis=-1)
+    centered = np.linalg.norm(tip - tip.mean(axis=0), axis=-1)
     return TipErrors(
-        len(tip), float(far.mean()), rms, rms_centered, float(np.percentile(far, 95))
+        len(tip),
+        float(distance.mean()),
+        _rms(distance),
+        _rms(centered),
+        float(np.percentile(distance, 95)),
     )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def errors_of(
     fit: Fit, others: Mapping[str, Sequence[Episode]]
 ) -> dict[str, TipErrors]:
-    """Errors in rows that were fitted, in those that were kept from it, and in other recordings.
+    """Errors in fitted rows, held-out rows, and other recordings.
 
-    First rows do not count where what came before them is not known.
+    First rows with an unknown history are not evaluated.
     """
     episodes = fit.problem.episodes
     one_session = fit.problem.options.replay.one_session
     predicted = fit.predicted(episodes)
-    kept = held_out(episodes, one_session)
-    unknown = begun(episodes, one_session)
-    counted = {
-        "fitted rows": tip_errors(predicted, episodes, [~rows for rows in kept]),
-        "held-out rows": tip_errors(
-            predicted, episodes, [a & ~b for a, b in zip(kept, unknown, strict=True)]
-        ),
+    excluded = held_out(episodes, one_session)
+    first = first_rows(episodes, one_session)
+    fitted_rows = [~mask for mask in excluded]
+    held_out_rows = [a & ~b for a, b in zip(excluded, first, strict=True)]
+    errors = {
+        "fitted rows": tip_errors(predicted, episodes, fitted_rows),
+        "held-out rows": tip_errors(predicted, episodes, held_out_rows),
     }
     for name, other in others.items():
-        counted[name] = tip_errors(
-            fit.predicted(other), other, [~rows for rows in begun(other, one_session)]
-        )
-    return {name: errors for name, errors in counted.items() if errors}
+        rows = [~mask for mask in first_rows(other, one_session)]
+        errors[name] = tip_errors(fit.predicted(other), other, rows)
+    return {name: value for name, value in errors.items() if value}
 
 
 @dataclass(frozen=True)
-class Found:
-    """One number: what the file said, what was found, its standard deviation, whether the recording shows it."""
+class FittedNumber:
+    """Fitted number.
+
+    Attributes:
+        name: dotted path in the arm file.
+        start: value before the fit.
+        value: fitted value.
+        deviation: standard deviation.
+        seen: whether the recording determines it.
+    """
 
     name: str
     start: float
@@ -103,110 +114,108 @@ class Found:
     seen: bool
 
 
-def found_numbers(fit: Fit) -> list[Found]:
-    """Every number that was fitted, those of the frame last [rad, m]."""
+def fitted_numbers(fit: Fit) -> list[FittedNumber]:
+    """All fitted numbers, those of the frame last [rad, m]."""
     unknowns = fit.problem.unknowns
-    belief = fit.belief
-    numbers = [
-        Found(
-            one.name,
-            one.start,
-            one.value(place),
-            one.slope(place) * deviation,
-            bool(deviation < UNSEEN),
+    count = len(unknowns)
+    std = fit.belief.std
+    numbers = []
+    for index, unknown in enumerate(unknowns):
+        coordinate = fit.coordinates[index]
+        value = unknown.value(coordinate)
+        deviation = unknown.slope(coordinate) * std[index]
+        numbers.append(
+            FittedNumber(
+                unknown.name, unknown.start, value, deviation, bool(std[index] < UNSEEN)
+            )
         )
-        for one, place, deviation in zip(
-            unknowns, fit.coordinates, belief.deviations, strict=False
+    scales = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
+    for index, name in enumerate(fit.belief.names[count:], count):
+        scale = scales[index - count]
+        value = scale * fit.coordinates[index]
+        deviation = scale * std[index]
+        numbers.append(
+            FittedNumber(name, 0.0, value, deviation, bool(std[index] < UNSEEN))
         )
+    return numbers
+
+
+def undetermined_combinations(posterior: Posterior) -> list[str]:
+    """Combinations that the recording determines less than the prior, worst first."""
+    names = posterior.names
+    texts = [
+        _format_combination(row, names)
+        for row, information in zip(
+            posterior.combinations, posterior.information, strict=True
+        )
+        if information < 1.0
     ]
-    units = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
-    rest = slice(len(unknowns), None)
-    frame = zip(
-        belief.names[rest],
-        units,
-        fit.coordinates[rest],
-        belief.deviations[rest],
-        strict=False,
-    )
-    return numbers + [
-        Found(name, 0.0, unit * at, unit * off, bool(off < UNSEEN))
-        for name, unit, at, off in frame
-    ]
+    return list(dict.fromkeys(texts))
 
 
-def untold(belief: Belief) -> list[str]:
-    """Combinations that the recording says less of than the file did, the least known first; alone or together."""
-    least = [
-        row
-        for row, known in zip(belief.combinations, belief.information, strict=True)
-        if known < 1.0
-    ]
-    return list(dict.fromkeys(_in_words(row, belief.names) for row in least))
-
-
-def _in_words(
+def _format_combination(
     direction: Float[np.ndarray, " coordinates"], names: Sequence[str]
 ) -> str:
-    """Such as `0.8 modules.0.mass - 0.6 modules.1.mass`, the largest part positive."""
+    """Text such as `0.8 modules.0.mass - 0.6 modules.1.mass`, largest part positive."""
     order = np.argsort(-np.abs(direction))
-    named = [place for place in order if abs(direction[place]) > NAMED] or order[:3]
+    shown = [index for index in order if abs(direction[index]) > NAMED] or order[:3]
     parts = direction * np.sign(direction[order[0]])
-    text = " ".join(
-        f"{'-' if parts[place] < 0 else '+'} {abs(parts[place]):.1f} {names[place]}"
-        for place in named
-    )
-    return text.removeprefix("+ ")
+    terms = [
+        f"{'-' if parts[index] < 0 else '+'} {abs(parts[index]):.1f} {names[index]}"
+        for index in shown
+    ]
+    return " ".join(terms).removeprefix("+ ")
 
 
 def fitted_toml(fit: Fit, remark: str = "") -> str:
-    """The fitted arm as an arm file, each number with its standard deviation beside it."""
-    numbers = zip(fit.problem.unknowns, found_numbers(fit), strict=False)
-    remarks = {one.path: _remark(found) for one, found in numbers}
-    lines = [
-        _with_remark(line, path, remarks)
-        for path, line in _lines_with_paths(arm_to_toml(fit.arm))
-    ]
-    said = "".join(f"# {line}\n" for line in remark.splitlines())
-    return (
-        f"{said}# Behind +- stands one standard deviation.\n" + "\n".join(lines) + "\n"
-    )
+    """Text of the fitted arm's file, with the standard deviation of each number."""
+    numbers = zip(fit.problem.unknowns, fitted_numbers(fit), strict=False)
+    comments = {unknown.path: _comment(number) for unknown, number in numbers}
+    lines = [f"# {line}" for line in remark.splitlines()]
+    lines.append("# +- is one standard deviation.")
+    for path, line in _lines_with_paths(arm_to_toml(fit.arm)):
+        lines.append(_add_comment(line, path, comments))
+    return "\n".join(lines) + "\n"
 
 
-def _remark(found: Found) -> str:
-    return f"+- {found.deviation:.2g}, was {found.start:.5g}" + (
-        "" if found.seen else "; hardly seen"
-    )
+def _comment(number: FittedNumber) -> str:
+    text = f"+- {number.deviation:.2g}, was {number.start:.5g}"
+    return text if number.seen else f"{text}; hardly seen"
 
 
-def _with_remark(line: str, path: Path, remarks: Mapping[Path, str]) -> str:
-    """What is said of a number, or of the components that it is the size of, or of every cable."""
-    said = (
-        [remarks[path]]
-        if path in remarks
-        else [text for place, text in remarks.items() if place[:-1] == path]
-    )
-    if not said or line.endswith("["):
+def _add_comment(line: str, path: Path, comments: Mapping[Path, str]) -> str:
+    """Line with the comment on its number, or on all its components or cables."""
+    if line.endswith("["):
         return line
-    return f"{line}  # {said[0] if len(said) == 1 else 'each: ' + ' | '.join(said)}"
+    if path in comments:
+        return f"{line}  # {comments[path]}"
+    inner = [text for other, text in comments.items() if other[:-1] == path]
+    if not inner:
+        return line
+    if len(inner) == 1:
+        return f"{line}  # {inner[0]}"
+    return f"{line}  # each: {' | '.join(inner)}"
 
 
 def _lines_with_paths(text: str) -> Iterator[tuple[Path, str]]:
-    """Lines of an arm file, each with the place of the number that stands in it."""
+    """Lines of an arm file with the paths of their numbers."""
     table: Path = ()
     module = -1
-    place = 0
+    index = 0
     key = ""
     for line in text.splitlines():
         if line.startswith("[["):
             module += 1
             table = ("modules", module)
         elif line.startswith("["):
-            inner = tuple(line.strip("[]").split("."))
-            table = ("modules", module, *inner[1:]) if inner[0] == "modules" else inner
+            names = line.strip("[]").split(".")
+            table = tuple(names)
+            if names[0] == "modules":
+                table = ("modules", module, *names[1:])
         if line.startswith(" "):
-            yield (*table, key, place), line
-            place += 1
+            yield (*table, key, index), line
+            index += 1
             continue
         key = line.split(" = ")[0]
-        place = 0
+        index = 0
         yield (*table, key), line

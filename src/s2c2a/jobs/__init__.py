@@ -1,13 +1,16 @@
-"""Jobs: a strategy on a task with a seed; what they need is made once and kept, whoever does the work.
+"""Jobs: runs of strategies on tasks; recordings and networks are made once and kept.
 
-    cache = Cache() jobs = jobs_for(["circle", "tilt-50"], load_arm("twin_arm"),
-    ["s2c2a", "pcc"], range(3), recipe_named("best")) runs = run_all(jobs, cache)
-    # here, one after the other with Processes() as executor:
-        runs = run_all(jobs, cache, executor)        # on every core, with the same
-        scores
+Example:
+    cache = Cache()
+    arm = load_arm("twin_arm")
+    recipe = recipe_named("best")
+    jobs = jobs_for(["circle", "tilt-50"], arm, ["s2c2a", "pcc"], range(3), recipe)
+    runs = run_all(jobs, cache)  # in this process, one after the other
+    with Processes() as executor:
+        runs = run_all(jobs, cache, executor)  # on every core, with the same scores
     rows = score_rows("mine", runs)
 
-Any executor of the standard kind will do, dask's `client.get_executor()` too;
+Any `concurrent.futures` executor works, also dask's `client.get_executor()`;
 `s2c2a.jobs.cluster.Cluster` adds a check of versions to it.
 """
 
@@ -16,19 +19,8 @@ from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
     GivenNetworks,
-    LSTMArtifact,
     NetworksArtifact,
     RecordingArtifact,
-)
-from s2c2a.jobs.transfer import BegunNetworks
-from s2c2a.jobs.job import (
-    SIMULATED_FAST,
-    STRATEGIES,
-    Conditions,
-    Job,
-    Run,
-    checked_seeds,
-    jobs_for,
 )
 from s2c2a.jobs.execution import (
     Make,
@@ -39,4 +31,13 @@ from s2c2a.jobs.execution import (
     run_all,
     try_all,
 )
+from s2c2a.jobs.job import (
+    SIMULATED_FAST,
+    Conditions,
+    Job,
+    Run,
+    checked_seeds,
+    jobs_for,
+)
 from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows
+from s2c2a.jobs.transfer import TransferredNetworks

@@ -1,7 +1,6 @@
-"""Artifacts: what is made once, kept in a folder, and found again by all that it depends on.
+"""Artifacts: recordings and networks, made once and found again in a folder.
 
-Recordings of the simulated arm, networks that are trained on them, and those of a file
-of the user's.
+An artifact is a key of everything that it depends on: equal keys name the same file.
 """
 
 import hashlib
@@ -19,16 +18,16 @@ from s2c2a.cache import cache_folder
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import DamagedRecordingError, S2C2AError
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
-from s2c2a.robots import Body
-from s2c2a.strategies import LSTMOptions, Recipe, TrainedLSTM, TrainedNetworks
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
 
-REVISION = 5
+REVISION = 6
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
 so that nothing old is used."""
 
-DATA = Body.simulation()
+SIMULATION = RobotFactory.simulation()
 """Data always come from the simulation `fast`."""
 
 Made = TypeVar("Made")
@@ -124,25 +123,24 @@ class RecordingArtifact(Artifact[Recording]):
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        digest = digest_of("recording", arm_to_toml(self.arm), self.options, DATA)
+        digest = digest_of("recording", arm_to_toml(self.arm), self.options, SIMULATION)
         return f"{self.arm.name}-{self.options.babbling}-seed{self.options.seed}-{digest}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        told = partial(progress, f"collecting a {self}")
         collecting = partial(
             collect,
             self.path(cache),
             self.arm,
-            partial(DATA.seeded, self.arm),
+            partial(SIMULATION.seeded, self.arm),
             self.options,
-        )
-        collecting = partial(
-            collecting, body=str(DATA), threads=cache.threads, progress=told
+            body=str(SIMULATION),
+            threads=cache.threads,
+            progress=partial(progress, f"collecting a {self}"),
         )
         try:
             collecting(resume=True)
-        except DamagedRecordingError:  # ours to replace
+        except DamagedRecordingError:  # the cache's own file, safe to replace
             collecting(overwrite=True)
 
     def load(self, cache: Cache) -> Recording:
@@ -158,129 +156,122 @@ class RecordingArtifact(Artifact[Recording]):
 
 @dataclass(frozen=True)
 class NetworksArtifact(Artifact[TrainedNetworks]):
-    """Both networks of an arm; kept by what training depends on, so that a change of the planner trains nothing."""
+    """Trained networks of a strategy.
+
+    They are found by everything that training depends on, so that another planner trains
+    nothing.
+
+    Attributes:
+        arm: as its training sees it (`StrategyOptions.training_arm`).
+        recipe: how they are trained.
+        seed: of data and training.
+        strategy: whose networks they are.
+    """
 
     kind = "networks"
     arm: ArmSpec
     recipe: Recipe
     seed: int
+    strategy: StrategyOptions = S2C2A()  # noqa: RUF009  # frozen
 
     @property
-    def needs(self) -> tuple[RecordingArtifact]:
-        """Their recording."""
-        return (RecordingArtifact(self.arm, self.recipe.collect_options(self.seed)),)
+    def needs(self) -> tuple[RecordingArtifact, ...]:
+        """See `Artifact`."""
+        options = self.strategy.collect_options(self.recipe, self.seed)
+        return () if options is None else (RecordingArtifact(self.arm, options),)
 
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        digest = digest_of(self.needs[0].file, self.recipe.training)
-        return f"{self.arm.name}-{self.recipe.name}-{self.recipe.babbling}-seed{self.seed}-{digest}.safetensors"
+        recordings = [recording.file for recording in self.needs]
+        digest = digest_of(*recordings, self.strategy.training_key(self.recipe))
+        parts = (
+            self.arm.name,
+            self.strategy.name,
+            self.recipe.name,
+            self.recipe.babbling,
+            f"seed{self.seed}",
+            digest,
+        )
+        return f"{'-'.join(parts)}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
 
-        def told(network: str, epoch: int, most: int, loss: float) -> None:
-            progress(f"training {network} of {self}", epoch, most)
+        def training_progress(
+            network: str, epoch: int, epochs: int, loss: float
+        ) -> None:
+            progress(f"training {network} of {self}", epoch, epochs)
 
         recording = self.needs[0].load(cache)
-        strategies.save_strategy(
-            strategies.train_s2c2a(recording, self.recipe, self.seed, told),
-            self.path(cache),
+        networks = self.strategy.train(
+            recording, self.recipe, self.seed, training_progress
         )
+        labeled = strategies.labeled(networks, self.strategy)
+        strategies.save_strategy(labeled, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return replace(
-            strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe
-        )
+        networks = strategies.load_strategy(self.path(cache), self.arm)
+        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
-        return f"{self.recipe.name} networks of {self.arm.name}, seed {self.seed}"
-
-
-@dataclass(frozen=True)
-class LSTMArtifact(Artifact[TrainedLSTM]):
-    """The trained LSTM of an arm.
-
-    On data as fast as the paper recipe's, whatever the recipe: it follows better with
-    them than with slower ones.
-    """
-
-    kind = "networks"
-    arm: ArmSpec
-    seed: int
-
-    @property
-    def needs(self) -> tuple[RecordingArtifact]:
-        """Its recording."""
-        return (RecordingArtifact(self.arm, CollectOptions(seed=self.seed)),)
-
-    @property
-    def file(self) -> str:
-        """See `Artifact`."""
-        digest = digest_of(self.needs[0].file, LSTMOptions())
-        return f"{self.arm.name}-lstm-seed{self.seed}-{digest}.safetensors"
-
-    def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
-
-        def told(epoch: int, most: int, loss: float) -> None:
-            progress(f"training the {self}", epoch, most)
-
-        trained = strategies.train_lstm_strategy(
-            self.needs[0].load(cache), LSTMOptions(), self.seed, told
-        )
-        strategies.save_lstm(trained, self.path(cache))
-
-    def load(self, cache: Cache) -> TrainedLSTM:
-        """See `Artifact`."""
-        return strategies.load_lstm(self.path(cache), self.arm)
-
-    def __str__(self) -> str:
-        return f"LSTM of {self.arm.name}, seed {self.seed}"
+        name = f"{self.strategy.name} networks of {self.arm.name}"
+        return f"{name}, recipe {self.recipe.name}, seed {self.seed}"
 
 
 @dataclass(frozen=True)
 class GivenNetworks(Artifact[TrainedNetworks]):
-    """Networks of a file of the user's, kept with the runs that are made with them; read one with `read`."""
+    """Networks of a user's file, kept with the runs that use them; made by `read`.
+
+    Attributes:
+        arm: that is driven.
+        recipe: how to plan.
+        strategy: name of the strategy whose networks they are.
+        content: of the file.
+    """
 
     kind = "networks"
     beside_runs = True
     arm: ArmSpec
     recipe: Recipe
+    strategy: str
     content: bytes = field(repr=False)
 
     @classmethod
     def read(
         cls, path: Path, arm: ArmSpec, recipe: Recipe | None = None
     ) -> "GivenNetworks":
-        """Those of a strategy file, to plan as a recipe says, or as the file's own.
+        """Read a file of networks.
+
+        Args:
+            path: of the file.
+            arm: that is driven.
+            recipe: how to plan; the file's own if None.
 
         Raises:
             StrategyError: no such file, damaged, for another arm, or the recipe trains
-                otherwise.
+                differently.
         """
         networks = strategies.load_strategy(path, arm)
-        return cls(
-            arm,
-            strategies.planning_as(networks, recipe or networks.recipe).recipe,
-            path.read_bytes(),
-        )
+        if recipe is not None:
+            networks = strategies.planning_as(networks, recipe)
+        return cls(arm, networks.recipe, networks.strategy, path.read_bytes())
 
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        return f"weights-{hashlib.sha256(self.content).hexdigest()[:16]}.safetensors"
+        digest = hashlib.sha256(self.content).hexdigest()[:16]
+        return f"weights-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        save_whole(self.content, self.path(cache))
+        write_atomically(self.content, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return strategies.planning_as(
-            strategies.load_strategy(self.path(cache), self.arm), self.recipe
-        )
+        networks = strategies.load_strategy(self.path(cache), self.arm)
+        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
         return f"given networks of {self.arm.name}"

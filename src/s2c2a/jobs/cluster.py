@@ -1,4 +1,4 @@
-"""Workers on other machines: those of a dask scheduler (extra `cluster`)."""
+"""Workers on other machines, managed by a dask scheduler (extra `cluster`)."""
 
 import logging
 from collections.abc import Callable
@@ -13,157 +13,176 @@ from distributed.cfexecutor import ClientExecutor
 from distributed.versions import get_versions
 
 from s2c2a.errors import ClusterError
-from s2c2a.executors import checked_count, compute_on_one_thread, processes_that_fit
+from s2c2a.executors import (
+    default_process_count,
+    limit_jax_to_one_thread,
+    validated_worker_count,
+)
 from s2c2a.versions import PACKAGES
 
 LOCAL = "local"
 PROTOCOLS = ("tcp://", "tls://")
-COUNTED = ("s2c2a", *PACKAGES, "distributed")
-PATIENCE = 15  # s for a scheduler to answer
+CHECKED_PACKAGES = ("s2c2a", *PACKAGES, "distributed")
+PATIENCE = 15  # s; time for a scheduler to answer
+
+Versions = dict[str, str | None]
 
 
 class Cluster(ClientExecutor):
-    """The workers of a scheduler; those that join later help, what those that are lost had begun is done again.
+    """An executor on the workers of a dask scheduler.
 
-    It is dask's own executor, which heeds versions and says in words what went wrong;
-    leave it, and its client goes.
+    Workers that join later take part; calls of lost workers run again. This is dask's
+    executor with a check of versions and with errors that say what to do. Leaving the
+    context closes the client.
 
     Args:
-        address: of the scheduler, such as tcp://host:8786; the file in which it wrote
-            it (.json); or "local", for a scheduler and workers on this machine.
+        address: of the scheduler, such as tcp://host:8786; its scheduler file (.json);
+            or "local" for a scheduler and workers on this machine.
         count: workers of "local"; one for every core if None.
 
     Raises:
-        ClusterError: no such address, nobody answers there, or workers have other
-            versions than this process.
+        ClusterError: the address is invalid, no scheduler answers, or workers have
+            other versions than this process.
     """
 
     def __init__(self, address: str, count: int | None = None):
         self._address = address
         self._versions = _own_versions()
-        with ExitStack() as held:
-            client = _client(
-                address,
-                held.enter_context(_local_cluster(count)) if address == LOCAL else None,
-            )
-            held.callback(client.close)
+        with ExitStack() as resources:
+            if address == LOCAL:
+                local = resources.enter_context(_local_cluster(count))
+                client = _connect(LOCAL, address=local)
+            else:
+                client = _connect_to(address)
+            resources.callback(client.close)
             _check_versions(client, address)
-            self._held = held.pop_all()
+            self._resources = resources.pop_all()
         super().__init__(client, pure=False)
 
-    def submit(self, fn, *args, **kwargs) -> Future:  # type: ignore[override] # as dask's own does
-        """Have a worker do it.
+    def submit(self, fn, *args, **kwargs) -> Future:  # type: ignore[override] # as dask
+        """Call a function on a worker.
 
         Raises:
-            ClusterError: the scheduler is gone.
+            ClusterError: the scheduler is lost.
         """
         try:
-            return super().submit(_done_there, self._versions, fn, *args, **kwargs)
+            return super().submit(_call, self._versions, fn, *args, **kwargs)
         except OSError as error:
-            raise self._gone() from error
+            raise self._lost() from error
 
     @property
     def workers(self) -> int:
-        """How many calls can be done at a time; workers come and go.
+        """Number of parallel calls, which changes as workers join and leave.
 
         Raises:
-            ClusterError: the scheduler is gone.
+            ClusterError: the scheduler is lost.
         """
         try:
             return max(1, sum(self._client.nthreads().values()))
         except OSError as error:
-            raise self._gone() from error
+            raise self._lost() from error
 
     def __exit__(self, kind, error, trace):
-        """Let go of what is not done, and of workers of our own.
+        """Cancel unfinished calls and close the client and local workers.
 
         Raises:
-            ClusterError: the scheduler is gone, or what was to be done kills whoever
-                takes it.
+            ClusterError: the scheduler is lost, or a call kills its workers.
         """
-        self._held.close()
+        self._resources.close()
         if isinstance(error, CancelledError):
-            raise self._gone() from error
+            raise self._lost() from error
         if isinstance(error, KilledWorker):
             raise ClusterError(
-                f"several workers at {self._address} were killed by one job, perhaps for want of memory; give each "
-                "more (docs/cluster.md), then say the same again: what was whole is kept"
+                f"several workers at {self._address} were killed by one job, perhaps "
+                "for lack of memory; give each more (docs/cluster.md) and repeat the "
+                "command: finished results are kept"
             ) from error
 
-    def _gone(self) -> ClusterError:
+    def _lost(self) -> ClusterError:
         return ClusterError(
-            f"the scheduler at {self._address} is gone; what was whole is kept: say the same again"
+            f"the scheduler at {self._address} is gone; "
+            "repeat the command: finished results are kept"
         )
 
 
-def _done_there(
-    expected: dict[str, str | None], work: Callable[..., Any], *given: Any, **named: Any
+def _call(
+    expected: Versions, function: Callable[..., Any], *args: Any, **kwargs: Any
 ) -> Any:
-    """On a worker: on one that came after the door was closed, too, versions must be ours."""
-    if wrong := _differences(_own_versions(), expected):
+    """Check the versions of a worker that may have joined late, and call a function."""
+    differences = _differences(_own_versions(), expected)
+    if differences:
         raise ClusterError(
-            f"a worker joined that has {wrong}; install the same on all machines"
+            f"a worker joined that has {differences}; "
+            "install the same versions on all machines"
         )
-    compute_on_one_thread()
-    return work(*given, **named)
+    limit_jax_to_one_thread()
+    return function(*args, **kwargs)
 
 
 @cache
-def _own_versions() -> dict[str, str | None]:
-    return _that_count(get_versions(COUNTED))
+def _own_versions() -> Versions:
+    return _checked_versions(get_versions(CHECKED_PACKAGES))
 
 
 def _local_cluster(count: int | None) -> LocalCluster:
-    """Workers of this machine; only this machine can reach them."""
+    """Workers of this machine, which other machines cannot reach."""
     return LocalCluster(
-        n_workers=checked_count(count, processes_that_fit),
+        n_workers=validated_worker_count(count, default_process_count),
         threads_per_worker=1,
         processes=True,
-        dashboard_address="127.0.0.1:0",  # else it would listen to everybody
-        # on closing, workers complain of a scheduler that is gone
-        silence_logs=logging.CRITICAL,
+        dashboard_address="127.0.0.1:0",  # the default listens on all interfaces
+        silence_logs=logging.CRITICAL,  # closing workers log that the scheduler is gone
     )
 
 
-def _client(address: str, own: LocalCluster | None) -> Client:
-    in_file = address.endswith(".json")
-    if not (own or in_file or address.startswith(PROTOCOLS)):
-        raise ClusterError(
-            f"no cluster '{address}'; take the address of a scheduler (tcp://host:8786 or tls://host:8786), the file "
-            f"where it wrote it (.json), or {LOCAL} for this machine"
-        )
-    where = {"scheduler_file" if in_file else "address": own or address}
+def _connect_to(address: str) -> Client:
+    if address.endswith(".json"):
+        return _connect(address, scheduler_file=address)
+    if address.startswith(PROTOCOLS):
+        return _connect(address, address=address)
+    raise ClusterError(
+        f"no cluster '{address}'; give the address of a scheduler (tcp://host:8786 or "
+        f"tls://host:8786), its scheduler file (.json), or {LOCAL} for this machine"
+    )
+
+
+def _connect(name: str, **where: Any) -> Client:
+    file = where.get("scheduler_file")
     try:
-        if in_file and not Path(address).is_file():  # dask would wait for it
+        if file and not Path(file).is_file():  # dask would wait for it
             raise FileNotFoundError("no such file")
         return Client(**where, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, KeyError) as error:
         raise ClusterError(
-            f"nobody answers at {address} ({error}); start `dask scheduler` there and `dask worker {address}` on every "
-            "machine, or check the name"
+            f"no scheduler answers at {name} ({error}); start `dask scheduler` there "
+            f"and `dask worker {name}` on every machine, or check the address"
         ) from error
 
 
 def _check_versions(client: Client, address: str) -> None:
-    """Other versions give other results, or none."""
-    found: Any = client.get_versions(packages=COUNTED)
-    for worker, theirs in found["workers"].items():
-        if wrong := _differences(_that_count(theirs), _own_versions()):
+    """Other versions could give other results or fail."""
+    found: Any = client.get_versions(packages=CHECKED_PACKAGES)
+    for worker, versions in found["workers"].items():
+        differences = _differences(_checked_versions(versions), _own_versions())
+        if differences:
             raise ClusterError(
-                f"the worker {worker} of {address} has {wrong}; install the same on all machines, such as with "
+                f"the worker {worker} of {address} has {differences}; install the same "
+                "versions on all machines, for example with "
                 "`pip install -c constraints.txt '.[cluster]'`"
             )
 
 
-def _that_count(found: dict) -> dict[str, str | None]:
-    """Versions that results, and talking to each other, depend on; a patch of Python changes neither."""
+def _checked_versions(found: dict) -> Versions:
+    """Versions of Python, without its patch level, and of the packages that matter."""
     python = ".".join(found["host"]["python"].split(".")[:2])
-    return {"python": python} | {name: found["packages"][name] for name in COUNTED}
+    packages = {name: found["packages"][name] for name in CHECKED_PACKAGES}
+    return {"python": python, **packages}
 
 
-def _differences(theirs: dict, ours: dict) -> str:
-    """What differs, in words; nothing if all is the same."""
-    wrong = [name for name, version in ours.items() if theirs.get(name) != version]
+def _differences(theirs: Versions, ours: Versions) -> str:
+    """Packages whose versions differ, as text; empty if there is none."""
     return ", ".join(
-        f"{name} {theirs.get(name) or 'missing'} (here {ours[name]})" for name in wrong
+        f"{name} {theirs.get(name) or 'missing'} (here {version})"
+        for name, version in ours.items()
+        if theirs.get(name) != version
     )

@@ -1,15 +1,14 @@
-"""Making what is missing: recordings once, then networks, then runs, over any executor of the standard kind.
+"""Making missing artifacts on any executor: recordings first, then networks, then runs.
 
-An executor other than `Serial` needs no common disk: an artifact is made in an empty
-folder with copies of what it needs, comes back as bytes, and is kept here. What is kept
-on one machine is what travels, so there is no second path that could differ.
+Executors other than `Serial` need no shared disk: a worker makes an artifact in an
+empty directory with copies of what it needs, and sends its file back as bytes. The
+cache holds the same bytes, so there is one file format for both.
 """
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from graphlib import TopologicalSorter
-from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,10 +19,10 @@ from s2c2a.executors import (
     Result,
     Serial,
     cancel,
-    compute_on_one_thread,
-    max_begun,
+    limit_jax_to_one_thread,
+    max_pending_calls,
 )
-from s2c2a.files import save_whole
+from s2c2a.files import write_atomically
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
 from s2c2a.jobs.job import Job
 from s2c2a.progress import Progress, quiet
@@ -35,64 +34,70 @@ def make_all(
     executor: Executor | None = None,
     progress: Progress = quiet,
 ) -> list[Made]:
-    """What artifacts hold, found or made: runs of jobs, networks, recordings.
+    """Load or make artifacts: runs of jobs, networks, recordings.
 
-    Same seeds, same scores, on any executor and after any kill.
+    The same seeds give the same scores on any executor and after any interruption.
 
     Args:
-        artifacts: what is asked for.
+        artifacts: to load or make.
         cache: where recordings, networks and runs are kept.
-        executor: who works; this process if None, one thing after the other, told in
-            detail.
-        progress: told of it.
+        executor: makes them; this process, one after the other, if None.
+        progress: called with a label, the number done and the total.
 
     Returns:
-        What they hold, in their order.
+        Their contents, in the same order.
 
     Raises:
-        S2C2AError: an impossible robot, before anything is trained; or something
-            failed, after all else was finished.
+        S2C2AError: a robot is impossible, before anything is made; or an artifact
+            failed, after all others were made.
     """
-    check_robots([one for one in artifacts if isinstance(one, Job)])
-    made = try_all(artifacts, cache, executor, progress)
-    failed = [
-        (one, error)
-        for one, error in zip(artifacts, made, strict=True)
-        if isinstance(error, S2C2AError)
+    check_robots([artifact for artifact in artifacts if isinstance(artifact, Job)])
+    results = try_all(artifacts, cache, executor, progress)
+    failures = [
+        (artifact, result)
+        for artifact, result in zip(artifacts, results, strict=True)
+        if isinstance(result, S2C2AError)
     ]
-    if failed:
-        (one, error) = failed[0]
-        count = f"{len(failed)} of {len(made)}"
+    if failures:
+        artifact, error = failures[0]
         raise S2C2AError(
-            f"{count} {one.kind} failed, such as {one}: {error}; what was whole is kept"
+            f"{len(failures)} of {len(results)} {artifact.kind} failed, such as "
+            f"{artifact}: {error}; finished results are kept"
         ) from error
-    return [one for one in made if not isinstance(one, S2C2AError)]
+    return [result for result in results if not isinstance(result, S2C2AError)]
 
 
 run_all = make_all
-"""For jobs, whose runs it returns."""
+"""`make_all` for jobs, which returns their runs."""
 
 
 def check_robots(jobs: Sequence[Job]) -> None:
-    """Raise S2C2AError where a job's robot cannot be."""
-    for one in {(id(job.arm), job.conditions): job for job in jobs}.values():
-        one.robot()
+    """Raise S2C2AError for a job whose robot is impossible."""
+    distinct = {(id(job.arm), job.conditions): job for job in jobs}
+    for job in distinct.values():
+        job.robot()
 
 
 Make = Callable[[Sequence[Artifact[Any]]], list[Any]]
-"""`make_all`, with cache, executor and progress settled."""
+"""`make_all` with a fixed cache, executor and progress."""
 
 
 def in_groups(
     make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequence[Given]]
 ) -> list[list[Result]]:
-    """What the artifacts of several lists hold, made all together, a list for each."""
-    every = iter(make([one for group in groups for one in group]))
-    return [list(islice(every, len(group))) for group in groups]
+    """Make the artifacts of several lists together, and return a list for each."""
+    results = make([artifact for group in groups for artifact in group])
+    grouped = []
+    begin = 0
+    for group in groups:
+        end = begin + len(group)
+        grouped.append(results[begin:end])
+        begin = end
+    return grouped
 
 
 def made(artifact: Artifact[Made], cache: Cache, progress: Progress = quiet) -> Made:
-    """What one artifact holds, found or made here; see `make_all`."""
+    """Load one artifact, or make it in this process; see `make_all`."""
     return make_all([artifact], cache, progress=progress)[0]
 
 
@@ -102,26 +107,34 @@ def try_all(
     executor: Executor | None = None,
     progress: Progress = quiet,
 ) -> list[Made | S2C2AError]:
-    """The same, with the error in the place of what failed."""
-    failed = _Making(
-        _missing(artifacts, cache), cache, executor or Serial(), progress
-    ).finish()
-    return [failed.get(one.path(cache)) or one.load(cache) for one in artifacts]
+    """Like `make_all`, with the error in the place of each artifact that failed."""
+    missing = _missing(artifacts, cache)
+    failures = _Batch(missing, cache, executor or Serial(), progress).make()
+    return [
+        failures.get(artifact.path(cache)) or artifact.load(cache)
+        for artifact in artifacts
+    ]
 
 
 def _missing(artifacts: Sequence[Artifact], cache: Cache) -> dict[Path, Artifact]:
-    """What is not there, and what is not there of what it is made from, by where it is kept."""
-    seen: dict[Path, Artifact | None] = {}
-    left = list(artifacts)
-    for one in left:  # which grows
-        if (path := one.path(cache)) not in seen:
-            seen[path] = missing = None if one.is_in(cache) else one
-            left.extend(missing.needs if missing else ())
-    return {path: one for path, one in seen.items() if one}
+    """Missing artifacts, and the missing ones that these need, by path."""
+    visited = set[Path]()
+    missing: dict[Path, Artifact] = {}
+    queue = deque(artifacts)
+    while queue:
+        artifact = queue.popleft()
+        path = artifact.path(cache)
+        if path in visited:
+            continue
+        visited.add(path)
+        if not artifact.is_in(cache):
+            missing[path] = artifact
+            queue.extend(artifact.needs)
+    return missing
 
 
-class _Making:
-    """Artifacts on their way, each begun when what it needs is there."""
+class _Batch:
+    """Artifacts to make, each after the artifacts that it needs."""
 
     def __init__(
         self,
@@ -134,72 +147,73 @@ class _Making:
         self._cache = cache
         self._executor = executor
         self._progress = progress
-        self._failed: dict[Path, S2C2AError] = {}
-        self._totals = Counter(one.kind for one in missing.values())
+        self._failures: dict[Path, S2C2AError] = {}
+        self._totals = Counter(artifact.kind for artifact in missing.values())
         self._done: Counter[str] = Counter()
 
-    def finish(self) -> dict[Path, S2C2AError]:
-        """Make all; returns why those failed that did."""
-        for kind, total in reversed(self._totals.items()):
-            self._progress(f"making {kind}", 0, total)
-        needs = {
-            path: {need.path(self._cache) for need in one.needs}
-            for path, one in self._missing.items()
-        }
-        order = TopologicalSorter(
-            {path: every & self._missing.keys() for path, every in needs.items()}
-        )
+    def make(self) -> dict[Path, S2C2AError]:
+        """Make all artifacts and return the errors of those that failed."""
+        for kind in reversed(self._totals):
+            self._report(kind)
+        order = TopologicalSorter[Path]()
+        for path, artifact in self._missing.items():
+            needs = {need.path(self._cache) for need in artifact.needs}
+            order.add(path, *(needs & self._missing.keys()))
         ready = deque[Path]()
-        begun = dict[Future[bytes | None], Path]()
+        running = dict[Future[bytes | None], Path]()
         order.prepare()
         try:
             while order.is_active():
                 ready.extend(order.get_ready())
-                while ready and len(begun) < max_begun(self._executor):
+                while ready and len(running) < max_pending_calls(self._executor):
                     path = ready.popleft()
-                    begun[self._submitted(self._missing[path])] = path
-                for future in wait(begun, return_when=FIRST_COMPLETED).done:
-                    path = begun.pop(future)
-                    self._end(future, path)
+                    running[self._submit(self._missing[path])] = path
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    path = running.pop(future)
+                    self._finish(future, path)
                     order.done(path)
         finally:
-            cancel(begun)
-        return self._failed
+            cancel(running)
+        return self._failures
 
-    def _submitted(self, one: Artifact) -> Future[bytes | None]:
-        needed = [need.path(self._cache) for need in one.needs]
-        if lost := [self._failed[path] for path in needed if path in self._failed]:
-            return Serial().submit(_failed, lost[0])
-        # it has this disk, and can tell in detail
+    def _submit(self, artifact: Artifact) -> Future[bytes | None]:
+        needs = [need.path(self._cache) for need in artifact.needs]
+        for path in needs:
+            if path in self._failures:
+                return Serial().submit(_fail, self._failures[path])
+        # this process has the cache, and can report details
         if isinstance(self._executor, Serial):
-            return self._executor.submit(one.make, self._cache, self._progress)
-        return self._executor.submit(
-            _made_elsewhere, one, [path.read_bytes() for path in needed]
-        )
+            return self._executor.submit(artifact.make, self._cache, self._progress)
+        contents = [path.read_bytes() for path in needs]
+        return self._executor.submit(_make_on_worker, artifact, contents)
 
-    def _end(self, future: Future[bytes | None], path: Path) -> None:
+    def _finish(self, future: Future[bytes | None], path: Path) -> None:
         try:
-            if content := future.result():
-                save_whole(content, path)
-        except ClusterError:  # of the executor, not of what was made
+            content = future.result()
+            if content:
+                write_atomically(content, path)
+        except ClusterError:  # a failure of the executor, not of the artifact
             raise
         except S2C2AError as error:
-            self._failed[path] = error
+            self._failures[path] = error
         kind = self._missing[path].kind
         self._done[kind] += 1
+        self._report(kind)
+
+    def _report(self, kind: str) -> None:
         self._progress(f"making {kind}", self._done[kind], self._totals[kind])
 
 
-def _failed(why: S2C2AError) -> None:
-    raise why
+def _fail(error: S2C2AError) -> None:
+    raise error
 
 
-def _made_elsewhere(one: Artifact, needed: list[bytes]) -> bytes:
-    """On the executor's side: the artifact, made where there is nothing but what it needs."""
-    compute_on_one_thread()
-    with TemporaryDirectory() as place:
-        cache = Cache(Path(place), threads=1)
-        for need, content in zip(one.needs, needed, strict=True):
-            save_whole(content, need.path(cache))
-        one.make(cache, quiet)
-        return one.path(cache).read_bytes()
+def _make_on_worker(artifact: Artifact, contents: list[bytes]) -> bytes:
+    """Make an artifact in a directory that holds only the files that it needs."""
+    limit_jax_to_one_thread()
+    with TemporaryDirectory() as folder:
+        cache = Cache(Path(folder), threads=1)
+        for need, content in zip(artifact.needs, contents, strict=True):
+            write_atomically(content, need.path(cache))
+        artifact.make(cache, quiet)
+        return artifact.path(cache).read_bytes()

@@ -1,35 +1,33 @@
-"""A job: one strategy on one task with one seed, and the run that comes of it."""
+"""A job: one strategy on one task with one seed, and the run that results."""
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
-from s2c2a import episodes, evaluation, strategies, versions
+from s2c2a import episodes, evaluation, versions
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
-    LSTMArtifact,
+    GivenNetworks,
     NetworksArtifact,
     digest_of,
 )
-from s2c2a.planning import Guard
+from s2c2a.jobs.transfer import TransferredNetworks
 from s2c2a.progress import Progress
-from s2c2a.robots import Body, Robot
-from s2c2a.strategies import AnyStrategy, Recipe
-from s2c2a.tasks import Task, task_named
+from s2c2a.robots import Robot, RobotFactory
+from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
+from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
-"""Part of the full bend that every module is moved by before a run settles at rest: the
-start's own seed."""
+"""Random bend of every module before a run, in parts of the full bend."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +35,17 @@ class Conditions:
     """What runs are made under.
 
     Attributes:
-        body: what is driven.
-        guard: what keeps out of obstacles.
-        watched: what strategies that observe know of the arm.
+        robot: that is driven.
+        run: options of the strategies.
     """
 
-    body: Body = Body.simulation()
-    guard: Guard = "tip"
-    watched: strategies.Watched = strategies.Watched()
+    robot: RobotFactory = RobotFactory.simulation()  # noqa: RUF009  # frozen
+    run: RunOptions = RunOptions()  # noqa: RUF009  # frozen
 
     @property
     def fidelity(self) -> str:
-        """Of the simulation, for rows; the body's name where there is none."""
-        return str(dict(self.body.options).get("fidelity", self.body.name))
+        """Fidelity of the simulation; the robot's name if it is none."""
+        return str(dict(self.robot.options).get("fidelity", self.robot.name))
 
 
 SIMULATED_FAST = Conditions()
@@ -57,38 +53,38 @@ SIMULATED_FAST = Conditions()
 
 @dataclass(frozen=True)
 class Run:
-    """What came of a job.
+    """A finished job.
 
     Attributes:
-        job: what was run.
-        episode: what happened.
-        scores: what its task is scored by; none where nobody watched the arm.
+        job: that was run.
+        episode: its record.
+        scores: of its task; none if true states are missing.
     """
 
     job: "Job"
     episode: episodes.Episode
-    scores: list[evaluation.Scored]
+    scores: list[evaluation.ScoreResult]
 
-    task = property(attrgetter("job.task.name"), doc="Its name.")
-    strategy = property(attrgetter("job.strategy"), doc="Its name.")
-    seed = property(attrgetter("job.seed"), doc="Of data, training and start.")
+    task = property(attrgetter("job.task.name"), doc="Name of the task.")
+    strategy = property(attrgetter("job.strategy"), doc="Name of the strategy.")
+    seed = property(attrgetter("job.seed"), doc="Seed of data, training and start.")
 
 
 @dataclass(frozen=True)
 class Job(Artifact[Run]):
-    """A run to be made; finished ones are kept, and what is kept is what is scored.
+    """A run to be made. Finished ones are kept, and scored from what is kept.
 
     Attributes:
-        task: what is asked, with axes weighed as the protocol does.
-        arm: the arm that is driven.
-        strategy: its name, one of `STRATEGIES`.
+        task: with the axis weights of the protocol.
+        arm: that is driven.
+        strategy: its name (`STRATEGIES`, or a class of the user's own).
         recipe: how networks are trained and plans made.
         seed: of data, training and start.
-        conditions: robot and guard.
-        weights: networks for `s2c2a` in place of those that would be trained.
+        conditions: robot and options of the run.
+        weights: networks in place of trained ones, for the strategy that they belong to.
 
     Raises:
-        S2C2AError: no such strategy.
+        S2C2AError: no such strategy, or it ignores an option of the run.
     """
 
     kind = "runs"
@@ -99,156 +95,108 @@ class Job(Artifact[Run]):
     recipe: Recipe
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
-    weights: Artifact[strategies.TrainedNetworks] | None = None
+    weights: GivenNetworks | TransferredNetworks | None = None
 
     def __post_init__(self):
-        """Refuse a strategy that nobody knows."""
-        if self.strategy not in STRATEGIES:
-            raise S2C2AError(
-                f"no strategy '{self.strategy}'; choose one of {', '.join(STRATEGIES)}"
-            )
+        """Refuse unknown strategies, and options that they ignore."""
+        self.conditions.run.estimation.check_supported(
+            self.options.supports, f"strategy '{self.strategy}'"
+        )
 
     @cached_property
-    def asked(self) -> Task:
-        """The task with axes weighed as the recipe does."""
-        return self.task.with_axes_weighed(self.recipe.axis_weight(self.task.name))
+    def options(self) -> StrategyOptions:
+        """Options of the strategy; a user's own class is imported."""
+        return STRATEGIES.named(self.strategy)()
 
-    @property
-    def planner(self):
-        """Options of the recipe's planner, with the guard of the conditions."""
-        return replace(self.recipe.planner, guard=self.conditions.guard)
+    @cached_property
+    def weighted_task(self) -> Task:
+        """The task with the axis weights of the recipe."""
+        return self.task.with_scaled_axis_weights(
+            self.recipe.axis_weight(self.task.name)
+        )
 
     @property
     def needs(self) -> tuple[Artifact, ...]:
-        """What the strategy is made from."""
-        return STRATEGIES[self.strategy][0](self)
+        """See `Artifact`: networks, if the strategy is trained."""
+        name = STRATEGIES.name_of(type(self.options))
+        if self.weights is not None and self.weights.strategy == name:
+            return (self.weights,)
+        recipe = self.options.recipe(self.recipe)
+        if self.options.collect_options(recipe, self.seed) is None:
+            return ()
+        arm = self.options.training_arm(self.arm, recipe)
+        return (NetworksArtifact(arm, recipe, self.seed, self.options),)
 
     @cached_property
     def file(self) -> str:
-        """See `Artifact`; waypoints, too, can change under one name."""
-        parts = (
-            np.ascontiguousarray(part).tobytes()
-            for goal in self.asked.goals
-            for part in goal
-        )
-        asked = (
+        """See `Artifact`: waypoints may change under the same name."""
+        content = hashlib.sha256()
+        for goal in self.weighted_task.goals:
+            for values in goal:
+                content.update(np.ascontiguousarray(values).tobytes())
+        digest = digest_of(
             self.task.name,
-            hashlib.sha256(b"".join(parts)).hexdigest(),
+            content.hexdigest(),
             arm_to_toml(self.arm),
-        )
-        rest = (
             self.strategy,
+            self.options,
             self.recipe,
             self.seed,
             self.conditions,
             self.weights and self.weights.file,
         )
-        return f"{digest_of(*asked, *rest)}{ENDING}"
+        return f"{digest}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
-        strategy = STRATEGIES[self.strategy][1](
-            self, *(need.load(cache) for need in self.needs)
+        networks = [artifact.load(cache) for artifact in self.needs]
+        trained = networks[0] if networks else None
+        recipe = self.options.recipe(self.recipe)
+        strategy = self.options.build(self.arm, recipe, trained, self.conditions.run)
+        episode = evaluation.rollout(
+            self.robot(), strategy, self.weighted_task, partial(progress, str(self))
         )
-        done = evaluation.rollout(
-            self.robot(), strategy, self.asked, partial(progress, str(self))
+        described = episode.with_options(
+            strategy=self.strategy,
+            seed=self.seed,
+            recipe=self.recipe.name,
+            robot=str(self.conditions.robot),
+            versions=versions.versions(),
         )
-        body = str(self.conditions.body)
-        made = {
-            "strategy": self.strategy,
-            "seed": self.seed,
-            "recipe": self.recipe.name,
-            "body": body,
-        }
-        episodes.save_episodes(
-            [done.with_options(**made, versions=versions.versions())], self.path(cache)
-        )
+        episodes.save_episodes([described], self.path(cache))
 
     def robot(self) -> Robot:
-        """The body, not open yet.
+        """The robot, not open yet.
 
         Raises:
-            S2C2AError: it cannot be.
+            S2C2AError: it cannot be built.
         """
-        watched = self.task.obstacles().size > 0
-        return self.conditions.body.make(
-            self.arm, seed=self.seed, jitter=START_JITTER, watched=watched
+        has_obstacles = self.task.obstacles().size > 0
+        return self.conditions.robot.make(
+            self.arm, seed=self.seed, jitter=START_JITTER, watched=has_obstacles
         )
 
     def load(self, cache: Cache) -> Run:
-        """See `Artifact`; what nobody watched has no scores."""
+        """See `Artifact`."""
         episode = episodes.load_episodes(self.path(cache))[0][0]
-        watched = "states" in episode.sensors
-        return Run(
-            self,
-            episode,
-            evaluation.score_run(episode, self.asked, self.recipe.name)
-            if watched
-            else [],
-        )
+        if "states" not in episode.sensors:
+            return Run(self, episode, [])
+        scores = evaluation.score_run(episode, self.weighted_task, self.recipe.name)
+        return Run(self, episode, scores)
 
     def __str__(self) -> str:
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
-
-
-def _networks(job: Job) -> tuple[Artifact, ...]:
-    return (
-        job.weights
-        or NetworksArtifact(job.recipe.learned_on(job.arm), job.recipe, job.seed),
-    )
-
-
-def _motor_networks(job: Job) -> tuple[Artifact, ...]:
-    return (
-        NetworksArtifact(
-            job.recipe.learned_on(job.arm),
-            replace(job.recipe, babbling="motor"),
-            job.seed,
-        ),
-    )
-
-
-def _with_networks(job: Job, networks: Any) -> AnyStrategy:
-    under = job.conditions
-    return strategies.s2c2a_strategy(
-        replace(networks, arm=job.arm), under.guard, under.watched
-    )
-
-
-def _recording(job: Job) -> tuple[Artifact, ...]:
-    return NetworksArtifact(job.arm, job.recipe, job.seed).needs
-
-
-# The paper's, its comparisons, and the one trained on motor babbling (Chen et al. 2025,
-# sec. IV).
-STRATEGIES: dict[
-    str, tuple[Callable[[Job], tuple[Artifact, ...]], Callable[..., AnyStrategy]]
-] = {
-    "s2c2a": (_networks, _with_networks),
-    "pcc": (lambda job: (), lambda job: strategies.pcc_strategy(job.arm, job.planner)),
-    "pcc-fitted": (
-        _recording,
-        lambda job, data: strategies.pcc_fitted_strategy(data, job.planner),
-    ),
-    "lstm": (
-        lambda job: (LSTMArtifact(job.arm, job.seed),),
-        lambda job, trained: strategies.LSTMStrategy(trained),
-    ),
-    "s2c2a-motor": (_motor_networks, _with_networks),
-}
-"""Name -> what a job's is made from, and how: job -> artifacts; job and what these hold
--> strategy."""
 
 
 def checked_seeds(first: int, count: int) -> range:
     """Seeds from the first one.
 
     Raises:
-        S2C2AError: none, or a negative one.
+        S2C2AError: no seed, or a negative one.
     """
     if count < 1 or first < 0:
         raise S2C2AError(
-            f"{count} seeds from {first} asked for; take at least one, from zero or above"
+            f"{count} seeds from {first} were given; give at least one, from 0 or above"
         )
     return range(first, first + count)
 
@@ -260,21 +208,18 @@ def jobs_for(
     seeds: Sequence[int],
     recipe: Recipe,
     conditions: Conditions = SIMULATED_FAST,
-    weights: Artifact[strategies.TrainedNetworks] | None = None,
+    weights: GivenNetworks | TransferredNetworks | None = None,
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.
 
     Raises:
-        S2C2AError: no such task or strategy, or a task whose scores cannot be.
+        S2C2AError: no such task or strategy, or scores that the task cannot have.
     """
-    asked = [
-        task if isinstance(task, Task) else task_named(task, arm)
-        for task in dict.fromkeys(tasks)
-    ]
-    for task in asked:
-        evaluation.check_scores(task, arm)
-    every = product(seeds, dict.fromkeys(strategies), asked)
+    chosen = []
+    for task in dict.fromkeys(tasks):
+        chosen.append(task if isinstance(task, Task) else load_task(task, arm))
+        evaluation.check_scores(chosen[-1], arm)
     return [
         Job(task, arm, strategy, recipe, seed, conditions, weights)
-        for seed, strategy, task in every
+        for seed, strategy, task in product(seeds, dict.fromkeys(strategies), chosen)
     ]

@@ -1,4 +1,4 @@
-"""From runs and trainings to rows, over seeds; what the paper printed stands beside them."""
+"""Result rows of runs and trainings over seeds, with the paper's numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,26 +30,18 @@ TILTS = {
         ((3.8, 1.1), (5.9, 2.0), (4.4, 2.2)),
     ),
 }
-"""Table III: task -> ours, PCC; each position [cm], tilt [deg] and where printed
-azimuth [deg], mean and deviation."""
+"""Table III: task -> ours, PCC; each position [cm], tilt [deg] and, where printed,
+azimuth [deg]; mean and standard deviation."""
 
 PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
-    ("circle", "twin_arm", "s2c2a"): {"position": (2.2, 1.1)},  # table III, p-ours
-    ("circle", "twin_arm", "pcc"): {"position": (2.5, 0.8)},  # table III, p-PCC
-    # table on the simulation
+    # table III, p-ours and p-PCC
+    ("circle", "twin_arm", "s2c2a"): {"position": (2.2, 1.1)},
+    ("circle", "twin_arm", "pcc"): {"position": (2.5, 0.8)},
+    # table of the simulation; its last two rows couple sensing and actuation
     ("circle", "simulated_arm", "s2c2a"): {"position": (1.5, 0.3)},
-    ("circle", "simulated_arm", "s2c2a-motor"): {"position": (1.9, 0.7)},  # the same
-    ("circle", "simulated_arm", "lstm"): {"position": (3.3, 1.7)},  # the same
-    **{
-        (task, "twin_arm", strategy): dict(
-            zip(("position", "tilt", "azimuth"), pairs, strict=False)
-        )
-        for task, columns in TILTS.items()
-        for strategy, pairs in zip(("s2c2a", "pcc"), columns, strict=True)
-    },
-    # sensing coupling
+    ("circle", "simulated_arm", "s2c2a-motor"): {"position": (1.9, 0.7)},
+    ("circle", "simulated_arm", "lstm"): {"position": (3.3, 1.7)},
     ("circle", "simulated_arm_sensing_coupled", "s2c2a"): {"position": (1.7, 0.3)},
-    # actuation coupling
     ("circle", "simulated_arm_actuation_coupled", "s2c2a"): {"position": (1.6, 0.5)},
     # table V
     ("hold-base", "twin_arm", "s2c2a"): {
@@ -64,24 +56,31 @@ PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
         "constraint": (3.9, 0.9),
         "orientation": (4.3, 2.5),
     },
-    ("training", "twin_arm", "C2S"): {"held-out error": (1.93, 1.87)},  # table II
-    ("training", "twin_arm", "C2A"): {"held-out error": (0.91, 1.90)},  # table II
+    # table II
+    ("training", "twin_arm", "C2S"): {"held-out error": (1.93, 1.87)},
+    ("training", "twin_arm", "C2A"): {"held-out error": (0.91, 1.90)},
 }
-"""Chen et al. 2025. Its simulation compares with other things than PCC, so those rows
-have no number beside them."""
+"""(task, arm, strategy) -> metric -> mean and standard deviation (Chen et al. 2025).
+
+The paper compares its simulation with other methods than PCC, so these rows have no
+printed number."""
+for _task, _columns in TILTS.items():
+    for _strategy, _pairs in zip(("s2c2a", "pcc"), _columns, strict=True):
+        _metrics = zip(("position", "tilt", "azimuth"), _pairs, strict=False)
+        PRINTED[_task, "twin_arm", _strategy] = dict(_metrics)
 
 
 @dataclass(frozen=True)
 class Heading:
-    """What rows of one arm share.
+    """Fields that the rows of one arm share.
 
     Attributes:
-        experiment: what they belong to.
+        experiment: its name.
         arm: the arm.
-        recipe: its name.
+        recipe: name of the recipe.
         seeds: of data, training and start.
         fidelity: of the simulation.
-        as_described: whether the body that ran is the simulation of this description.
+        as_described: whether the robot is the simulation of this arm.
     """
 
     experiment: str
@@ -93,28 +92,29 @@ class Heading:
 
     @classmethod
     def of(cls, experiment: str, runs: Sequence[Run]) -> "Heading":
-        """That of one arm's runs under one set of conditions."""
+        """The heading of one arm's runs under one set of conditions."""
         job = runs[0].job
-        seeds = tuple(dict.fromkeys(run.seed for run in runs))
-        body = job.conditions.body
-        described = body.simulated and "twin" not in dict(body.options)
+        conditions = job.conditions
+        robot = conditions.robot
         return cls(
             experiment,
             job.arm,
             job.recipe.name,
-            seeds,
-            job.conditions.fidelity,
-            described,
+            tuple(dict.fromkeys(run.seed for run in runs)),
+            conditions.fidelity,
+            robot.simulated and "twin" not in dict(robot.options),
         )
 
     @cached_property
     def modes(self) -> dict[str, Any]:
-        """The arm's first mode: a stiffer or slower arm makes every task easy; of another body nobody knows it."""
+        """Frequency and damping ratio of the arm's first mode, if they are known.
+
+        They go with scores because tasks are easier with a stiffer or slower arm.
+        """
         if not self.as_described:
             return {}
-        return dict(
-            zip(("first_mode_hz", "damping_ratio"), first_mode(self.arm), strict=True)
-        )
+        frequency, damping_ratio = first_mode(self.arm)
+        return {"first_mode_hz": frequency, "damping_ratio": damping_ratio}
 
     def row(
         self,
@@ -126,13 +126,18 @@ class Heading:
         spreads: Floats = (),
         **more: Any,
     ) -> Row:
-        """A row of one value a seed, and of spreads over the steps of a run; what the paper printed is beside it."""
-        more = (
-            over_seeds(values, spreads)
-            | {"seeds": self.seeds}
-            | printed(task, self.arm, strategy, metric)
-            | more
-        )
+        """A row of one value a seed, with the paper's number.
+
+        Args:
+            task: name.
+            strategy: name.
+            metric: name.
+            unit: of the values.
+            values: one for each seed.
+            spreads: over the steps of each run; empty if there is none.
+            more: other fields of the row.
+        """
+        fields = over_seeds(values, spreads) | {"seeds": self.seeds}
         return Row(
             self.experiment,
             task,
@@ -142,81 +147,92 @@ class Heading:
             self.recipe,
             metric,
             unit,
-            **more,
+            **(fields | printed(task, self.arm, strategy, metric) | more),
         )
 
 
 def score_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
-    """One row for every task, strategy and metric of one arm's runs, its first mode beside it."""
+    """Make a row for every task, strategy and metric of one arm's runs.
+
+    Args:
+        experiment: its name.
+        runs: under one set of conditions, with all seeds.
+    """
     heading = Heading.of(experiment, runs)
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        groups.setdefault((run.task, run.strategy), []).append(run)
     rows = []
-    for task, strategy in dict.fromkeys((run.task, run.strategy) for run in runs):
-        mine = [run for run in runs if (run.task, run.strategy) == (task, strategy)]
-        for each in zip(*(run.scores for run in mine), strict=True):
-            first = each[0]
-            values = [one.value for one in each]
-            spreads = [_spread(one.values) for one in each] if first.averaged else []
-            rows.append(
-                heading.row(
-                    task,
-                    strategy,
-                    first.score.metric,
-                    first.unit,
-                    values,
-                    spreads,
-                    **heading.modes,
-                )
-            )
+    for (task, strategy), group in groups.items():
+        for over_runs in zip(*(run.scores for run in group), strict=True):
+            first = over_runs[0]
+            metric = first.score.metric
+            values = [scored.value for scored in over_runs]
+            spreads = []
+            if first.averaged:
+                spreads = [_spread(scored.values) for scored in over_runs]
+            names = (task, strategy, metric, first.unit)
+            rows.append(heading.row(*names, values, spreads, **heading.modes))
     return rows
 
 
 def _spread(values: Float[np.ndarray, " steps"]) -> float:
-    """Over the steps that count; NaN where none does."""
+    """Standard deviation over the steps that count; NaN if there is none."""
     counted = values[np.isfinite(values)]
     return float(counted.std()) if len(counted) else float("nan")
 
 
 def tick_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
-    """Two rows a strategy: median and 99th percentile of its control steps [ms], over all its runs."""
+    """Make rows of the time of control steps [ms] for each strategy, over all its runs.
+
+    Args:
+        experiment: its name.
+        runs: of one arm.
+    """
     heading = Heading.of(experiment, runs)
+    ticks: dict[str, list[np.ndarray]] = {}
+    for run in runs:
+        ticks.setdefault(run.strategy, []).append(1e3 * run.episode.ran("tick_time"))
     rows = []
-    for strategy in dict.fromkeys(run.strategy for run in runs):
-        ticks = np.concatenate(
-            [
-                1e3 * run.episode.ran("tick_time")
-                for run in runs
-                if run.strategy == strategy
-            ]
-        )
-        for metric, share in (("tick, median", 50), ("tick, 99th percentile", 99)):
-            rows.append(
-                heading.row(
-                    "all", strategy, metric, "ms", [float(np.percentile(ticks, share))]
-                )
-            )
+    for strategy, arrays in ticks.items():
+        median, high = np.percentile(np.concatenate(arrays), (50, 99))
+        for metric, value in (
+            ("tick, median", median),
+            ("tick, 99th percentile", high),
+        ):
+            rows.append(heading.row("all", strategy, metric, "ms", [float(value)]))
     return rows
 
 
 def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[Row]:
-    """One row a network: held-out error [% of full range]."""
+    """Make a row of the held-out error of each network [% of full range].
+
+    Args:
+        experiment: its name.
+        trained: networks of one arm, one for each seed.
+    """
     first = trained[0]
     seeds = tuple(networks.seed for networks in trained)
     heading = Heading(experiment, first.arm, first.recipe.name, seeds)
-    errors = {
-        name: zip(*(networks.percent[name] for networks in trained), strict=True)
-        for name in first.percent
-    }
-    return [
-        heading.row("training", name, "held-out error", "%", *pairs, **heading.modes)
-        for name, pairs in errors.items()
-    ]
+    rows = []
+    for name in first.percent:
+        means = [networks.percent[name][0] for networks in trained]
+        spreads = [networks.percent[name][1] for networks in trained]
+        names = ("training", name, "held-out error", "%")
+        rows.append(heading.row(*names, means, spreads, **heading.modes))
+    return rows
 
 
 def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, Any]:
-    """`paper_mean` and `paper_std` of a row, nothing where the paper prints nothing or the arm is not the preset."""
+    """`paper_mean` and `paper_std` of a row.
+
+    Returns:
+        Nothing if the paper prints no number, or if an arm has the name of a preset but
+        other mechanics.
+    """
     pair = PRINTED.get((task, arm.name, strategy), {}).get(metric)
-    if pair is None or (
-        arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name))
-    ):
+    if pair is None:
+        return {}
+    if arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name)):
         return {}
     return {"paper_mean": pair[0], "paper_std": pair[1]}

@@ -1,4 +1,4 @@
-"""One folder a run: options, versions, results, figures, replay page."""
+"""The run directory: options, versions, results, figures, replay page."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
-from s2c2a.files import holds, save_whole
+from s2c2a.files import holds, write_atomically
 from s2c2a.jobs.job import Run
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
@@ -21,125 +21,143 @@ from s2c2a.viz.video import save_video
 MARKER = "options.json"
 
 
-def open_run_folder(
+def open_run_directory(
     path: Path | None, label: str, options: dict, overwrite: bool, go_on: bool = False
 ) -> Path:
-    """Make a run folder and write down its options and versions; a name with the time if no path is given.
+    """Make a run directory and write its options and versions.
 
-    With `go_on`, a folder that was begun with the same options and versions is opened
-    as it is; without a path it has no time in its name, so that it is found again.
+    Args:
+        path: of the directory; a new one under runs/ if None.
+        label: names a new one, after the time.
+        options: to write.
+        overwrite: replace an existing run directory.
+        go_on: resume a run: open a directory with the same options and versions as it
+            is, and leave the time out of the name, so that the next call finds it.
+
+    Returns:
+        The directory.
 
     Raises:
-        S2C2AError: the folder holds something and `overwrite` was not asked for, or it
-            is no run folder.
+        S2C2AError: the directory is not empty and `overwrite` is not set, is a link, or
+            is no run directory.
     """
-    folder = path or Path("runs") / (
-        label if go_on else f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
-    )
-    text = (
-        json.dumps({"options": options, "versions": versions()}, indent=1, default=str)
-        + "\n"
-    )
+    folder = path
+    if folder is None:
+        name = label if go_on else f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
+        folder = Path("runs") / name
+    content = {"options": options, "versions": versions()}
+    text = json.dumps(content, indent=1, default=str) + "\n"
     marker = folder / MARKER
     if go_on and not overwrite and marker.is_file() and holds(marker, text):
         return folder
-    if folder.is_symlink() and overwrite:
-        raise S2C2AError(
-            f"{folder} is a link and is left alone; name the folder itself"
-        )
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        if not overwrite:
-            raise S2C2AError(
-                f"{folder} exists and is not empty; say --overwrite or choose another --out"
-            )
-        if not marker.is_file():
-            raise S2C2AError(
-                f"{folder} is no run folder: it holds no {MARKER}; it is left alone, choose another --out"
-            )
-        aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
-        # whole or gone: a kill never leaves half a run folder in its place
-        folder.rename(aside)
-        shutil.rmtree(aside)
-    save_whole(text, marker)
+    _clear(folder, overwrite)
+    write_atomically(text, marker)
     return folder
 
 
+def _clear(folder: Path, overwrite: bool) -> None:
+    """Delete a run directory if it exists and may be replaced."""
+    if folder.is_symlink() and overwrite:
+        raise S2C2AError(f"{folder} is a link; give the directory itself")
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not overwrite:
+        raise S2C2AError(
+            f"{folder} exists and is not empty; add --overwrite or choose another --out"
+        )
+    if not (folder / MARKER).is_file():
+        raise S2C2AError(
+            f"{folder} is no run folder: it has no {MARKER}; choose another --out"
+        )
+    # renamed first, so that an interruption never leaves half a run directory
+    aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
+    folder.rename(aside)
+    shutil.rmtree(aside)
+
+
+METRICS_HEADER = (
+    "task",
+    "strategy",
+    "seed",
+    "step",
+    "time_s",
+    "metric",
+    "value",
+    "tick_ms",
+)
+
+
 def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None:
-    """Write `results.json` and `metrics.csv`, every score of every step."""
+    """Write `results.json`, and `metrics.csv` with the scores of every step.
+
+    Args:
+        folder: the run directory.
+        rows: for `results.json`.
+        runs: for `metrics.csv`.
+    """
     save_rows(rows, folder / "results.json")
-    header = (
-        "task",
-        "strategy",
-        "seed",
-        "step",
-        "time_s",
-        "metric",
-        "value",
-        "tick_ms",
-    )
-    save_csv(
-        header, (line for run in runs for line in _steps(run)), folder / "metrics.csv"
-    )
+    lines = (line for run in runs for line in _metric_lines(run))
+    save_csv(METRICS_HEADER, lines, folder / "metrics.csv")
 
 
-def _steps(run: Run) -> Iterator[tuple]:
+def _metric_lines(run: Run) -> Iterator[tuple]:
     times = run.episode.times()
     ticks = run.episode.ran("tick_time")
+    names = (run.task, run.strategy, run.seed)
     for scored in run.scores:
-        for step, (time, value, tick) in enumerate(
-            zip(times, scored.values, ticks, strict=True)
-        ):
-            name = (
-                run.task,
-                run.strategy,
-                run.seed,
-                step,
-                f"{time:.3f}",
-                scored.score.metric,
-            )
-            yield (*name, f"{value:.4f}", f"{1e3 * tick:.4f}")
+        metric = scored.score.metric
+        samples = zip(times, scored.values, ticks, strict=True)
+        for step, (time, value, tick) in enumerate(samples):
+            numbers = (f"{value:.4f}", f"{1e3 * tick:.4f}")
+            yield (*names, step, f"{time:.3f}", metric, *numbers)
 
 
 def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Path]:
-    """Draw the first seed's runs of one arm: a figure, a replay page, and, if asked for, a video of the first run.
+    """Draw the first seed's runs of one arm, and save their episodes.
+
+    Args:
+        folder: the run directory.
+        runs: of one arm.
+        video: also make a video of the first run.
 
     Returns:
-        These files, none where nobody watched the arm. The episodes go beside them.
+        The figure, the replay page and the video; nothing without recorded states.
     """
     first = [run for run in runs if run.seed == runs[0].seed]
-    traces = [trace_of(run) for run in first if "states" in run.episode.sensors]
     job = first[0].job
-    title = f"{first[0].task} with {job.arm.name}"
+    arm = job.arm
     summary = {
         "recipe": job.recipe.name,
         "simulation": job.conditions.fidelity,
         "seed": str(job.seed),
     }
-    save_episodes(
-        [run.episode for run in first], folder / f"{job.arm.name}{ENDING}", summary
-    )
-    if not traces:  # nobody watched
+    episodes = [run.episode for run in first]
+    save_episodes(episodes, folder / f"{arm.name}{ENDING}", summary)
+    traces = [trace_of(run) for run in first if "states" in run.episode.sensors]
+    if not traces:
         return []
-    figure = run_figure(traces, job.arm, folder / f"{job.arm.name}.png", title)
-    page = replay_page(traces, job.arm, title, folder / f"{job.arm.name}.html", summary)
-    return [
-        figure,
-        page,
-        *([save_video(traces[0], job.arm, folder / job.arm.name)] if video else ()),
+    title = f"{first[0].task} with {arm.name}"
+    paths = [
+        run_figure(traces, arm, folder / f"{arm.name}.png", title),
+        replay_page(traces, arm, title, folder / f"{arm.name}.html", summary),
     ]
+    if video:
+        paths.append(save_video(traces[0], arm, folder / arm.name))
+    return paths
 
 
 def trace_of(run: Run, label: str | None = None) -> Trace:
-    """What viz draws of a run, under the strategy's name unless another is given."""
+    """The trace of a run, for figures.
+
+    Args:
+        run: to draw.
+        label: the strategy's name if None.
+    """
     trace = Trace(run.episode, label or run.strategy)
-    followed = (
-        trace.followed_module,
-        trace.followed_module - trace.episode.arm.module_count,
-    )
-    scores = run.job.task.scores
-    of_it = (
-        score.steps
-        for score in scores
-        if score.metric == "position" and score.module in followed
-    )
-    return replace(trace, counted=next(of_it, None))
+    module = trace.followed_module
+    # a score counts modules from the base or, with negative numbers, from the end
+    followed = (module, module - trace.episode.arm.module_count)
+    for score in run.job.task.scores:
+        if score.metric == "position" and score.module in followed:
+            return replace(trace, counted=score.steps)
+    return replace(trace, counted=None)

@@ -1,4 +1,4 @@
-"""What a sweep varies: places in a recipe, by name, and the values that are tried there."""
+"""The search space of a sweep: places in a recipe, and the values to try there."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,23 +11,28 @@ from s2c2a.errors import S2C2AError
 from s2c2a.strategies import Recipe
 
 Value = bool | int | float
-SAMPLE = "planner.solver.iterations=5:60, c2s_fit.learning_rate=1e-4:1e-2:log or c2s.hidden=32,64,128"
-NOT_VARIED = ("name", "planner.guard", "planner.own_code", "c2s.model")
-"""The first is no choice, the second is the task's, the third the user's, the last
-makes another recipe."""
+SAMPLE = (
+    "planner.solver.iterations=5:60, c2s_fit.learning_rate=1e-4:1e-2:log "
+    "or c2s.hidden=32,64,128"
+)
+NOT_VARIED = (
+    "name",  # no option
+    "planner.guard",  # belongs to the task
+    "planner.own_code",  # belongs to the user
+    "c2s.model",  # would make another recipe
+)
 
 
 @dataclass(frozen=True)
 class Varied:
-    """A place in a recipe and what is tried there: a range or some choices.
+    """A place in a recipe, and a range or choices to try there.
 
     Attributes:
         place: such as planner.solver.iterations, planner.terms.Evenness.weight, or
             speeds.1 for one of several.
-        choices: the values; or the ends of the range.
-        is_range: whether all between is tried as well.
-        log: whether small values are tried as densely as large ones, by their
-            logarithm.
+        choices: the values; the two ends of a range.
+        is_range: whether values between the ends are tried.
+        log: whether the range is sampled logarithmically.
     """
 
     place: str
@@ -36,148 +41,151 @@ class Varied:
     log: bool = False
 
     def holds(self, value: Value) -> bool:
-        """Whether a value is among what is tried."""
-        return (
-            self.choices[0] <= value <= self.choices[-1]
-            if self.is_range
-            else value in self.choices
-        )
+        """Whether a value is in the range or among the choices."""
+        if self.is_range:
+            return self.choices[0] <= value <= self.choices[-1]
+        return value in self.choices
 
 
 def varied_from(texts: Sequence[str], recipe: Recipe) -> tuple[Varied, ...]:
-    """What a user writes, checked against a recipe.
+    """Parse what to vary, and check it with a recipe.
 
     Args:
         texts: such as `planner.solver.iterations=5:60`,
             `c2s_fit.learning_rate=1e-4:1e-2:log`, `c2s.hidden=32,64,128`.
-        recipe: to begin from.
+        recipe: the starting point.
 
     Raises:
-        S2C2AError: no such place, a value of another kind or beyond what the recipe
-            allows, nothing, or a place twice.
+        S2C2AError: a place is unknown or given twice, a value has the wrong type or is
+            out of the recipe's bounds, or there is nothing to vary.
     """
-    every = tuple(_one(text, recipe) for text in texts)
-    places = [one.place for one in every]
-    if not every or len(set(places)) < len(places):
+    parameters = tuple(_parse(text, recipe) for text in texts)
+    places = [parameter.place for parameter in parameters]
+    if not places or len(set(places)) < len(places):
         raise S2C2AError(
-            f"{', '.join(places) or 'nothing'} to vary; name every place once, such as {SAMPLE}"
+            f"{', '.join(places) or 'nothing'} to vary; "
+            f"name every place once, such as {SAMPLE}"
         )
-    for place, value in ((one.place, value) for one in every for value in one.choices):
-        try:
-            with_values(recipe, {place: value})
-        except S2C2AError as error:
-            raise S2C2AError(f"{place}={value} cannot be tried: {error}") from error
-    return every
+    for parameter in parameters:
+        for value in parameter.choices:
+            _check_value(recipe, parameter.place, value)
+    return parameters
+
+
+def _check_value(recipe: Recipe, place: str, value: Value) -> None:
+    try:
+        with_values(recipe, {place: value})
+    except S2C2AError as error:
+        raise S2C2AError(f"{place}={value} cannot be tried: {error}") from error
 
 
 def value_at(recipe: Recipe, place: str) -> Value:
-    """What a recipe has there.
+    """The value at a place of a recipe.
 
     Raises:
-        S2C2AError: no such place, or no number or truth value there.
+        S2C2AError: the place is unknown, or holds no number or truth value.
     """
-    found: Any = recipe
-    for depth, step in enumerate(parts := place.split(".")):
-        where = ".".join(parts[:depth])
-        inside = _inside(found)
-        if step not in inside or place in NOT_VARIED:
-            holder = where or f"recipe {recipe.name}"
+    value: Any = recipe
+    path = ""
+    for name in place.split("."):
+        children = _children(value)
+        if name not in children or place in NOT_VARIED:
             raise S2C2AError(
-                f"nothing to vary at '{place}'; {holder} has {_known(where, inside)}"
+                f"nothing to vary at '{place}'; {path or f'recipe {recipe.name}'} has "
+                f"{_list_places(path, children)}"
             )
-        found = inside[step]
-    if inside := _inside(found):
+        value = children[name]
+        path = f"{path}.{name}" if path else name
+    children = _children(value)
+    if children:
         raise S2C2AError(
-            f"'{place}' holds several; vary one of {_known(place, inside)}"
+            f"'{place}' holds several; vary one of {_list_places(place, children)}"
         )
-    if not isinstance(found, Value):
+    if not isinstance(value, Value):
         raise S2C2AError(
-            f"'{place}' is {found!r}; only numbers and true or false can be varied"
+            f"'{place}' is {value!r}; only numbers and true or false can be varied"
         )
-    return found
+    return value
 
 
 def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
     """The recipe with other values at some places.
 
     Raises:
-        S2C2AError: they make no sound recipe.
+        S2C2AError: the values are invalid together.
     """
     for place, value in values.items():
-        recipe = _put(recipe, place.split("."), value)
-    recipe.collect_options()  # says what speeds can be
+        recipe = _replaced(recipe, place.split("."), value)
+    recipe.collect_options()  # validates the speeds
     return recipe
 
 
-def _inside(found: Any) -> dict[str, Any]:
-    """Parts by name, by their own if they have one, or by number; none where there is a plain value."""
-    if is_dataclass(found):
-        return {
-            field.name: getattr(found, field.name)
-            for field in fields(found)
-            if field.init
-        }
-    if not isinstance(found, tuple):
+def _children(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass, or items of a tuple by their unique name or number."""
+    if is_dataclass(value):
+        names = [field.name for field in fields(value) if field.init]
+        return {name: getattr(value, name) for name in names}
+    if not isinstance(value, tuple):
         return {}
-    names = [getattr(value, "name", None) for value in found]
-    shown = (
-        name if name and names.count(name) == 1 else str(number)
-        for number, name in enumerate(names)
-    )
-    return dict(zip(shown, found, strict=True))
+    names = [str(getattr(item, "name", "")) for item in value]
+    children = {}
+    for number, (name, item) in enumerate(zip(names, value, strict=True)):
+        unique = name and names.count(name) == 1
+        children[name if unique else str(number)] = item
+    return children
 
 
-def _known(where: str, inside: dict[str, Any]) -> str:
-    """What can be varied there, in full."""
-    places = [f"{where}.{name}" if where else name for name in inside]
-    return (
-        ", ".join(place for place in places if place not in NOT_VARIED)
-        or "nothing inside"
-    )
+def _list_places(path: str, children: dict[str, Any]) -> str:
+    """Full names of the places that can be varied, as text."""
+    places = [f"{path}.{name}" if path else name for name in children]
+    allowed = [place for place in places if place not in NOT_VARIED]
+    return ", ".join(allowed) or "nothing inside"
 
 
-def _put(found: Any, steps: list[str], value: Value) -> Any:
-    if not steps:
+def _replaced(holder: Any, path: list[str], value: Value) -> Any:
+    if not path:
         return value
-    inside = _inside(found)
-    inside[steps[0]] = _put(inside[steps[0]], steps[1:], value)
-    return replace(found, **inside) if is_dataclass(found) else tuple(inside.values())  # type: ignore[type-var]
+    children = _children(holder)
+    children[path[0]] = _replaced(children[path[0]], path[1:], value)
+    if is_dataclass(holder):
+        return replace(holder, **children)  # type: ignore[type-var]
+    return tuple(children.values())
 
 
-def _one(text: str, recipe: Recipe) -> Varied:
-    place, separator, tried = text.partition("=")
-    if not separator or not tried:
-        raise S2C2AError(f"'{text}' says not what to try; write such as {SAMPLE}")
-    now = value_at(recipe, place)
-    if ":" not in tried:
-        return Varied(
-            place,
-            tuple(dict.fromkeys(_value(word, now, place) for word in tried.split(","))),
-        )
-    low, high, *scale = tried.split(":")
-    ends = _value(low, now, place), _value(high, now, place)
-    if (
-        scale not in ([], ["log"])
-        or isinstance(now, bool)
-        or not ends[0] < ends[1]
-        or (scale and ends[0] <= 0)
-    ):
+def _parse(text: str, recipe: Recipe) -> Varied:
+    place, _, values = text.partition("=")
+    if not values:
+        raise S2C2AError(f"'{text}' has no values to try; write such as {SAMPLE}")
+    current = value_at(recipe, place)
+    if ":" not in values:
+        choices = [_parse_value(word, current, place) for word in values.split(",")]
+        return Varied(place, tuple(dict.fromkeys(choices)))
+    words = values.split(":")
+    low = _parse_value(words[0], current, place)
+    high = _parse_value(words[1], current, place)
+    log = words[2:] == ["log"]
+    valid_scale = len(words) == 2 or log
+    too_low = log and low <= 0
+    if not valid_scale or isinstance(current, bool) or low >= high or too_low:
         raise S2C2AError(
-            f"'{text}' is no range; write rising low:high, low:high:log above zero, or choices with commas"
+            f"'{text}' is no range; write rising low:high, low:high:log above zero, or "
+            "choices with commas"
         )
-    return Varied(place, ends, is_range=True, log=bool(scale))
+    return Varied(place, (low, high), is_range=True, log=log)
 
 
-def _value(word: str, now: Value, place: str) -> Value:
-    """A word as the kind of value that is there now."""
-    if isinstance(now, bool):
+def _parse_value(word: str, current: Value, place: str) -> Value:
+    """A value of the type of the current one."""
+    if isinstance(current, bool):
         if word in ("true", "false"):
             return word == "true"
         raise S2C2AError(
-            f"'{word}' for {place}, which is {str(now).lower()} now; write true, false or both"
+            f"'{word}' for {place}, which is {str(current).lower()} now; "
+            "write true, false or both"
         )
     with suppress(ValueError):
-        if np.isfinite(value := type(now)(word)):
+        value = type(current)(word)
+        if np.isfinite(value):
             return value
-    kind = "a whole number" if isinstance(now, int) else "a number"
-    raise S2C2AError(f"'{word}' for {place}, which is {now} now; write {kind}")
+    kind = "a whole number" if isinstance(current, int) else "a number"
+    raise S2C2AError(f"'{word}' for {place}, which is {current} now; write {kind}")

@@ -1,14 +1,13 @@
-"""A search for a better recipe: trials of some of its numbers, judged in closed loop (extra `sweep`).
+"""Search for a better recipe: trials scored in closed loop (extra `sweep`).
 
-Trials are chosen a batch at a time and told to the search in their order, and each
-choice has a random stream of its own: the same options give the same trials on any
-executor, and after any kill.
+Trials are sampled in batches and reported to the sampler in order, and each trial has
+its own random stream: the same options give the same trials on any executor and after
+any interruption.
 """
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -22,8 +21,8 @@ from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
 from s2c2a.jobs.artifacts import Cache, NetworksArtifact
-from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
+from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
 from s2c2a.strategies import Recipe, save_recipe, save_strategy
@@ -35,20 +34,21 @@ TRIALS = "trials.log"
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is searched, and by what it is judged.
+    """The search space and the objective of a sweep.
 
     Attributes:
         arm: the arm to simulate.
-        tasks: what each trial is judged on.
-        recipe: to begin from; the first trial, if it lies within what is varied.
-        varied: what is tried.
-        seeds: of data, training and start; a trial's value is the mean over them and
-            over the tasks.
+        tasks: of each trial.
+        recipe: the starting point; the first trial, if it lies in the search space.
+        varied: the search space.
+        seeds: of data, training and start; a trial's score is the mean over seeds and
+            tasks.
         metric: of the tasks.
-        batch: trials chosen together: so many can run side by side, and learn nothing
-            from each other.
-        seed: of the choices.
-        conditions: robot and guard.
+        batch: trials sampled together, which can run in parallel but do not learn from
+            each other.
+        seed: of the sampler.
+        conditions: robot and options of the runs.
+        strategy: that is trained and run.
     """
 
     arm: ArmSpec
@@ -60,42 +60,44 @@ class Sweep:
     batch: int = 8
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
+    strategy: str = "s2c2a"
 
     def __post_init__(self):
-        """Refuse what cannot be judged."""
-        common = set.intersection(
-            *({score.metric for score in task.scores} for task in self.tasks)
-        )
+        """Validate the metric and the numbers."""
+        metrics = [{score.metric for score in task.scores} for task in self.tasks]
+        common = set.intersection(*metrics)
         if self.metric not in common:
             raise S2C2AError(
-                f"no metric '{self.metric}' in all these tasks; they share {', '.join(sorted(common))}"
+                f"no metric '{self.metric}' in all these tasks; "
+                f"they share {', '.join(sorted(common))}"
             )
         if self.batch < 1 or self.seed < 0:
             raise S2C2AError(
-                f"batch {self.batch}, seed {self.seed}: at least one trial, and no negative seed"
+                f"batch {self.batch}, seed {self.seed}: give a batch of at least one "
+                "trial and a seed of at least zero"
             )
 
     @property
     def direction(self) -> Literal["minimize", "maximize"]:
-        """Whether the metric shall fall or rise."""
+        """Whether a good metric is small or large."""
         return "maximize" if METRICS[self.metric].rises else "minimize"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What was tried and what came of it.
+    """One trial and its score.
 
     Attributes:
         number: from zero.
         values: place -> value.
-        score: of the metric, or None where the trial failed.
-        said: why it failed.
+        score: of the metric; None if the trial failed.
+        failure: why it failed; empty if it did not.
     """
 
     number: int
     values: dict[str, Value]
     score: float | None
-    said: str = ""
+    failure: str = ""
 
 
 def search(
@@ -106,33 +108,37 @@ def search(
     executor: Executor | None = None,
     progress: Progress = quiet,
 ) -> list[Trial]:
-    """Search, or go on with a search, until there are so many trials.
+    """Run a search, or resume one, until it has a number of trials.
 
     Args:
-        sweep: what to search.
-        trials: how many in all, with those that are there.
-        folder: of the trials.
+        sweep: search space and objective.
+        trials: total number, with those of earlier calls.
+        folder: keeps the trials.
         cache: where recordings, networks and runs are kept.
-        executor: who trains and runs; this process if None.
-        progress: told of it.
+        executor: trains and runs; this process if None.
+        progress: called with a label, the number done and the total.
 
     Returns:
         All trials, the best first, failed ones last.
 
     Raises:
-        S2C2AError: no trial is asked for, or the executor failed; what was whole is
+        S2C2AError: `trials` is below one, or the executor failed; finished results are
             kept.
     """
     if trials < 1:
-        raise S2C2AError(f"{trials} trials asked for; take at least one")
-    study = _opened(sweep, folder)
+        raise S2C2AError(f"{trials} trials; give at least one")
+    study = _open_study(sweep, folder)
     for batch in _batches(study, sweep, trials):
-        prefixed = partial(
-            _told, progress, f"trials {batch[0].number} to {batch[-1].number}"
-        )
-        make = partial(try_all, cache=cache, executor=executor, progress=prefixed)
-        for number, score, said in _judged(batch, sweep, make):
-            _tell(study, number, score, said)
+        label = f"trials {batch[0].number} to {batch[-1].number}"
+
+        def report(doing: str, done: int, total: int, label: str = label) -> None:
+            progress(f"{label}: {doing}", done, total)
+
+        def make(artifacts, report=report):
+            return try_all(artifacts, cache, executor, report)
+
+        for trial in _run_trials(batch, sweep, make):
+            _save_trial(study, trial)
     return _ranked(study, sweep)
 
 
@@ -142,31 +148,48 @@ def best_recipe(sweep: Sweep, trials: Sequence[Trial]) -> Recipe:
     Raises:
         S2C2AError: every trial failed.
     """
-    if trials[0].score is None:
+    best = trials[0]
+    if best.score is None:
         raise S2C2AError(
-            f"all {len(trials)} trials failed, the first because: {trials[0].said}; vary less"
+            f"all {len(trials)} trials failed, the first because: {best.failure}; "
+            "vary less"
         )
-    return with_values(sweep.recipe, trials[0].values)
+    return with_values(sweep.recipe, best.values)
 
 
 def save_best(
-    trials: Sequence[Trial], sweep: Sweep, folder: Path, cache: Cache, told: Progress
+    trials: Sequence[Trial],
+    sweep: Sweep,
+    folder: Path,
+    cache: Cache,
+    progress: Progress,
 ) -> tuple[Path, Path]:
-    """Write the best trial's recipe, and its networks, trained with the first seed; returns both files.
+    """Write the best trial's recipe, and its networks of the first seed.
+
+    Args:
+        trials: the best first.
+        sweep: search space and objective.
+        folder: for both files.
+        cache: has the networks.
+        progress: called with a label, the number done and the total.
+
+    Returns:
+        Both files.
 
     Raises:
         S2C2AError: every trial failed.
     """
     best = best_recipe(sweep, trials)
     name = f"{sweep.recipe.name}-swept"
-    networks = made(NetworksArtifact(sweep.arm, best, sweep.seeds[0]), cache, told)
+    artifact = NetworksArtifact(sweep.arm, best, sweep.seeds[0])
+    networks = replace(made(artifact, cache, progress), recipe=replace(best, name=name))
     weights = folder / "best.safetensors"
-    save_strategy(replace(networks, recipe=replace(best, name=name)), weights)
+    save_strategy(networks, weights)
     return save_recipe(best, folder / f"{name}.toml"), weights
 
 
-def _opened(sweep: Sweep, folder: Path) -> optuna.Study:
-    """The study in the folder; a new one begins with the recipe itself."""
+def _open_study(sweep: Sweep, folder: Path) -> optuna.Study:
+    """The study in the directory; the first trial of a new one is the recipe itself."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
     storage = JournalStorage(journal.JournalFileBackend(str(folder / TRIALS)))
@@ -176,135 +199,151 @@ def _opened(sweep: Sweep, folder: Path) -> optuna.Study:
         direction=sweep.direction,
         load_if_exists=True,
     )
-    begun = {one.place: value_at(sweep.recipe, one.place) for one in sweep.varied}
-    if not study.trials and all(one.holds(begun[one.place]) for one in sweep.varied):
-        study.enqueue_trial(begun)
+    if not study.trials:
+        start = {
+            item.place: value_at(sweep.recipe, item.place) for item in sweep.varied
+        }
+        if all(item.holds(start[item.place]) for item in sweep.varied):
+            study.enqueue_trial(start)
     return study
 
 
 def _batches(
     study: optuna.Study, sweep: Sweep, trials: int
 ) -> Iterator[list[FrozenTrial]]:
-    """Trials to be judged, chosen when their batch begins; those of a batch that was cut short come first."""
-    distributions = {one.place: _distribution(one) for one in sweep.varied}
-    begun = len([one for one in study.trials if one.state != TrialState.WAITING])
-    for end in (
-        *range(-(-begun // sweep.batch) * sweep.batch, trials, sweep.batch),
-        trials,
-    ):
-        for number in range(begun, end):
+    """Trials to run; those of an interrupted batch come first."""
+    distributions = {item.place: _distribution(item) for item in sweep.varied}
+    count = sum(trial.state != TrialState.WAITING for trial in study.trials)
+    first_end = -(-count // sweep.batch) * sweep.batch
+    for end in (*range(first_end, trials, sweep.batch), trials):
+        for number in range(count, end):
             stream = np.random.SeedSequence([sweep.seed, number]).generate_state(1)
             study.sampler = optuna.samplers.TPESampler(
                 seed=int(stream[0]), constant_liar=True
             )
             study.ask(distributions)
-        for one in study.get_trials(states=(TrialState.RUNNING,)):
-            if set(one.params) != set(distributions):
-                _tell(study, one.number, None, "killed while its values were chosen")
-        if chosen := study.get_trials(states=(TrialState.RUNNING,)):
-            yield chosen
-        begun = end
+        for trial in study.get_trials(states=(TrialState.RUNNING,)):
+            if set(trial.params) != set(distributions):
+                failure = "killed while its values were chosen"
+                _save_trial(study, Trial(trial.number, {}, None, failure))
+        batch = study.get_trials(states=(TrialState.RUNNING,))
+        if batch:
+            yield batch
+        count = end
 
 
-def _distribution(one: Varied) -> optuna.distributions.BaseDistribution:
-    if not one.is_range:
-        return optuna.distributions.CategoricalDistribution(one.choices)
-    low, high = one.choices
+def _distribution(item: Varied) -> optuna.distributions.BaseDistribution:
+    if not item.is_range:
+        return optuna.distributions.CategoricalDistribution(item.choices)
+    low, high = item.choices
     if isinstance(low, int):
-        return optuna.distributions.IntDistribution(low, int(high), log=one.log)
-    return optuna.distributions.FloatDistribution(low, high, log=one.log)
+        return optuna.distributions.IntDistribution(low, int(high), log=item.log)
+    return optuna.distributions.FloatDistribution(low, high, log=item.log)
 
 
-def _told(progress: Progress, said: str, doing: str, done: int, total: int) -> None:
-    progress(f"{said}: {doing}", done, total)
-
-
-def _judged(
+def _run_trials(
     batch: Sequence[FrozenTrial], sweep: Sweep, make: Make
-) -> Iterator[tuple[int, float | None, str]]:
-    """Number and score of every trial, or why there is none; all have been run when the first is told."""
-    asked = {one.number: _asked(sweep, one) for one in batch}
-    runs = iter(
-        in_groups(make, [every for every in asked.values() if isinstance(every, list)])
-    )
-    for number, every in asked.items():
-        yield number, *_score(sweep, next(runs) if isinstance(every, list) else [every])
+) -> Iterator[Trial]:
+    """Run all trials of a batch together, then score each."""
+    groups: list[list[Job]] = []
+    failures: dict[int, S2C2AError] = {}
+    for trial in batch:
+        try:
+            recipe = with_values(sweep.recipe, trial.params)
+        except S2C2AError as error:  # values that are valid alone but not together
+            failures[trial.number] = error
+            continue
+        groups.append(
+            jobs_for(
+                sweep.tasks,
+                sweep.arm,
+                (sweep.strategy,),
+                sweep.seeds,
+                recipe,
+                sweep.conditions,
+            )
+        )
+    results = iter(in_groups(make, groups))
+    for trial in batch:
+        failure = failures.get(trial.number)
+        runs = [failure] if failure else next(results)
+        yield _scored(sweep, trial, runs)
 
 
-def _asked(sweep: Sweep, one: FrozenTrial) -> list[Job] | S2C2AError:
-    try:
-        recipe = with_values(sweep.recipe, one.params)
-    except S2C2AError as error:  # values that are sound alone and not together
-        return error
-    return jobs_for(
-        sweep.tasks, sweep.arm, ("s2c2a",), sweep.seeds, recipe, sweep.conditions
-    )
+def _scored(
+    sweep: Sweep, trial: FrozenTrial, results: Sequence[Run | S2C2AError]
+) -> Trial:
+    """The trial with its mean score over runs, tasks and seeds, or with its failure."""
+    values = []
+    for result in results:
+        if isinstance(result, S2C2AError):
+            return Trial(trial.number, trial.params, None, str(result))
+        for scored in result.scores:
+            if scored.score.metric == sweep.metric:
+                values.append(scored.value)
+    score = float(np.mean(values))
+    if not np.isfinite(score):
+        failure = f"no step counts for {sweep.metric}"
+        return Trial(trial.number, trial.params, None, failure)
+    return Trial(trial.number, trial.params, score)
 
 
-def _score(sweep: Sweep, made: Sequence[Run | S2C2AError]) -> tuple[float | None, str]:
-    """Mean over runs, tasks and seeds, or why there is none."""
-    if error := next((one for one in made if isinstance(one, S2C2AError)), None):
-        return None, str(error)
-    scores = [one for run in made if isinstance(run, Run) for one in run.scores]
-    score = float(
-        np.mean([one.value for one in scores if one.score.metric == sweep.metric])
-    )
-    return (
-        (score, "")
-        if np.isfinite(score)
-        else (None, f"no step counts for {sweep.metric}")
-    )
-
-
-def _tell(study: optuna.Study, number: int, score: float | None, said: str) -> None:
-    if score is None:
-        study.set_user_attr(str(number), said)
-    study.tell(number, score, TrialState.FAIL if score is None else None)
+def _save_trial(study: optuna.Study, trial: Trial) -> None:
+    if trial.score is None:
+        study.set_user_attr(str(trial.number), trial.failure)
+        study.tell(trial.number, None, TrialState.FAIL)
+    else:
+        study.tell(trial.number, trial.score)
 
 
 def _ranked(study: optuna.Study, sweep: Sweep) -> list[Trial]:
-    done = study.get_trials(states=(TrialState.COMPLETE, TrialState.FAIL))
-    said = study.user_attrs
-    every = [
-        Trial(one.number, dict(one.params), one.value, said.get(str(one.number), ""))
-        for one in done
-    ]
+    failures = study.user_attrs
+    trials = []
+    for done in study.get_trials(states=(TrialState.COMPLETE, TrialState.FAIL)):
+        failure = failures.get(str(done.number), "")
+        trials.append(Trial(done.number, dict(done.params), done.value, failure))
     sign = -1.0 if sweep.direction == "maximize" else 1.0
-    return sorted(
-        every,
-        key=lambda one: (one.score is None, sign * (one.score or 0.0), one.number),
-    )
+
+    def rank(trial: Trial) -> tuple[bool, float, int]:
+        return (trial.score is None, sign * (trial.score or 0.0), trial.number)
+
+    return sorted(trials, key=rank)
 
 
 def save_trials(
     trials: Sequence[Trial], sweep: Sweep, folder: Path
 ) -> tuple[Path, Path]:
-    """Write every trial as comma-separated values, and draw them; returns both files."""
-    places = [one.place for one in sweep.varied]
+    """Write every trial as comma-separated values, and draw them.
+
+    Args:
+        trials: in any order.
+        sweep: search space and objective.
+        folder: for both files.
+
+    Returns:
+        Both files.
+    """
+    places = [item.place for item in sweep.varied]
+    metric = METRICS[sweep.metric]
+    in_order = sorted(trials, key=lambda trial: trial.number)
     rows = []
+    for trial in in_order:
+        score = "" if trial.score is None else f"{trial.score:.6g}"
+        values = [trial.values.get(place, "") for place in places]
+        rows.append((trial.number, score, *values, trial.failure))
     table = folder / "trials.csv"
-    in_order = sorted(trials, key=lambda one: one.number)
-    for one in in_order:
-        score = "" if one.score is None else f"{one.score:.6g}"
-        rows.append(
-            (
-                one.number,
-                score,
-                *(one.values.get(place, "") for place in places),
-                one.said,
-            )
-        )
     save_csv(("trial", sweep.metric, *places, "failed because"), rows, table)
-    done = [one for one in in_order if one.score is not None]
-    numbers = [one.number for one in done]
-    scores = np.array([one.score for one in done], dtype=float)
-    values = {
-        place: np.array([one.values[place] for one in done], dtype=float)
-        for place in places
-    }
-    label = f"{sweep.metric} [{METRICS[sweep.metric].unit}]"
-    logarithmic = {one.place for one in sweep.varied if one.log}
-    rises = METRICS[sweep.metric].rises
-    return table, trials_figure(
-        numbers, scores, values, label, logarithmic, folder / "trials.png", rises
+    done = [trial for trial in in_order if trial.score is not None]
+    figure = trials_figure(
+        [trial.number for trial in done],
+        np.array([trial.score for trial in done], dtype=float),
+        {
+            place: np.array([trial.values[place] for trial in done], dtype=float)
+            for place in places
+        },
+        f"{sweep.metric} [{metric.unit}]",
+        {item.place for item in sweep.varied if item.log},
+        folder / "trials.png",
+        metric.rises,
     )
+    return table, figure

@@ -1,4 +1,4 @@
-"""Networks that were begun from those of another arm, on a short recording or on none."""
+"""Networks transferred from another arm, on a short recording or on none."""
 
 from dataclasses import dataclass, replace
 
@@ -17,18 +17,19 @@ from s2c2a.strategies import Recipe, TrainedNetworks
 
 
 @dataclass(frozen=True)
-class BegunNetworks(Artifact[TrainedNetworks]):
-    """Both networks of an arm.
+class TransferredNetworks(Artifact[TrainedNetworks]):
+    """Networks of an arm that start from those of another one.
 
     Attributes:
-        arm: whose they are.
+        arm: whose networks they are.
         recipe: how they are trained.
-        seed: of training.
-        start: of another arm, that they begin from; None for from nothing.
-        options: of the recording that they learn from; None for none.
+        seed: of the training.
+        start: networks of the other arm; None trains from nothing.
+        options: of the recording to train on; None for none.
     """
 
     kind = "networks"
+    strategy = "s2c2a"
     arm: ArmSpec
     recipe: Recipe
     seed: int
@@ -38,45 +39,47 @@ class BegunNetworks(Artifact[TrainedNetworks]):
     @property
     def needs(self) -> tuple[Artifact, ...]:
         """See `Artifact`."""
-        recording = (
-            None if self.options is None else RecordingArtifact(self.arm, self.options)
-        )
-        return tuple(one for one in (self.start, recording) if one)
+        needs: list[Artifact] = []
+        if self.start is not None:
+            needs.append(self.start)
+        if self.options is not None:
+            needs.append(RecordingArtifact(self.arm, self.options))
+        return tuple(needs)
 
     @property
     def file(self) -> str:
         """See `Artifact`."""
+        files = [need.file for need in self.needs]
         digest = digest_of(
-            "begun",
-            *(one.file for one in self.needs),
-            self.recipe.training,
-            self.arm.name,
-            self.seed,
+            "transferred", *files, self.recipe.training, self.arm.name, self.seed
         )
-        return f"{self.arm.name}-{self.recipe.name}-begun-seed{self.seed}-{digest}.safetensors"
+        name = f"{self.arm.name}-{self.recipe.name}-transferred-seed{self.seed}"
+        return f"{name}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         """See `Artifact`."""
         strategies.save_strategy(self._networks(cache, progress), self.path(cache))
 
     def _networks(self, cache: Cache, progress: Progress) -> TrainedNetworks:
-        def told(network: str, epoch: int, most: int, loss: float) -> None:
-            progress(f"training {network} of {self}", epoch, most)
+        def training_progress(
+            network: str, epoch: int, epochs: int, loss: float
+        ) -> None:
+            progress(f"training {network} of {self}", epoch, epochs)
 
-        start = self.start.load(cache) if self.start else None
-        if self.options is None and start:
+        start = None if self.start is None else self.start.load(cache)
+        if self.options is None and start is not None:
             return strategies.transferred(start, self.arm, self.seed)
         recording = self.needs[-1].load(cache)
-        return strategies.train_s2c2a(recording, self.recipe, self.seed, told, start)
+        return strategies.train_s2c2a(
+            recording, self.recipe, self.seed, training_progress, start
+        )
 
     def load(self, cache: Cache) -> TrainedNetworks:
         """See `Artifact`."""
-        return replace(
-            strategies.load_strategy(self.path(cache), self.arm), recipe=self.recipe
-        )
+        networks = strategies.load_strategy(self.path(cache), self.arm)
+        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
-        start = f"from {self.start.arm.name}" if self.start else "from nothing"
-        return (
-            f"{self.recipe.name} networks of {self.arm.name}, {start}, seed {self.seed}"
-        )
+        start = "from nothing" if self.start is None else f"from {self.start.arm.name}"
+        name = f"{self.recipe.name} networks of {self.arm.name}"
+        return f"{name}, {start}, seed {self.seed}"

@@ -1,4 +1,7 @@
-"""Piecewise constant curvature: cables, bends, configurations, states. Pure JAX, batched, differentiable."""
+"""Piecewise constant curvature kinematics: cables, bends, configurations, states.
+
+Pure JAX, batched and differentiable.
+"""
 
 from s2c2a.arm.geometry import center_line
 from s2c2a.kinematics.bends import (
@@ -12,4 +15,4 @@ from s2c2a.kinematics.chain import (
     states_from_bends,
     states_from_configurations,
 )
-from s2c2a.kinematics.pcc import PCC, ForwardModel, MemorylessModel, PCCForwardModel
+from s2c2a.kinematics.pcc import PCC

@@ -10,27 +10,29 @@ from jaxtyping import Array, Float
 
 Limits = Float[Array, "*batch"] | float
 
-# squared angle below which series replace quotients; the next term is below float32's
-# resolution
+# Squared angle below which series replace quotients; the next term of the series is
+# below the resolution of float32.
 _SMALL = 1e-6
 
 
 def sinc(squared: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-    """sin(f) / f as a function of f^2."""
+    """Return sin(f) / f as a function of f^2."""
     small = squared < _SMALL
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
     return jnp.where(small, 1.0 - squared / 6.0, jnp.sin(angle) / angle)
 
 
 def squared_norm(vectors: Float[Array, "*batch axis"]) -> Float[Array, "*batch"]:
-    """Sum of squares over the last axis."""
+    """Return the sum of squares over the last axis."""
     return jnp.sum(vectors**2, axis=-1)
 
 
 def configurations_from_bends(
     bends: Float[Array, "*batch 2"],
 ) -> Float[Array, "*batch 3"]:
-    """O = (b sin f / f, cos f) with f = |b| (Chen et al. 2025, eq. (3), for any direction).
+    """Return o = (b sin f / f, cos f) with f = |b|.
+
+    This is eq. (3) of Chen et al. 2025, for any direction.
 
     Args:
         bends: bend vectors [rad], module frame.
@@ -40,18 +42,20 @@ def configurations_from_bends(
     """
     squared = squared_norm(bends)
     half = sinc(squared / 4.0)
-    across = bends * sinc(squared)[..., None]
-    along = 1.0 - squared * half**2 / 2.0  # cos f without its loss of digits near zero
-    return jnp.concatenate([across, along[..., None]], axis=-1)
+    lateral = bends * sinc(squared)[..., None]
+    # cos f, without its loss of digits near zero
+    axial = 1.0 - squared * half**2 / 2.0
+    return jnp.concatenate([lateral, axial[..., None]], axis=-1)
 
 
 def bends_from_configurations(
     configurations: Float[Array, "*batch 3"],
 ) -> Float[Array, "*batch 2"]:
-    """B = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z): the inverse of `configurations_from_bends`.
+    """Return b = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z).
 
-    The length of the axis does not matter. Straight back (f = pi) has no direction and
-    is not in the domain.
+    This is the inverse of `configurations_from_bends`. The length of the axis has no
+    influence. The axis straight back (f = pi) has no direction and is not in the
+    domain.
 
     Args:
         configurations: end axes of any non-zero length, module frame.
@@ -60,13 +64,13 @@ def bends_from_configurations(
         Bend vectors [rad], module frame.
     """
     unit = configurations / jnp.sqrt(squared_norm(configurations))[..., None]
-    across = unit[..., :2]
-    along = unit[..., 2]
-    squared = squared_norm(across)
-    small = (squared < _SMALL) & (along > 0.0)
+    lateral = unit[..., :2]
+    axial = unit[..., 2]
+    squared = squared_norm(lateral)
+    small = (squared < _SMALL) & (axial > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, squared))
-    ratio = jnp.where(small, 1.0 + squared / 6.0, jnp.arctan2(sine, along) / sine)
-    return across * ratio[..., None]
+    ratio = jnp.where(small, 1.0 + squared / 6.0, jnp.arctan2(sine, axial) / sine)
+    return lateral * ratio[..., None]
 
 
 def limit_lengths(
@@ -75,9 +79,6 @@ def limit_lengths(
     """Shorten every vector that is longer than its limit; directions stay."""
     squared = squared_norm(vectors)
     inside = squared <= limits**2
-    return (
-        vectors
-        * jnp.where(inside, 1.0, limits / jnp.sqrt(jnp.where(inside, 1.0, squared)))[
-            ..., None
-        ]
-    )
+    lengths = jnp.sqrt(jnp.where(inside, 1.0, squared))
+    scale = jnp.where(inside, 1.0, limits / lengths)
+    return vectors * scale[..., None]

@@ -1,4 +1,4 @@
-"""The chain from module shapes to states: constant-curvature arcs, one after the other."""
+"""Forward kinematics of a chain of constant-curvature arcs, and its inverse."""
 
 import jax
 import jax.numpy as jnp
@@ -12,14 +12,14 @@ from s2c2a.kinematics.bends import (
     squared_norm,
 )
 
-UNROLLED = 8  # modules: a loop of its own only for longer arms
+UNROLLED = 8  # modules; only longer arms compile to a loop
 Bends = Float[Array, "*batch modules 2"]
 Lengths = Float[Array, " modules"]
 States = Float[Array, "*batch modules 6"]
 
 
 def states_from_bends(bends: Bends, lengths: Lengths) -> States:
-    """States of an arm whose modules are arcs without torsion.
+    """Return the states of an arm whose modules are arcs without torsion.
 
     Args:
         bends: bend vectors [rad], module frames.
@@ -38,56 +38,57 @@ def states_from_arcs(
     force: Float[Array, "3"] | None = None,
     gives: Float[Array, " modules"] | None = None,
 ) -> States:
-    """`states_from_bends` of arcs whose end points are off by so much [m], module frames.
+    """Return the states of arcs with displaced end points; see `states_from_bends`.
 
     Args:
         bends: bend vectors [rad], module frames.
         lengths: arc lengths [m].
-        off: of end points [m], module frames.
-        force: at the tip [N], base frame; across an arc it bends the near half more
-            than the far one.
-        gives: how far that moves ends for a force of one [m/N].
+        off: displacements of the end points [m], module frames.
+        force: external force at the tip [N], base frame. Its component across an arc
+            bends the proximal half more than the distal half.
+        gives: displacement of each end point per unit of that component [m/N].
     """
     ends = arc_ends(bends, lengths)
     axes = configurations_from_bends(bends)
     chords = ends / jnp.linalg.norm(ends, axis=-1, keepdims=True)
-    rotations = rotations_to(axes)
-    start = (
-        jnp.zeros((*bends.shape[:-2], 3)),
-        jnp.broadcast_to(jnp.eye(3), (*bends.shape[:-2], 3, 3)),
-    )
+    batch = bends.shape[:-2]
+    base = (jnp.zeros((*batch, 3)), jnp.broadcast_to(jnp.eye(3), (*batch, 3, 3)))
 
-    def on(base, arc):
-        (position, rotation) = base
-        (end, chord, give, axis, turn) = arc
+    def add_arc(base, arc):
+        position, rotation = base
+        end, chord, compliance, axis, arc_rotation = arc
         if force is not None:
-            felt = jnp.einsum("...ji,j->...i", rotation, force)
-            end = end + give * (
-                felt - chord * jnp.sum(felt * chord, axis=-1, keepdims=True)
-            )
+            local = jnp.einsum("...ji,j->...i", rotation, force)
+            along = chord * jnp.sum(local * chord, axis=-1, keepdims=True)
+            end = end + compliance * (local - along)
         position = position + _rotate(rotation, end)
         state = jnp.concatenate([position, _rotate(rotation, axis)], axis=-1)
-        return (position, rotation @ turn), state
+        return (position, rotation @ arc_rotation), state
 
-    gives = jnp.zeros(bends.shape[-2]) if gives is None else gives
-    arcs = (*(jnp.moveaxis(part, -2, 0) for part in (ends + off, chords)), gives)
-    arcs = *arcs, jnp.moveaxis(axes, -2, 0), jnp.moveaxis(rotations, -3, 0)
-    return jnp.moveaxis(jax.lax.scan(on, start, arcs, unroll=UNROLLED)[1], 0, -2)
+    # lax.scan runs over the first axis: the modules.
+    arcs = (
+        jnp.moveaxis(ends + off, -2, 0),
+        jnp.moveaxis(chords, -2, 0),
+        jnp.zeros(bends.shape[-2]) if gives is None else gives,
+        jnp.moveaxis(axes, -2, 0),
+        jnp.moveaxis(rotations_to(axes), -3, 0),
+    )
+    _, states = jax.lax.scan(add_arc, base, arcs, unroll=UNROLLED)
+    return jnp.moveaxis(states, 0, -2)
 
 
 def states_from_configurations(
     configurations: Float[Array, "*batch modules 3"], lengths: Lengths
 ) -> States:
-    """`states_from_bends` for end axes of any non-zero length."""
+    """Return states for end axes of any non-zero length; see `states_from_bends`."""
     return states_from_bends(bends_from_configurations(configurations), lengths)
 
 
 def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules 6"]):
-    """What the modules' configurations must be for given states of an arm without torsion.
+    """Return the configurations of an arm without torsion that has these states.
 
     Args:
-        states: only the end axes count; base frame. In NumPy or JAX, as the result then
-            is.
+        states: base frame; only the end axes are used. NumPy or JAX, like the result.
 
     Returns:
         Unit end axes, module frames, shape (*batch, modules, 3).
@@ -104,41 +105,35 @@ def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules
 
 
 def bends_from_states(states: Float[Array, "*batch modules 6"]) -> Bends:
-    """Bend vectors [rad] that the end axes of an arm without torsion stand for; see `configurations_from_states`."""
+    """Return the bend vectors [rad] of an arm without torsion that has these states.
+
+    See `configurations_from_states`.
+    """
     return bends_from_configurations(configurations_from_states(states))
 
 
 def arc_ends(
     bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]
 ) -> Float[Array, "*batch 3"]:
-    """End of an arc in its own frame: L (b (1 - cos f) / f^2, sin f / f)."""
+    """Return ends of arcs in their own frames: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)
-    across = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
-    return lengths[..., None] * jnp.concatenate(
-        [across, sinc(squared)[..., None]], axis=-1
-    )
+    lateral = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
+    axial = sinc(squared)[..., None]
+    return lengths[..., None] * jnp.concatenate([lateral, axial], axis=-1)
 
 
 def rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
-    """The rotation without torsion that turns z into each axis."""
+    """Return the rotations without torsion that turn z into each axis."""
     x = axes[..., 0]
     y = axes[..., 1]
     z = axes[..., 2]
     share = 1.0 / (1.0 + z)
-    rows = [
-        1.0 - x * x * share,
-        -x * y * share,
-        x,
-        -x * y * share,
-        1.0 - y * y * share,
-        y,
-        -x,
-        -y,
-        z,
-    ]
-    return (
-        axes.__array_namespace__().stack(rows, axis=-1).reshape(*axes.shape[:-1], 3, 3)
-    )
+    xx = 1.0 - x * x * share
+    xy = -x * y * share
+    yy = 1.0 - y * y * share
+    xp = axes.__array_namespace__()
+    entries = xp.stack([xx, xy, x, xy, yy, y, -x, -y, z], axis=-1)
+    return entries.reshape(*axes.shape[:-1], 3, 3)
 
 
 def _rotate(

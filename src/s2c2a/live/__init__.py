@@ -1,7 +1,7 @@
-"""The arm in the browser: control of the arm, a scene drawn from State values alone, panels, and a gate before them.
+"""Live page and viewer: control an arm in the browser, view runs and recordings.
 
-Everything here that knows viser is imported by the verbs `live` and `view` only; the
-rest of the package works without it. `control` moves the arm, in a `process` of its
-own; `window` and `scene` draw it, `panel` asks, `session` says who drives, `gate` who
-may come in, and has the Stop.
+Only the commands `live` and `view` import the modules that need viser; the rest of the
+package works without it. `control` runs the arm, in a separate `process`. `window` and
+`scene` draw the arm from State values, `panel` takes the driver's input, `session`
+decides which browser drives, and `gate` controls access and serves the Stop button.
 """

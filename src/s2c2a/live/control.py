@@ -1,7 +1,7 @@
-"""The arm under a driver's hand: the runtime's loop, in a thread of its own, fed with the latest request.
+"""Control thread of the live page: runs the control loop on the latest request.
 
-It never waits for the page: it reads the latest request and leaves a frozen snapshot
-behind. The live page has it in a process of its own besides (`ControlProcess`).
+The thread never waits for the page: each step reads the latest request and publishes a
+frozen snapshot. `s2c2a live` runs the thread in a separate process (`ControlProcess`).
 """
 
 import threading
@@ -16,54 +16,52 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.goals import Goal
-from s2c2a.live.goals import Disturbable, Disturbances, goal_of, judged
+from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
-from s2c2a.models.registry import model_named
+from s2c2a.models.registry import MODELS
 from s2c2a.planning import Guard
-from s2c2a.compilation import compilations
-from s2c2a.robots import Body, Robot
-from s2c2a.runtime import Ask, Loop, Patience, Step, WallClock
+from s2c2a.robots import Robot, RobotFactory
+from s2c2a.runtime import Driver, Loop, Patience, StepRecord, StepRequest, WallClock
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
-    AnyStrategy,
-    Strategy,
+    STRATEGIES,
+    RunOptions,
     load_strategy,
-    pcc_strategy,
     recipe_named,
-    s2c2a_strategy,
     shipped_networks,
 )
-from s2c2a.tasks import TASKS, Task, task_named
+from s2c2a.strategies.pcc import PlainPCC
+from s2c2a.tasks import TASKS, Task, load_task
 
-Strategies = Mapping[str, Callable[[], AnyStrategy]]
+Strategies = Mapping[str, Callable[[], Driver]]
 Tasks = Mapping[str, Callable[[], Task]]
-"""By name, and made when first asked for, as strategies are."""
-# a task that takes a second to make: it solves for what is within reach
-LATER = ("follow",)
+"""Builders by name; strategies and tasks are built on first use."""
+SLOW_TASKS = ("follow",)  # take a second to build, as they solve for reachable points
 
 
 class ArmControl(Control):
-    """Moves an arm in this process, in a thread of its own."""
+    """Controls an arm in this process, in a separate thread."""
 
     def __init__(
         self, robot: Robot, strategies: Strategies, tasks: Tasks, release_after: float
     ):
-        """Nothing is opened yet.
+        """Build the control loop without opening the robot.
 
         Args:
-            robot: the body; it is opened and closed by the thread.
-            strategies: what can drive its arm, by name; the first one is built now,
-                another when it is used.
-            tasks: what can be played, by name; made when first played.
-            release_after: seconds without a driver until the cables are led back to
+            robot: opened and closed by the control thread.
+            strategies: builders of strategies for this arm by name; the first strategy
+                is built now, the others on first use.
+            tasks: builders of tasks by name; a task is built when first played.
+            release_after: time without a driver [s] after which the arm returns to
                 rest.
 
         Raises:
-            S2C2AError: the strategy cannot be built, or needs what the body does not
-                say.
+            S2C2AError: the strategy cannot be built, or needs a sensor that the robot
+                does not provide.
         """
         super().__init__()
         self.arm = robot.arm
@@ -76,18 +74,19 @@ class ArmControl(Control):
         self._tasks = tasks
         self._disturbances = Disturbances(robot)
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
-        driver = strategies[self._name]()
-        faults = self._disturbances.spoilt
-        self._margins = _margins_of(driver)
-        self._loop = Loop(robot, driver, WallClock(), patience=patience, faults=faults)
-        self._orders: deque[Callable[[], None]] = deque()
+        strategy = strategies[self._name]()
+        faults = self._disturbances.corrupt
+        self._loop = Loop(
+            robot, strategy, WallClock(), patience=patience, faults=faults
+        )
+        self._commands: deque[Callable[[], None]] = deque()
         self._stopping = threading.Event()
         self._opened = threading.Event()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
-        self._played: str | None = None
-        self._place = 0.0
-        self._before = self._nothing = Goal.of(self.arm.module_count)
-        self._expected = straight(robot.arm)
+        self._task_name: str | None = None
+        self._task_position = 0.0
+        self._last_goal = self._no_goal = Goal.of(self.arm.module_count)
+        self._predicted = straight(robot.arm)
 
     @property
     def answers(self) -> bool:
@@ -96,39 +95,38 @@ class ArmControl(Control):
 
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`."""
-        self._orders.append(partial(getattr(self, f"_{name}"), *arguments))
+        self._commands.append(partial(getattr(self, f"_{name}"), *arguments))
 
     def use(self, name: str) -> None:
-        """See `Control`; it is built at once, in the thread of whoever asks."""
+        """See `Control`; builds the strategy in the calling thread."""
         if name not in self._builders:
             raise S2C2AError(
                 f"no strategy '{name}'; choose one of {', '.join(self.strategies)}"
             )
         strategy = self._builders[name]()
-        self._loop.needed_by(strategy)  # refused here, and the arm goes on
-        self._orders.append(
-            partial(self._change_strategy, strategy, name, _margins_of(strategy))
-        )
+        self._loop.required_sensors(
+            strategy
+        )  # raises here, while the arm keeps running
+        self._commands.append(partial(self._change_strategy, strategy, name))
 
     def prepare(self) -> None:
-        """Make every task; in the thread of whoever asks."""
-        for make in self._tasks.values():
-            make()
+        """Build every task in the calling thread."""
+        for build in self._tasks.values():
+            build()
 
     def start(self, timeout: float = 60.0) -> None:
-        """Open the robot and begin.
+        """Open the robot and start the control loop.
 
         Raises:
-            S2C2AError: the robot did not open.
+            S2C2AError: the robot did not open within `timeout` [s].
         """
         self._thread.start()
         if not self._opened.wait(timeout) or self._loop.phase.stage is Stage.FAULT:
-            raise S2C2AError(
-                f"the arm did not open: {self._loop.fault or f'nothing within {timeout:g} s'}"
-            )
+            reason = self._loop.fault or f"no response within {timeout:g} s"
+            raise S2C2AError(f"the arm did not open: {reason}")
 
     def stop(self) -> None:
-        """See `Control`; one that does nothing any more on its way is left."""
+        """See `Control`; does not wait for a loop that no longer makes progress."""
         self._stopping.set()
         self.wait_for_rest(self._thread)
 
@@ -141,18 +139,22 @@ class ArmControl(Control):
                     self._tick()
                 for step in self._loop.to_rest():
                     self._publish(step)
-        except Exception as error:  # told by `start`, or on the page
+        except Exception as error:  # `start` raises it, or the page shows it
             self._loop.stop(error)
         self._opened.set()
 
     def _tick(self) -> None:
-        """One control step; a body or strategy that fails stops the arm, not the thread: somebody can reset."""
+        """Run one control step.
+
+        An error of the robot or strategy stops the arm but not this thread, so that the
+        driver can reset the arm.
+        """
         try:
-            while self._orders:
-                self._orders.popleft()()
+            while self._commands:
+                self._commands.popleft()()
             request = self.request
             self._disturbances.apply(request)
-            ask = Ask(
+            ask = StepRequest(
                 self._goal(request),
                 request.driven and not request.stopped,
                 request.driven,
@@ -168,150 +170,166 @@ class ArmControl(Control):
                     replace(self._latest, stage=Stage.FAULT, fault=self._loop.fault)
                 )
 
-    def _begin(self) -> None:
-        """The arm at rest, the task at its start."""
+    def _reopen(self) -> None:
+        """Open the robot again at rest and rewind the task."""
         self._loop.open()
         self._disturbances.begin()
-        self._played = None
-        self._place = 0.0
+        self._task_name = None
+        self._task_position = 0.0
 
-    def _change_strategy(self, strategy: AnyStrategy, name: str, margins: str) -> None:
+    def _change_strategy(self, strategy: Driver, name: str) -> None:
         self._loop.use(strategy)
         self._loop.release()
         self._name = name
-        self._margins = margins
 
     @property
     def _task(self) -> Task | None:
-        return self._tasks[self._played]() if self._played else None
+        return self._tasks[self._task_name]() if self._task_name else None
 
     def _goal(self, request: Request) -> Goal:
-        """What is asked in this step."""
-        if request.task != self._played:
-            self._played = request.task
-            self._place = 0.0
+        """Goal of this control step; advances the task that plays."""
+        if request.task != self._task_name:
+            self._task_name = request.task
+            self._task_position = 0.0
         task = self._task
         goal = goal_of(
             request,
             self.arm.module_count,
-            task.goals[int(self._place)] if task else None,
+            task.goals[int(self._task_position)] if task else None,
         )
         if (
             request.playing
             and self._loop.phase.stage is Stage.RUN
             and not request.stopped
         ):
-            self._move_on(request.speed)
+            self._advance(request.speed)
         return goal
 
-    def _move_on(self, steps: float) -> None:
+    def _advance(self, steps: float) -> None:
         if task := self._task:
-            self._place = float(np.clip(self._place + steps, 0, len(task.goals) - 1))
+            self._task_position = float(
+                np.clip(self._task_position + steps, 0, len(task.goals) - 1)
+            )
 
-    def _publish(self, step: Step) -> None:
-        """Show what came of the last step: this one's reading, beside what the last one was to lead to."""
-        states = step.reading.sensors.get("states", self._expected)
-        # nobody has checked what nobody needs
-        if np.shape(states) != self._expected.shape:
-            states = self._expected
-        aimed = self._before if step.stage in (Stage.RUN, Stage.HOLD) else self._nothing
-        error, clearance = judged(aimed, states[-1, POSITION])
-        self._before = (
+    def _publish(self, step: StepRecord) -> None:
+        """Publish this step's reading, judged by the goal of the last step."""
+        states = step.reading.sensors.get("states", self._predicted)
+        # the loop does not check sensors that the strategy does not need
+        if np.shape(states) != self._predicted.shape:
+            states = self._predicted
+        active = step.stage in (Stage.RUN, Stage.HOLD)
+        goal = self._last_goal if active else self._no_goal
+        error, clearance = tip_errors(goal, states[-1, POSITION])
+        self._last_goal = (
             step.goal
             if step.stage is Stage.RUN and step.goal is not None
-            else self._nothing
+            else self._no_goal
         )
-        self._expected = step.diagnostics.get(
-            "predicted", self._expected if step.diagnostics else states
+        self._predicted = step.diagnostics.get(
+            "predicted", self._predicted if step.diagnostics else states
         )
-        deviation = float(np.ravel(step.diagnostics.get("predictive_std", np.nan))[-1])
-        where = (
-            np.array(states),
-            np.array(self._expected),
-            deviation,
-            error,
-            clearance,
+        predictive_std = float(
+            np.ravel(step.diagnostics.get("predictive_std", np.nan))[-1]
         )
-        of_task = (int(self._place), len(self._task.goals) if self._task else 0)
+        task = self._task
         self._show(
             Snapshot(
-                step,
-                step.stage,
-                *where,
-                *of_task,
-                self._name,
-                compilations(),
-                step.fault,
-                self._margins,
+                step=step,
+                stage=step.stage,
+                states=np.array(states),
+                predicted=np.array(self._predicted),
+                predictive_std=predictive_std,
+                error=error,
+                clearance=clearance,
+                task_step=int(self._task_position),
+                task_steps=len(task.goals) if task else 0,
+                strategy=self._name,
+                compiled=compilations(),
+                fault=step.fault,
             )
         )
 
 
-def _margins_of(strategy: AnyStrategy) -> str:
-    """In words; nothing of what closes no loop."""
-    margins = strategy.margins if isinstance(strategy, Strategy) else None
-    return "" if margins is None else str(margins)
-
-
 def arm_control(
     arm: ArmSpec,
-    body: Body,
+    robot: RobotFactory,
     weights: tuple[str, ...] = (),
     guard: Guard = "tip",
     seed: int = 0,
     release_after: float = 10.0,
     model: str | None = None,
+    strategies: tuple[str, ...] = (),
 ) -> ArmControl:
-    """A control that is not started yet; options as of `s2c2a live`, where a file of weights may name the model.
+    """Control of an arm that is not started yet; see `s2c2a live` for the options.
 
     Raises:
-        S2C2AError: no networks for this arm, or an option that it cannot have.
+        S2C2AError: a strategy file cannot be read, or an option does not fit the arm.
     """
     if model:
-        model_named(model)
+        MODELS.named(model)
     return ArmControl(
-        body.make(arm, seed=seed),
-        strategies_of(arm, weights, guard),
+        robot.make(arm, seed=seed),
+        strategies_of(arm, weights, guard, strategies),
         tasks_of(arm),
         release_after,
     )
 
 
 def tasks_of(arm: ArmSpec) -> Tasks:
-    """All tasks that an arm can have, by name; those that are quick are made now, the others when first asked for."""
+    """Tasks that fit an arm, by name; slow ones are built on first use."""
     tasks: dict[str, Callable[[], Task]] = {}
     for name in TASKS:
-        make = cache(partial(task_named, name, arm=arm))
+        build = cache(partial(load_task, name, arm=arm))
         with suppress(S2C2AError):  # an arm of one module has no middle to hold
-            if name not in LATER:
-                make()
-            tasks[name] = make
+            if name not in SLOW_TASKS:
+                build()
+            tasks[name] = build
     return tasks
 
 
-def strategies_of(arm: ArmSpec, files: tuple[str, ...], guard: Guard) -> Strategies:
-    """What can drive an arm, by name, built when first asked for; files come first, else what comes with the package.
+def strategies_of(
+    arm: ArmSpec,
+    files: tuple[str, ...],
+    guard: Guard,
+    names: tuple[str, ...] = (),
+) -> Strategies:
+    """Strategies that can drive an arm, by name, built when first used.
 
-    For an arm of the user's own no networks come with the package, and `pcc` needs
-    none.
+    Weight files come first, else the networks of the package; then strategies by name,
+    and PCC, which needs no networks.
+
+    Args:
+        arm: that is driven.
+        files: of weights.
+        guard: which points are kept out of obstacles.
+        names: of strategies without training (`STRATEGIES`, or file.py:Class).
 
     Raises:
-        StrategyError: a file cannot be read.
+        StrategyError: a file cannot be read, or a strategy needs training.
     """
-    networks = {
-        f"s2c2a · {Path(file).stem}": load_strategy(file, arm) for file in files
-    }
-    with suppress(StrategyError):
-        networks = networks or {"s2c2a · best": shipped_networks(arm)}
-    planners = {
-        name: replace(recipe_named(name).planner, guard=guard)
-        for name in ("best", "paper")
-    }
-    s2c2a = {
-        name: cache(partial(s2c2a_strategy, one, guard))
-        for name, one in networks.items()
-    }
-    return s2c2a | {
-        f"pcc · {name}": cache(partial(pcc_strategy, arm, planners[name]))
-        for name in planners
-    }
+    networks = [load_strategy(file, arm) for file in files]
+    labels = [Path(file).stem for file in files]
+    if not networks:
+        with suppress(StrategyError):
+            networks = [shipped_networks(arm)]
+            labels = ["best"]
+    run = RunOptions(guard)
+    builders: dict[str, Callable[[], Driver]] = {}
+    for label, trained in zip(labels, networks, strict=True):
+        options = STRATEGIES.imported(trained.strategy)()
+        build = partial(options.build, arm, trained.recipe, trained, run)
+        builders[f"{options.name} · {label}"] = cache(build)
+    for name in names:
+        options = STRATEGIES.named(name)()
+        recipe = recipe_named("best")
+        if options.collect_options(recipe, 0) is not None:
+            raise StrategyError(
+                f"strategy '{name}' needs training; train it with `s2c2a train "
+                f"--strategy {name}` and give the file with --weights"
+            )
+        build = partial(options.build, arm, recipe, None, run)
+        builders[options.name] = cache(build)
+    for name in ("best", "paper"):
+        build_pcc = partial(PlainPCC().build, arm, recipe_named(name), None, run)
+        builders[f"pcc · {name}"] = cache(build_pcc)
+    return builders

@@ -1,12 +1,12 @@
-"""The gate in front of viser: who may come in, and what may be said.
+"""Access control in front of viser: who may connect, and which messages pass.
 
-viser checks no origin, so any page in the same browser could drive the arm through it.
-The gate listens on 127.0.0.1, lets in only pages that it served itself, passes on only
-messages of known form, and not too many of them. viser stands behind it on a port of
-its own and takes websockets from the gate alone: they carry a secret as their origin.
+viser does not check origins, so any page in the same browser could drive the arm. The
+gate listens on 127.0.0.1, accepts only pages that it served itself, and passes only
+messages of known form at a limited rate. viser listens behind it on another port and
+accepts websockets from the gate only, which sends a secret as their origin.
 
-The gate serves the page, so it also puts the Stop there, which is viser's neither to
-hide nor to break.
+The gate serves the page, so it also adds the Stop button, which works independently of
+viser.
 """
 
 import asyncio
@@ -35,41 +35,44 @@ from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.messages import MAX_BYTES, is_sound
+from s2c2a.live.messages import MAX_BYTES, is_valid
 
 HOST = "127.0.0.1"
 LOCAL = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII)
-ONCE = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
+UNIQUE_HEADERS = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP = "/stop"
 STOP_HEADER = "S2C2A-Stop"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
+NO_RESPONSE = "No response: cut the power"
 MAX_CONNECTIONS = 16
-# so many messages of one browser in so many s; dragging sends 20 in one, as turning
-# does
+# messages of one browser within a time [s]; a drag or a turn sends 20 a second
 BURST = 200
 WITHIN = 2.0
-MAX_REFUSED = 20  # messages of unknown form, then the connection is closed
-CLOSE_PATIENCE = 0.3  # s
+MAX_REFUSED = 20  # malformed messages after which the connection is closed
+CLOSE_TIMEOUT = 0.3  # s
 TRIED_PORTS = 50
-REFUSALS = {"twice": 400, "host": 403, "origin": 403, "full": 503, "path": 404}
-SHOWN_OUT = {"flood": "too many messages", "form": "messages of unknown form"}
+STATUS_CODES = {"duplicate": 400, "host": 403, "origin": 403, "full": 503, "path": 404}
+CLOSE_REASONS = {"flood": "too many messages", "form": "malformed messages"}
 
 _QUIET = logging.getLogger("s2c2a.gate")
-# to websockets, answers to plain requests are failed handshakes
-_QUIET.setLevel(logging.CRITICAL)
-_BOTH_WAYS: dict[str, Any] = {"compression": None, "close_timeout": CLOSE_PATIENCE}
-_TO_BROWSERS: dict[str, Any] = {
+_QUIET.setLevel(logging.CRITICAL)  # websockets logs plain requests as errors
+_BROWSER_OPTIONS: dict[str, Any] = {
+    "compression": None,
+    "close_timeout": CLOSE_TIMEOUT,
     "max_size": MAX_BYTES,
     "max_queue": 8,
     "logger": _QUIET,
-} | _BOTH_WAYS
-# s; a browser that is gone without a word is noticed
-_TO_BROWSERS |= {"ping_interval": 3.0, "ping_timeout": 5.0}
-_TO_VISER: dict[str, Any] = {
+    # s; detect a lost browser
+    "ping_interval": 3.0,
+    "ping_timeout": 5.0,
+}
+_VISER_OPTIONS: dict[str, Any] = {
+    "compression": None,
+    "close_timeout": CLOSE_TIMEOUT,
     "max_size": None,
     "max_queue": 4,
     "ping_interval": None,
-} | _BOTH_WAYS
+}
 _HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Content-Security-Policy": "frame-ancestors 'none'",
@@ -82,49 +85,47 @@ _HEADERS = {
 
 
 def only_with(secret: str) -> AbstractContextManager:
-    """Websocket servers that are started meanwhile take only connections whose origin is the secret."""
-    return patch.object(
-        server, "serve", partial(server.serve, origins=[Origin(secret)])
-    )
+    """Context in which started websocket servers accept only the secret as origin."""
+    restricted = partial(server.serve, origins=[Origin(secret)])
+    return patch.object(server, "serve", restricted)
 
 
 class Gate:
-    """A door on 127.0.0.1 to a viser server, in a thread of its own.
+    """Proxy on 127.0.0.1 in front of a viser server, in a separate thread.
 
     Attributes:
-        port: where browsers come in.
-        address: what to open in a browser.
-        refused: connections and messages that did not pass, by reason.
+        port: of the page.
+        address: of the page.
+        refused: number of refused connections and messages, by reason.
     """
 
     def __init__(
         self,
         port: int,
-        behind: int,
+        viser_port: int,
         secret: str,
-        on_stop: Callable[[], bool] | None = None,
+        on_stop: Callable[[], str] | None = None,
     ):
-        """Open the door on `port`, or on the next free one after it, to viser on port `behind`.
+        """Listen on `port`, or on the next free port after it.
 
         Args:
-            port: where browsers come in.
-            behind: viser's.
-            secret: that viser wants to hear.
-            on_stop: stops the arm when somebody who looks at the page says so, and says
-                whether it was heard.
+            port: of the page.
+            viser_port: of the viser server.
+            secret: origin that viser accepts.
+            on_stop: stops the arm; returns the text that the Stop button then shows, or
+                nothing if the arm did not obey. No Stop button if None.
 
         Raises:
-            S2C2AError: no port is free, or viser does not answer.
+            S2C2AError: no port is free, or viser does not respond.
         """
         self.port = port
         self.refused = Counter[str]()
-        self._behind = behind
+        self._viser_port = viser_port
         self._secret = secret
-        self._open = 0
+        self._connections = 0
         self._on_stop = on_stop
-        self._page = _page_of(
-            behind, b"" if on_stop is None else STOP_BUTTON.read_bytes()
-        )
+        button = b"" if on_stop is None else STOP_BUTTON.read_bytes()
+        self._page = _page_of(viser_port, button)
         self._closing = asyncio.Event()
         opened = Future[tuple[int, asyncio.AbstractEventLoop]]()
         self._thread = threading.Thread(
@@ -133,14 +134,14 @@ class Gate:
         self._thread.start()
         try:
             self.port, self._loop = opened.result(10.0)
-        except OSError as error:  # a timeout is one, without words
-            raise S2C2AError(
-                f"no way in: {str(error) or 'the gate did not open within 10 s'}"
-            ) from error
+        except OSError as error:
+            # a timeout is an OSError without a message
+            reason = str(error) or "the gate did not open within 10 s"
+            raise S2C2AError(f"the page cannot be served: {reason}") from error
         self.address = f"http://{HOST}:{self.port}"
 
     def close(self) -> None:
-        """Close the door and every connection."""
+        """Close the server and every connection."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._closing.set)
         self._thread.join(3.0)
@@ -148,19 +149,19 @@ class Gate:
     async def _serve(
         self, opened: "Future[tuple[int, asyncio.AbstractEventLoop]]"
     ) -> None:
-        """Serve on the first free port until the door closes; told on which one, and in which loop."""
-        asked: dict[str, Any] = {
-            "process_request": self._admit,
-            "select_subprotocol": _viser_protocol,
-        }
+        """Serve on the first free port until `close`; reports port and event loop."""
         for port in range(self.port, self.port + TRIED_PORTS):
             with suppress(OSError):
                 async with server.serve(
-                    self._pass_on, HOST, port, **asked, **_TO_BROWSERS
+                    self._relay,
+                    HOST,
+                    port,
+                    process_request=self._admit,
+                    select_subprotocol=_viser_protocol,
+                    **_BROWSER_OPTIONS,
                 ) as bound:
-                    opened.set_result(
-                        (bound.sockets[0].getsockname()[1], asyncio.get_running_loop())
-                    )
+                    bound_port = bound.sockets[0].getsockname()[1]
+                    opened.set_result((bound_port, asyncio.get_running_loop()))
                     await self._closing.wait()
                     return
         last = self.port + TRIED_PORTS - 1
@@ -168,110 +169,111 @@ class Gate:
             OSError(f"no free port from {self.port} to {last}; choose another --port")
         )
 
-    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request for the page; let a websocket through only where it comes from that page."""
+    async def _admit(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
+        """Answer a request for the page or a stop; None accepts a websocket."""
         headers = request.headers
         path = request.path.partition("?")[0]
         if reason := self._objection(headers, path):
             self.refused[reason] += 1
-            status = http.HTTPStatus(REFUSALS[reason])
+            status = http.HTTPStatus(STATUS_CODES[reason])
             return connection.respond(status, f"{status.phrase}: {reason}\n")
         if _asks_for_websocket(headers):
             return None
         if path == STOP and self._on_stop is not None:
-            return connection.respond(
-                *((200, "stopped\n") if self._on_stop() else (503, "nobody hears\n"))
-            )
-        packed = "gzip" in headers.get("Accept-Encoding", "")
-        body = self._page if packed else gzip.decompress(self._page)
-        more = {"Content-Length": str(len(body))} | (
-            {"Content-Encoding": "gzip"} if packed else {}
-        )
-        return Response(200, "OK", Headers(_HEADERS | more), body)
+            text = await asyncio.to_thread(self._on_stop)
+            status = http.HTTPStatus.OK if text else http.HTTPStatus.SERVICE_UNAVAILABLE
+            return connection.respond(status, text or NO_RESPONSE)
+        answer = Headers(_HEADERS)
+        body = self._page
+        if "gzip" in headers.get("Accept-Encoding", ""):
+            answer["Content-Encoding"] = "gzip"
+        else:
+            body = gzip.decompress(body)
+        answer["Content-Length"] = str(len(body))
+        return Response(200, "OK", answer, body)
 
     def _objection(self, headers: Headers, path: str) -> str:
-        """Why a request is refused, or nothing.
+        """Reason to refuse a request, or nothing.
 
-        A stop is for our own page: others would have to be allowed to say the header,
-        and nobody allows them.
+        A stop must come from our page: a page of another origin cannot send the header,
+        since the gate does not allow it (no CORS).
         """
-        if any(len(headers.get_all(name)) > 1 for name in ONCE):
-            return "twice"
+        if any(len(headers.get_all(name)) > 1 for name in UNIQUE_HEADERS):
+            return "duplicate"
         host = headers.get("Host", "")
-        stops = path == STOP and self._on_stop is not None
-        websocket = _asks_for_websocket(headers)
-        true = {
-            # a page elsewhere that points its name here
-            "host": not LOCAL.fullmatch(host),
-            "origin": headers.get("Origin") != f"http://{host}"
-            if websocket
-            else stops and STOP_HEADER not in headers,
-            "full": websocket and self._open >= MAX_CONNECTIONS,
-            "path": not (websocket or stops or path in ("/", "/index.html")),
-        }
-        return next((reason for reason in true if true[reason]), "")
+        if not LOCAL.fullmatch(host):
+            return "host"  # DNS rebinding: another name that points to this machine
+        if _asks_for_websocket(headers):
+            if headers.get("Origin") != f"http://{host}":
+                return "origin"
+            return "full" if self._connections >= MAX_CONNECTIONS else ""
+        if path == STOP and self._on_stop is not None:
+            return "" if STOP_HEADER in headers else "origin"
+        return "" if path in ("/", "/index.html") else "path"
 
-    async def _pass_on(self, browser: ServerConnection) -> None:
-        """Both ways until either side ends."""
-        self._open += 1
-        said = [browser.subprotocol] if browser.subprotocol else None
-        form: dict[str, Any] = {
-            "origin": Origin(self._secret),
-            "subprotocols": said,
-        } | _TO_VISER
+    async def _relay(self, browser: ServerConnection) -> None:
+        """Pass messages in both directions until either side closes."""
+        self._connections += 1
         try:
-            async with connect(f"ws://{HOST}:{self._behind}", **form) as viser:
-                outwards = asyncio.create_task(_outwards(viser, browser))
-                await self._inwards(browser, viser)
-                outwards.cancel()
+            async with connect(
+                f"ws://{HOST}:{self._viser_port}",
+                origin=Origin(self._secret),
+                subprotocols=[browser.subprotocol] if browser.subprotocol else None,
+                **_VISER_OPTIONS,
+            ) as viser:
+                to_browser = asyncio.create_task(_relay_to_browser(viser, browser))
+                await self._relay_to_viser(browser, viser)
+                to_browser.cancel()
         except (OSError, InvalidHandshake):
-            await browser.close(1011, "the arm's page is not there")
+            await browser.close(1011, "the page's server does not respond")
         finally:
-            self._open -= 1
+            self._connections -= 1
 
-    async def _inwards(
+    async def _relay_to_viser(
         self, browser: ServerConnection, viser: ClientConnection
     ) -> None:
-        """Sound messages pass; a browser that floods or talks nonsense is shown out."""
-        came = deque[float](maxlen=BURST)
-        nonsense = 0
+        """Pass valid messages; disconnect a browser that floods or sends others."""
+        times = deque[float](maxlen=BURST)
+        refused = 0
         with suppress(ConnectionClosed):
             async for message in browser:
-                came.append(time.monotonic())
-                flood = len(came) == BURST and came[-1] - came[0] < WITHIN
-                if not flood and is_sound(message):
+                times.append(time.monotonic())
+                flood = len(times) == BURST and times[-1] - times[0] < WITHIN
+                if not flood and is_valid(message):
                     await viser.send(message)
                     continue
-                fault = "flood" if flood else "form"
-                self.refused[fault] += 1
-                nonsense += 1
-                if flood or nonsense > MAX_REFUSED:
-                    return await _show_out(browser, SHOWN_OUT[fault])
+                reason = "flood" if flood else "form"
+                self.refused[reason] += 1
+                refused += 1
+                if flood or refused > MAX_REFUSED:
+                    return await _disconnect(browser, CLOSE_REASONS[reason])
 
 
-async def _show_out(browser: ServerConnection, reason: str) -> None:
-    """Close without waiting for one that does not listen."""
+async def _disconnect(browser: ServerConnection, reason: str) -> None:
+    """Close a connection even if the browser does not respond."""
     with suppress(TimeoutError):
-        await asyncio.wait_for(browser.close(1008, reason), CLOSE_PATIENCE)
+        await asyncio.wait_for(browser.close(1008, reason), CLOSE_TIMEOUT)
     browser.transport.abort()
 
 
-async def _outwards(viser: ClientConnection, browser: ServerConnection) -> None:
-    """What viser says; when it ends, so does the browser's connection."""
+async def _relay_to_browser(viser: ClientConnection, browser: ServerConnection) -> None:
+    """Pass messages of viser until it closes, then close the browser's connection."""
     with suppress(ConnectionClosed):
         async for message in viser:
             await browser.send(message)
     await browser.close()
 
 
-def _page_of(port: int, more: bytes) -> bytes:
-    """Viser's page, with more at its end, compressed."""
+def _page_of(port: int, button: bytes) -> bytes:
+    """Viser's page with the Stop button at its end, compressed."""
     try:
         with urllib.request.urlopen(f"http://{HOST}:{port}/", timeout=10) as answer:
             before, end, after = answer.read().rpartition(b"</body>")
     except OSError as error:
-        raise S2C2AError(f"viser does not answer on port {port}: {error}") from error
-    return gzip.compress(before + more + end + after, 6)
+        raise S2C2AError(f"viser does not respond on port {port}: {error}") from error
+    return gzip.compress(before + button + end + after, 6)
 
 
 def _asks_for_websocket(headers: Headers) -> bool:
@@ -279,7 +281,8 @@ def _asks_for_websocket(headers: Headers) -> bool:
 
 
 def _viser_protocol(connection: ServerConnection, offered) -> Subprotocol | None:
-    """Viser's page says its version so."""
-    return next(
-        (Subprotocol(name) for name in offered if name.startswith("viser-v")), None
-    )
+    """The subprotocol with which viser's page states its version."""
+    for name in offered:
+        if name.startswith("viser-v"):
+            return Subprotocol(name)
+    return None

@@ -1,4 +1,4 @@
-"""What a request makes of a control step: its goal, what goes wrong on demand, and how well it went."""
+"""Goal, disturbances and errors of one control step of the live page."""
 
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
@@ -7,23 +7,28 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.goals import Goal
 from s2c2a.live.request import Request
 from s2c2a.robots import Robot
-from s2c2a.sensing import PAPER_COUPLING
 from s2c2a.spaces import Reading
 from s2c2a.viz.mesh import unit
 
+# the protocol's weights mu_p, mu_o and mu_d of a dragged target; its mu_ob is 1
 POSITION = 1.0
 AXIS = 2.0
-OBSTACLE = 1.0
 CHANGE = 0.5
-"""The protocol's weights mu_p, mu_o, mu_ob and mu_d of a dragged target."""
 
 
 def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
-    """The goal of one control step: the task's, or the target's, with the driver's obstacles and weights."""
+    """Goal of one control step.
+
+    Args:
+        request: adds its obstacles and multiplies the weights.
+        modules: number of modules.
+        task_goal: goal of the task, or None for the request's target.
+    """
     goal = Goal.of(modules, CHANGE) if task_goal is None else task_goal
     if task_goal is None and request.target is not None:
         goal = goal.with_position(request.target, POSITION)
@@ -35,90 +40,93 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
         axis_weights=np.float32(factors.axis) * goal.axis_weights,
         change_weight=np.float32(factors.change) * goal.change_weight,
     )
-    added = [(*one.center, one.threshold) for one in request.obstacles]
+    added = [(*obstacle.center, obstacle.threshold) for obstacle in request.obstacles]
     spheres = np.reshape([*goal.obstacles_in_use(), *added], (-1, 4))
     return goal.with_obstacles(
         spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight)
     )
 
 
-def judged(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
-    """How far the tip is from where the goal wants it, and least from a threshold [m]; NaN and infinite without."""
+def tip_errors(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
+    """Distance of the tip from its target and from the nearest threshold [m].
+
+    They are NaN without a target and infinite without obstacles.
+    """
     error = float(np.linalg.norm(tip - goal.desired_positions()[-1]))
-    return error, float(
-        clearances(tip[None, None], goal.obstacles_in_use()[None])[0]
-    ) / 100.0
+    clearance_cm = clearances(tip[None, None], goal.obstacles_in_use()[None])[0]
+    return error, float(clearance_cm) / 100.0
 
 
 @runtime_checkable
 class Disturbable(Protocol):
-    """A body that can be pushed and loaded; the simulated arm is one."""
+    """A robot that accepts an external force and a payload, as the simulated arm."""
 
-    def push(self, force: Float[np.ndarray, "3"]) -> None:
+    def apply_force(self, force: Float[np.ndarray, "3"]) -> None:
         """Apply a force at the tip [N], base frame, until the next call."""
 
-    def load(self, payload: float) -> None:
-        """Hang a mass at the tip [kg] in place of the last one."""
+    def set_payload(self, payload: float) -> None:
+        """Attach a mass at the tip [kg] that replaces the last one."""
 
 
 class Disturbances:
-    """What a driver makes go wrong with one body, and with its readings, in the words of the arm's own sensors."""
+    """Disturbs a robot, and its readings by sensor faults, as requested."""
 
     def __init__(self, robot: Robot, seed: int = 0):
-        """Nothing yet; a body that cannot be pushed is left alone. The sensors' noise starts from a seed."""
-        self._body = robot if isinstance(robot, Disturbable) else None
+        """Start without disturbances; `seed` is of the sensors' noise.
+
+        A robot that is not `Disturbable` gets sensor faults only.
+        """
+        self._robot = robot if isinstance(robot, Disturbable) else None
         self._geometry = ArmGeometry.of(robot.arm)
         self._random = np.random.default_rng(seed)
-        count = robot.arm.module_count
-        self._leak = (
-            np.array(PAPER_COUPLING) if count == len(PAPER_COUPLING) else np.eye(count)
-        )
+        self._coupling = np.eye(robot.arm.module_count)
+        if len(self._coupling) == len(PAPER_COUPLING):
+            self._coupling = np.array(PAPER_COUPLING)
         self._request = Request()
 
     def begin(self) -> None:
-        """The arm was opened anew, which ends pushes."""
+        """Forget the force, since a reopened robot has none."""
         self._request = replace(self._request, push=Request.push)
 
     def apply(self, request: Request) -> None:
-        """Push and load the body as the request says, where that has changed."""
-        if self._body is not None and request.payload != self._request.payload:
-            self._body.load(request.payload)
-        if self._body is not None and request.push != self._request.push:
-            self._body.push(np.array(request.push))
+        """Apply changes of the force and payload to the robot."""
+        if self._robot is not None and request.payload != self._request.payload:
+            self._robot.set_payload(request.payload)
+        if self._robot is not None and request.push != self._request.push:
+            self._robot.apply_force(np.array(request.push))
         self._request = request
 
-    def spoilt(self, reading: Reading) -> Reading:
-        """A reading as the latest request wants it; the truth beside it as it was.
+    def corrupt(self, reading: Reading) -> Reading:
+        """The reading with the requested sensor faults; true states do not change.
 
-        Its modules' bends are mixed, by a part of the paper's leak (eq. (11)) where
-        that fits the arm, then shaken.
+        The modules' bends are mixed by a part of the paper's coupling (eq. (11)), where
+        that fits the arm; then noise is added.
         """
         coupling = self._request.coupling
         noise = self._request.noise
         if not coupling and not noise:
             return reading
-        said = dict(reading.sensors)
+        sensors = dict(reading.sensors)
         geometry = self._geometry
-        mixed = (1 - coupling) * np.eye(len(self._leak)) + coupling * self._leak
-        if "cables" in said:
+        mixing = (1 - coupling) * np.eye(len(self._coupling))
+        mixing += coupling * self._coupling
+        if "cables" in sensors:
+            cables = sensors["cables"]
             scale = noise * np.abs(geometry.action_scale)[:, None]
-            shaken = scale * self._random.normal(size=said["cables"].shape)
-            said["cables"] = self._mixed_cables(said["cables"], mixed) + shaken
-        if "configurations" in said:
-            tilt = (
-                noise
-                * geometry.bend_limits[:, None]
-                * self._random.normal(size=said["configurations"].shape)
-            )
-            said["configurations"] = unit(mixed @ said["configurations"] + tilt)
-        return Reading(reading.time, said)
+            error = scale * self._random.normal(size=cables.shape)
+            sensors["cables"] = self._mixed_cables(cables, mixing) + error
+        if "configurations" in sensors:
+            axes = sensors["configurations"]
+            scale = noise * geometry.bend_limits[:, None]
+            error = scale * self._random.normal(size=axes.shape)
+            sensors["configurations"] = unit(mixing @ axes + error)
+        return Reading(reading.time, sensors)
 
-    def _mixed_cables(self, cables: np.ndarray, mixed: np.ndarray) -> np.ndarray:
-        """Cables of the mixed bends; what the cables have in common stays."""
+    def _mixed_cables(self, cables: np.ndarray, mixing: np.ndarray) -> np.ndarray:
+        """Cables of the mixed bends; the cables' common part does not change."""
         geometry = self._geometry
-        away = (cables - geometry.action_neutral) / geometry.action_scale[:, None]
-        shares = np.einsum("mkc,mc->mk", geometry.bend_matrices, away)
-        change = np.einsum(
-            "mck,mk->mc", geometry.cable_matrices, mixed @ shares - shares
-        )
-        return cables + geometry.action_scale[:, None] * change
+        scale = geometry.action_scale[:, None]
+        actions = (cables - geometry.action_neutral) / scale
+        bends = np.einsum("mkc,mc->mk", geometry.bend_matrices, actions)
+        change = mixing @ bends - bends
+        return cables + scale * np.einsum("mck,mk->mc", geometry.cable_matrices, change)

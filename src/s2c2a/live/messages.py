@@ -1,7 +1,7 @@
-"""What a browser may say: three kinds of messages, of known form, with finite numbers. Everything else is refused.
+"""Messages that a browser may send: three types, of known form, with finite numbers.
 
-viser itself would also take files, open a tunnel to the world when asked to, and set
-any attribute of a panel's parts.
+All others are refused: viser itself also accepts files, opens a public tunnel on
+request, and sets any attribute of a panel's elements.
 """
 
 from contextlib import suppress
@@ -11,21 +11,20 @@ import msgspec
 from msgspec.msgpack import Decoder
 
 MAX_BYTES = 16_384
-# neither infinite nor NaN
-Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+Number: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]  # finite
 Pair: TypeAlias = tuple[Number, Number]
 Three: TypeAlias = tuple[Number, Number, Number]
 Value: TypeAlias = bool | int | Number | str | list[Number]
 
 
-class _Said(
+class _Message(
     msgspec.Struct, tag_field="type", tag=True, forbid_unknown_fields=True, frozen=True
 ):
-    """A message; its class's name is its type."""
+    """A message; the name of the class is its type."""
 
 
-class ViewerCameraMessage(_Said, frozen=True):
-    """Where a browser looks from."""
+class ViewerCameraMessage(_Message, frozen=True):
+    """Camera of a browser."""
 
     wxyz: tuple[Number, Number, Number, Number]
     position: Three
@@ -38,15 +37,15 @@ class ViewerCameraMessage(_Said, frozen=True):
     up_direction: Three
 
 
-class GuiUpdateMessage(_Said, frozen=True):
-    """A new value of one part of a panel."""
+class GuiUpdateMessage(_Message, frozen=True):
+    """New value of an element of a panel."""
 
     uuid: str
     updates: Annotated[dict[Literal["value"], Value], msgspec.Meta(min_length=1)]
 
 
-class SceneNodeDragMessage(_Said, frozen=True):
-    """Something in the scene is dragged."""
+class SceneNodeDragMessage(_Message, frozen=True):
+    """Drag of an object in the scene."""
 
     phase: Literal["start", "update", "end"]
     name: str
@@ -65,7 +64,7 @@ _DECODER: Decoder = Decoder(
 )
 
 
-def is_sound(message: str | bytes) -> TypeGuard[bytes]:
+def is_valid(message: str | bytes) -> TypeGuard[bytes]:
     """Whether a browser's message may pass."""
     with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
         if isinstance(message, bytes) and len(message) <= MAX_BYTES:

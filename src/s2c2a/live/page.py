@@ -1,4 +1,4 @@
-"""The page: a window on an arm that moves, drawn at its own rate, with a panel for everyone who comes."""
+"""Live page of a moving arm: scene, status, plots, and a panel for each browser."""
 
 import threading
 import time
@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.evaluation import belief_said
+from s2c2a.evaluation import describe_step_estimates
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
@@ -20,25 +20,27 @@ from s2c2a.live.request import Point, point
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
-from s2c2a.spaces import POSITION, Stage
+from s2c2a.spaces import Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
-MIN_GAP = 0.005  # m; a target less far out of reach is within it
-PREPARING = "preparing the arm: the first start on a machine compiles, which takes up to half a minute"
-
+MIN_GAP = 0.005  # m; a target closer to the reach than that counts as reachable
+STOP_TIMEOUT = 1.5  # s, below the 2 s that the Stop button waits
+PREPARING = "preparing the arm; the first start compiles for up to half a minute"
+MODEL_DRAWN = "no measured states: the arm is drawn as its model predicts"
+STOP_PRESSED = "Stop was pressed on this page"
 
 Survey = tuple[Float[np.ndarray, "modules points 3"], Callable[[Point], float]]
-"""Where an arm can be: ends of its modules [m], and how far out of the tip's reach a
-point is [m]."""
+"""Workspace of an arm: ends of its modules [m], and the distance of a point from the
+tip's reach [m]."""
 
 
 class LivePage(Window):
-    """The live page of one arm; closing it leaves the arm to itself.
+    """The live page of one arm; closing it does not stop the control.
 
     Attributes:
-        session: who drives.
-        frames: drawn so far.
+        session: which browser drives.
+        frames: number of drawn frames.
     """
 
     def __init__(
@@ -48,14 +50,14 @@ class LivePage(Window):
         runs: Path,
         survey: Callable[[], Survey] | None = None,
     ):
-        """Open the page of an arm that moves, or will soon: until its first snapshot the page says that it prepares.
+        """Open the page; until the first snapshot it shows that the arm is prepared.
 
         Args:
             control: moves the arm.
-            port: where the page shall be; the next free one if it is taken.
-            runs: where recordings go.
-            survey: finds out where the arm can be; called once the arm is there, in a
-                thread of its own.
+            port: of the page; the next free one if it is taken.
+            runs: folder of the recordings.
+            survey: computes the workspace; called after the first snapshot, in a
+                separate thread.
 
         Raises:
             S2C2AError: no port is free.
@@ -74,155 +76,155 @@ class LivePage(Window):
         self._trail: deque[np.ndarray] = deque(
             maxlen=round(TRAIL * self.arm.control_rate)
         )
-        self._steps: deque[Snapshot] = deque(maxlen=2)
-        # while nobody knows
+        self._snapshots: deque[Snapshot] = deque(maxlen=2)
+        # zero until the survey
         self._gap = 0.0
-        self._gap_at = lambda where: 0.0
+        self._gap_at = lambda position: 0.0
         self.frames = 0
         self._changing = threading.Lock()
-        self.server.on_client_connect(self._joined)
-        self.server.on_client_disconnect(self._left)
+        self.server.on_client_connect(self._add_client)
+        self.server.on_client_disconnect(self._remove_client)
         self.every(self._draw)
-        self.open(port, lambda: control.halt("by somebody who looks at this page"))
+        self.open(port, self._stop)
 
     def close(self) -> None:
-        """See `Window`; what is being recorded is written."""
+        """See `Window`; writes a recording that runs."""
         try:
             self._recorder.stop()
         finally:
             super().close()
 
-    async def _joined(self, client: viser.ClientHandle) -> None:
+    async def _add_client(self, client: viser.ClientHandle) -> None:
         self._panels[client.client_id] = Panel(
-            client, self._control, self.session, self._recorder, self._tell
+            client, self._control, self.session, self._recorder, self._notify
         )
         self.session.join(client.client_id)
 
-    async def _left(self, client: viser.ClientHandle) -> None:
+    async def _remove_client(self, client: viser.ClientHandle) -> None:
         self._panels.pop(client.client_id, None)
         self.session.leave(client.client_id)
 
+    def _stop(self) -> str:
+        """Stop the arm; returns what it then does, or nothing if it does not obey."""
+        self._control.halt(STOP_PRESSED)
+        deadline = time.monotonic() + STOP_TIMEOUT
+        while self._control.answers and time.monotonic() < deadline:
+            latest = self._control.latest
+            if latest is not None and latest.stage is Stage.RELEASE:
+                return "Returning to rest"
+            if latest is None or latest.stage is not Stage.RUN:
+                return "Stopped"
+            time.sleep(0.02)
+        return ""
+
     def _session_changed(self) -> None:
-        """Nobody at the handle: the arm holds. Somebody new: it goes on from where it is, unless it was stopped."""
+        """Hold the arm without a driver; a new driver starts from the arm's pose."""
         latest = self._control.latest
         if latest is None:
-            return  # `_draw` calls this again when there is something to drive
-        with self._changing:  # from viser's thread, and once from the one that draws
+            return  # `_draw` repeats this call after the first snapshot
+        with self._changing:  # called by viser's thread, and once by `_draw`
             driven = self.session.driver is not None
             request = self._control.request
-            if driven and not request.driven:
-                start = (
-                    {}
-                    if request.task
-                    else {"target": tuple(latest.states[-1, POSITION])}
-                )
-                self._control.ask(driven=True, **start)
-            elif not driven:
+            if not driven:
                 self._control.ask(driven=False)
+            elif not request.driven and request.task:
+                self._control.ask(driven=True)
+            elif not request.driven:
+                self._control.ask(driven=True, target=latest.tip)
             for panel in list(self._panels.values()):
                 panel.refresh()
 
-    def _tell(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         for client in self.server.get_clients().values():
             client.add_notification(title="s2c2a", body=text, auto_close_seconds=6.0)
 
-    def _drag_target(self, who: int, where: Point) -> None:
-        if self.session.drives(who) and self._control.request.task is None:
-            self._control.ask(target=where)
+    def _drag_target(self, client: int, position: Point) -> None:
+        if self.session.drives(client) and self._control.request.task is None:
+            self._control.ask(target=position)
 
-    def _drag_pointer(self, who: int, where: Point) -> None:
+    def _drag_pointer(self, client: int, position: Point) -> None:
         request = self._control.request
-        if (
-            self.session.drives(who)
-            and request.task is None
-            and request.target is not None
-        ):
-            self._control.ask(axis=point(np.subtract(where, request.target)))
+        if not self.session.drives(client) or request.task is not None:
+            return
+        if request.target is not None:
+            self._control.ask(axis=point(np.subtract(position, request.target)))
 
-    def _drag_obstacle(self, number: int, who: int, where: Point) -> None:
-        own = self._control.request.obstacles
-        if self.session.drives(who) and number < len(own):
-            self._control.ask(
-                obstacles=(
-                    *own[:number],
-                    replace(own[number], center=where),
-                    *own[number + 1 :],
-                )
-            )
+    def _drag_obstacle(self, number: int, client: int, position: Point) -> None:
+        obstacles = list(self._control.request.obstacles)
+        if self.session.drives(client) and number < len(obstacles):
+            obstacles[number] = replace(obstacles[number], center=position)
+            self._control.ask(obstacles=tuple(obstacles))
 
-    def _look_round(self) -> None:
+    def _run_survey(self) -> None:
         if self._survey is not None:
             cloud, gap = self._survey()
             if not self.closing.is_set():
                 self.scene.draw_cloud(cloud)
                 self._gap_at = lru_cache(maxsize=1)(gap)
 
-    def _draw(self, _passed: float) -> None:
-        """One frame."""
+    def _draw(self, _elapsed: float) -> None:
+        """Draw one frame."""
         latest = self._control.latest
         if latest is None:
             return
-        if not self._steps:
-            threading.Thread(target=self._look_round, daemon=True).start()
+        if not self._snapshots:
+            threading.Thread(target=self._run_survey, daemon=True).start()
             if self.session.present:
                 self._session_changed()
-        if not self._steps or latest.step is not self._steps[-1].step:
-            self._steps.append(latest)
+        if not self._snapshots or latest.step is not self._snapshots[-1].step:
+            self._snapshots.append(latest)
             self._plots.add(latest)
             self._draw_trails(latest)
-            self.scene.draw_load(
-                latest.states[-1, POSITION], self._control.request, self._control.limits
-            )
+            control = self._control
+            self.scene.draw_payload(latest.tip, control.request, control.limits)
         self._draw_arm(latest)
-        self._draw_asked(latest)
+        self._draw_goal(latest)
         if self.frames % PLOT_EVERY == 0:
-            self._say(latest)
+            self._update_panels(latest)
         self.frames += 1
 
     def _draw_trails(self, latest: Snapshot) -> None:
-        self._trail.append(np.array([latest.states[-1, POSITION], _desired(latest)[0]]))
-        points = (
-            np.array(self._trail) if self.session.view[TRAILS] else np.zeros((0, 2, 3))
-        )
+        self._trail.append(np.array([latest.tip, _desired(latest)[0]]))
+        visible = self.session.view[TRAILS]
+        points = np.array(self._trail) if visible else np.zeros((0, 2, 3))
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("desired", points[:, 1])
 
     def _draw_arm(self, latest: Snapshot) -> None:
-        """Between the last two states, as far as time has come; it stands where nothing comes any more."""
-        share = (time.perf_counter() - latest.step.moment) / self.arm.control_period
-        before = self._steps[0]
+        """Interpolate between the last two snapshots; stand still without new ones."""
+        age = time.perf_counter() - latest.step.moment
+        share = age / self.arm.control_period
         if share > 1.5:
             return
         share = min(max(share, 0.0), 1.0)
-        self.scene.draw_arm((1 - share) * before.states + share * latest.states)
-        expected = (1 - share) * before.expected + share * latest.expected
-        self.scene.draw_ghost(
-            expected if self.session.view[GHOST] else None, latest.states
-        )
+        last = self._snapshots[0]
+        self.scene.draw_arm((1 - share) * last.states + share * latest.states)
+        ghost = None
+        if self.session.view[GHOST]:
+            ghost = (1 - share) * last.predicted + share * latest.predicted
+        self.scene.draw_ghost(ghost, latest.states)
 
-    def _draw_asked(self, latest: Snapshot) -> None:
+    def _draw_goal(self, latest: Snapshot) -> None:
+        """Draw the target and the obstacles of the request and of the task."""
         request = self._control.request
         goal = latest.step.goal
         position = request.target
         axis = request.axis
-        spheres = np.zeros((0, 4))
+        task_spheres = np.zeros((0, 4))
         if request.task is not None and goal is not None:
             position, axis = _desired(latest)
             spheres = goal.obstacles_in_use()
-            # the driver's come after the task's
-            spheres = spheres[: max(len(spheres) - len(request.obstacles), 0)]
-        self._gap = (
-            self._gap_at(point(position))
-            if position is not None and np.isfinite(position).all()
-            else 0.0
-        )
+            # the driver's obstacles come after the task's
+            count = max(len(spheres) - len(request.obstacles), 0)
+            task_spheres = spheres[:count]
+        self._gap = 0.0
+        if position is not None and np.isfinite(position).all():
+            self._gap = self._gap_at(point(position))
         self.scene.draw_target(position, axis, self._gap)
-        self.scene.draw_obstacles(
-            request.obstacles, spheres, latest.states[-1, POSITION]
-        )
+        self.scene.draw_obstacles(request.obstacles, task_spheres, latest.tip)
 
-    def _say(self, latest: Snapshot) -> None:
-        """What is shown now and then only: plots, words, buttons."""
+    def _update_panels(self, latest: Snapshot) -> None:
+        """Update what need not change in every frame: plots, status, buttons."""
         self._plots.draw()
         self.scene.show_cloud(self.session.view[CLOUD])
         self._status.content = self._status_of(latest)
@@ -230,44 +232,50 @@ class LivePage(Window):
             panel.follow()
 
     def _status_of(self, latest: Snapshot) -> str:
-        driver = self.session.driver
-        others = len(self.session.present) - (self.session.driver is not None)
-        who = "nobody drives" if driver is None else "one drives"
-        head = f"**{self.arm.name}** · {latest.strategy} · {who}" + (
-            f", {others} watch" if others else ""
-        )
+        """Markdown of the status: who drives, what the arm does, the estimate."""
+        session = self.session
+        driven = session.driver is not None
+        watching = len(session.present) - driven
+        head = f"**{self.arm.name}** · {latest.strategy} · "
+        head += "one browser drives" if driven else "nobody drives"
+        if watching:
+            head += f", {watching} watching"
         if latest.stage is Stage.FAULT:
             return f"{head}\n\n**stopped:** {latest.fault}"
-        stopped = (
-            f"**stopped:** {self._control.halted_by}"
-            if self._control.request.stopped
-            else ""
-        )
-        said = {
-            stopped or str(latest.stage): True,
-            f"error {100 * latest.error:.1f} cm": np.isfinite(latest.error),
-            f"clearance {100 * latest.clearance:.1f} cm": np.isfinite(latest.clearance),
-            f"step {latest.task_step + 1} of {latest.task_steps}": latest.task_steps
-            and not latest.finished,
-            "task finished": latest.finished,
+        details = " · ".join([self._motion(latest), *self._details(latest)])
+        estimate = describe_step_estimates(latest.step.diagnostics)
+        return f"{head}\n\n{details}\n\n{estimate}"
+
+    def _motion(self, latest: Snapshot) -> str:
+        """What the arm does; "stopped" only while it holds or is at rest."""
+        if not self._control.request.stopped:
+            return str(latest.stage)
+        if latest.stage is Stage.RUN:
+            return "stopping"
+        if latest.stage is Stage.RELEASE:
+            return f"{latest.stage} after a stop"
+        return f"**stopped:** {self._control.halted_by}"
+
+    def _details(self, latest: Snapshot) -> list[str]:
+        """Errors, task, recording and warnings that apply now."""
+        error = latest.error
+        clearance = latest.clearance
+        step = f"step {latest.task_step + 1} of {latest.task_steps}"
+        measured = "states" in latest.step.reading.sensors
+        texts = {
+            f"error {100 * error:.1f} cm": np.isfinite(error),
+            f"clearance {100 * clearance:.1f} cm": np.isfinite(clearance),
+            "task finished" if latest.finished else step: latest.task_steps,
             "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > MIN_GAP,
-            "nothing watches this arm: drawn as its model expects it": "states"
-            not in latest.step.reading.sensors,
+            MODEL_DRAWN: not measured,
             f"**{latest.fault}**": latest.fault,
         }
-        believed = belief_said(latest.step.diagnostics)
-        return "\n\n".join(
-            [
-                head,
-                " · ".join(text for text, shown in said.items() if shown),
-                *[believed] * bool(believed),
-            ]
-        )
+        return [text for text, applies in texts.items() if applies]
 
 
 def _desired(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
-    """Position and axis that are asked of the tip; NaN where they are not."""
+    """Desired position and axis of the tip; NaN where undefined."""
     goal = snapshot.step.goal
     if goal is None:
         return np.full((2, 3), np.nan)

@@ -1,4 +1,4 @@
-"""Live plots: the last seconds of error, clearance, bends, cable actions and planning time."""
+"""Live plots: the last seconds of errors, bends, cable actions and computing time."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -11,82 +11,72 @@ from s2c2a.live.snapshot import Snapshot
 from s2c2a.spaces import AXIS
 from s2c2a.viz.colors import MUTED, REAL, TARGET, module_colors
 
-SHOWN = 20.0  # s
+DURATION = 20.0  # s
 HEIGHT = 124  # pixels
-MAX_NAMED = 6  # modules whose names are written under a chart
+LEGEND_HEIGHT = 26  # pixels
+MAX_NAMED = 6  # modules up to which a legend is shown
 
 
 class Plots:
-    """Six charts in the shared panel; that of clearances is there while there are obstacles."""
+    """Six charts; those of clearance and of predictive uncertainty appear with data."""
 
     def __init__(self, gui: GuiApi, arm: ArmSpec):
-        """Empty charts."""
+        """Add empty charts to a panel."""
         self._rows: deque[list[np.ndarray]] = deque(
-            maxlen=round(SHOWN * arm.control_rate)
+            maxlen=round(DURATION * arm.control_rate)
         )
-        modules = {
-            f"module {k + 1}": color
-            for k, color in enumerate(module_colors(arm.module_count))
-        }
-        cables = {
-            f"{name}, {k + 1}": color
-            for name, color in modules.items()
-            for k in range(arm.cable_count)
-        }
+        modules = {}
+        cables = {}
+        for module, color in enumerate(module_colors(arm.module_count)):
+            modules[f"module {module + 1}"] = color
+            for cable in range(arm.cable_count):
+                cables[f"module {module + 1}, {cable + 1}"] = color
         unit, self._scale = unit_of_cables(arm)
-        across = uplot.Scale(time=False, range=(-SHOWN, 0.0))
-        self._charts = [
-            add_chart(
-                gui,
-                title,
-                lines,
-                legend=lines is modules and len(modules) <= MAX_NAMED,
-                across=across,
-            )
-            for title, lines in (
-                ("tip from its target [cm]", {"error": TARGET}),
-                ("the model may be off by [cm]", {"predictive_std": MUTED}),
-                ("clearance of the tip [cm]", {"clearance": MUTED}),
-                ("bend of the modules [deg]", modules),
-                (f"cables [{unit}]", cables),
-                ("sense, plan, act [ms]", {"tick": REAL}),
-            )
-        ]
+        charts = {
+            "tip error [cm]": {"error": TARGET},
+            "predicted tip error, std [cm]": {"predictive_std": MUTED},
+            "tip clearance [cm]": {"clearance": MUTED},
+            "module bends [deg]": modules,
+            f"cables [{unit}]": cables,
+            "computing time [ms]": {"tick": REAL},
+        }
+        time_axis = uplot.Scale(time=False, range=(-DURATION, 0.0))
+        self._charts = []
+        for title, lines in charts.items():
+            legend = lines is modules and len(modules) <= MAX_NAMED
+            chart = add_chart(gui, title, lines, legend=legend, x_scale=time_axis)
+            self._charts.append(chart)
 
     def add(self, snapshot: Snapshot) -> None:
-        """One more control step."""
+        """Append one control step."""
         axes = np.concatenate([[[0.0, 0.0, 1.0]], snapshot.states[:, AXIS]])
-        bends = np.rad2deg(
-            np.arccos(np.clip(np.sum(axes[1:] * axes[:-1], axis=-1), -1.0, 1.0))
-        )
-        # not every model knows
-        self._charts[1].visible = bool(snapshot.deviation > 0.0)
+        cosines = np.sum(axes[1:] * axes[:-1], axis=-1)
+        bends = np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0)))
+        # not every model predicts an uncertainty
+        self._charts[1].visible = bool(snapshot.predictive_std > 0.0)
         self._charts[2].visible = bool(np.isfinite(snapshot.clearance))
-        lengths = [
-            100 * one
-            for one in (snapshot.error, snapshot.deviation, snapshot.clearance)
-        ]
         values = [
             snapshot.step.moment,
-            *lengths,
+            100 * snapshot.error,
+            100 * snapshot.predictive_std,
+            100 * snapshot.clearance,
             bends,
             self._scale * snapshot.step.action,
+            1e3 * snapshot.step.tick_time,
         ]
-        values += [1e3 * snapshot.step.tick_time]
-        # with NaN a chart stays empty
-        self._rows.append([np.nan_to_num(np.ravel(one), posinf=0.0) for one in values])
+        # a NaN would empty the whole chart
+        self._rows.append([np.nan_to_num(np.ravel(row), posinf=0.0) for row in values])
 
     def draw(self) -> None:
-        """Send the charts what is new, after the first `add`."""
-        (seconds,), *parts = (
-            np.transpose(part) for part in zip(*self._rows, strict=True)
-        )
-        for chart, part in zip(self._charts, parts, strict=True):
-            chart.data = (seconds - seconds[-1], *part)
+        """Update the charts; requires at least one `add`."""
+        columns = [np.transpose(column) for column in zip(*self._rows, strict=True)]
+        times = columns[0][0]
+        for chart, lines in zip(self._charts, columns[1:], strict=True):
+            chart.data = (times - times[-1], *lines)
 
 
 def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
-    """The unit in which cables are shown, and how many of it are one of the arm's."""
+    """Displayed unit of the cables, and how many of it are one SI unit."""
     return ("mm", 1e3) if arm.actuation == "displacement" else ("N", 1.0)
 
 
@@ -97,30 +87,27 @@ def add_chart(
     values: tuple = (),
     label="s",
     legend=True,
-    across=None,
+    x_scale=None,
 ) -> GuiUplotHandle:
-    """A chart in a panel.
+    """Add a chart to a panel.
 
     Args:
         gui: of the panel.
-        title: above it.
-        lines: the color of each, by name.
-        values: what is along, then every line's; empty unless stated.
-        label: of what is along.
-        legend: whether the lines' names are shown.
-        across: the scale of what is along; as wide as the values unless stated.
+        title: of the chart.
+        lines: colors by the lines' names.
+        values: x values, then the y values of each line; empty by default.
+        label: of the x axis.
+        legend: whether to show the legend.
+        x_scale: scale of the x axis; fits the values by default.
     """
+    series = [uplot.Series(label=label)]
+    for name, color in lines.items():
+        series.append(uplot.Series(label=name, stroke=color, width=1.6))
     return gui.add_uplot(
-        values or tuple(np.zeros(2) for _ in range(len(lines) + 1)),
-        (
-            uplot.Series(label=label),
-            *(
-                uplot.Series(label=name, stroke=lines[name], width=1.6)
-                for name in lines
-            ),
-        ),
+        values or tuple(np.zeros(2) for _ in series),
+        tuple(series),
         title=title,
-        scales={"x": across or uplot.Scale(time=False)},
+        scales={"x": x_scale or uplot.Scale(time=False)},
         legend=uplot.Legend(show=legend, live=False),
-        height=HEIGHT + (26 if legend else 0),
+        height=HEIGHT + (LEGEND_HEIGHT if legend else 0),
     )

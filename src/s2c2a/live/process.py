@@ -1,15 +1,14 @@
-"""What moves the arm, in a process of its own: neither drawing nor browsers take its turn.
+"""Control of the arm in a separate process, which browsers and drawing cannot delay.
 
 Two threads of one Python process wait for each other; two processes do not. Requests
-and orders go there through a pipe, snapshots come back.
+and commands go to the control process through a pipe, snapshots come back.
 
-Both sides say that they live: that one by its snapshots, this one by its request, again
-and again. When that stays away, as when the page's process hangs, nobody can press Stop
-any more: the arm is stopped, and goes on only when somebody says so who knows of that:
-what was asked before counts as stopped.
+Both processes send heartbeats: the control process its snapshots, the page's process
+its request. Without the page's heartbeat, for example because its process hangs, nobody
+can press Stop: the control process stops the arm and ignores earlier requests to move
+until the page has received the notice of the stop and the driver resumes.
 
-Nothing heavy is imported here, so that the process can begin before whoever starts it
-has imported its own part.
+This module imports nothing heavy, so that the control process starts early.
 """
 
 import multiprocessing
@@ -28,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import compute_on_one_thread
+from s2c2a.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
 from s2c2a.spaces import Stage
@@ -36,76 +35,77 @@ from s2c2a.spaces import Stage
 if TYPE_CHECKING:
     from s2c2a.live.control import ArmControl
 
-ENDED = "the control process has ended; start again"
-MISSED = "the control process does not answer"
-MAX_MISSED = 1.5  # s, and two control periods, without a snapshot
-# s after which Python lets another thread go on: the control thread gets its turn soon
-TURN = 0.0005
-MAX_WAITING = 1000  # snapshots that nobody has fetched yet
-# s between the page's signs of life, and without any until the arm is stopped
-HEARTBEAT = 0.25
-SILENCE = 1.5
-OTHERS_SIGNALS = ("SIGINT", "SIGHUP")  # of the page's process: it says stop, or is gone
-SILENT = "the page was silent"
-"""What is told when the arm was stopped for that; the page says that it is `known`."""
+ENDED = "the control process has ended; start s2c2a live again"
+NOT_RESPONDING = "the control process does not respond"
+MAX_SNAPSHOT_AGE = 1.5  # s; plus two control periods
+SWITCH_INTERVAL = 0.0005  # s; short, so that the control thread soon gets the GIL
+MAX_QUEUED = 1000  # snapshots that wait for the pipe
+HEARTBEAT = 0.25  # s between heartbeats of the page's process
+HEARTBEAT_TIMEOUT = 1.5  # s without a heartbeat until the arm is stopped
+IGNORED_SIGNALS = ("SIGINT", "SIGHUP")  # the page's process handles them
+PAGE_LOST = "no signal from the page"
+"""Message and reason of a stop without heartbeats; the page confirms it by `known`."""
 
 
 class ControlProcess(Control):
-    """The arm's control in another process; it ends with this one.
+    """Control of an arm in another process, which ends with this one.
 
     Attributes:
-        process: the number of the process.
+        process: id of the control process.
     """
 
     def __init__(self, arm: ArmSpec, build: "Callable[[], ArmControl]"):
-        """Start the process; it may take seconds until `wait_until_ready` returns.
+        """Start the process; `wait_until_ready` returns when the arm is open.
 
         Args:
-            arm: what its control will drive.
-            build: makes the control over there, and can be pickled.
+            arm: to be controlled.
+            build: creates the control in the other process; must be picklable.
         """
         super().__init__()
         self.arm = arm
         self.limits = RequestLimits.of(arm, ())
         self._fault = ""
-        self._heard = time.perf_counter()
+        self._last_message = time.perf_counter()
         self._ready = threading.Event()
         self._stopping = threading.Event()
         self._using = threading.Lock()
-        self._used = queue.SimpleQueue[str]()
+        self._use_results = queue.SimpleQueue[str]()
         context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
+        self._pipe, other_end = context.Pipe()
         self._process = context.Process(
-            target=_control, args=(build, theirs), name="control", daemon=True
+            target=_run_control, args=(build, other_end), name="control", daemon=True
         )
         self._process.start()
         self.process = self._process.pid
-        theirs.close()
-        self._listener = threading.Thread(
-            target=self._listen, name="snapshots", daemon=True
+        other_end.close()
+        self._receiver = threading.Thread(
+            target=self._receive_all, name="snapshots", daemon=True
         )
-        self._listener.start()
-        threading.Thread(target=self._live, name="heartbeat", daemon=True).start()
+        self._receiver.start()
+        threading.Thread(
+            target=self._send_heartbeats, name="heartbeat", daemon=True
+        ).start()
 
     @property
     def latest(self) -> Snapshot | None:
-        """The latest snapshot, None before the first; it says so where none has come for too long."""
+        """The latest snapshot, or None before the first; a fault if it is too old."""
         latest = self._latest
-        missing = self._missing()
-        if latest is None or not missing or self._stopping.is_set():
+        problem = self._problem()
+        if latest is None or not problem or self._stopping.is_set():
             return latest
-        return replace(latest, stage=Stage.FAULT, fault=missing)
+        return replace(latest, stage=Stage.FAULT, fault=problem)
 
     @property
     def answers(self) -> bool:
         """See `Control`."""
-        return not self._missing()
+        return not self._problem()
 
     def wait_until_ready(self, timeout: float = 600.0) -> None:
-        """Return when the arm is open and moved.
+        """Wait until the arm is open and controlled.
 
         Raises:
-            S2C2AError: it could not be built or opened, or not in time.
+            S2C2AError: the control could not be built, or the arm did not open within
+                `timeout` [s].
         """
         if not self._ready.wait(timeout):
             raise S2C2AError(f"the arm did not open within {timeout:g} s")
@@ -115,193 +115,200 @@ class ControlProcess(Control):
     def ask(self, **changes: Any) -> Request:
         """See `Control`."""
         with self._lock:
-            asked = super().ask(**changes)
-            self.order("ask", vars(asked))
-        return asked
+            request = super().ask(**changes)
+            self.order("ask", vars(request))
+        return request
 
     def order(self, name: str, *arguments: Any) -> None:
-        """See `Control`; nothing is said to one that does not answer, but to stop: the pipe would fill up."""
-        if self._missing() and name != "stop":
+        """See `Control`; a process that does not respond gets only `stop`.
+
+        Other commands would fill the pipe.
+        """
+        if self._problem() and name != "stop":
             return
-        with self._lock, suppress(OSError):  # nobody there any more: `_listen` says so
+        # OSError: the process has ended, which `_receive_all` reports
+        with self._lock, suppress(OSError):
             self._pipe.send((name, arguments))
 
     def reset(self) -> None:
         """See `Control`."""
-        self._check_alive()
+        self._check_response()
         super().reset()
 
     def use(self, name: str) -> None:
-        """See `Control`; it is built over there, which can take seconds, and this returns when it is done."""
+        """See `Control`; waits until the other process has built the strategy."""
         with self._using:
-            self._check_alive()
+            self._check_response()
             self.order("use", name)
-            said = self._used.get()
-            if said:
-                raise S2C2AError(said)
+            error = self._use_results.get()
+            if error:
+                raise S2C2AError(error)
 
     def stop(self) -> None:
-        """See `Control`; a process that does not hear is ended."""
+        """See `Control`; kills a process that does not respond."""
         self._stopping.set()
         self.order("stop")
-        if self._latest is not None:  # else it may still be compiling
+        if self._latest is not None:  # otherwise it may still be compiling
             self.wait_for_rest(self._process)
-        # nothing happens to one that has ended
+        # no effect on a process that has ended
         for end in (self._process.terminate, self._process.kill):
             end()
             self._process.join(PATIENCE)
-        self._listener.join(PATIENCE)
+        self._receiver.join(PATIENCE)
         self._pipe.close()
 
-    def _missing(self) -> str:
-        """Why nobody answers, or nothing."""
-        quiet = time.perf_counter() - self._heard
+    def _problem(self) -> str:
+        """Why the process does not respond, or nothing."""
         if not self._process.is_alive():
             return ENDED
-        return (
-            MISSED
-            if self._latest is not None
-            and quiet > MAX_MISSED + 2 * self.arm.control_period
-            else ""
-        )
+        age = time.perf_counter() - self._last_message
+        max_age = MAX_SNAPSHOT_AGE + 2 * self.arm.control_period
+        return NOT_RESPONDING if self._latest is not None and age > max_age else ""
 
-    def _check_alive(self) -> None:
-        if missing := self._missing():
-            raise S2C2AError(missing)
+    def _check_response(self) -> None:
+        if problem := self._problem():
+            raise S2C2AError(problem)
 
-    def _live(self) -> None:
-        """Say again what is asked, until this side stops: a sign of life, and news for one that did not answer."""
+    def _send_heartbeats(self) -> None:
+        """Repeat the request until `stop`, also for a process that missed changes."""
         while not self._stopping.wait(HEARTBEAT):
-            if self._latest is not None:  # before that nobody empties the pipe
+            if self._latest is not None:  # before, the process does not read the pipe
                 self.ask()
 
-    def _listen(self) -> None:
-        """Fetch what comes until the process ends."""
+    def _receive_all(self) -> None:
+        """Receive messages until the process ends."""
         try:
-            while (said := self._fetched()) is not None:
-                self._take(said)
+            while (message := self._receive()) is not None:
+                self._handle(message)
         finally:
             self._fault = self._fault or ENDED
-            self._process.join(PATIENCE)  # whoever asks next finds it ended
-            self._used.put(ENDED)
+            self._process.join(PATIENCE)  # so that later calls find it ended
+            self._use_results.put(ENDED)
             self._ready.set()
 
-    def _fetched(self) -> Any:
-        """What comes next; None when nothing will."""
-        # the last where the pipe is closed meanwhile
+    def _receive(self) -> Any:
+        """The next message, or None after the last."""
+        # TypeError: the pipe was closed during the call
         with suppress(EOFError, OSError, TypeError):
             return self._pipe.recv()
         return None
 
-    def _take(self, said: Any) -> None:
-        """A snapshot; before the first one what can be asked, or why there will be none; or how `use` ended."""
-        self._heard = time.perf_counter()
-        match said:
+    def _handle(self, message: Any) -> None:
+        """Handle a message of the control process.
+
+        It sends limits and strategies first or an error, then snapshots, the result of
+        each `use`, and `PAGE_LOST` after a stop without heartbeats.
+        """
+        self._last_message = time.perf_counter()
+        match message:
             case Snapshot():
-                self._show(said)
+                self._show(message)
                 self._ready.set()
             case S2C2AError():
-                self._fault = str(said)  # and the end comes at once
+                self._fault = str(message)  # the process ends next
             case tuple():
-                self.limits, self.strategies = said
-            # it was stopped over there: here, too, until somebody says go on
-            case _ if said == SILENT:
+                self.limits, self.strategies = message
+            case _ if message == PAGE_LOST:
                 with self._lock:
-                    self.halt(SILENT)
+                    self.halt(PAGE_LOST)
                     self.order("known")
             case _:
-                self._used.put(said)
+                self._use_results.put(message)
 
 
-def _control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
-    """What the process does: build, run, hear orders until the other end says stop or is gone."""
-    for name in vars(signal).keys() & OTHERS_SIGNALS:  # not every system has all
+def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
+    """Main function of the control process: builds and runs the control."""
+    for name in vars(signal).keys() & IGNORED_SIGNALS:  # not every system has all
         signal.signal(vars(signal)[name], signal.SIG_IGN)
-    sys.setswitchinterval(TURN)
-    compute_on_one_thread()
-    said: queue.Queue[Any] = queue.Queue(MAX_WAITING)
-    passing = threading.Thread(
-        target=_pass_on, args=(said, pipe), name="snapshots", daemon=True
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    limit_jax_to_one_thread()
+    messages: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
+    sender = threading.Thread(
+        target=_send_all, args=(messages, pipe), name="snapshots", daemon=True
     )
-    passing.start()
+    sender.start()
     try:
         control = build()
-        said.put((control.limits, control.strategies))
-        control.watch(partial(_leave, said))
-        # before there is nothing to lead to rest
+        messages.put((control.limits, control.strategies))
+        control.watch(partial(_queue_snapshot, messages))
+        # from here on, an exit returns the arm to rest
         signal.signal(signal.SIGTERM, lambda *_: sys.exit())
         try:
             control.start()
-            _go_first()
+            _raise_priority()
             threading.Thread(target=control.prepare, daemon=True).start()
-            _obey(control, pipe, said)
-        finally:  # whatever that is, the arm goes to rest
+            _obey(control, pipe, messages)
+        finally:
             control.stop()
     except S2C2AError as error:
-        said.put(error)
-    said.put(None)
-    passing.join(PATIENCE)
+        messages.put(error)
+    messages.put(None)
+    sender.join(PATIENCE)
 
 
-def _go_first() -> None:
-    """Let the threads that are there now run before all others, where the system lets anybody (Linux: root, mostly).
+def _raise_priority() -> None:
+    """Give real-time priority to the current threads, if permitted (Linux, root).
 
-    Python threads that are started later, to build a strategy, get no more than their
-    share.
+    Threads that start later, for example to build a strategy, get normal priority.
     """
     if not hasattr(os, "SCHED_RESET_ON_FORK"):
         return
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    least = os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
+    lowest = os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO))
     for thread in os.listdir("/proc/self/task"):
-        with suppress(OSError):  # not allowed, or just ended
-            os.sched_setscheduler(int(thread), policy, least)
+        with suppress(OSError):  # not permitted, or the thread has ended
+            os.sched_setscheduler(int(thread), policy, lowest)
 
 
-def _obey(control: "ArmControl", pipe: Connection, said: queue.Queue) -> None:
-    """Do what is ordered, in order; stop the arm where nothing is heard for too long, not even a sign of life."""
-    silent = False  # and the page does not know yet that the arm was stopped for that
+def _obey(control: "ArmControl", pipe: Connection, messages: queue.Queue) -> None:
+    """Execute commands until `stop` or the end of the page's process.
+
+    Stops the arm when heartbeats are missing.
+    """
+    lost = False  # stopped without heartbeats, and the page has not confirmed it
     with suppress(EOFError, OSError):
         while True:
-            if not pipe.poll(SILENCE):
+            if not pipe.poll(HEARTBEAT_TIMEOUT):
                 if control.request.driven and not control.request.stopped:
-                    control.halt(SILENT)
-                    silent = True
-                    said.put(SILENT)
+                    control.halt(PAGE_LOST)
+                    lost = True
+                    messages.put(PAGE_LOST)
                 continue
             match pipe.recv():
-                case "ask", (asked,):
-                    control.ask(**asked | ({"stopped": True} if silent else {}))
+                case "ask", (request,):
+                    if lost:
+                        request["stopped"] = True
+                    control.ask(**request)
                 case "known", ():
-                    silent = False
-                # building a strategy takes long, so that goes beside the rest
+                    lost = False
                 case "use", (name,):
+                    # building a strategy takes seconds
                     threading.Thread(
-                        target=_use, args=(control, name, said), daemon=True
+                        target=_use, args=(control, name, messages), daemon=True
                     ).start()
-                case "begin" | "move_on" as name, arguments:
+                case "reopen" | "advance" as name, arguments:
                     control.order(name, *arguments)
                 case _:
                     return
 
 
-def _use(control: "ArmControl", name: str, said: queue.Queue) -> None:
-    """Change the strategy; say nothing where that went well."""
+def _use(control: "ArmControl", name: str, messages: queue.Queue) -> None:
+    """Change the strategy; sends the error, or an empty text."""
     try:
         control.use(name)
-        said.put("")
-    except Exception as error:  # whatever it is, somebody waits for the answer
-        said.put(str(error) or type(error).__name__)
+        messages.put("")
+    except Exception as error:  # any error, since the page waits for the result
+        messages.put(str(error) or type(error).__name__)
 
 
-def _leave(said: queue.Queue, snapshot: Snapshot) -> None:
-    """Leave a snapshot to be fetched; never wait for whoever fetches."""
+def _queue_snapshot(messages: queue.Queue, snapshot: Snapshot) -> None:
+    """Queue a snapshot without waiting; drop it if the queue is full."""
     with suppress(queue.Full):
-        said.put_nowait(snapshot)
+        messages.put_nowait(snapshot)
 
 
-def _pass_on(said: queue.Queue, pipe: Connection) -> None:
-    """Hand on what is said, until None; what cannot be handed on is dropped."""
-    for something in iter(said.get, None):
+def _send_all(messages: queue.Queue, pipe: Connection) -> None:
+    """Send queued messages until None; drops messages that cannot be sent."""
+    for message in iter(messages.get, None):
         with suppress(OSError):
-            pipe.send(something)
+            pipe.send(message)

@@ -1,4 +1,4 @@
-"""What the driver asks for: frozen values, brought within their limits whatever a client sends, and sliders on them."""
+"""Requests of the driver: frozen values, their limits, and sliders that change them."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -13,19 +13,19 @@ Point = tuple[float, float, float]
 
 MAX_OBSTACLES = 8
 SPEEDS = (0.1, 4.0)
-FACTORS = (0.0, 10.0)
+WEIGHT_FACTORS = (0.0, 10.0)
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A sphere to keep out of: center and threshold r [m], base frame."""
+    """A sphere to avoid: center and threshold r [m], base frame."""
 
     center: Point
     threshold: float
 
 
 class Weights(NamedTuple):
-    """What the terms' weights are multiplied by."""
+    """Factors of the weights of the planner's cost terms."""
 
     position: float = 1.0
     axis: float = 1.0
@@ -38,23 +38,23 @@ UNCHANGED = Weights()
 
 @dataclass(frozen=True)
 class Request:
-    """Everything that a driver can ask for; `RequestLimits.changed` makes new ones.
+    """All inputs of the driver; `RequestLimits.changed` makes new requests.
 
     Attributes:
-        driven: whether somebody drives; if not, the arm is stopped.
-        stopped: whether the driver stopped it.
-        target: desired tip [m], base frame, or None for nothing desired.
+        driven: whether a browser drives; otherwise the arm holds.
+        stopped: whether Stop was pressed.
+        target: desired tip position [m], base frame, or None.
         axis: desired end axis, or None for any.
-        task: name of the task that is played instead of the target, or None.
-        playing: whether the task goes on.
-        speed: of the task; one is the protocol's.
-        obstacles: added by the driver, beside the task's own.
-        weights: factors of the terms.
+        task: name of the task played instead of the target, or None.
+        playing: whether the task advances.
+        speed: of the task; 1 is the protocol's speed.
+        obstacles: added by the driver to the task's obstacles.
+        weights: factors of the cost terms.
         payload: at the tip [kg].
-        push: force at the tip [N], base frame.
-        coupling: part of the paper's leak between the modules' sensors (eq. (11)), 0 to
-            1.
-        noise: of the sensors, standard deviation in parts of the full range.
+        push: external force at the tip [N], base frame.
+        coupling: part of the paper's coupling between the modules' sensors (eq. (11)),
+            0 to 1.
+        noise: standard deviation of the sensors' noise, in parts of the full range.
     """
 
     driven: bool = False
@@ -74,14 +74,14 @@ class Request:
 
 @dataclass(frozen=True)
 class RequestLimits:
-    """How far a request may go.
+    """Limits of a request.
 
     Attributes:
         reach: largest distance of a target or an obstacle from the base [m].
-        payload: heaviest payload [kg].
+        payload: largest payload [kg].
         push: largest force along each axis [N].
-        noise: largest part of the full range.
-        tasks: tasks by name.
+        noise: largest noise, in parts of the full range.
+        tasks: names of the tasks.
     """
 
     reach: float
@@ -94,7 +94,10 @@ class RequestLimits:
     def of(
         cls, arm: ArmSpec, tasks: tuple[str, ...], disturbed: bool = True
     ) -> "RequestLimits":
-        """Twice the arm's length around it; where it can be pushed and loaded, its own weight, to each side as well."""
+        """Limits of an arm: twice its length for targets, its weight for loads.
+
+        Without `disturbed`, payload and push are zero.
+        """
         mass = sum(module.mass for module in arm.modules) if disturbed else 0.0
         return cls(
             reach=2.0 * arm.length,
@@ -105,135 +108,147 @@ class RequestLimits:
         )
 
     def changed(self, request: Request, **changes: Any) -> Request:
-        """The request with changes brought within the limits; a change that makes no sense is passed over."""
+        """The request with changes clipped to the limits; ignores invalid changes."""
         rules = self._rules()
-        sound = {}
+        valid = {}
         for name in rules.keys() & changes.keys():
             try:
-                sound[name] = rules[name](changes[name])
+                valid[name] = rules[name](changes[name])
             except (TypeError, ValueError, AttributeError, KeyError, OverflowError):
                 continue
-        return replace(request, **sound)
+        return replace(request, **valid)
 
     def _rules(self) -> dict[str, Callable[[Any], Any]]:
-        numbers = {
-            "speed": SPEEDS,
-            "payload": (0.0, self.payload),
-            "coupling": (0.0, 1.0),
-            "noise": (0.0, self.noise),
-        }
+        """Functions that check and clip the value of each field."""
         return {
-            **{
-                name: partial(_sound, low=low, high=high)
-                for name, (low, high) in numbers.items()
-            },
-            **dict.fromkeys(("driven", "stopped", "playing"), bool),
-            "target": lambda value: None if value is None else self._inside(value),
-            "axis": lambda value: None if value is None else _unit(value),
-            # where there is one
-            "task": lambda value: (None, *self.tasks)[(None, *self.tasks).index(value)],
-            "obstacles": lambda value: tuple(
-                self._obstacle(one) for one in tuple(value)[:MAX_OBSTACLES]
-            ),
-            "weights": lambda value: Weights(*_sound(value, *FACTORS, shape=(4,))),
-            "push": lambda value: point(_sound(value, -self.push, self.push, (3,))),
+            "driven": bool,
+            "stopped": bool,
+            "playing": bool,
+            "speed": partial(_clip, low=SPEEDS[0], high=SPEEDS[1]),
+            "payload": partial(_clip, low=0.0, high=self.payload),
+            "coupling": partial(_clip, low=0.0, high=1.0),
+            "noise": partial(_clip, low=0.0, high=self.noise),
+            "target": partial(_optional, self._clip_point),
+            "axis": partial(_optional, _unit),
+            "task": partial(_optional, self._task),
+            "obstacles": self._obstacles,
+            "weights": lambda value: Weights(*_clip(value, *WEIGHT_FACTORS, (4,))),
+            "push": lambda value: point(_clip(value, -self.push, self.push, (3,))),
         }
+
+    def _task(self, name: Any) -> str:
+        return self.tasks[self.tasks.index(name)]
+
+    def _obstacles(self, values: Any) -> tuple[Obstacle, ...]:
+        return tuple(self._obstacle(value) for value in tuple(values)[:MAX_OBSTACLES])
 
     def _obstacle(self, value: Any) -> Obstacle:
-        return Obstacle(
-            self._inside(value.center), _sound(value.threshold, 0.01, self.reach / 4)
-        )
+        threshold = _clip(value.threshold, 0.01, self.reach / 4)
+        return Obstacle(self._clip_point(value.center), threshold)
 
-    def _inside(self, value: Any) -> Point:
-        """The point, drawn to the sphere around the base if it is outside of it."""
-        vector = np.array(_sound(value, shape=(3,)))
-        return point(
-            vector * min(1.0, self.reach / max(float(np.linalg.norm(vector)), 1e-9))
-        )
+    def _clip_point(self, value: Any) -> Point:
+        """The point, projected to the sphere of `reach` if it is outside."""
+        vector = np.array(_clip(value, shape=(3,)))
+        distance = max(float(np.linalg.norm(vector)), 1e-9)
+        return point(vector * min(1.0, self.reach / distance))
 
 
 @dataclass(frozen=True)
-class Knob:
+class RequestSlider:
     """A slider on one number of the request.
 
     Attributes:
-        label: beside it.
-        low: where it begins, in its own unit.
-        high: where it ends; one that ends where it begins is not shown.
+        label: beside the slider.
+        low: lower end, in the slider's unit.
+        high: upper end; a slider whose ends are equal is not shown.
         step: of the slider.
-        name: of what it changes in the request.
-        place: of that, where it is several numbers.
-        scale: how many of its units are one of the request's.
+        field: of the request.
+        element: index in the field, or None for a scalar field.
+        scale: slider units per unit of the request.
     """
 
     label: str
     low: float
     high: float
     step: float
-    name: str
-    place: int | None = None
+    field: str
+    element: int | None = None
     scale: float = 1.0
 
-    def shown(self, request: Request) -> float:
-        """The request's number in the slider's unit, within its ends whoever has asked for it."""
-        whole = getattr(request, self.name)
-        number = whole if self.place is None else whole[self.place]
+    def value(self, request: Request) -> float:
+        """The request's number in the slider's unit, clipped to the slider's ends."""
+        number = getattr(request, self.field)
+        if self.element is not None:
+            number = number[self.element]
         return float(np.clip(self.scale * number, self.low, self.high))
 
-    def change(self, request: Request, shown: float) -> dict[str, Any]:
-        """What to ask for when the slider shows a number."""
-        whole = getattr(request, self.name)
-        number = shown / self.scale
-        place = self.place
-        return {
-            self.name: number
-            if place is None
-            else (*whole[:place], number, *whole[place + 1 :])
-        }
+    def change(self, request: Request, value: float) -> dict[str, Any]:
+        """Change of the request for a value of the slider."""
+        number = value / self.scale
+        if self.element is None:
+            return {self.field: number}
+        numbers = list(getattr(request, self.field))
+        numbers[self.element] = number
+        return {self.field: tuple(numbers)}
 
 
-SPEED = Knob("Speed", 0.25, 3.0, 0.25, "speed")
-FACTORED = ("target μp", "direction μo", "obstacles μob", "change μd")
-WEIGHTS = tuple(
-    Knob(label, 0.0, 4.0, 0.1, "weights", place) for place, label in enumerate(FACTORED)
+SPEED_SLIDER = RequestSlider("Speed", 0.25, 3.0, 0.25, "speed")
+WEIGHT_SLIDERS = (
+    RequestSlider("target μp", 0.0, 4.0, 0.1, "weights", 0),
+    RequestSlider("direction μo", 0.0, 4.0, 0.1, "weights", 1),
+    RequestSlider("obstacles μob", 0.0, 4.0, 0.1, "weights", 2),
+    RequestSlider("change μd", 0.0, 4.0, 0.1, "weights", 3),
 )
 
 
-def faults(limits: RequestLimits, couples: bool) -> tuple[Knob, ...]:
-    """What a driver can make go wrong; `couples`: whether the paper's leak between the sensors fits the arm."""
+def fault_sliders(limits: RequestLimits, coupled: bool) -> tuple[RequestSlider, ...]:
+    """Sliders of disturbances and sensor faults.
+
+    Args:
+        limits: of the requests.
+        coupled: whether the paper's sensor coupling fits the arm.
+    """
     push = limits.push
+    coupling = 100.0 if coupled else 0.0
     return (
-        Knob("Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000),
-        *(
-            Knob(f"Push {name} [N]", -push, push, push / 20, "push", place)
-            for place, name in enumerate("xyz")
+        RequestSlider(
+            "Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000
         ),
-        Knob("Sensor noise [%]", 0.0, 100 * limits.noise, 0.1, "noise", scale=100),
-        Knob("Sensor coupling [%]", 0.0, 100.0 * couples, 5.0, "coupling", scale=100),
+        RequestSlider("Force x [N]", -push, push, push / 20, "push", 0),
+        RequestSlider("Force y [N]", -push, push, push / 20, "push", 1),
+        RequestSlider("Force z [N]", -push, push, push / 20, "push", 2),
+        RequestSlider(
+            "Sensor noise [%]", 0.0, 100 * limits.noise, 0.1, "noise", scale=100
+        ),
+        RequestSlider("Sensor coupling [%]", 0.0, coupling, 5.0, "coupling", scale=100),
     )
 
 
 def point(values: Iterable[Any]) -> Point:
-    """Three numbers as Python's own."""
+    """Three numbers as Python floats."""
     x, y, z = (float(value) for value in values)
     return x, y, z
 
 
-def _sound(
+def _optional(convert: Callable[[Any], Any], value: Any) -> Any:
+    return None if value is None else convert(value)
+
+
+def _clip(
     value: Any, low: float = -1e6, high: float = 1e6, shape: tuple[int, ...] = ()
 ) -> Any:
-    """Finite numbers of this shape, brought within their limits, as Python's own."""
+    """Finite numbers of a shape, clipped to limits, as Python floats."""
     if isinstance(value, str | bytes | bool):
-        raise TypeError("numbers are needed")
+        raise TypeError(f"got {value!r}, expected numbers")
     numbers = np.asarray(value, dtype=float)
     if numbers.shape != shape or not np.isfinite(numbers).all():
-        raise ValueError(f"finite numbers of shape {shape} are needed")
+        raise ValueError(f"got {value!r}, expected finite numbers of shape {shape}")
     return np.clip(numbers, low, high).tolist()
 
 
 def _unit(value: Any) -> Point:
-    vector = np.array(_sound(value, shape=(3,)))
+    vector = np.array(_clip(value, shape=(3,)))
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
-        raise ValueError("a direction is needed")
+        raise ValueError("got a zero vector, expected a direction")
     return point(vector / length)

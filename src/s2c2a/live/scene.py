@@ -1,7 +1,7 @@
-"""The scene: floor, arm, ghost, target, obstacles, trails, workspace. Drawn from State values alone.
+"""3D scene of an arm: ground, arm, ghost, target, obstacles, trails, workspace.
 
-viser sends what is assigned only where it has changed, so everything is said anew in
-every frame.
+Everything is drawn from State values. viser sends only assigned values that changed, so
+each frame assigns all of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,346 +39,370 @@ from s2c2a.viz.mounting import Surroundings
 
 SHADOW = "#d9dee6"
 GHOST = "#5b6675"
-# in parts of the arm's length: a ghost nearer to the arm than that is not shown
-SAME_PLACE = 0.015
-FAR_TARGET = "#f0a000"
-SAFE = OBSTACLE
-NEAR = "#f0a000"
+WARNING = "#f0a000"
 INSIDE = "#d62728"
-NEAR_BY = 0.05  # m; an obstacle's sphere turns amber when the tip is closer than that
-PALE = 0.6  # how much of the workspace's colors is white
-BALL = 0.042  # radius of the target in parts of the arm's length
-ARROW = 0.22  # length of the target's axis, the same
-LINE = 0.0012  # half the width of a grid's line, the same
-TRAIL_THICK = 0.004
+NEAR_DISTANCE = 0.05  # m; clearance below which an obstacle turns amber
+REACH_TOLERANCE = 0.005  # m; a target closer to the reach counts as reachable
+WHITE_SHARE = 0.6  # of the workspace's colors
 TRAIL_POINTS = 90
 SUN = (1.0, -1.4, 2.0)
+# lengths in arm lengths
+SAME_POSE = 0.015  # a ghost closer to the arm is hidden
+BALL_RADIUS = 0.042  # of the target
+AXIS_LENGTH = 0.22  # of the target's axis
+GRID_HALF_WIDTH = 0.0012
+TRAIL_RADIUS = 0.004
 
 Desired = Sequence[float] | np.ndarray | None
-"""A place or direction; None or NaN where nothing is desired."""
+"""A position or direction; None or NaN where nothing is desired."""
 Spheres = Float[np.ndarray, "obstacles 4"]
-Dragged = Callable[[int, Point], None]
-"""Told who dragged (a client's number) and where to."""
+Points = Float[np.ndarray, "points 3"]
+Vector = Point | np.ndarray
+DragHandler = Callable[[int, Point], None]
+"""Called with the client number of the browser and the new position [m]."""
 
 
 class ArmScene:
-    """One arm and what is round it, in a viser scene that all browsers share."""
+    """One arm and its surroundings in a viser scene that all browsers share."""
 
     def __init__(self, scene: SceneApi, arm: ArmSpec):
-        """Lay everything out, the arm straight."""
+        """Add all objects, with the arm straight."""
         self._scene = scene
         self._mesh = ArmMesh(arm)
         self._size = arm.length
-        around = _lay_ground(scene, arm)
-        self._up = around.mounting.turn[2]
-        self._level = around.level if around.arrow is None else None
+        surroundings = _add_surroundings(scene, arm)
+        self._up = surroundings.mounting.turn[2]
+        self._ground = surroundings.level if surroundings.arrow is None else None
         vertices = self._mesh.vertices(straight(arm))
         self._pieces: list[MeshHandle] = []
-        for number, (piece, corners) in enumerate(
-            zip(self._mesh.pieces, vertices, strict=True)
-        ):
+        for piece, corners in zip(self._mesh.pieces, vertices, strict=True):
+            name = f"/arm/{len(self._pieces)}"
             flat = piece.name in ("discs", "base")
-            self._pieces.append(
-                _mesh(
-                    scene,
-                    f"/arm/{number}",
-                    corners,
-                    piece.faces,
-                    piece.color,
-                    flat_shading=flat,
-                )
+            handle = _add_mesh(
+                scene, name, corners, piece.faces, piece.color, flat_shading=flat
             )
-        outline = self._mesh.outline(vertices)
-        faces = self._mesh.outline_faces
-        self._shadow = _mesh(
-            scene, "/shadow", outline, faces, SHADOW, side="double", visible=False
+            self._pieces.append(handle)
+        add_outline = partial(
+            _add_mesh,
+            scene,
+            vertices=self._mesh.outline(vertices),
+            faces=self._mesh.outline_faces,
+            visible=False,
         )
-        self._ghost = _mesh(
-            scene, "/ghost", outline, faces, GHOST, opacity=0.22, visible=False
+        self._shadow = add_outline(name="/shadow", color=SHADOW, side="double")
+        self._ghost = add_outline(name="/ghost", color=GHOST, opacity=0.22)
+        add_line = partial(
+            _add_mesh,
+            scene,
+            vertices=np.zeros((TRAIL_POINTS * THREAD_SIDES, 3)),
+            faces=tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
+            visible=False,
         )
-        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "push": FAR_TARGET}
-        corners = np.zeros((TRAIL_POINTS * THREAD_SIDES, 3))
-        faces = tube_faces(1, TRAIL_POINTS, THREAD_SIDES)
-        line = partial(_mesh, scene, vertices=corners, faces=faces, visible=False)
-        self._threads = {
-            name: line(name=f"/trails/{name}", color=color)
+        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "push": WARNING}
+        self._lines = {
+            name: add_line(name=f"/trails/{name}", color=color)
             for name, color in colors.items()
         }
-        self._target = _ball(scene, "/target", BALL * self._size, TARGET)
-        self._pointer = _ball(scene, "/pointer", 0.6 * BALL * self._size, TARGET)
-        self._payload = _ball(scene, "/payload", 1.0, INK)
-        self._far = scene.add_label("/far", "", visible=False, anchor="bottom-center")
-        numbers = range(MAX_OBSTACLES)
-        names = ("/obstacles", "/task_obstacles")
-        self._spheres, self._asked = (
-            [_Sphere(scene, f"{name}/{k}", self._level) for k in numbers]
-            for name in names
+        radius = BALL_RADIUS * self._size
+        self._target = _add_ball(scene, "/target", radius, TARGET)
+        self._pointer = _add_ball(scene, "/pointer", 0.6 * radius, TARGET)
+        self._payload = _add_ball(scene, "/payload", 1.0, INK)
+        self._gap_label = scene.add_label(
+            "/far", "", visible=False, anchor="bottom-center"
         )
+        self._driver_spheres = self._add_spheres("/obstacles")
+        self._task_spheres = self._add_spheres("/task_obstacles")
+
+    def _add_spheres(self, name: str) -> "list[_Sphere]":
+        numbers = range(MAX_OBSTACLES)
+        return [_Sphere(self._scene, f"{name}/{k}", self._ground) for k in numbers]
 
     def draw_arm(self, states: States) -> None:
-        """Put the arm where it is."""
+        """Draw the arm and its shadow."""
         vertices = self._mesh.vertices(states)
-        # but the base, which never moves
+        # the last piece is the base, which never moves
         for handle, corners in zip(self._pieces[:-1], vertices, strict=False):
             handle.vertices = corners
-        if self._level is not None:  # far cheaper than a light's shadow
-            flat = self._mesh.outline(vertices)
-            flat[:, 2] = self._level + 0.002 * self._size
-            self._shadow.vertices, self._shadow.visible = flat, True
+        if self._ground is not None:  # far cheaper than a light's shadow
+            outline = self._mesh.outline(vertices)
+            outline[:, 2] = self._ground + 0.002 * self._size
+            self._shadow.vertices = outline
+            self._shadow.visible = True
 
     def draw_ghost(self, states: States | None, arm: States) -> None:
-        """Show where the plan leads to, unless that is where the arm is already."""
-        apart = (
-            0.0
-            if states is None
-            else np.linalg.norm(states[:, POSITION] - arm[:, POSITION], axis=-1).max()
-        )
-        self._ghost.visible = bool(apart >= SAME_PLACE * self._size)
+        """Draw the planned states, unless the arm is there already."""
+        distance = 0.0
+        if states is not None:
+            offsets = states[:, POSITION] - arm[:, POSITION]
+            distance = np.linalg.norm(offsets, axis=-1).max()
+        self._ghost.visible = bool(distance >= SAME_POSE * self._size)
         if states is not None and self._ghost.visible:
             self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states))
 
     def draw_target(self, position: Desired, axis: Desired, gap: float = 0.0) -> None:
-        """Show what is desired of the tip; amber, with the distance left, where it is out of reach by `gap` [m]."""
-        place = _known(position)
-        direction = _known(axis)
-        self._target.visible = place is not None
-        self._far.visible = far = place is not None and gap > 0.005
-        self._pointer.visible = place is not None and direction is not None
-        if place is None:
-            return self._lay("axis")
-        self._target.position, self._target.color = (
-            place,
-            rgb(FAR_TARGET if far else TARGET),
-        )
-        if far:
-            self._far.text = f"{100 * gap:.1f} cm out of reach"
-            self._far.position = place + 0.05 * self._size * self._up
-        self._pointer.position = end = place + ARROW * self._size * (
-            0.0 if direction is None else direction
-        )
-        self._lay("axis", *(() if direction is None else (place, end)))
+        """Draw the tip's desired position and axis.
 
-    def draw_load(
-        self, tip: Float[np.ndarray, "3"], request: Request, limits: RequestLimits
+        The target is amber, with its distance, where it is out of reach by `gap` [m].
+        """
+        center = _finite(position)
+        direction = _finite(axis)
+        far = center is not None and gap > REACH_TOLERANCE
+        self._target.visible = center is not None
+        self._gap_label.visible = far
+        self._pointer.visible = center is not None and direction is not None
+        if center is None:
+            return self._draw_line("axis")
+        self._target.position = center
+        self._target.color = rgb(WARNING if far else TARGET)
+        if far:
+            self._gap_label.text = f"{100 * gap:.1f} cm out of reach"
+            self._gap_label.position = center + 0.05 * self._size * self._up
+        if direction is None:
+            return self._draw_line("axis")
+        end = center + AXIS_LENGTH * self._size * direction
+        self._pointer.position = end
+        self._draw_line("axis", center, end)
+
+    def draw_payload(
+        self, tip: Vector, request: Request, limits: RequestLimits
     ) -> None:
-        """Show the payload under the tip, and the push as a line that ends at the tip; both as large as they are."""
+        """Draw payload and external force in proportion to their limits.
+
+        The payload hangs under the tip; the force is a line that ends at the tip.
+        """
         self._payload.visible = request.payload > 0
         if request.payload > 0:
-            radius = BALL * self._size * (request.payload / limits.payload) ** (1 / 3)
-            self._payload.scale, self._payload.position = (
-                radius,
-                tip - 1.4 * radius * self._up,
-            )
+            share = request.payload / limits.payload
+            radius = BALL_RADIUS * self._size * share ** (1 / 3)
+            self._payload.scale = radius
+            self._payload.position = np.subtract(tip, 1.4 * radius * self._up)
         push = np.array(request.push)
-        self._lay(
-            "push",
-            *((tip - 0.4 * self._size * push / limits.push, tip) if push.any() else ()),
-        )
+        if not push.any():
+            return self._draw_line("push")
+        start = np.subtract(tip, 0.4 * self._size * push / limits.push)
+        self._draw_line("push", start, tip)
 
     def draw_obstacles(
-        self, own: Sequence[Obstacle], asked: Spheres, tip: Float[np.ndarray, "3"]
+        self,
+        obstacles: Sequence[Obstacle],
+        task_spheres: Spheres,
+        tip: Vector,
     ) -> None:
-        """Show the driver's obstacles and the task's (centers, thresholds [m]), colored by how near the tip is."""
-        others = [
-            Obstacle(point(row[:3]), float(row[3])) for row in asked[:MAX_OBSTACLES]
-        ]
-        for spheres, obstacles in ((self._spheres, own), (self._asked, others)):
-            for sphere, obstacle in zip_longest(spheres, obstacles):
-                sphere.draw(obstacle, tip)
+        """Draw obstacles, colored by the clearance of the tip.
 
-    def draw_trail(self, name: str, points: Float[np.ndarray, "points 3"]) -> None:
-        """Show the way of the `real` or the `desired` tip since it was last NaN."""
-        gaps = np.flatnonzero(~np.isfinite(points).all(axis=-1))
-        self._lay(name, *points[gaps[-1] + 1 if len(gaps) else 0 :])
+        Args:
+            obstacles: the driver's.
+            task_spheres: the task's centers and thresholds [m].
+            tip: position of the tip [m].
+        """
+        task_obstacles = [
+            Obstacle(point(sphere[:3]), float(sphere[3]))
+            for sphere in task_spheres[:MAX_OBSTACLES]
+        ]
+        for sphere, obstacle in zip_longest(self._driver_spheres, obstacles):
+            sphere.draw(obstacle, tip)
+        for sphere, obstacle in zip_longest(self._task_spheres, task_obstacles):
+            sphere.draw(obstacle, tip)
+
+    def draw_trail(self, name: str, points: Points) -> None:
+        """Draw the path of the `real` or `desired` tip since its last NaN."""
+        missing = np.flatnonzero(~np.isfinite(points).all(axis=-1))
+        start = missing[-1] + 1 if len(missing) else 0
+        self._draw_line(name, *points[start:])
 
     def draw_cloud(
-        self,
-        points: Sequence[Float[np.ndarray, "points 3"]]
-        | Float[np.ndarray, "modules points 3"],
+        self, points: Sequence[Points] | Float[np.ndarray, "modules points 3"]
     ) -> None:
-        """Show where the modules' ends can be, in the modules' colors; nothing of a module without points."""
-        size = 0.004 * self._size
-        for number, (cloud, color) in enumerate(
-            zip(points, module_colors(len(points)), strict=True)
-        ):
+        """Draw the workspace: ends of each module [m], in the modules' colors."""
+        colors = module_colors(len(points))
+        for number, (cloud, color) in enumerate(zip(points, colors, strict=True)):
             if not len(cloud):
                 continue
-            pale = np.array([int(value + PALE * (255 - value)) for value in rgb(color)])
+            pale = [int(value + WHITE_SHARE * (255 - value)) for value in rgb(color)]
             self._scene.add_point_cloud(
                 f"/workspace/{number}",
                 cloud,
-                pale,
-                point_size=size,
+                np.array(pale),
+                point_size=0.004 * self._size,
                 point_shape="circle",
             )
 
-    def show_cloud(self, shown: bool) -> None:
+    def show_cloud(self, visible: bool) -> None:
         """Show or hide the workspace."""
-        self._scene.add_frame("/workspace", show_axes=False, visible=shown)
+        self._scene.add_frame("/workspace", show_axes=False, visible=visible)
 
     def on_drag(
         self,
-        target: Dragged,
-        pointer: Dragged,
+        target: DragHandler,
+        pointer: DragHandler,
         obstacle: Callable[[int, int, Point], None],
     ) -> None:
-        """Tell who drags the target, the end of its axis, or one of the driver's obstacles, whose number is first."""
-        _follow_drags(self._target, target)
-        _follow_drags(self._pointer, pointer)
-        for number, sphere in enumerate(self._spheres):
-            _follow_drags(sphere.threshold, partial(obstacle, number))
+        """Set the handlers of drags.
 
-    def _lay(self, name: str, *points: Float[np.ndarray, "3"]) -> None:
-        """Lay a thread along points, whatever their number; hide it where there are not two."""
-        self._threads[name].visible = len(points) > 1
+        Args:
+            target: of the target.
+            pointer: of the end of the target's axis.
+            obstacle: of the driver's obstacles; gets the obstacle's number first.
+        """
+        _add_drag_handler(self._target, target)
+        _add_drag_handler(self._pointer, pointer)
+        for number, sphere in enumerate(self._driver_spheres):
+            _add_drag_handler(sphere.threshold, partial(obstacle, number))
+
+    def _draw_line(self, name: str, *points: Vector) -> None:
+        """Draw a line through points; hide it with fewer than two."""
+        line = self._lines[name]
+        line.visible = len(points) > 1
         if len(points) < 2:
             return
-        places = np.linspace(0, len(points) - 1, TRAIL_POINTS)
-        own = np.arange(len(points))
-        line = np.stack(
-            [np.interp(places, own, along) for along in np.transpose(points)], axis=-1
-        )
-        self._threads[name].vertices = threads(line[None], TRAIL_THICK * self._size)
+        samples = np.linspace(0, len(points) - 1, TRAIL_POINTS)
+        numbers = np.arange(len(points))
+        coordinates = [
+            np.interp(samples, numbers, values) for values in np.array(points).T
+        ]
+        path = np.stack(coordinates, axis=-1)
+        line.vertices = threads(path[None], TRAIL_RADIUS * self._size)
 
 
-def _known(desired: Desired) -> np.ndarray | None:
-    return (
-        None if desired is None or not np.isfinite(desired).all() else np.array(desired)
-    )
+def _finite(desired: Desired) -> np.ndarray | None:
+    if desired is None or not np.isfinite(desired).all():
+        return None
+    return np.array(desired)
 
 
 class _Sphere:
-    """An obstacle: a small core in its threshold sphere."""
+    """An obstacle: a small core in its threshold sphere, and a shadow."""
 
-    def __init__(self, scene: SceneApi, name: str, level: float | None):
-        self._level = level
-        self._core = _ball(scene, f"{name}/core", 1.0, INK)
-        self.threshold = _ball(scene, f"{name}/threshold", 1.0, SAFE, opacity=0.35)
-        # says how far away it is
-        self._shadow = _ball(scene, f"{name}/shadow", 1.0, SHADOW)
+    def __init__(self, scene: SceneApi, name: str, ground: float | None):
+        self._ground = ground
+        self._core = _add_ball(scene, f"{name}/core", 1.0, INK)
+        self.threshold = _add_ball(
+            scene, f"{name}/threshold", 1.0, OBSTACLE, opacity=0.35
+        )
+        # the shadow shows how far away the obstacle is
+        self._shadow = _add_ball(scene, f"{name}/shadow", 1.0, SHADOW)
 
-    def draw(self, obstacle: Obstacle | None, tip: Float[np.ndarray, "3"]) -> None:
+    def draw(self, obstacle: Obstacle | None, tip: Vector) -> None:
         self._core.visible = self.threshold.visible = obstacle is not None
-        self._shadow.visible = obstacle is not None and self._level is not None
+        self._shadow.visible = obstacle is not None and self._ground is not None
         if obstacle is None:
             return
-        size = obstacle.threshold
-        room = float(np.linalg.norm(np.subtract(tip, obstacle.center))) - size
-        self.threshold.color = rgb(
-            INSIDE if room < 0 else NEAR if room < NEAR_BY else SAFE
-        )
+        radius = obstacle.threshold
+        distance = float(np.linalg.norm(np.subtract(tip, obstacle.center)))
+        self.threshold.color = rgb(_clearance_color(distance - radius))
         self._core.position = self.threshold.position = obstacle.center
-        self._core.scale, self.threshold.scale = 0.3 * size, size
-        self._shadow.position, self._shadow.scale = (
-            (*obstacle.center[:2], self._level or 0.0),
-            (size, size, 0.001),
-        )
+        self._core.scale = 0.3 * radius
+        self.threshold.scale = radius
+        self._shadow.position = (*obstacle.center[:2], self._ground or 0.0)
+        self._shadow.scale = (radius, radius, 0.001)
 
 
-def _follow_drags(handle: IcosphereHandle, told: Dragged) -> None:
-    """Tell where the center of a ball is dragged to: it keeps its offset from the point where it was grabbed."""
+def _clearance_color(clearance: float) -> str:
+    if clearance < 0:
+        return INSIDE
+    return WARNING if clearance < NEAR_DISTANCE else OBSTACLE
+
+
+def _add_drag_handler(handle: IcosphereHandle, handler: DragHandler) -> None:
+    """Report the dragged center of a ball, which keeps its offset from the mouse."""
     offsets: dict[int, np.ndarray] = {}
 
     @handle.on_drag
     async def _(event: SceneNodeDragEvent) -> None:  # in the order of the messages
+        client = event.client_id
         if event.phase == "start":
-            offsets[event.client_id] = np.subtract(
-                handle.position, event.start_position
-            )
-        if event.client_id in offsets:
-            told(
-                event.client_id,
-                point(np.add(event.end_position, offsets[event.client_id])),
-            )
+            offsets[client] = np.subtract(handle.position, event.start_position)
+        if client in offsets:
+            handler(client, point(np.add(event.end_position, offsets[client])))
         if event.phase == "end":
-            offsets.pop(event.client_id, None)
+            offsets.pop(client, None)
 
 
-def _ball(
-    scene: SceneApi, name: str, radius: float, color: str, **looks: Any
+def _add_ball(
+    scene: SceneApi,
+    name: str,
+    radius: float,
+    color: str,
+    visible: bool = False,
+    **options: Any,
 ) -> IcosphereHandle:
     return scene.add_icosphere(
-        name, radius, color=rgb(color), **{"visible": False, **looks}
+        name, radius, color=rgb(color), visible=visible, **options
     )
 
 
-def _mesh(
-    scene: SceneApi, name: str, vertices, faces, color: str, **looks: Any
+def _add_mesh(
+    scene: SceneApi, name: str, vertices, faces, color: str, **options: Any
 ) -> MeshHandle:
-    return scene.add_mesh_simple(name, vertices, faces, color=rgb(color), **looks)
+    return scene.add_mesh_simple(name, vertices, faces, color=rgb(color), **options)
 
 
-def _lay_ground(scene: SceneApi, arm: ArmSpec) -> Surroundings:
-    """Turn the scene upright, light it, and put in what never moves; everything stays in the base frame.
+def _add_surroundings(scene: SceneApi, arm: ArmSpec) -> Surroundings:
+    """Add the lights and what never moves, and turn the scene upright.
 
-    That is the plane that the arm is mounted on, the base frame, and where things fall
-    if the arm does not stand.
+    Coordinates remain in the base frame. The plane on which the arm is mounted and the
+    base frame are shown, and the direction of gravity if the arm does not stand.
     """
-    around = Surroundings.of(arm)
+    surroundings = Surroundings.of(arm)
     size = arm.length
-    scene.set_up_direction(around.mounting.turn[2])
+    turn = surroundings.mounting.turn
+    scene.set_up_direction(turn[2])
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=False)
     scene.add_light_hemisphere(
         "/lights/sky", ground_color=(190, 198, 210), intensity=1.6
     )
-    above = tuple(SUN @ around.mounting.turn)
     scene.add_light_directional(
-        "/lights/sun", color=(255, 250, 240), intensity=2.0, position=above
+        "/lights/sun", color=(255, 250, 240), intensity=2.0, position=tuple(SUN @ turn)
     )
     scene.world_axes.visible = False
-    _lay_floor(scene, around.grid, LINE * size)
+    _add_grid(scene, surroundings.grid, GRID_HALF_WIDTH * size)
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
-    for name, place in around.names.items():
+    for name, position in surroundings.names.items():
         scene.add_label(
-            f"/base_frame/{name}", name, position=place, font_screen_scale=0.8
+            f"/base_frame/{name}", name, position=position, font_screen_scale=0.8
         )
-    if around.arrow is not None:
-        line = np.linspace(around.arrow[0], around.arrow[1], 12)
-        _mesh(
-            scene,
-            "/gravity/line",
-            threads(line[None], 0.006 * size),
-            tube_faces(1, 12, 3),
-            INK,
-        )
-        _ball(
-            scene,
-            "/gravity/end",
-            0.018 * size,
-            INK,
-            position=around.arrow[1],
-            visible=True,
-        )
-        scene.add_label(
-            "/gravity/word", "gravity", position=around.arrow[0], font_screen_scale=0.8
-        )
-    return around
+    if surroundings.arrow is not None:
+        start, end = surroundings.arrow
+        _add_gravity(scene, start, end, size)
+    return surroundings
 
 
-def _lay_floor(
-    scene: SceneApi, grid: Float[np.ndarray, "lines 2 3"], half: float
+def _add_gravity(scene: SceneApi, start, end, size: float) -> None:
+    """Add an arrow in the direction of gravity."""
+    line = np.linspace(start, end, 12)
+    vertices = threads(line[None], 0.006 * size)
+    _add_mesh(scene, "/gravity/line", vertices, tube_faces(1, 12, 3), INK)
+    _add_ball(scene, "/gravity/end", 0.018 * size, INK, visible=True, position=end)
+    scene.add_label("/gravity/word", "gravity", position=start, font_screen_scale=0.8)
+
+
+def _add_grid(
+    scene: SceneApi, grid: Float[np.ndarray, "lines 2 3"], half_width: float
 ) -> None:
-    """Lines of two triangles: a shader's grid costs a browser without a graphics card a sixth of its time."""
-    in_middle = np.abs(grid.sum(axis=1)[:, :2]).max(axis=-1) < half
-    for name, lines, color in (
-        ("fine", grid[~in_middle], GRID),
-        ("strong", grid[in_middle], GRID_STRONG),
-    ):
-        aside = (
-            half
-            * np.cross((0.0, 0.0, 1.0), np.sign(lines[:, 1] - lines[:, 0]))[:, None]
-        )
-        corners = np.stack([lines - aside, lines + aside], axis=2).reshape(-1, 3)
-        faces = (
-            np.array([(0, 2, 1), (1, 2, 3)]) + 4 * np.arange(len(lines))[:, None, None]
-        )
-        _mesh(
-            scene,
-            f"/floor/{name}",
-            corners,
-            faces.reshape(-1, 3),
-            color,
-            flat_shading=True,
-            side="double",
-        )
+    """Add grid lines of two triangles each.
+
+    A shader's grid costs a browser without a graphics card a sixth of its time.
+    """
+    middle = np.abs(grid.sum(axis=1)[:, :2]).max(axis=-1) < half_width
+    _add_grid_lines(scene, "/floor/fine", grid[~middle], GRID, half_width)
+    _add_grid_lines(scene, "/floor/strong", grid[middle], GRID_STRONG, half_width)
+
+
+def _add_grid_lines(
+    scene: SceneApi, name: str, lines: np.ndarray, color: str, half_width: float
+) -> None:
+    directions = np.sign(lines[:, 1] - lines[:, 0])
+    offsets = half_width * np.cross((0.0, 0.0, 1.0), directions)[:, None]
+    corners = np.stack([lines - offsets, lines + offsets], axis=2).reshape(-1, 3)
+    triangles = np.array([(0, 2, 1), (1, 2, 3)])
+    faces = triangles + 4 * np.arange(len(lines))[:, None, None]
+    _add_mesh(
+        scene,
+        name,
+        corners,
+        faces.reshape(-1, 3),
+        color,
+        flat_shading=True,
+        side="double",
+    )

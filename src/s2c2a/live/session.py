@@ -1,51 +1,54 @@
-"""Who drives: one browser at a time; the others watch and see who has the handle."""
+"""Connected browsers: one drives the arm, the others watch."""
 
 from collections.abc import Callable
 
-# what can be shown beside the arm
+# labels of the optional parts of the scene
 GHOST = "Planned arm"
 TRAILS = "Trails"
 CLOUD = "Workspace"
 
 
 class Session:
-    """The browsers that are there, and the one that drives; changed by one thread alone, viser's, and read by any.
+    """The connected browsers and the one that drives.
+
+    Only viser's thread changes a session; every thread may read it.
 
     Attributes:
-        driver: the number of the browser that drives, if one does.
-        present: the browsers that are there, the longest first.
-        view: what is shown beside the arm, to all of them, by its label.
+        driver: client number of the browser that drives, or None.
+        present: client numbers of the connected browsers, in order of arrival.
+        view: which optional parts of the scene are shown to everybody, by label.
     """
 
     def __init__(self, on_change: Callable[[], None] = lambda: None):
-        """Nobody is there yet; `on_change` is told when somebody takes or leaves the handle."""
+        """Start without browsers; `on_change` is called when the driver may change."""
         self._on_change = on_change
         self.view = dict.fromkeys((GHOST, TRAILS, CLOUD), True)
         self.present: tuple[int, ...] = ()
         self.driver: int | None = None
 
-    def drives(self, who: int) -> bool:
+    def drives(self, client: int) -> bool:
         """Whether this browser drives."""
-        return self.driver == who
+        return self.driver == client
 
-    def join(self, who: int) -> None:
-        """A browser comes; it drives where nobody else does."""
-        self.present = (*self.present, who)
-        self.take(who)
+    def join(self, client: int) -> None:
+        """Add a browser; it drives if no other browser does."""
+        self.present = (*self.present, client)
+        self.take(client)
 
-    def leave(self, who: int) -> None:
-        """A browser goes; the handle it had is free, and nobody has it until somebody takes it."""
-        self.present = tuple(one for one in self.present if one != who)
-        self.give(who)
+    def leave(self, client: int) -> None:
+        """Remove a browser; its control stays free until another takes it."""
+        self.present = tuple(other for other in self.present if other != client)
+        self.release(client)
 
-    def take(self, who: int) -> bool:
-        """Take the handle where it is free; returns whether this browser drives now."""
-        if self.driver is None and who in self.present:
-            self.driver = who
+    def take(self, client: int) -> bool:
+        """Take control if nobody drives; returns whether this browser drives now."""
+        if self.driver is None and client in self.present:
+            self.driver = client
         self._on_change()
-        return self.drives(who)
+        return self.drives(client)
 
-    def give(self, who: int) -> None:
-        """Leave the handle to whoever takes it."""
-        self.driver = None if self.driver == who else self.driver
+    def release(self, client: int) -> None:
+        """Release control if this browser drives."""
+        if self.driver == client:
+            self.driver = None
         self._on_change()

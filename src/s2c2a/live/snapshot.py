@@ -1,6 +1,6 @@
-"""What is known after a control step, and what can be asked: all that the page needs of what moves the arm.
+"""Interface between the page and the control of an arm: snapshots and `Control`.
 
-Light to import, for the page's process has neither planner nor body.
+Light to import, as the process of the page needs neither planner nor robot.
 """
 
 import math
@@ -15,41 +15,39 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.live.request import Request, RequestLimits
-from s2c2a.runtime import Step
-from s2c2a.spaces import Stage, States
+from s2c2a.live.request import Point, Request, RequestLimits, point
+from s2c2a.runtime import StepRecord
+from s2c2a.spaces import POSITION, Stage, States
 
-PATIENCE = 5.0  # s for what is left to do in the end
+PATIENCE = 5.0  # s; time limit of each step of a shutdown
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What is known after one control step; all arrays are the reader's to keep and nobody's to change.
+    """State of the arm and its control after one control step; do not modify arrays.
 
     Attributes:
-        step: of the control loop.
-        stage: what the arm does.
-        states: of the arm, shape (modules, 6), base frame; what its model expects where
-            nothing watches it.
-        expected: states that the plan leads to, the same shape.
-        deviation: how far off the tip must be expected to be there [m].
-        error: distance of the tip from where it should be by now [m]; NaN where nothing
-            is asked of it.
-        clearance: least distance of the tip from a threshold [m]; infinite without
+        step: record of the control loop.
+        stage: stage of the control loop.
+        states: of the arm, shape (modules, 6), base frame; the model's prediction if no
+            sensor measures states.
+        predicted: states that the plan leads to, shape (modules, 6), base frame.
+        predictive_std: predictive standard deviation of the tip's position [m].
+        error: distance of the tip from its desired position [m]; NaN without one.
+        clearance: distance of the tip from the nearest threshold [m]; infinite without
             obstacles.
-        task_step: step of the task that is played.
-        task_steps: how many steps it has; zero without a task.
-        strategy: name of what drives the arm.
-        compiled: programs that the process has compiled (`programs.compilations`).
-        fault: what is wrong, in words, or nothing.
-        margins: of the loop that the strategy closes, in words, or nothing.
+        task_step: current step of the task.
+        task_steps: number of steps of the task; zero without a task.
+        strategy: name of the strategy.
+        compiled: programs compiled by the control process (`programs.compilations`).
+        fault: description of the fault, or empty.
     """
 
-    step: Step
+    step: StepRecord
     stage: Stage
     states: States
-    expected: States
-    deviation: float
+    predicted: States
+    predictive_std: float
     error: float
     clearance: float
     task_step: int
@@ -57,23 +55,27 @@ class Snapshot:
     strategy: str
     compiled: int = 0
     fault: str = ""
-    margins: str = ""
+
+    @property
+    def tip(self) -> Point:
+        """Position of the tip [m], base frame."""
+        return point(self.states[-1, POSITION])
 
     @property
     def finished(self) -> bool:
-        """Whether the task that is played is at its last step."""
+        """Whether the task is at its last step."""
         return 0 < self.task_steps <= self.task_step + 1
 
 
 class Control(ABC):
-    """What moves the arm as the latest request says, here or in another process.
+    """Moves the arm according to the latest request, in this or another process.
 
     Attributes:
         arm: the arm.
-        limits: how far requests may go.
-        strategies: names of what can drive the arm.
-        request: the latest one.
-        halted_by: who or what stopped the arm last, in words.
+        limits: limits of requests.
+        strategies: names of the available strategies.
+        request: the latest request.
+        halted_by: reason of the last stop.
     """
 
     arm: ArmSpec
@@ -82,7 +84,7 @@ class Control(ABC):
     halted_by: str = ""
 
     def __init__(self) -> None:
-        """Nothing asked, nothing known, nobody watching."""
+        """Start with an empty request and without a snapshot."""
         self._lock = threading.RLock()
         self.request = Request()
         self._watchers: list[Callable[[Snapshot], None]] = []
@@ -90,57 +92,64 @@ class Control(ABC):
 
     @property
     def latest(self) -> Snapshot | None:
-        """The latest snapshot, None before the first."""
+        """The latest snapshot, or None before the first."""
         return self._latest
 
     def ask(self, **changes: Any) -> Request:
-        """Change the request, within the limits; returns what it has become. From any thread."""
+        """Change the request within its limits and return it; from any thread."""
         with self._lock:
             self.request = self.limits.changed(self.request, **changes)
             return self.request
 
     def halt(self, by: str) -> bool:
-        """Stop the arm until somebody asks with `stopped=False`; returns whether what moves it can hear that now."""
+        """Request a stop, which lasts until `ask(stopped=False)`.
+
+        Args:
+            by: reason, for `halted_by`.
+
+        Returns:
+            Whether the control responds. It obeys in its next step.
+        """
         with self._lock:
             self.halted_by = by
             self.ask(stopped=True)
         return self.answers
 
     def reset(self) -> None:
-        """Open the robot anew, at rest; requests that would move it at once are forgotten.
+        """Reopen the robot at rest; clears the target and the task.
 
         Raises:
-            S2C2AError: there is nobody any more who could.
+            S2C2AError: the control does not respond.
         """
         with self._lock:
             self.ask(target=None, axis=None, task=None, playing=False)
-            self.order("begin")
+            self.order("reopen")
 
     def step_task(self) -> None:
-        """One step of a task that waits."""
-        self.order("move_on", 1.0)
+        """Advance a paused task by one step."""
+        self.order("advance", 1.0)
 
     def restart_task(self) -> None:
-        """Back to the task's first step."""
-        self.order("move_on", -math.inf)
+        """Return to the first step of the task."""
+        self.order("advance", -math.inf)
 
     def watch(self, watcher: Callable[[Snapshot], None]) -> Callable[[], None]:
-        """Call a watcher with every snapshot; it must be quick. Returns what ends it."""
+        """Call a fast function with every snapshot; returns a function that ends it."""
         self._watchers.append(watcher)
         return partial(self._watchers.remove, watcher)
 
     @property
     @abstractmethod
     def answers(self) -> bool:
-        """Whether what moves the arm is there, and goes on."""
+        """Whether the control runs and responds."""
 
     @abstractmethod
     def order(self, name: str, *arguments: Any) -> None:
-        """Have the arm `begin` anew, or its task `move_on` by so many steps, before the next control step."""
+        """Queue `reopen`, or `advance` with a number of task steps."""
 
     @abstractmethod
     def use(self, name: str) -> None:
-        """Drive with another strategy from now on; the arm goes to rest first, where strategies begin.
+        """Change the strategy; the arm first returns to rest, where strategies start.
 
         Raises:
             S2C2AError: no such strategy, or it cannot be built.
@@ -148,14 +157,14 @@ class Control(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Lead the arm to rest, close it, and end."""
+        """Return the arm to rest, close it and end the control."""
 
-    def wait_for_rest(self, mover: threading.Thread | BaseProcess) -> None:
-        """Wait until what moves the arm ends, as long as it goes on: an arm is led to rest in its own time."""
-        before: object = self
-        while mover.is_alive() and self._latest is not before:
-            before = self._latest
-            mover.join(PATIENCE)
+    def wait_for_rest(self, worker: threading.Thread | BaseProcess) -> None:
+        """Wait until the control's worker ends, as long as new snapshots arrive."""
+        last: object = self
+        while worker.is_alive() and self._latest is not last:
+            last = self._latest
+            worker.join(PATIENCE)
 
     def _show(self, snapshot: Snapshot) -> None:
         self._latest = snapshot

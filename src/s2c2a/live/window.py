@@ -1,4 +1,7 @@
-"""A window on an arm: viser behind the gate, the scene, and what is drawn in it. The live page and `view` share it."""
+"""Browser window on an arm: viser behind the gate, and the scene.
+
+The live page and the viewer share it.
+"""
 
 import io
 import math
@@ -22,36 +25,36 @@ from s2c2a.viz.mounting import Mounting
 
 FRAME = 1 / 30  # s between frames
 BRAND = (31, 95, 196)
-# in parts of the arm's length
+FIELD_OF_VIEW_DEG = 40
+# positions of the camera and of what it looks at, in arm lengths
 CAMERA = (1.75, -1.85, 1.2)
 LOOK_AT = (0.12, 0.1, 0.55)
-# of a telephone, its lower half under the panel
-UPRIGHT_CAMERA = (2.7, -2.9, 1.5)
-UPRIGHT_LOOK_AT = (0.0, 0.0, 0.1)
+# the same for a phone, whose lower half the panel covers
+PORTRAIT_CAMERA = (2.7, -2.9, 1.5)
+PORTRAIT_LOOK_AT = (0.0, 0.0, 0.1)
 
-# of browsers that have just gone
+# viser warns about browsers that have just disconnected
 warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
 
 
 class Window:
-    """What browsers see of one arm; nobody comes in before `open`.
+    """A page that shows one arm; browsers can connect after `open`.
 
     Attributes:
-        arm: that is seen.
-        server: viser's.
-        scene: the arm, and what is round it.
-        gate: where browsers come in, once it is open.
-        closing: whether it is over.
+        arm: the arm.
+        server: the viser server.
+        scene: the arm and its surroundings.
+        gate: access control, after `open`.
+        closing: set when the window closes.
     """
 
     gate: Gate
     _drawing: threading.Thread | None = None
 
     def __init__(self, arm: ArmSpec):
-        """A viser server on 127.0.0.1 that takes websockets from its gate alone, and the arm straight."""
-        # an origin that no page can have
+        """Start a viser server on 127.0.0.1 that shows the straight arm."""
         self.arm = arm
-        self._secret = f"gate://{secrets.token_hex(16)}"
+        self._secret = f"gate://{secrets.token_hex(16)}"  # no page has such an origin
         with only_with(self._secret), redirect_stdout(io.StringIO()):
             self.server = viser.ViserServer(
                 host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False
@@ -59,16 +62,19 @@ class Window:
         self.server.gui.configure_theme(
             show_logo=False, show_share_button=False, brand_color=BRAND
         )
-        self.server.initial_camera.position, self.server.initial_camera.look_at = (
-            camera_of(arm)
-        )
-        self.server.initial_camera.fov = np.deg2rad(40)
-        self.server.on_client_connect(self._look_upright)
+        camera = self.server.initial_camera
+        camera.position, camera.look_at = camera_of(arm)
+        camera.fov = np.deg2rad(FIELD_OF_VIEW_DEG)
+        self.server.on_client_connect(self._set_portrait_camera)
         self.scene = ArmScene(self.server.scene, arm)
         self.closing = threading.Event()
 
-    def open(self, port: int, on_stop: Callable[[], bool] | None = None) -> Self:
-        """Let browsers in on a port, or on the next free one; each has a Stop where `on_stop` takes it. Returns itself.
+    def open(self, port: int, on_stop: Callable[[], str] | None = None) -> Self:
+        """Accept browsers on `port`, or on the next free port; returns the window.
+
+        Args:
+            port: of the page.
+            on_stop: see `Gate`.
 
         Raises:
             S2C2AError: no port is free.
@@ -76,20 +82,21 @@ class Window:
         self.gate = Gate(port, self.server.get_port(), self._secret, on_stop)
         return self
 
-    def every(self, act: Callable[[float], None]) -> None:
-        """Draw frame after frame until it closes, in a thread of its own; told how long the last one was ago [s]."""
+    def every(self, draw: Callable[[float], None]) -> None:
+        """Call `draw` for each frame until `close`, in a separate thread.
 
-        def again() -> None:
-            for passed in frames(FRAME, self.closing):
+        Args:
+            draw: gets the time since the last frame [s].
+        """
+
+        def draw_frames() -> None:
+            for elapsed in frames(FRAME, self.closing):
                 try:
-                    act(passed)
-                # the next frame may be drawn again; it is told once
-                except Exception as error:
-                    warnings.warn(
-                        f"a frame could not be drawn: {error!r}", stacklevel=1
-                    )
+                    draw(elapsed)
+                except Exception as error:  # later frames may succeed
+                    warnings.warn(f"could not draw a frame: {error!r}", stacklevel=1)
 
-        self._drawing = threading.Thread(target=again, name="scene", daemon=True)
+        self._drawing = threading.Thread(target=draw_frames, name="scene", daemon=True)
         self._drawing.start()
 
     def close(self) -> None:
@@ -101,51 +108,53 @@ class Window:
         with redirect_stdout(io.StringIO()):
             self.server.stop()
 
-    async def _look_upright(self, client: viser.ClientHandle) -> None:
-        """Show a telephone, whose panel hides the lower half, the arm in the upper one."""
-        if client.camera.image_height > 1.2 * client.camera.image_width:
-            upright = camera_of(self.arm, UPRIGHT_CAMERA, UPRIGHT_LOOK_AT)
-            client.camera.position, client.camera.look_at = upright
+    async def _set_portrait_camera(self, client: viser.ClientHandle) -> None:
+        """Show the arm in the upper half of a portrait screen."""
+        camera = client.camera
+        if camera.image_height > 1.2 * camera.image_width:
+            camera.position, camera.look_at = camera_of(
+                self.arm, PORTRAIT_CAMERA, PORTRAIT_LOOK_AT
+            )
 
 
 def camera_of(
-    arm: ArmSpec, place: Point = CAMERA, aim: Point = LOOK_AT
+    arm: ArmSpec, position: Point = CAMERA, look_at: Point = LOOK_AT
 ) -> Float[np.ndarray, "2 3"]:
-    """Where the camera is first, and where it looks to, for this arm's mounting; base frame [m]."""
+    """Initial position of the camera and of what it looks at [m], base frame."""
     mounting = Mounting.of(arm)
-    return arm.length * np.array([mounting.placed(place), mounting.placed(aim)])
+    return arm.length * np.array([mounting.placed(position), mounting.placed(look_at)])
 
 
 def across_the_screen(arm: ArmSpec) -> Float[np.ndarray, "3"]:
-    """The direction to the right on the screen, seen from where the camera is first, base frame."""
-    place, aim = camera_of(arm)
-    across = np.cross(aim - place, Mounting.of(arm).turn[2])
-    return across / np.linalg.norm(across)
+    """Unit vector to the right on the screen of the initial camera, base frame."""
+    position, look_at = camera_of(arm)
+    right = np.cross(look_at - position, Mounting.of(arm).turn[2])
+    return right / np.linalg.norm(right)
 
 
-def sound_value(part: Any) -> Any:
-    """The value of a slider or dropdown, whatever a browser said: brought within what it offers, and shown so."""
-    value = part.value
-    if isinstance(part, viser.GuiSliderHandle):
-        value = min(max(value, part.min), part.max)
-    elif isinstance(part, viser.GuiDropdownHandle) and value not in part.options:
-        value = part.options[0]
-    if value != part.value:
-        part.value = value
+def checked_value(element: Any) -> Any:
+    """Value of a slider or dropdown, corrected if a browser sent an invalid one."""
+    value = element.value
+    if isinstance(element, viser.GuiSliderHandle):
+        value = min(max(value, element.min), element.max)
+    elif isinstance(element, viser.GuiDropdownHandle) and value not in element.options:
+        value = element.options[0]
+    if value != element.value:
+        element.value = value
     return value
 
 
-def frames(period: float, over: threading.Event) -> Iterator[float]:
-    """Moments a period apart until it is over, and how long the one before was ago [s].
+def frames(period: float, closing: threading.Event) -> Iterator[float]:
+    """Yield once a period [s] until `closing`: the time since the last frame [s].
 
-    Moments that pass while something is drawn are left out: others get their turn
+    Skips frames that are missed while the caller draws, so that other threads run
     before the next one.
     """
-    begun = time.perf_counter()
+    start = time.perf_counter()
     number = 0
-    before = 0.0
-    while not over.wait(max(0.0, begun + number * period - time.perf_counter())):
-        now = time.perf_counter() - begun
-        yield now - before
-        before = now
-        number = max(number + 1, math.ceil((time.perf_counter() - begun) / period))
+    last = 0.0
+    while not closing.wait(max(0.0, start + number * period - time.perf_counter())):
+        now = time.perf_counter() - start
+        yield now - last
+        last = now
+        number = max(number + 1, math.ceil((time.perf_counter() - start) / period))

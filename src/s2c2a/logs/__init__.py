@@ -1,11 +1,25 @@
-"""Logs of other people's arms: from their files, told by a map, to a recording and an arm file."""
+"""Import of recordings of other arms: log files and a map become episodes and an arm.
 
-from s2c2a.logs.importing import (
-    Again,
+The pipeline (`pipeline.import_logs`):
+
+1. `tables` (with `array_files`) reads CSV, NPZ, and MAT files as named columns.
+2. `log_map` validates the map, which describes columns, units, and the frame.
+3. `session` converts the columns to SI units, in the frame of the log.
+4. `resampling` splits sessions into segments without gaps, at the control rate.
+5. `registration` estimates the base frame and the module lengths.
+6. `cable_search` finds modules, signs, and coupling of the cables; `assignment` ranks
+   candidates, and `model_fit` fits the model in `cable_model` to compare them.
+7. `arm_file` writes the identified arm with the uncertainty of each number.
+8. `rig` converts the segments to episodes; another session reuses it.
+9. `summary` describes the result.
+"""
+
+from s2c2a.logs.log_map import LogMap, load_map, map_from_toml
+from s2c2a.logs.pipeline import (
     Imported,
+    ImportedSession,
     arm_file_of,
-    import_again,
     import_logs,
+    import_session,
     save_imported,
 )
-from s2c2a.logs.map import LogMap, load_map, map_from_toml

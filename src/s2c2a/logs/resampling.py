@@ -1,4 +1,4 @@
-"""From rows to steps: moments at the control rate, and stretches without a gap. Nothing is filled in across a gap."""
+"""Segments: stretches of a session without gaps, at the control rate."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -7,120 +7,117 @@ from typing import Any
 import numpy as np
 
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.map import Rows
+from s2c2a.logs.log_map import Rows
 from s2c2a.logs.session import Session
 
-# usual intervals, or control periods, beyond which nothing is interpolated if nothing
-# is stated
-USUAL_GAPS = 4.0
+# default longest gap, in median row intervals or control periods
+DEFAULT_GAP = 4.0
+SIGNALS = ("commanded", "measured", "positions", "axes")
 
 
 def longest_gap(session: Session, rows: Rows, period: float) -> float:
-    """Beyond this rows do not belong together [s]: as stated, else a few usual intervals."""
+    """Longest interval within a segment [s]: as stated, or a few row intervals."""
     if rows.longest_gap is not None:
         return rows.longest_gap
     if rows.kind == "steps":
         return np.inf
     intervals = np.diff(session.time[np.isfinite(session.time)])
-    usual = (
-        float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else period
-    )
-    return USUAL_GAPS * max(usual, period)
+    intervals = intervals[intervals > 0]
+    median = float(np.median(intervals)) if len(intervals) else period
+    return DEFAULT_GAP * max(median, period)
 
 
-def stretches(session: Session, rows: Rows, period: float) -> list[Session]:
-    """Parts of a session in which steps follow each other: between gaps, unknown commands and changes of the label.
+def split_segments(session: Session, rows: Rows, period: float) -> list[Session]:
+    """Split a session at gaps, unknown commands, and changes of the label.
+
+    Timed rows are resampled to the control period.
 
     Args:
-        session: as it was logged.
-        rows: how.
-        period: of the control steps [s].
+        session: the session.
+        rows: timing of its rows.
+        period: control period [s].
 
     Raises:
-        LogError: times do not rise.
+        LogError: times decrease.
     """
     limit = longest_gap(session, rows, period)
-    sound = np.isfinite(session.time) & np.isfinite(told(session)).all(axis=1)
-    kept = np.flatnonzero(sound)
-    _check_rising(session.time[kept])
-    # the first of rows of one moment
+    valid = np.isfinite(session.time) & np.isfinite(session.commands).all(axis=1)
+    kept = np.flatnonzero(valid)
+    _check_increasing(session.time[kept])
+    # of rows with the same time, the first counts
     kept = kept[np.diff(session.time[kept], prepend=-np.inf) > 0]
-    known = chosen(session, kept)
-    lost = np.cumsum(~sound)[kept]
-    borders = (
-        (np.diff(known.time) > limit)
-        | (known.labels[1:] != known.labels[:-1])
-        | (np.diff(lost) > 0)
-    )
-    edges = [0, *(np.flatnonzero(borders) + 1), len(known)]
-    parts = [chosen(known, slice(*ends)) for ends in pairwise(edges)]
-    if rows.kind == "timed":
-        parts = [_resampled(part, period, limit) for part in parts if len(part) > 1]
-    return [part for part in parts if len(part) >= rows.shortest]
+    known = select_rows(session, kept)
+    invalid_count = np.cumsum(~valid)[kept]
+    is_border = np.diff(known.time) > limit
+    is_border |= known.labels[1:] != known.labels[:-1]
+    is_border |= np.diff(invalid_count) > 0
+    edges = [0, *(np.flatnonzero(is_border) + 1), len(known)]
+    segments = []
+    for begin, end in pairwise(edges):
+        segment = select_rows(known, slice(begin, end))
+        if rows.kind == "timed" and len(segment) > 1:
+            segment = _resample(segment, period, limit)
+        if len(segment) >= rows.shortest:
+            segments.append(segment)
+    return segments
 
 
-def chosen(session: Session, rows: np.ndarray | slice) -> Session:
-    """Some rows of a session."""
-    names = ("time", "commanded", "measured", "positions", "axes", "labels")
+def select_rows(session: Session, rows: np.ndarray | slice) -> Session:
+    """Session of some rows."""
+    names = ("time", *SIGNALS, "labels")
     return replace(session, **{name: getattr(session, name)[rows] for name in names})
 
 
-def told(session: Session) -> np.ndarray:
-    """What drives were told, else what they did: an episode needs all of it."""
-    return np.where(
-        np.isfinite(session.commanded).any(axis=0), session.commanded, session.measured
-    )
-
-
-def _check_rising(times: np.ndarray) -> None:
+def _check_increasing(times: np.ndarray) -> None:
     falls = np.flatnonzero(np.diff(times) < 0)
     if len(falls):
-        place = falls[0]
+        row = falls[0]
         raise LogError(
-            f"times fall from {times[place]:.6g} to {times[place + 1]:.6g} s after {place + 1} rows that can be used; "
-            "sort them, or split the file where the clock was set back"
+            f"times fall from {times[row]:.6g} to {times[row + 1]:.6g} s after "
+            f"{row + 1} valid rows; sort the rows, or split the file where the clock "
+            "was set back"
         )
 
 
-def _resampled(part: Session, period: float, limit: float) -> Session:
-    moments = part.time[0] + period * np.arange(
-        int((part.time[-1] - part.time[0]) / period + 1e-6) + 1
-    )
-    # rounded up, the last one would lie behind the end
-    moments = np.minimum(moments, part.time[-1])
-    after = np.searchsorted(part.time, moments, side="right").clip(1, len(part) - 1)
+def _resample(segment: Session, period: float, limit: float) -> Session:
+    times = segment.time
+    count = int((times[-1] - times[0]) / period + 1e-6) + 1
+    samples = times[0] + period * np.arange(count)
+    # rounding could put the last sample behind the end
+    samples = np.minimum(samples, times[-1])
     columns: dict[str, Any] = {
-        name: interpolated(part.time, getattr(part, name), moments, limit)
-        for name in ("commanded", "measured", "positions", "axes")
+        name: interpolate(times, getattr(segment, name), samples, limit)
+        for name in SIGNALS
     }
     lengths = np.linalg.norm(columns["axes"], axis=-1, keepdims=True)
     columns["axes"] = columns["axes"] / np.where(lengths > 0, lengths, np.nan)
-    return replace(part, time=moments, labels=part.labels[after - 1], **columns)
+    after = np.searchsorted(times, samples, side="right").clip(1, len(times) - 1)
+    labels = segment.labels[after - 1]
+    return replace(segment, time=samples, labels=labels, **columns)
 
 
-def interpolated(
-    time: np.ndarray, values: np.ndarray, moments: np.ndarray, limit: float
+def interpolate(
+    time: np.ndarray, values: np.ndarray, samples: np.ndarray, limit: float
 ) -> np.ndarray:
-    """Values at other moments, on straight lines between neighbors; NaN where those are further apart than a limit.
+    """Linear interpolation; NaN between neighbors further apart than a limit.
 
-    Each channel has its own neighbors: one that was not seen for a moment does not
-    hide the others.
+    Each channel has its own neighbors, so one missing channel does not hide the others.
     """
-    flat = values.reshape(len(values), -1)
-    found = np.stack(
-        [_line(time, channel, moments, limit) for channel in flat.T], axis=1
-    )
-    return found.reshape(len(moments), *values.shape[1:])
+    channels = values.reshape(len(values), -1).T
+    columns = [
+        _interpolate_channel(time, channel, samples, limit) for channel in channels
+    ]
+    return np.stack(columns, axis=1).reshape(len(samples), *values.shape[1:])
 
 
-def _line(
-    time: np.ndarray, channel: np.ndarray, moments: np.ndarray, limit: float
+def _interpolate_channel(
+    time: np.ndarray, channel: np.ndarray, samples: np.ndarray, limit: float
 ) -> np.ndarray:
-    seen = np.isfinite(channel)
-    if not seen.any():
-        return np.full(len(moments), np.nan)
-    times = time[seen]
-    found = np.interp(moments, times, channel[seen], left=np.nan, right=np.nan)
-    after = np.searchsorted(times, moments).clip(0, len(times) - 1)
-    before = (np.searchsorted(times, moments, side="right") - 1).clip(0)
-    return np.where(times[after] - times[before] <= limit, found, np.nan)
+    known = np.isfinite(channel)
+    if not known.any():
+        return np.full(len(samples), np.nan)
+    times = time[known]
+    values = np.interp(samples, times, channel[known], left=np.nan, right=np.nan)
+    after = np.searchsorted(times, samples).clip(0, len(times) - 1)
+    before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
+    return np.where(times[after] - times[before] <= limit, values, np.nan)

@@ -1,4 +1,4 @@
-"""A session: what a map finds in the tables of a log, in SI units, still in the frame of the file."""
+"""Sessions: the contents of a log in SI units, in the frame of the log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,11 @@ from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.map import Drive, End, LogMap, Three
-from s2c2a.logs.tables import Table, listed
+from s2c2a.logs.log_map import ROTATING_UNITS, Drive, End, LogMap, Vector
+from s2c2a.logs.tables import Table, list_names
 
 METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -17,19 +18,18 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 
 @dataclass(frozen=True)
 class Session:
-    """What was logged, row by row.
+    """Rows of one log.
 
     Attributes:
-        time: [s], rising where it is a number, shape (rows,); numbers of rows over the
-            rate where no column says it.
-        commanded: what drives were told [m, N or free], positive as in the file, shape
+        time: time [s], increasing where it is a number, shape (rows,).
+        commanded: commands of the drives [m, N or free], positive as in the file, shape
             (rows, drives); NaN: unknown.
-        measured: what they said of themselves, the same.
-        positions: of the ends [m], frame of the file, shape (rows, ends, 3); NaN: not
-            seen.
-        axes: unit vectors along the arm there, the same.
-        labels: text, shape (rows,); empty where none is asked for.
-        broken: rows that could not be read.
+        measured: measured values of the drives, with the same units and shape.
+        positions: positions of the ends [m], frame of the log, shape (rows, ends, 3);
+            NaN: not measured.
+        axes: unit vectors along the arm at the ends, same frame and shape.
+        labels: text, shape (rows,); empty where the map names no label.
+        broken_rows: number of unreadable rows.
     """
 
     time: Float[np.ndarray, " rows"]
@@ -38,189 +38,190 @@ class Session:
     positions: Float[np.ndarray, "rows ends 3"]
     axes: Float[np.ndarray, "rows ends 3"]
     labels: np.ndarray
-    broken: int = 0
+    broken_rows: int = 0
 
     def __len__(self) -> int:
-        """How many rows."""
+        """Number of rows."""
         return len(self.time)
 
     @property
-    def driven(self) -> Float[np.ndarray, "rows drives"]:
-        """What the drives did: measured, else what they were told."""
-        return np.where(np.isfinite(self.measured), self.measured, self.commanded)
+    def commands(self) -> Float[np.ndarray, "rows drives"]:
+        """Commands, or the measured values of drives that have no command."""
+        known = np.isfinite(self.commanded).any(axis=0)
+        return np.where(known, self.commanded, self.measured)
 
 
-def session_of(tables: Sequence[Table], told: LogMap) -> Session:
-    """Read one session's tables, joined where there are several.
+def build_session(tables: Sequence[Table], log_map: LogMap) -> Session:
+    """Convert the tables of one session, joined if there are several.
 
     Raises:
-        LogError: a column is missing, or nothing matches.
+        LogError: a column is missing, or the files have no rows in common.
     """
-    table = _part(_joined(tables, told.join.key) if told.join else tables[0], told)
-    if missing := (told.numbers - set(table.numbers)) | (told.words - set(table.words)):
+    table = _join(tables, log_map.join.key) if log_map.join else tables[0]
+    table = _select_rows(table, log_map)
+    missing = log_map.number_columns - set(table.numbers)
+    missing |= log_map.label_columns - set(table.labels)
+    if missing:
         raise LogError(
-            f"{table.path} lacks columns that the map names: {listed(sorted(missing))}"
+            f"{table.path} lacks columns that the map names: "
+            f"{list_names(sorted(missing))}"
         )
-    unit = told.rows.unit
-    turn = SECONDS[unit] if isinstance(unit, str) else unit
-    number = np.arange(len(table), dtype=float)
-    time = (
-        table.numbers[told.rows.time] * turn
-        if told.rows.time
-        else number / (told.rows.rate or told.arm.control_rate)
-    )
+    positions = [_stack(table, end.position) * METERS[end.unit] for end in log_map.ends]
+    label = log_map.rows.label
     return Session(
-        time,
-        _of_drives(table, told, "commanded"),
-        _of_drives(table, told, "measured"),
-        np.stack(
-            [_vectors(table, end.position) * METERS[end.unit] for end in told.ends],
-            axis=1,
-        ),
-        np.stack([_axis(table, end) for end in told.ends], axis=1),
-        table.words[told.rows.label] if told.rows.label else np.full(len(table), ""),
-        table.broken,
+        _time(table, log_map),
+        _drive_values(table, log_map, "commanded"),
+        _drive_values(table, log_map, "measured"),
+        np.stack(positions, axis=1),
+        np.stack([_axes(table, end) for end in log_map.ends], axis=1),
+        table.labels[label] if label else np.full(len(table), ""),
+        table.broken_rows,
     )
 
 
-def _part(table: Table, told: LogMap) -> Table:
-    begin = told.rows.first_row
-    count = told.rows.rows
-    chosen = table.rows(
-        np.arange(len(table))[begin : None if count is None else begin + count]
-    )
-    if len(chosen) < 2:
+def _time(table: Table, log_map: LogMap) -> np.ndarray:
+    """Time of each row [s]; row number over rate where the log has no time column."""
+    rows = log_map.rows
+    if rows.time is None:
+        rate = rows.rate or log_map.arm.control_rate
+        return np.arange(len(table), dtype=float) / rate
+    unit = SECONDS[rows.unit] if isinstance(rows.unit, str) else rows.unit
+    return table.numbers[rows.time] * unit
+
+
+def _select_rows(table: Table, log_map: LogMap) -> Table:
+    begin = log_map.rows.first_row
+    count = log_map.rows.rows
+    end = None if count is None else begin + count
+    selected = table.select(np.arange(len(table))[begin:end])
+    if len(selected) < 2:
         raise LogError(
-            f"{table.path} holds {len(chosen)} rows from row {begin} on; at least two are needed"
+            f"{table.path} has {len(selected)} rows from row {begin} on; "
+            "at least two are needed"
         )
-    return chosen
+    return selected
 
 
-def _joined(tables: Sequence[Table], key: str) -> Table:
-    """Rows whose key every table has, in the order of the first one."""
+def _join(tables: Sequence[Table], key: str) -> Table:
+    """Rows whose key occurs in every table, sorted by the key."""
     for table in tables:
-        if key not in table.numbers:
-            raise LogError(
-                f"{table.path} lacks the column '{key}' that joins the files"
-            )
-        keys = table.numbers[key]
-        if len(np.unique(keys)) < len(keys) or np.isnan(keys).any():
-            raise LogError(
-                f"{table.path}: '{key}' is blank or says a number twice, so rows cannot be matched by it"
-            )
+        _check_key(table, key)
     common = reduce(np.intersect1d, [table.numbers[key] for table in tables])
     if not len(common):
+        paths = " and ".join(table.path for table in tables)
+        raise LogError(f"{paths} have no '{key}' in common")
+    numbers: dict[str, np.ndarray] = {}
+    labels: dict[str, np.ndarray] = {}
+    duplicates: set[str] = set()
+    for table in tables:
+        columns = {*table.numbers, *table.labels} - {key}
+        duplicates |= columns & {*numbers, *labels}
+        rows = table.select(_find_rows(table.numbers[key], common))
+        numbers |= rows.numbers
+        labels |= rows.labels
+    if duplicates:
         raise LogError(
-            f"{' and '.join(table.path for table in tables)} have no '{key}' in common"
+            f"several of the joined files have {list_names(sorted(duplicates))}; "
+            "give each column its own name"
         )
-    names = [
-        name
-        for table in tables
-        for name in (*table.numbers, *table.words)
-        if name != key
-    ]
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise LogError(
-            f"{listed(sorted(twice))}: in several of the joined files; each column needs a name of its own"
-        )
-    parts = [table.rows(_places(table.numbers[key], common)) for table in tables]
-    numbers = {name: column for part in parts for name, column in part.numbers.items()}
-    words = {name: column for part in parts for name, column in part.words.items()}
-    return Table(
-        " + ".join(table.path for table in tables),
-        numbers,
-        words,
-        sum(table.broken for table in tables),
-    )
+    path = " + ".join(table.path for table in tables)
+    return Table(path, numbers, labels, sum(table.broken_rows for table in tables))
 
 
-def _places(keys: np.ndarray, desired: np.ndarray) -> np.ndarray:
+def _check_key(table: Table, key: str) -> None:
+    if key not in table.numbers:
+        raise LogError(f"{table.path} lacks the column '{key}' that joins the files")
+    keys = table.numbers[key]
+    if len(np.unique(keys)) < len(keys) or np.isnan(keys).any():
+        raise LogError(
+            f"{table.path}: '{key}' has blank or duplicate values; "
+            "each row needs its own number"
+        )
+
+
+def _find_rows(keys: np.ndarray, values: np.ndarray) -> np.ndarray:
     order = np.argsort(keys)
-    return order[np.searchsorted(keys, desired, sorter=order)]
+    return order[np.searchsorted(keys, values, sorter=order)]
 
 
-def _of_drives(table: Table, told: LogMap, which: str) -> np.ndarray:
-    columns = [getattr(drive, which) for drive in told.drives]
-    nothing = np.full(len(table), np.nan)
-    values = [
-        nothing
-        if column is None
-        else (table.numbers[column] - drive.offset) * factor_of(drive, told)
-        for column, drive in zip(columns, told.drives, strict=True)
-    ]
+def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:
+    values = []
+    for drive in log_map.drives:
+        column = getattr(drive, attribute)
+        if column is None:
+            values.append(np.full(len(table), np.nan))
+            continue
+        scale = drive_scale(drive, log_map)
+        values.append((table.numbers[column] - drive.offset) * scale)
     return np.stack(values, axis=1)
 
 
-def factor_of(drive: Drive, told: LogMap) -> float:
-    """What turns a drive's column into meters or newtons; 1 for one in free units."""
-    radius = told.arm.pulley_radius or 0.0
-    turns = {
+def drive_scale(drive: Drive, log_map: LogMap) -> float:
+    """Meters or newtons per unit of a drive's columns; 1 for free units."""
+    if drive.unit not in ROTATING_UNITS:
+        return 1e-3 if drive.unit == "mm" else 1.0
+    radians = {
         "turns": 2 * np.pi,
-        "ticks": 2 * np.pi / told.arm.ticks_per_turn,
+        "ticks": 2 * np.pi / log_map.arm.ticks_per_turn,
         "deg": np.pi / 180,
         "rad": 1.0,
     }
-    return {"N": 1.0, "free": 1.0, "m": 1.0, "mm": 1e-3}.get(drive.unit) or turns[
-        drive.unit
-    ] * radius
+    return radians[drive.unit] * (log_map.arm.pulley_radius or 0.0)
 
 
-def _vectors(table: Table, columns: Sequence[str]) -> np.ndarray:
+def _stack(table: Table, columns: Sequence[str]) -> np.ndarray:
     return np.stack([table.numbers[column] for column in columns], axis=-1)
 
 
-def _axis(table: Table, end: End) -> np.ndarray:
-    """Unit vectors along the arm, NaN where nothing says them."""
+def _axes(table: Table, end: End) -> np.ndarray:
+    """Unit vectors along the arm, NaN where they are not measured, shape (rows, 3)."""
     if end.axis is not None:
-        return _unit(_vectors(table, end.axis))
+        return _normalize(_stack(table, end.axis))
+    axes = np.full((len(table), 3), np.nan)
     columns = end.quaternion or end.euler
     if columns is None:
-        return np.full((len(table), 3), np.nan)
-    values = _vectors(table, columns)
-    along = direction(end.along)
-    known = np.isfinite(values).all(axis=1) & (
-        np.abs(values).sum(axis=1) > 0 if end.quaternion else True
-    )
-    axes = np.full((len(table), 3), np.nan)
-    axes[known] = _turned(values[known], end, along)
+        return axes
+    values = _stack(table, columns)
+    known = np.isfinite(values).all(axis=1)
+    if end.quaternion is not None:
+        known &= np.abs(values).sum(axis=1) > 0
+    axes[known] = _rotate_along(values[known], end)
     return axes
 
 
-def _turned(values: np.ndarray, end: End, along: np.ndarray) -> np.ndarray:
-    """The body's direction along the arm, under rotations."""
-    from scipy.spatial.transform import Rotation
-
+def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
+    """Direction along the arm, rotated by quaternions or Euler angles."""
     if end.quaternion is not None:
-        return Rotation.from_quat(
-            values if end.order == "xyzw" else values[:, [1, 2, 3, 0]]
-        ).apply(along)
-    return Rotation.from_euler(
-        end.sequence or "", values, degrees=end.euler_unit == "deg"
-    ).apply(along)
+        columns = [0, 1, 2, 3] if end.order == "xyzw" else [1, 2, 3, 0]
+        rotation = Rotation.from_quat(values[:, columns])
+    else:
+        degrees = end.euler_unit == "deg"
+        rotation = Rotation.from_euler(end.sequence or "", values, degrees=degrees)
+    return rotation.apply(unit_vector(end.along))
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def _normalize(vectors: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(
-        vectors, lengths, out=np.full(vectors.shape, np.nan), where=lengths > 0
-    )
+    unknown = np.full(vectors.shape, np.nan)
+    return np.divide(vectors, lengths, out=unknown, where=lengths > 0)
 
 
-def direction(said: str | Three) -> Float[np.ndarray, "3"]:
-    """A unit vector from `-y` or from three numbers.
+def unit_vector(direction: str | Vector) -> Float[np.ndarray, "3"]:
+    """Unit vector of a signed axis such as `-y`, or of three numbers.
 
     Raises:
-        LogError: neither, or the vector has no length.
+        LogError: the direction is neither of these, or the vector is zero.
     """
-    if isinstance(said, str):
-        if said[-1:] not in "xyz" or said[:-1] not in ("", "+", "-") or not said:
+    if isinstance(direction, str):
+        axis = direction[-1:]
+        sign = direction[:-1]
+        if axis not in ("x", "y", "z") or sign not in ("", "+", "-"):
             raise LogError(
-                f"'{said}' is no direction; say x, -y, z, ..., or three numbers"
+                f"'{direction}' is not a direction; write an axis such as x or -y, "
+                "or three numbers"
             )
-        return (-1.0 if said.startswith("-") else 1.0) * np.eye(3)[
-            "xyz".index(said[-1])
-        ]
-    length = float(np.linalg.norm(said))
+        return (-1.0 if sign == "-" else 1.0) * np.eye(3)["xyz".index(axis)]
+    length = float(np.linalg.norm(direction))
     if not length > 0:
-        raise LogError(f"{list(said)} has no length, so it is no direction")
-    return np.asarray(said, float) / length
+        raise LogError(f"{list(direction)} has no length; give a direction")
+    return np.asarray(direction, float) / length

@@ -1,93 +1,109 @@
-"""What an import found, in words."""
+"""Text summary of an import."""
 
 from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from s2c2a.logs.importing import Again, Imported
+from s2c2a.episodes import Episode
+from s2c2a.logs.pipeline import Imported, ImportedSession
+from s2c2a.logs.rig import SimilarRows
 
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
-    """A row for every cable: column, module, angle, what larger numbers do, radius if all the gain were in it."""
+    """Row for each cable: column, module, angle, effect of larger numbers, gain."""
     layout = imported.layout
-    errors = imported.fit.errors
-    for module, drives in enumerate(layout.drive):
-        for cable, drive in enumerate(drives):
-            off = np.rad2deg(errors.angles[drive]) if errors else np.nan
-            pulls = (
-                layout.factor[module, cable] < 0 or imported.arm.actuation == "tension"
-            )
-            yield (
-                imported.rig.names[drive],
-                str(module),
-                f"{layout.angles_deg[module, cable]:.1f} +- {off:.1f}",
-                "pull" if pulls else "release",
-                f"{layout.gains[module, cable]:.3f} +- {errors.gains[drive] if errors else np.nan:.3f}",
-            )
+    std = imported.fit.std
+    is_tension = imported.arm.actuation == "tension"
+    for (module, cable), drive in np.ndenumerate(layout.drive):
+        angle_std = np.rad2deg(std.angles[drive]) if std else np.nan
+        gain_std = std.gains[drive] if std else np.nan
+        pulls = is_tension or layout.factor[module, cable] < 0
+        yield (
+            imported.rig.names[drive],
+            str(module),
+            f"{layout.angles_deg[module, cable]:.1f} +- {angle_std:.1f}",
+            "pull" if pulls else "release",
+            f"{layout.gains[module, cable]:.3f} +- {gain_std:.3f}",
+        )
 
 
 def summary(imported: Imported) -> list[str]:
-    """Lines: episodes, steps, what of the truth is known, residual, doubts."""
+    """Lines: episodes, steps, measured ends, residual, frame, and ambiguities."""
+    rig = imported.rig
+    effect = "bend" if imported.assignment.coupled else "do not bend"
     lines = [
-        *_read(imported),
-        f"frame: ends of the model are {1e3 * imported.residual:.1f} mm (rms) from those seen; cables of outer modules "
-        f"{'bend' if imported.motors.coupled else 'do not bend'} inner ones",
-        f"base in the log's frame: {_vector(imported.rig.base)} m, x along {_vector(imported.rig.axes[0])}, "
-        f"z along {_vector(imported.rig.axes[2])}",
+        *_describe_episodes(imported),
+        f"model: its ends are {1e3 * imported.residual:.1f} mm (rms) from the measured "
+        f"ones; cables of outer modules {effect} inner modules",
+        f"base in the frame of the log: {_vector(rig.base)} m, "
+        f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
     ]
-    return lines + [f"could not be told apart: {doubt}" for doubt in imported.doubts]
+    return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
 
-def summary_again(again: Again) -> list[str]:
-    """The same of another session, and how far the tip is from where it was in the first."""
-    said = [*_read(again), "frame and cables: as in the first recording"]
-    moved, cables = again.nearby
-    if not len(moved):
-        return [
-            *said,
-            "the tip was not seen in both sessions, so whether a camera or a motor moved cannot be told",
-        ]
-    unit = "N" if again.episodes[0].arm.actuation == "tension" else "mm"
-    size = 1e3 if unit == "mm" else 1.0
+def session_summary(session: ImportedSession) -> list[str]:
+    """Lines: the same for another session, and the tip's offset from the first one."""
     return [
-        *said,
-        f"in the {len(moved)} steps whose cables stood most as they did then, within {size * np.median(cables):.2g} "
-        f"{unit} (median), the tip is {1e3 * np.median(np.linalg.norm(moved, axis=-1)):.1f} mm from where it was then "
-        f"(median; by {_vector(1e3 * np.median(moved, axis=0), 1)} mm in the base frame): if that is more than cables "
-        "remember, a camera or a motor has moved, and this session is better imported by itself",
+        *_describe_episodes(session),
+        "frame and cables: as in the first recording",
+        _describe_offset(session.similar, session.episodes[0].arm.actuation),
     ]
 
 
-def _read(imported: Imported | Again) -> list[str]:
-    steps = sum(map(len, imported.episodes))
-    broken = (
-        f"; {imported.broken} rows were broken and are gaps" if imported.broken else ""
+def _describe_offset(similar: SimilarRows, actuation: str) -> str:
+    count = len(similar.displacement)
+    if not count:
+        return (
+            "offset of the tip: unknown, because the two sessions do not both measure "
+            "the tip; whether a camera or motor has moved cannot be checked"
+        )
+    unit = "N"
+    scale = 1.0
+    if actuation == "displacement":
+        unit = "mm"
+        scale = 1e3
+    cables = scale * np.median(similar.cables)
+    distance = 1e3 * np.median(np.linalg.norm(similar.displacement, axis=-1))
+    offset = _vector(1e3 * np.median(similar.displacement, axis=0), 1)
+    return (
+        f"offset of the tip: in the {count} steps with the most similar cables, within "
+        f"{cables:.2g} {unit} (median), the tip is {distance:.1f} mm from where it was "
+        f"then (median; {offset} mm in the base frame); if that exceeds the hysteresis "
+        "of the cables, a camera or motor has moved: import this session without --like"
     )
+
+
+def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
+    lengths = [len(episode) for episode in imported.episodes]
+    shortest = min(lengths)
+    longest = max(lengths)
+    steps = str(longest)
+    if shortest < longest:
+        steps = f"{shortest} to {longest}"
+    broken = ""
+    if imported.broken_rows:
+        broken = f"; {imported.broken_rows} unreadable rows are gaps"
     return [
-        f"{len(imported.episodes)} episodes of {_range(map(len, imported.episodes))} steps, {steps} in all, of "
+        f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
         f"{imported.rows} rows{broken}",
-        f"truth: {_known(imported)}",
+        f"measured: {_describe_ends(imported.episodes)}",
     ]
 
 
-def _vector(numbers: Iterable[float], digits: int = 4) -> str:
-    return f"({', '.join(f'{number:.{digits}f}' for number in numbers)})"
-
-
-def _range(numbers) -> str:
-    low, *_, high = sorted([*numbers] * 2)
-    return str(low) if low == high else f"{low} to {high}"
-
-
-def _known(imported: Imported | Again) -> str:
-    states = np.concatenate([episode.sensor("states") for episode in imported.episodes])
+def _describe_ends(episodes: Iterable[Episode]) -> str:
+    states = np.concatenate([episode.sensor("states") for episode in episodes])
     known = np.isfinite(states)
-    parts = []
+    ends = []
     for module in range(states.shape[1]):
         position = known[:, module, :3].all(axis=-1).mean()
         axis = known[:, module, 3:].all(axis=-1).mean()
         if position:
-            parts.append(
-                f"end of module {module} in {100 * position:.1f} % of steps, its axis in {100 * axis:.1f} %"
+            ends.append(
+                f"end of module {module} in {100 * position:.1f} % of steps, "
+                f"its axis in {100 * axis:.1f} %"
             )
-    return "; ".join(parts)
+    return "; ".join(ends)
+
+
+def _vector(values: Iterable[float], digits: int = 4) -> str:
+    return f"({', '.join(f'{value:.{digits}f}' for value in values)})"

@@ -1,88 +1,94 @@
-"""Files of strangers as named columns: CSV, NPZ, MAT. Sizes are capped before anything is read, nothing is guessed."""
+"""Log files as tables of named columns: CSV, NPZ, and MAT.
+
+File sizes are checked before anything is loaded, and unreadable values are errors.
+"""
 
 import csv
 import gzip
 import io
 import os
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from s2c2a.logs.arrays import read_mat, read_npz
+from s2c2a.logs.array_files import read_mat, read_npz
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 
 BLANK = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}
-CHUNK = 5000
-LONGEST_CELL = 400
+CHUNK = 5000  # rows converted to arrays at a time
+MAX_CELL_LENGTH = 400
 MAX_SHOWN = 12
+
+NumberedRow = tuple[int, list[str]]
 
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns of one file, all of as many rows.
+    """Named columns of one file, all of the same length.
 
     Attributes:
-        path: of the file, for errors.
-        numbers: name -> values, NaN where nothing was written.
-        words: name -> text, for columns that hold labels.
-        broken: how many rows could not be read and are gaps.
+        path: path of the file, for error messages.
+        numbers: numeric columns by name; blank cells are NaN.
+        labels: text columns by name.
+        broken_rows: number of unreadable rows, which are NaN.
     """
 
     path: str
     numbers: Mapping[str, np.ndarray]
-    words: Mapping[str, np.ndarray]
-    broken: int = 0
+    labels: Mapping[str, np.ndarray]
+    broken_rows: int = 0
 
     def __len__(self) -> int:
-        """How many rows."""
-        return len(next(iter((*self.numbers.values(), *self.words.values())), ()))
+        """Number of rows."""
+        columns = (*self.numbers.values(), *self.labels.values())
+        return len(columns[0]) if columns else 0
 
-    def rows(self, chosen: np.ndarray) -> "Table":
-        """Some of the rows."""
-        numbers = {name: column[chosen] for name, column in self.numbers.items()}
-        words = {name: column[chosen] for name, column in self.words.items()}
-        return Table(self.path, numbers, words, self.broken)
+    def select(self, rows: np.ndarray) -> "Table":
+        """Table of the rows with these indices."""
+        numbers = {name: column[rows] for name, column in self.numbers.items()}
+        labels = {name: column[rows] for name, column in self.labels.items()}
+        return Table(self.path, numbers, labels, self.broken_rows)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is desired of a file.
+class ColumnRequest:
+    """Columns to read from a file.
 
     Attributes:
-        numbers: columns that hold numbers.
-        words: columns that hold labels.
-        skip: lines above the header.
-        gaps: whether a row that cannot be read is a gap; an error if not.
+        numbers: names of numeric columns.
+        labels: names of text columns.
+        skip_lines: number of lines above the header.
+        allow_broken_rows: whether an unreadable row becomes NaN; otherwise it is an
+            error.
     """
 
     numbers: Collection[str]
-    words: Collection[str] = ()
-    skip: int = 0
-    gaps: bool = False
+    labels: Collection[str] = ()
+    skip_lines: int = 0
+    allow_broken_rows: bool = False
 
 
-def read_table(path: str | os.PathLike, asked: Asked) -> Table:
-    """The columns of a file that are asked for, as far as it has them.
+def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read those requested columns that a file has.
 
     Args:
-        path: ending in .npz or .mat, else text with a separator; any of the last may be
-            compressed (.gz).
-        asked: which columns.
+        path: file ending in .npz or .mat, or delimited text, which may be gzipped.
+        request: columns to read.
 
     Raises:
-        LogError: it cannot be read, is too large, or a row is cut off or holds text
-            where a number is needed.
+        LogError: the file cannot be read or is too large, or a row is cut off or holds
+            text in a numeric column.
     """
     if Path(path).suffix.lower() in (".npz", ".mat"):
-        return _of_arrays(path, asked)
+        return _read_arrays(path, request)
     if not Path(path).is_file():
-        raise LogError(f"no log at {path}")
+        raise LogError(f"{path} does not exist; check the path of the log")
     try:
-        return _of_text(path, asked)
+        return _read_text(path, request)
     except (
         OSError,
         EOFError,
@@ -92,223 +98,242 @@ def read_table(path: str | os.PathLike, asked: Asked) -> Table:
         ValueError,
     ) as error:
         raise LogError(
-            f"{path}: cannot be read as text with a separator: {error}; is it cut off, or no CSV?"
+            f"{path} cannot be read as delimited text: {error}; "
+            "check that it is a complete CSV file"
         ) from error
 
 
-def _of_arrays(path: str | os.PathLike, asked: Asked) -> Table:
-    arrays = (read_npz if Path(path).suffix.lower() == ".npz" else read_mat)(path)
-    there = {
-        name: column
-        for name, column in arrays.items()
-        if name in {*asked.numbers, *asked.words}
-    }
-    if len({len(column) for column in there.values()}) > 1:
+def list_names(names: Collection[str]) -> str:
+    """Comma-separated names, shortened to the first dozen."""
+    if not names:
+        return "none"
+    shown = ", ".join(name[:40] for name in islice(names, MAX_SHOWN))
+    return shown + (", ..." if len(names) > MAX_SHOWN else "")
+
+
+def _read_arrays(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    read = read_npz if Path(path).suffix.lower() == ".npz" else read_mat
+    arrays = read(path)
+    numbers = {}
+    labels = {}
+    lengths = {}
+    for name, column in arrays.items():
+        if name in request.labels:
+            labels[name] = column.astype(str)
+            lengths[name] = len(column)
+        if name in request.numbers:
+            numbers[name] = column.astype(float)
+            lengths[name] = len(column)
+    if len(set(lengths.values())) > 1:
         raise LogError(
-            f"{path}: columns of different lengths: { {name: len(column) for name, column in there.items()} }"
+            f"{path} has columns of different lengths: {lengths}; "
+            "save arrays with the same number of rows"
         )
-    words = {
-        name: column.astype(str)
-        for name, column in there.items()
-        if name in asked.words
-    }
-    numbers = {
-        name: column.astype(float)
-        for name, column in there.items()
-        if name in asked.numbers
-    }
-    _check_found(path, {*numbers, *words}, arrays)
-    return Table(str(path), numbers, words)
+    _check_any_found(path, lengths, arrays)
+    return Table(str(path), numbers, labels)
 
 
-def _check_found(
-    path: str | os.PathLike, found: Collection[str], there: Collection[str]
+def _check_any_found(
+    path: str | os.PathLike, found: Collection[str], available: Collection[str]
 ) -> None:
     if not found:
         raise LogError(
-            f"{path} has none of the columns that the map names; it has {listed(there)}"
+            f"{path} has none of the columns that the map names; "
+            f"it has {list_names(available)}"
         )
 
 
-def listed(names: Collection[str]) -> str:
-    """The first of many names."""
-    shown = ", ".join(name[:40] for name in islice(names, MAX_SHOWN))
-    return shown + (", ..." if len(names) > MAX_SHOWN else "") or "none"
-
-
-def _of_text(path: str | os.PathLike, asked: Asked) -> Table:
-    lines = io.StringIO(_text(path), newline="")
-    for _ in range(asked.skip):
+def _read_text(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    lines = io.StringIO(_decode(path), newline="")
+    for _ in range(request.skip_lines):
         lines.readline()
-    separator = _separator(lines)
-    rows = _Rows(
-        path,
-        csv.reader(_without_remarks(lines), delimiter=separator, skipinitialspace=True),
-        separator,
-        asked,
-    )
-    names, first = rows.header()
-    return rows.read(names, first)
+    return _TextParser(path, lines, request).read()
 
 
-def _text(path: str | os.PathLike) -> str:
-    """All of it; of one that swells no more is read than is allowed."""
+def _decode(path: str | os.PathLike) -> str:
+    """Text of a file, unpacked to at most the size limit."""
     with open(path, "rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-    with gzip.open(path, "rb") if packed else open(path, "rb") as file:
+        is_gzip = file.read(2) == b"\x1f\x8b"
+    with gzip.open(path, "rb") if is_gzip else open(path, "rb") as file:
         content = file.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise LogError(
-            f"{path} has more than {MAX_BYTES} bytes of text; take a part of it, or fewer columns"
+            f"{path} has more than {MAX_BYTES} bytes of text; "
+            "save fewer rows or columns"
         )
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16")
     return content.decode("utf-8-sig")
 
 
-def _separator(lines: io.StringIO) -> str:
-    """The likeliest one in the first line that says something."""
+def _detect_delimiter(lines: io.StringIO) -> str:
+    """Delimiter of the first line that is neither blank nor a comment."""
     begin = lines.tell()
-    first = next(
-        (line for line in lines if line.strip() and not line.startswith("#")), ""
-    )
+    delimiter = ","
+    for line in lines:
+        if line.strip() and not line.startswith("#"):
+            if ";" in line:
+                delimiter = ";"
+            elif "\t" in line:
+                delimiter = "\t"
+            break
     lines.seek(begin)
-    return next((sign for sign in ";\t" if sign in first), ",")
+    return delimiter
 
 
-def _without_remarks(lines: io.StringIO) -> Iterator[str]:
-    """Remarks become blank lines, so that lines keep their numbers."""
+def _blank_comments(lines: io.StringIO) -> Iterator[str]:
+    """Lines with comments replaced by blank lines, which preserves line numbers."""
     for line in lines:
         yield "\n" if line.startswith("#") else line
 
 
-class _Rows:
-    """Rows of text on their way to columns."""
+class _TextParser:
+    """Parser of delimited text into columns."""
 
-    def __init__(self, path: str | os.PathLike, reader, separator: str, asked: Asked):
+    def __init__(
+        self, path: str | os.PathLike, lines: io.StringIO, request: ColumnRequest
+    ):
+        delimiter = _detect_delimiter(lines)
         self._path = path
-        self._reader = reader
-        self._asked = asked
-        self._broken = 0
-        # where commas do not part cells, they are decimal commas
-        self._comma = separator != ","
-
-    def header(self) -> tuple[list[str], list[list[str]]]:
-        """Names of columns; a file of bare numbers has `1`, `2`, ..., and its first row is one."""
-        first = next(
-            (row for row in self._reader if any(cell.strip() for cell in row)), None
+        self._request = request
+        self._reader = csv.reader(
+            _blank_comments(lines), delimiter=delimiter, skipinitialspace=True
         )
-        if first is None:
-            raise LogError(f"{self._path} holds nothing")
-        if len(first) > MAX_COLUMNS:
-            raise LogError(
-                f"{self._path} has {len(first)} columns, at most {MAX_COLUMNS} are read"
-            )
-        names = [cell.strip() for cell in first]
-        if all(self._number(name) is not None for name in names):
-            return [str(number + 1) for number in range(len(names))], [first]
-        twice = {name for name in names if name and names.count(name) > 1} & {
-            *self._asked.numbers,
-            *self._asked.words,
-        }
-        if twice:
-            raise LogError(
-                f"{self._path}: several columns are called {listed(sorted(twice))}; give each its own name"
-            )
-        return names, []
+        self._decimal_comma = delimiter != ","
+        self._broken_rows = 0
 
-    def read(self, names: list[str], first: list[list[str]]) -> Table:
-        """All rows."""
-        numbers = {
-            name: place
-            for place, name in enumerate(names)
-            if name in self._asked.numbers
-        }
-        words = {
-            name: place for place, name in enumerate(names) if name in self._asked.words
-        }
-        _check_found(self._path, {*numbers, *words}, names)
-        desired = {place: self._number for place in numbers.values()}
-        read = [
-            np.array([self._row(row, names, desired) for row in first], float).reshape(
-                -1, len(desired)
-            )
-        ]
-        said: list[list[str]] = [
-            [row[place] for place in words.values()] for row in first
-        ]
-        while chunk := [
-            (self._reader.line_num, row) for row in islice(self._reader, CHUNK)
-        ]:
-            whole = [
-                (line, row) for line, row in chunk if row and any(map(str.strip, row))
-            ]
-            values = [self._row(row, names, desired, line) for line, row in whole]
-            read.append(np.array(values, float).reshape(-1, len(desired)))
-            said += [
-                [
-                    row[place].strip() if place < len(row) else ""
-                    for place in words.values()
-                ]
-                for _, row in whole
-            ]
-            if sum(map(len, read)) > MAX_ROWS:
+    def read(self) -> Table:
+        """Parse all rows."""
+        names, first_rows = self._read_header()
+        numbers = _find_columns(names, self._request.numbers)
+        labels = _find_columns(names, self._request.labels)
+        _check_any_found(self._path, {*numbers, *labels}, names)
+        positions = list(numbers.values())
+        chunks = []
+        label_rows: list[list[str]] = []
+        row_count = 0
+        for rows in self._chunks(first_rows):
+            values = [self._parse_row(row, names, positions) for row in rows]
+            chunks.append(np.array(values, float).reshape(-1, len(positions)))
+            label_rows += [_cells(row, labels.values()) for _, row in rows]
+            row_count += len(rows)
+            if row_count > MAX_ROWS:
                 raise LogError(
-                    f"{self._path} has more than {MAX_ROWS} rows; take a part of it"
+                    f"{self._path} has more than {MAX_ROWS} rows; split the file"
                 )
-        columns = np.concatenate(read).T
-        labels = {
-            name: np.array([row[number] for row in said], object)
-            for number, name in enumerate(words)
+        columns = np.concatenate(chunks).T
+        label_columns = {
+            name: np.array([row[index] for row in label_rows], object)
+            for index, name in enumerate(labels)
         }
         return Table(
             str(self._path),
             dict(zip(numbers, columns, strict=True)),
-            labels,
-            self._broken,
+            label_columns,
+            self._broken_rows,
         )
 
-    def _row(
-        self,
-        row: list[str],
-        names: list[str],
-        desired: Mapping[int, Callable],
-        line: int = 1,
-    ) -> list[float]:
-        values = []
-        fault = ""
-        for place, number in desired.items():
-            value = number(row[place]) if place < len(row) else None
-            if value is None:
-                got = (
-                    f"'{row[place][:40]}', no number"
-                    if place < len(row)
-                    else "nothing: the row is cut off"
-                )
-                fault = fault or f"line {line}, column '{names[place]}': {got}"
-            values.append(np.nan if value is None else value)
-        if len(row) < len(names) and not fault:
-            fault = (
-                f"line {line}, column '{names[len(row)]}': nothing: the row is cut off"
-            )
-        if fault and not self._asked.gaps:
-            raise LogError(
-                f'{self._path}: {fault}; mend it, or take such rows as gaps (broken_rows = "gap" in the map)'
-            )
-        self._broken += bool(fault)
-        return [np.nan] * len(values) if fault else values
+    def _read_header(self) -> tuple[list[str], list[NumberedRow]]:
+        """Column names, and the first row if the file has no header.
 
-    def _number(self, cell: str) -> float | None:
-        """What a cell says; NaN for a blank one, None for text."""
+        The columns of a file without a header are named `1`, `2`, and so on.
+        """
+        first = next((row for row in self._reader if not _is_blank(row)), None)
+        if first is None:
+            raise LogError(f"{self._path} is empty")
+        if len(first) > MAX_COLUMNS:
+            raise LogError(
+                f"{self._path} has {len(first)} columns; at most {MAX_COLUMNS} are read"
+            )
+        names = [cell.strip() for cell in first]
+        if all(self._parse_number(name) is not None for name in names):
+            numbers = [str(index + 1) for index in range(len(names))]
+            return numbers, [(1, first)]
+        requested = {*self._request.numbers, *self._request.labels}
+        duplicates = {name for name in requested if name and names.count(name) > 1}
+        if duplicates:
+            raise LogError(
+                f"{self._path} has several columns called "
+                f"{list_names(sorted(duplicates))}; give each its own name"
+            )
+        return names, []
+
+    def _chunks(self, first_rows: list[NumberedRow]) -> Iterator[list[NumberedRow]]:
+        """Non-blank rows with their line numbers, in chunks."""
+        yield first_rows
+        while True:
+            chunk = [
+                (self._reader.line_num, row) for row in islice(self._reader, CHUNK)
+            ]
+            if not chunk:
+                return
+            yield [(line, row) for line, row in chunk if not _is_blank(row)]
+
+    def _parse_row(
+        self, numbered: NumberedRow, names: list[str], positions: list[int]
+    ) -> Sequence[float | None]:
+        """Numbers at some positions of a row."""
+        line, row = numbered
+        values = [
+            self._parse_number(row[position]) if position < len(row) else None
+            for position in positions
+        ]
+        error = _find_error(row, values, names, positions)
+        if not error:
+            return values
+        if not self._request.allow_broken_rows:
+            raise LogError(
+                f"{self._path}: line {line}, {error}; correct the row, or set "
+                'broken_rows = "gap" in the map to treat such rows as gaps'
+            )
+        self._broken_rows += 1
+        return [np.nan] * len(values)
+
+    def _parse_number(self, cell: str) -> float | None:
+        """Number in a cell; NaN for a blank one, None for text."""
         cell = cell.strip()
         if cell.lower() in BLANK:
             return np.nan
-        if len(cell) > LONGEST_CELL or "_" in cell:  # Python would read 1_000
+        # `float` would accept 1_000
+        if len(cell) > MAX_CELL_LENGTH or "_" in cell:
             return None
-        if self._comma and cell.count(",") == 1 and "." not in cell:
+        if self._decimal_comma and cell.count(",") == 1 and "." not in cell:
             cell = cell.replace(",", ".")
         try:
             value = float(cell)
         except ValueError:
             return None
         return value if np.isfinite(value) else np.nan
+
+
+def _find_columns(names: list[str], requested: Collection[str]) -> dict[str, int]:
+    """Positions of those requested columns that exist."""
+    return {name: index for index, name in enumerate(names) if name in requested}
+
+
+def _is_blank(row: list[str]) -> bool:
+    return not any(cell.strip() for cell in row)
+
+
+def _cells(row: list[str], positions: Collection[int]) -> list[str]:
+    """Text at some positions; empty where the row is cut off."""
+    return [row[place].strip() if place < len(row) else "" for place in positions]
+
+
+def _find_error(
+    row: list[str],
+    values: Sequence[float | None],
+    names: list[str],
+    positions: list[int],
+) -> str:
+    """First error of a row, empty if there is none."""
+    for position, value in zip(positions, values, strict=True):
+        if value is not None:
+            continue
+        if position < len(row):
+            cell = row[position][:40]
+            return f"column '{names[position]}': '{cell}' is not a number"
+        return f"column '{names[position]}': the row is cut off"
+    if len(row) < len(names):
+        return f"column '{names[len(row)]}': the row is cut off"
+    return ""

@@ -1,4 +1,4 @@
-"""Options of forward models, and C2S: the paper's biLSTM from configurations to states."""
+"""Options of forward models, and the paper's C2S: configurations to states."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
@@ -13,7 +13,8 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
-from s2c2a.kinematics.pcc import ForwardModel, Memory, MemorylessModel
+from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
@@ -101,7 +102,7 @@ class ForwardOptions(ABC):
             TrainingError: this kind of model cannot be transferred.
         """
         raise TrainingError(
-            f"forward model '{self.model}' has no transfer; train without --from"
+            f"forward models '{self.model}' begin from nothing; train without --from"
         )
 
     def go_on(
@@ -114,7 +115,7 @@ class ForwardOptions(ABC):
     ) -> Trained[ForwardModel]:
         """Continue the training of a transferred model; see `train`."""
         raise TrainingError(
-            f"forward model '{self.model}' has no transfer; train without --from"
+            f"forward models '{self.model}' begin from nothing; train without --from"
         )
 
 
@@ -133,9 +134,12 @@ class C2S(MemorylessModel):
     state_scaling: Scaling
 
     def predict(
-        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
-    ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`: disturbances are ignored."""
         outputs = self.network(self.configuration_scaling.forward(configurations))
         return self.state_scaling.back(outputs)
 

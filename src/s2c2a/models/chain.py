@@ -1,14 +1,14 @@
-"""The forward model of the `best` recipe: cables with memory, modules at rest, arcs in a row, and what they leave out.
+"""The chain model: cables with hysteresis, modules in static equilibrium, arcs in a row.
 
-From the desired configuration to what the cables carry over (`Hysteresis`), from there
-to the bends at which modules come to rest (`bend_at_rest`), from bends to states along
-the chain of arcs. A small network adds what this leaves out: moments of gravity, bends
-and end points that arcs do not have.
+The forward model of the recipe `best`. From the planned configuration it computes what
+the cables transmit (`Hysteresis`), then the bends at which the modules are in
+equilibrium (`bend_at_rest`), then the states along the chain of arcs. A small network
+adds what this structure leaves out: moments of gravity, bends and end points that arcs
+do not have.
 """
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,52 +16,33 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics import ForwardModel
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.cables import Hysteresis, HysteresisMemory
+from s2c2a.models.disturbances import Disturbances, moments_of_weights
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium, Rest
 from s2c2a.models.trunk import Trunk
-from s2c2a.models.disturbances import Disturbances, moments_of_weights
 
-BEND_UNIT = 0.5  # rad; inputs of the network are about one
-# rad; an output of one
-MOMENT_UNIT = 1.0
-BEND_CORRECTION_UNIT = 0.2
-END_CORRECTION_UNIT = 0.1  # of a module's length
-OUTPUTS = 7  # of every module: moment 2, bend 2, end 3
-LOADED = 3  # times that a load and the shape under it are brought together in a step
-
-
-class ChainMemory(NamedTuple):
-    """What the chain remembers.
-
-    Attributes:
-        cables: what the sensors' past left behind.
-        disturbances: what came about since the recording.
-        hung: moments of what hangs at the tip, where the arm was of late [rad], shape
-            (modules, 2). They hardly change within a step, and are worked out once in
-            each.
-        each: the same of a kilogram more, there [rad/kg], shape (modules, 2).
-    """
-
-    cables: HysteresisMemory
-    disturbances: Disturbances
-    hung: Float[Array, "modules 2"]
-    each: Float[Array, "modules 2"]
+BEND_UNIT = 0.5  # rad; scales the inputs of the network to about one
+MOMENT_UNIT = 1.0  # rad; scale of the network's moments
+BEND_CORRECTION_UNIT = 0.2  # rad; scale of the network's bends
+END_CORRECTION_UNIT = 0.1  # of a module's length; scale of the network's end points
+OUTPUTS = 7  # of the network, per module: moment 2, bend 2, end point 3
+PAYLOAD_ITERATIONS = 3  # between payload moments and shape, in each control step
 
 
 class ChainC2S(ForwardModel):
-    """Hysteresis, statics, arcs and a network.
+    """Hysteresis, static equilibrium, arcs and a network.
 
     Attributes:
-        body: what follows from the arm.
+        body: constants that follow from the arm.
         hysteresis: of the cables.
-        equilibrium: how modules come to rest.
-        mixing: where there are no statics, what bends all modules' sensed bends stand
-            for, shape (2 modules, 2 modules).
-        network: what the rest leaves out.
+        equilibrium: of the modules.
+        mixing: without statics, the linear map from all sensed bends to all bends, shape
+            (2 modules, 2 modules).
+        network: the residual of the structure.
         statics: whether cables only pull.
-        engaged: whether slopes are those of taut cables that follow their motors.
+        engaged: whether gradients are those of taut cables that follow their motors.
     """
 
     body: Trunk
@@ -72,181 +53,192 @@ class ChainC2S(ForwardModel):
     statics: bool = eqx.field(static=True)
     engaged: bool = eqx.field(static=True, default=False)
 
+    @property
+    def takes_payload(self) -> bool:
+        """See `ForwardModel`."""
+        return True
+
     def for_planning(self) -> "ChainC2S":
-        """The same predictions with the slopes of taut cables that follow their motors."""
-        return replace(
-            self, hysteresis=replace(self.hysteresis, engaged=True), engaged=True
-        )
+        """See `ForwardModel`: with gradients of taut cables that follow their motors."""
+        hysteresis = replace(self.hysteresis, engaged=True)
+        return replace(self, hysteresis=hysteresis, engaged=True)
 
     def near(
-        self, configurations: Float[Array, "modules 3"], memory: ChainMemory
+        self,
+        configurations: Float[Array, "modules 3"],
+        memory: HysteresisMemory,
     ) -> "ChainC2S":
-        """See `ForwardModel`: where the arm is once it has arrived there, if a step is shorter than its delay."""
-        return replace(
-            self,
-            hysteresis=replace(self.hysteresis, arrived=self.hysteresis.delays > 0),
-        )
+        """See `ForwardModel`: at short control periods, the arm after its delay."""
+        arrived = self.hysteresis.delays > 0
+        return replace(self, hysteresis=replace(self.hysteresis, arrived=arrived))
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
         """See `ForwardModel`."""
-        modules = len(self.body.lengths)
-        cables = self.hysteresis.start(self.body.displacements(sensed))
-        none = jnp.zeros((modules, 2))
-        return ChainMemory(cables, Disturbances.none(modules), none, none)
+        return self.hysteresis.start(self.body.displacements(sensed))
 
     def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> ChainMemory:
+        self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+    ) -> HysteresisMemory:
         """See `ForwardModel`."""
-        return memory._replace(
-            cables=self.hysteresis.advance(
-                self.body.displacements(sensed), memory.cables
-            )
-        )
+        return self.hysteresis.advance(self.body.displacements(sensed), memory)
 
-    def given(
+    def with_moments(
         self,
         disturbances: Disturbances,
-        sensed: Float[Array, "*batch modules 3"],
-        memory: ChainMemory,
-    ) -> ChainMemory:
-        """See `ForwardModel`."""
-        inputs = self.inputs(self.body.displacements(sensed), memory)
-        hung, each = self._hung(disturbances.load, inputs, memory.hung)
-        return memory._replace(disturbances=disturbances, hung=hung, each=each)
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        before: Disturbances,
+    ) -> Disturbances:
+        """See `ForwardModel`.
 
-    def corrected(self, disturbances: Disturbances, memory: ChainMemory) -> ChainMemory:
-        """See `ForwardModel`."""
-        more = (disturbances.load - memory.disturbances.load) * memory.each
-        return memory._replace(disturbances=disturbances, hung=memory.hung + more)
+        Payload moments and shape are iterated over control steps, as the arm itself
+        comes to rest. Newton's method converges sooner, but cycles where cables become
+        taut or slack.
+        """
+        inputs = self.inputs(self.body.displacements(configurations), memory)
+        moments_of = partial(
+            moments_of_weights,
+            compliances=self.body.compliances,
+            gravity=self.body.gravity,
+        )
+        tip_mass = jnp.zeros_like(self.body.weights).at[-1].set(1.0)
+        unloaded, lengths, _corrections = self._at_rest(inputs)
+        own_moments = moments_of(self.body.weights, unloaded.bends, lengths)
+
+        def iterate(_: int, last: tuple[Array, Array]) -> tuple[Array, Array]:
+            loaded, lengths, _corrections = self._at_rest(inputs, last[0])
+            per_kg = moments_of(tip_mass, loaded.bends, lengths)
+            sagging = moments_of(self.body.weights, loaded.bends, lengths) - own_moments
+            return sagging + disturbances.payload * per_kg, per_kg
+
+        first = (before.moments, jnp.zeros_like(own_moments))
+        moments, per_kg = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, first)
+        return disturbances._replace(moments=moments, moments_per_kg=per_kg)
 
     def predict(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(configurations), memory)
-        return self.states(inputs, memory)
+        return self.states(inputs, disturbances)
 
     def inputs(
-        self, displacements: Float[Array, "*batch modules cables"], memory: ChainMemory
-    ) -> Array:
-        """What the hysteresis weighs (`Hysteresis.inputs`)."""
-        return self.hysteresis.inputs(displacements, memory.cables)
+        self,
+        displacements: Float[Array, "*batch modules cables"],
+        memory: HysteresisMemory,
+    ) -> Float[Array, "*batch modules inputs cables"]:
+        """The inputs of the hysteresis model (`Hysteresis.inputs`)."""
+        return self.hysteresis.inputs(displacements, memory)
 
     def states(
         self,
         inputs: Float[Array, "*batch modules inputs cables"],
-        memory: ChainMemory | None = None,
+        disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        """States for what the hysteresis weighs; training goes in here.
+        """States [m, 1] for inputs of the hysteresis model, base frame. Training calls this.
 
         Args:
             inputs: see `inputs`.
-            memory: of what came about since the recording, if anything.
+            disturbances: with moments; None as in the training data.
         """
-        rest, lengths, said = self._at_rest(
-            inputs, None if memory is None else memory.hung
-        )
-        bends = rest.bends + BEND_CORRECTION_UNIT * said[..., 2:4]
-        ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * said[..., 4:]
-        if memory is None:
+        moments = None if disturbances is None else disturbances.moments
+        rest, lengths, corrections = self._at_rest(inputs, moments)
+        bends = rest.bends + BEND_CORRECTION_UNIT * corrections[..., 2:4]
+        ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * corrections[..., 4:]
+        if disturbances is None:
             return states_from_arcs(bends, lengths, ends)
-        force = memory.disturbances.load * self.body.gravity
-        return states_from_arcs(
-            bends + memory.disturbances.leans, lengths, ends, force, self.body.gives
-        )
+        bends = bends + disturbances.bend_biases
+        force = disturbances.payload * self.body.gravity
+        return states_from_arcs(bends, lengths, ends, force, self.body.gives)
 
     def tensions(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules cables"]:
         """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(configurations), memory)
-        pulls = self._at_rest(inputs, memory.hung)[0].pulls
-        return (
-            pulls / self.body.moments if self.statics else jnp.full_like(pulls, jnp.nan)
-        )
+        moments = None if disturbances is None else disturbances.moments
+        pulls = self._at_rest(inputs, moments)[0].pulls
+        if not self.statics:
+            return jnp.full_like(pulls, jnp.nan)
+        return pulls / self.body.moments
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
         """See `ForwardModel`."""
         if not self.statics:
             return None
-        return (
-            np.exp(np.asarray(self.equilibrium.log_stiffness))
-            / np.asarray(self.body.moments)[:, 0]
-        )
+        stiffness = np.exp(np.asarray(self.equilibrium.log_stiffness))
+        return stiffness / np.asarray(self.body.moments)[:, 0]
 
     def _at_rest(
-        self, inputs: Array, hung: Array | None = None
+        self,
+        inputs: Float[Array, "*batch modules inputs cables"],
+        moments: Float[Array, "modules 2"] | None = None,
     ) -> tuple[Rest, Array, Array]:
-        """Modules at rest under moments of what hangs at the tip [rad], their lengths [m], what the network says."""
-        inputs = (
-            self.hysteresis.without_delay(inputs) if self.hysteresis.arrived else inputs
+        """Modules in equilibrium under payload moments [rad].
+
+        Returns:
+            The equilibrium, the modules' lengths [m] and the network's outputs.
+        """
+        if self.hysteresis.arrived:
+            inputs = self.hysteresis.without_delay(inputs)
+        if moments is None:
+            moments = jnp.zeros(2)
+        transmitted = self.hysteresis.transmitted(inputs)
+        if not self.statics:
+            return self._linear_rest(transmitted, moments)
+        solve = partial(
+            self.equilibrium.settled,
+            transmitted,
+            matrices=self.body.matrices,
+            engaged=self.engaged,
         )
-        carried = self.hysteresis.transmitted(inputs)
-        more = jnp.zeros(2) if hung is None else hung
-        if self.statics:
-            settled = partial(
-                self.equilibrium.settled,
-                carried,
-                matrices=self.body.matrices,
-                engaged=self.engaged,
-            )
-            held = self._relaxed(inputs)
-            alone = settled(held, before=None)
-            said = self._network(jnp.concatenate([alone.bends, carried], axis=-1))
-            rest = settled(held + MOMENT_UNIT * said[..., :2] + more, before=alone)
-            return rest, self.body.lengths - self.body.radii * rest.shorter, said
-        own = self.body.bends(carried)
+        relaxation = self._relaxation(inputs)
+        unloaded = solve(relaxation, before=None)
+        features = jnp.concatenate([unloaded.bends, transmitted], axis=-1)
+        corrections = self._network(features)
+        network_moments = MOMENT_UNIT * corrections[..., :2]
+        rest = solve(relaxation + network_moments + moments, before=unloaded)
+        lengths = self.body.lengths - self.body.radii * rest.shorter
+        return rest, lengths, corrections
+
+    def _linear_rest(
+        self,
+        transmitted: Float[Array, "*batch modules cables"],
+        moments: Float[Array, "*batch modules 2"],
+    ) -> tuple[Rest, Array, Array]:
+        """The equilibrium of an arm without statics: a linear map of the bends."""
+        own = self.body.bends(transmitted)
         mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
-        bends = mixed + (self.body.yields / self.body.compliances)[:, None] * more
-        none = jnp.zeros_like(bends)
-        rest = Rest(
-            bends, none[..., 0], none[..., :1], none, none, jnp.zeros_like(carried)
-        )
+        compliance = (self.body.yields / self.body.compliances)[:, None]
+        bends = mixed + compliance * moments
+        zeros = jnp.zeros_like(bends)
+        no_pulls = jnp.zeros_like(transmitted)
+        rest = Rest(bends, zeros[..., 0], zeros[..., :1], zeros, zeros, no_pulls)
         return rest, self.body.lengths, self._network(mixed)
 
-    def _hung(
-        self, load: Float[Array, ""], inputs: Array, hung: Float[Array, "modules 2"]
-    ) -> tuple[Array, Array]:
-        """Moments of what hangs at the tip, and of modules that sink further under it, from those of the last step.
-
-        Also those of a kilogram more.
-
-        Step by step they come to rest as the arm itself does. Newton's steps get there
-        sooner, but go round in circles where cables become taut or slack; and slopes
-        that know of sinking lead planners astray there.
-        """
-        weigh = partial(
-            moments_of_weights,
-            compliances=self.body.compliances,
-            gravity=self.body.gravity,
-        )
-        tip = jnp.zeros_like(self.body.weights).at[-1].set(1.0)
-        alone, lengths, _ = self._at_rest(inputs)
-        own = weigh(self.body.weights, alone.bends, lengths)
-
-        def sunk(_, before: tuple[Array, Array]) -> tuple[Array, Array]:
-            under, lengths, _ = self._at_rest(inputs, before[0])
-            each = weigh(tip, under.bends, lengths)
-            return weigh(
-                self.body.weights, under.bends, lengths
-            ) + load * each - own, each
-
-        return jax.lax.fori_loop(0, LOADED, sunk, (hung, jnp.zeros_like(own)))
-
-    def _relaxed(
+    def _relaxation(
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch modules 2"]:
-        """Moments of bends that cables asked for before [rad]."""
-        crept = inputs[
-            ..., inputs.shape[-2] - self.hysteresis.creep_weights.shape[1] :, :
-        ]
+        """Moments of the viscoelastic body, which remembers former bends [rad]."""
+        filters = self.hysteresis.creep_weights.shape[1]
+        filtered = inputs[..., inputs.shape[-2] - filters :, :]
         return jnp.einsum(
-            "mt,mkn,...mtn->...mk", self.equilibrium.relaxing, self.body.inverses, crept
+            "mt,mkn,...mtn->...mk",
+            self.equilibrium.relaxing,
+            self.body.inverses,
+            filtered,
         )
 
     def _network(
         self, features: Float[Array, "*batch modules features"]
     ) -> Float[Array, "*batch modules outputs"]:
-        flat = features.reshape(-1, features.shape[-2] * features.shape[-1]) / BEND_UNIT
-        return jax.vmap(self.network)(flat).reshape(*features.shape[:-1], OUTPUTS)
+        width = features.shape[-2] * features.shape[-1]
+        flat = features.reshape(-1, width) / BEND_UNIT  # (batch, modules * features)
+        outputs = jax.vmap(self.network)(flat)
+        return outputs.reshape(*features.shape[:-1], OUTPUTS)

@@ -14,12 +14,13 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.errors import TrainingError
-from s2c2a.kinematics import ForwardModel, bends_from_states
+from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium
-from s2c2a.models.transfer import babbled, carried_over, under_weights
+from s2c2a.models.transfer import babbled, transfer_chain, under_weights
 from s2c2a.models.trunk import Trunk
 from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
@@ -100,7 +101,7 @@ class ChainOptions(ForwardOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[ChainC2S]:
-        """See `ForwardOptions`; on whole episodes from rest, since the model has memory.
+        """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
         Linear least squares with nonnegative weights fit the hysteresis first, then all
         parameters are trained together.
@@ -138,7 +139,7 @@ class ChainOptions(ForwardOptions):
 
         For another module count, a new network is pretrained on the effect of gravity.
         """
-        chain = carried_over(model, old, ChainOptions.untrained(self, new, key), new)
+        chain = transfer_chain(model, old, ChainOptions.untrained(self, new, key), new)
         if old.module_count == new.module_count:
             return chain
         if not chain.statics:
@@ -168,7 +169,7 @@ class ChainOptions(ForwardOptions):
         chain: Any = getattr(model, "chain", model)
         states = []
         for inputs in inputs_along(chain, data):
-            states.append(np.asarray(said(model, jnp.asarray(inputs))))
+            states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
         return np.stack(states)
 
     def _initial_hysteresis(self, arm: ArmSpec) -> Hysteresis:
@@ -242,7 +243,10 @@ def _senses_pulling_cables(arm: ArmSpec) -> bool:
     )
 
 
-said = eqx.filter_jit(lambda model, inputs: model.states(inputs))
+@eqx.filter_jit
+def predict_states(model: Any, inputs: Array) -> Array:
+    """States for inputs of the hysteresis model, compiled."""
+    return model.states(inputs)
 
 
 def answer(model: Any, batch: Batch) -> Array:
@@ -316,7 +320,7 @@ def _fit_weights(
     inputs: np.ndarray, bends: np.ndarray, module: int, plays: int
 ) -> np.ndarray:
     """Weights of one module's inputs."""
-    from scipy.optimize import lsq_linear
+    from scipy.optimize import lsq_linear  # noqa: PLC0415  # heavy
 
     own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
     others = np.moveaxis(np.delete(inputs[:, :, 0], module, axis=0), 0, -1)

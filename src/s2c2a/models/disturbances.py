@@ -1,4 +1,4 @@
-"""What no recording told of an arm, since it came about later: what hangs at its tip, and how its modules lean."""
+"""Disturbances: what acts on an arm that its training data did not hold."""
 
 from typing import NamedTuple
 
@@ -10,22 +10,35 @@ from s2c2a.kinematics.chain import states_from_bends
 
 
 class Disturbances(NamedTuple):
-    """As far as they are known.
+    """A payload at the tip and bend biases of the modules.
 
     Attributes:
-        load: at the tip [kg].
-        leans: of modules, beside what they are expected to bend by [rad], shape
-            (modules, 2): errors of homing, drift, cables that became softer, and
-            whatever else pushes.
+        payload: mass at the tip [kg].
+        bend_biases: bends beside those that the model predicts [rad], shape (modules,
+            2): homing errors, drift, softer cables, external forces.
+        moments: bending moments of the payload over the bending stiffness [rad], at the
+            present shape, shape (modules, 2). None until a forward model has computed
+            them (`ForwardModel.with_moments`).
+        moments_per_kg: change of the moments with the payload [rad/kg], the same shape.
     """
 
-    load: Float[Array, ""]
-    leans: Float[Array, "modules 2"]
+    payload: Float[Array, ""]
+    bend_biases: Float[Array, "modules 2"]
+    moments: Float[Array, "modules 2"] | None = None
+    moments_per_kg: Float[Array, "modules 2"] | None = None
 
     @classmethod
     def none(cls, modules: int) -> "Disturbances":
-        """As when the data were recorded."""
-        return cls(jnp.zeros(()), jnp.zeros((modules, 2)))
+        """No disturbance, as in the training data."""
+        zeros = jnp.zeros((modules, 2))
+        return cls(jnp.zeros(()), zeros, zeros, zeros)
+
+    def with_payload(self, payload: Float[Array, ""]) -> "Disturbances":
+        """Another payload at the same shape: its moments change in proportion."""
+        if self.moments is None or self.moments_per_kg is None:
+            return self._replace(payload=payload)
+        change = (payload - self.payload) * self.moments_per_kg
+        return self._replace(payload=payload, moments=self.moments + change)
 
 
 def moments_of_weights(
@@ -35,17 +48,20 @@ def moments_of_weights(
     compliances: Float[Array, " modules"],
     gravity: Float[Array, "3"],
 ) -> Float[Array, "*batch modules 2"]:
-    """Moments over the bending stiffness that weights at modules' ends bend them by [rad]: C_i sum_j w_j dp_j/db_i . g.
+    """Bending moments of weights at the modules' ends, over the bending stiffness.
+
+    C_i sum_j w_j dp_j/db_i . g [rad]
 
     Args:
         weights: w [kg].
-        bends: where the modules are [rad].
-        lengths: of modules [m].
+        bends: b [rad].
+        lengths: of the modules [m].
         compliances: C, length over bending stiffness [rad/(N m)].
-        gravity: [m/s2], base frame.
+        gravity: g [m/s2], base frame.
     """
 
-    def work(bends):
-        return jnp.sum((states_from_bends(bends, lengths)[..., :3] @ gravity) * weights)
+    def work(bends: Array) -> Array:
+        ends = states_from_bends(bends, lengths)[..., :3]
+        return jnp.sum((ends @ gravity) * weights)
 
     return compliances[:, None] * jax.grad(work)(bends)

@@ -74,7 +74,7 @@ class Size:
 
 
 class Direction(eqx.Module):
-    """One LSTM layer in one direction; gates in the order input, forget, cell, output."""
+    """LSTM layer in one direction; gates are ordered input, forget, cell, output."""
 
     weight_input: Float[Array, "features gates"]
     weight_hidden: Float[Array, "hidden gates"]
@@ -149,7 +149,8 @@ class BiLSTM(eqx.Module):
     The number of modules may differ between calls, and any batch axes may lead.
 
     Example:
-        >>> network = BiLSTM(features=3, outputs=6, layers=4, hidden=64, key=jax.random.key(0))
+        >>> key = jax.random.key(0)
+        >>> network = BiLSTM(features=3, outputs=6, layers=4, hidden=64, key=key)
         >>> network(jnp.zeros((3, 3))).shape
         (3, 6)
     """
@@ -198,7 +199,8 @@ class LSTM(eqx.Module):
     """LSTM over time, oldest step first, with a linear head after the latest step.
 
     Example:
-        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=jax.random.key(0))
+        >>> key = jax.random.key(0)
+        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=key)
         >>> network(jnp.zeros((5, 9))).shape
         (6,)
     """

@@ -1,8 +1,8 @@
-"""The forward model of the `best` recipe: the chain, and what data near a configuration say beside it.
+"""The forward model of the recipe `best`: the chain, and kernels for its residual.
 
-The chain's structure goes on where there are no data; where there are, a local model
-(`Kernels`) tells what the chain leaves out. It sees what the cables carry, remember and
-change. `Known` says how far off both may be.
+The chain extrapolates; near data, a local model (`Kernels`) predicts what the chain
+leaves out, from what the cables transmit, remember and change. `Known` estimates the
+errors of both.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,53 +17,60 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split
-from s2c2a.kinematics import ForwardModel, bends_from_configurations, limit_lengths
-from s2c2a.models.chain import ChainC2S, ChainMemory
-from s2c2a.models.chain_training import ChainOptions, answer, said, samples_along
-from s2c2a.models.uncertainty import Known, known_from
+from s2c2a.kinematics import bends_from_configurations, limit_lengths
+from s2c2a.models.cables import HysteresisMemory
+from s2c2a.models.chain import ChainC2S
+from s2c2a.models.chain_training import (
+    ChainOptions,
+    answer,
+    predict_states,
+    samples_along,
+)
+from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.kernels import Kernels, fitted_kernels
 from s2c2a.models.transfer import babbled, same_places
-from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.uncertainty import Known, known_from
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, tried
 
-# an error of one: in parts of the arm's length, and of axes
+# scales of the outputs, in parts of the arm's length and of axes
 UNIT = 0.4
 AXIS_UNIT = 1.0
-FULL_BEND = 0.82  # rad; what `play_widths` are said for
-MIN_REACH = 1e-3  # rad; of an arm that hardly moved
-NEARBY = 0.2  # rad; how far slopes are believed
-EVERY_OTHER = slice(1, None, 2)  # of the plays
-SHARES = 0.0, 0.5, 1.0  # of the chain, which local models are fitted beside
-WEIGHTS = 0.5, 0.75, 1.0  # of these
+FULL_BEND = 0.82  # rad; bend at which `play_widths` apply
+MIN_REACH = 1e-3  # rad; for recordings with little motion
+NEARBY = 0.2  # rad; radius within which the tangent holds
+EVERY_OTHER = slice(1, None, 2)  # of the play operators are features
+SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
+WEIGHTS = 0.5, 0.75, 1.0  # of the fitted residual
 
 
 class Tangent(NamedTuple):
-    """What the local model says near a configuration.
+    """First-order expansion of the local model at a configuration.
 
     Attributes:
-        bends: there [rad], shape (modules, 2).
+        bends: of the configuration [rad], shape (modules, 2).
         features: there, shape (features,).
-        said: outputs there, shape (outputs,).
-        slopes: of them by features, shape (outputs, features).
+        outputs: there, shape (outputs,).
+        slopes: outputs by features, shape (outputs, features).
     """
 
     bends: Float[Array, "modules 2"]
     features: Float[Array, " features"]
-    said: Float[Array, " outputs"]
+    outputs: Float[Array, " outputs"]
     slopes: Float[Array, "outputs features"]
 
 
 class LocalC2S(ForwardModel):
-    """A chain and a local model.
+    """The chain model and kernels for its residual.
 
     Attributes:
         chain: hysteresis, statics, arcs.
-        kernels: what it leaves out, in units.
-        share: of the chain in what is said, shape (modules, 6).
-        known: where the data were, and how far off both were there.
+        kernels: of its residual, scaled.
+        share: weight of the chain in every output, shape (modules, 6).
+        known: distribution of the data, and errors there.
         unit: of positions [m].
-        tangent: what takes the kernels' place near a configuration.
+        tangent: replaces the kernels near a configuration, if given.
     """
 
     chain: ChainC2S
@@ -73,34 +80,39 @@ class LocalC2S(ForwardModel):
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> ChainMemory:
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
         """See `ForwardModel`."""
         return self.chain.start(sensed)
 
     def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> ChainMemory:
+        self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+    ) -> HysteresisMemory:
         """See `ForwardModel`."""
         return self.chain.observe(sensed, memory)
 
-    def given(
+    @property
+    def takes_payload(self) -> bool:
+        """See `ForwardModel`."""
+        return True
+
+    def with_moments(
         self,
         disturbances: Disturbances,
-        sensed: Float[Array, "*batch modules 3"],
-        memory: ChainMemory,
-    ) -> ChainMemory:
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        before: Disturbances,
+    ) -> Disturbances:
         """See `ForwardModel`."""
-        return self.chain.given(disturbances, sensed, memory)
-
-    def corrected(self, disturbances: Disturbances, memory: ChainMemory) -> ChainMemory:
-        """See `ForwardModel`."""
-        return self.chain.corrected(disturbances, memory)
+        return self.chain.with_moments(disturbances, configurations, memory, before)
 
     def tensions(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules cables"]:
         """See `ForwardModel`."""
-        return self.chain.tensions(configurations, memory)
+        return self.chain.tensions(configurations, memory, disturbances)
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
         """See `ForwardModel`."""
@@ -111,62 +123,63 @@ class LocalC2S(ForwardModel):
         return replace(self, chain=self.chain.for_planning())
 
     def near(
-        self, configurations: Float[Array, "modules 3"], memory: ChainMemory
+        self, configurations: Float[Array, "modules 3"], memory: HysteresisMemory
     ) -> "LocalC2S":
-        """See `ForwardModel`: the kernels are looked at once, not for every candidate of a control step."""
+        """See `ForwardModel`: the kernels are evaluated once a control step."""
         bends = bends_from_configurations(configurations)
         chain = self.chain.near(configurations, memory)
         features = replace(self, chain=chain)._features_at(bends, memory)
         silent = jnp.zeros(self.kernels.constant.shape)
         nothing = jnp.zeros((*silent.shape, *features.shape)), silent
 
-        def looked_at() -> tuple[Array, Array]:
+        def expanded() -> tuple[Array, Array]:
             return jax.jacrev(lambda at: (self.kernels(at),) * 2, has_aux=True)(
                 features
             )
 
-        # the chain may do alone, and then nothing is looked at
-        speaks = self.kernels.speaks > 0.0
-        slopes, value = jax.lax.cond(speaks, looked_at, lambda: nothing)
+        # without kernels, the chain predicts alone
+        has_kernels = self.kernels.speaks > 0.0
+        slopes, value = jax.lax.cond(has_kernels, expanded, lambda: nothing)
         return replace(
             self, chain=chain, tangent=Tangent(bends, features, value, slopes)
         )
 
     def predict(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
-    ) -> Array:
-        """States [m, 1], shape (*batch, modules, 6), base frame."""
-        inputs = self.chain.inputs(
-            self.chain.body.displacements(configurations), memory
-        )
-        chained = self.chain.states(inputs, memory)
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: HysteresisMemory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`."""
+        displacements = self.chain.body.displacements(configurations)
+        inputs = self.chain.inputs(displacements, memory)
+        states = self.chain.states(inputs, disturbances)
         if self.tangent is None:
-            return self._put_together(chained, self.kernels(self.features(inputs)))
-        return self._put_together(
-            chained, self._along(self.tangent, configurations, memory)
-        )
+            return self._corrected(states, self.kernels(self.features(inputs)))
+        along_tangent = self._along(self.tangent, configurations, memory)
+        return self._corrected(states, along_tangent)
 
     def _along(
         self,
         tangent: Tangent,
         configurations: Float[Array, "*batch modules 3"],
-        memory: ChainMemory,
+        memory: HysteresisMemory,
     ) -> Array:
-        """The local model along its slopes, as far as they are believed."""
+        """The expansion of the local model, within its radius."""
         away = limit_lengths(
             bends_from_configurations(configurations) - tangent.bends, NEARBY
         )
         moved = self._features_at(tangent.bends + away, memory) - tangent.features
-        return tangent.said + jnp.einsum("of,...f->...o", tangent.slopes, moved)
+        return tangent.outputs + jnp.einsum("of,...f->...o", tangent.slopes, moved)
 
     def _features_at(
-        self, bends: Float[Array, "*batch modules 2"], memory: ChainMemory
+        self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
     ) -> Array:
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.features(self.chain.inputs(moved, memory))
 
     def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: ChainMemory
+        self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> Array:
         """See `ForwardModel`."""
         return jnp.hypot(
@@ -182,15 +195,15 @@ class LocalC2S(ForwardModel):
     def states(
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch modules 6"]:
-        """States for what the hysteresis weighs."""
-        return self._put_together(
+        """States for inputs of the hysteresis model. Training calls this."""
+        return self._corrected(
             self.chain.states(inputs), self.kernels(self.features(inputs))
         )
 
     def place(
         self, displacements: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch features"]:
-        """By which doubt is told: bends that cables stand for, and how far they moved together."""
+        """Features of the predictive standard deviation: bends and common displacements."""
         bends = self.chain.body.bends(displacements)
         together = jnp.mean(displacements, axis=-1, keepdims=True)
         return jnp.concatenate([bends, together], axis=-1).reshape(
@@ -200,11 +213,11 @@ class LocalC2S(ForwardModel):
     def features(
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch features"]:
-        """What the local model sees: bends that cables stand for, and how far they moved together.
+        """Features of the local model: bends and common displacements.
 
-        Now, after some of the plays, and how far the filters were behind at the last
-        reading. That is told from what was read: a plan is ahead of the arm, and would
-        look like speed.
+        They are those of the present displacements, of some play operators, and of the
+        lag of the filters at the last reading. The lag follows from readings alone: a
+        plan is ahead of the arm, and would look like speed.
         """
         hysteresis = self.chain.hysteresis
         operators = self.chain.hysteresis.operators
@@ -225,23 +238,26 @@ class LocalC2S(ForwardModel):
     def weighed(
         self, share: float, weight: float, known: Bool[np.ndarray, "modules 6"]
     ) -> "LocalC2S":
-        """Between the chain alone and a local model that was fitted beside so much of it: both together err less.
+        """A mixture of the chain alone and of the fitted residual.
 
-        What is not known of states, the chain alone says.
+        Args:
+            share: of the chain whose residual the kernels were fitted to.
+            weight: of the kernels.
+            known: which outputs the data hold; the chain alone predicts the others.
         """
         left_out = weight * (1.0 - share) * self.kernels.speaks * known
         return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
 
-    def _put_together(
+    def _corrected(
         self,
         states: Float[Array, "*batch modules 6"],
-        said: Float[Array, "*batch outputs"],
-    ) -> Array:
-        """Positions and axes of the chain, and what is said beside them."""
-        beside = said.reshape(*said.shape[:-1], -1, 6)
+        outputs: Float[Array, "*batch outputs"],
+    ) -> Float[Array, "*batch modules 6"]:
+        """States of the chain with the residual of the local model."""
+        residual = outputs.reshape(*outputs.shape[:-1], -1, 6)
         states = self.share * states
-        positions = states[..., :3] + self.unit * beside[..., :3]
-        axes = states[..., 3:] + AXIS_UNIT * beside[..., 3:]
+        positions = states[..., :3] + self.unit * residual[..., :3]
+        axes = states[..., 3:] + AXIS_UNIT * residual[..., 3:]
         return jnp.concatenate(
             [positions, axes / jnp.linalg.norm(axes, axis=-1, keepdims=True)], axis=-1
         )
@@ -249,11 +265,11 @@ class LocalC2S(ForwardModel):
 
 @dataclass(frozen=True)
 class LocalOptions(ChainOptions):
-    """The chain's, and how much the local model holds.
+    """Options of the chain and of the local model.
 
     Attributes:
-        points: that stand for all samples.
-        few: the same, for doubt.
+        points: kernel centers.
+        few: centers of the predictive standard deviation.
     """
 
     play_widths: tuple[float, ...] = (
@@ -273,12 +289,12 @@ class LocalOptions(ChainOptions):
     model: str = field(default="local", kw_only=True)
 
     def __post_init__(self):
-        """Refuse what cannot be built."""
+        """Refuse impossible numbers."""
         super().__post_init__()
         check_limits(self, points=(8, 10_000), few=(4, 1000))
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
-        """The chain before training, and a local model that says nothing."""
+        """See `ForwardOptions`: the chain before training, without kernels."""
         chain = super().untrained(arm, key)
         modules = arm.module_count
         kernels = Kernels.silent(len(self._kinds(chain)), 6 * modules, self.points)
@@ -292,7 +308,7 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain first, then what it leaves out."""
+        """See `ForwardOptions`: the chain first, then its residual."""
         widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
         chain = ChainOptions(
             self.hidden, self.depth, widths, self.creep_times, self.statics
@@ -307,7 +323,7 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain first, then what it leaves out; what was known before stays known."""
+        """See `ForwardOptions`: the chain first, then its residual."""
         trained = self._with_local(
             super().go_on(model.chain, data, fit, key, progress), data, key
         )
@@ -322,7 +338,7 @@ class LocalOptions(ChainOptions):
         babbling: CollectOptions,
         key: PRNGKeyArray,
     ) -> LocalC2S:
-        """See `ForwardOptions`: the chain, and where it was shown; local models are of one arm alone."""
+        """See `ForwardOptions`: the chain; kernels belong to one arm alone."""
         chain = super().carried(model.chain, old, new, babbling, key)
         blank = self.untrained(new, key)
         begun = replace(blank, chain=chain, known=model.known)
@@ -341,11 +357,11 @@ class LocalOptions(ChainOptions):
     def _with_local(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
     ) -> Trained[LocalC2S]:
-        """A trained chain, and beside it what does best on samples held out."""
+        """A trained chain with the kernels that predict held-out samples best."""
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = samples_along(result.network, data)
         known = np.isfinite(split.training.targets).any(axis=0)
-        tries = {(1.0, 0.0): blank}  # first: of ties it wins
+        tries = {(1.0, 0.0): blank}  # first, so that it wins ties
         for share in SHARES:
             beside = self._beside(blank, split.training, share)
             tries |= {
@@ -359,12 +375,12 @@ class LocalOptions(ChainOptions):
         trained = tried(FitResult(model, result.curve), answer, split)
         if best is blank:
             return trained
-        # what was held out is known from now on
+        # fit again, with the held-out samples
         whole = self._beside(model, _together(split), share)
         return replace(trained, network=whole.weighed(share, weight, known))
 
     def _beside(self, blank: LocalC2S, samples: Samples, share: float) -> LocalC2S:
-        """A local model of what so much of the chain leaves out."""
+        """Kernels of the residual that a share of the chain leaves."""
         inputs = jnp.asarray(samples.inputs["configurations"])
         features, chained = (
             np.asarray(eqx.filter_jit(how)(inputs))
@@ -381,7 +397,7 @@ class LocalOptions(ChainOptions):
         return replace(blank, kernels=kernels)
 
     def _known(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Known:
-        """By the samples held out from training."""
+        """Predictive standard deviation from the held-out samples."""
         parts = (
             part.inputs["configurations"][:, :, 0]
             for part in (split.training, split.validation)
@@ -392,7 +408,7 @@ class LocalOptions(ChainOptions):
         )
 
     def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
-        """Features of a module and direction share a factor of their lengths, and those of one age and memory."""
+        """Groups of features with a common length scale: by place, and by kind."""
         operators = chain.hysteresis.operators
         modules = len(chain.body.lengths)
         places = 3 * modules
@@ -404,7 +420,7 @@ class LocalOptions(ChainOptions):
 
 
 def _reach(data: TrainingData) -> float:
-    """The largest displacement over the cable radius, or bend [rad]: plays are in parts of what the arm moves by."""
+    """Largest displacement over the cable radius, or bend [rad]; it scales the plays."""
     if data.displacements is not None:
         return max(float(np.abs(data.displacements).max()), MIN_REACH)
     return max(
@@ -413,7 +429,7 @@ def _reach(data: TrainingData) -> float:
 
 
 def _together(split: Split) -> Samples:
-    """All samples, for what is told by none of them in particular."""
+    """All samples of a split."""
     parts = split.training, split.validation, split.test
     inputs, targets = zip(
         *((part.inputs["configurations"], part.targets) for part in parts), strict=True
@@ -424,8 +440,8 @@ def _together(split: Split) -> Samples:
 def _distances(
     model: LocalC2S, samples: Samples
 ) -> Float[np.ndarray, "samples modules"]:
-    """Of ends from where they were said to be [m]."""
-    states = said(model, jnp.asarray(samples.inputs["configurations"]))
+    """Distance of true from predicted end points [m]."""
+    states = predict_states(model, jnp.asarray(samples.inputs["configurations"]))
     return np.linalg.norm(
         np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1
     )

@@ -20,9 +20,9 @@ from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import episode_actions
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.cables import Hysteresis
-from s2c2a.models.chain import ChainC2S, ChainMemory
-from s2c2a.models.statics import Equilibrium
+from s2c2a.models.chain import ChainC2S
 from s2c2a.models.disturbances import Disturbances, moments_of_weights
+from s2c2a.models.statics import Equilibrium
 from s2c2a.training.trained import TrainingData
 
 SAG_ITERATIONS = 30  # of moments of gravity and the shape under them
@@ -30,7 +30,7 @@ SAG_STEP = 0.5  # relaxation factor of these iterations
 _log_stiffness = attrgetter("equilibrium.log_stiffness")
 
 
-def carried_over(
+def transfer_chain(
     chain: ChainC2S, old: ArmSpec, blank: ChainC2S, new: ArmSpec
 ) -> ChainC2S:
     """The chain of an arm as initial model of another arm of the same make.
@@ -126,8 +126,7 @@ def under_weights(
         none = jnp.zeros((modules, 2))
         moments = jax.lax.fori_loop(0, SAG_ITERATIONS, iterate, none)
         undisturbed = Disturbances.none(modules)
-        memory = ChainMemory(None, undisturbed, moments, moments)  # type: ignore[arg-type]
-        return chain.states(inputs, memory)
+        return chain.states(inputs, undisturbed._replace(moments=moments))
 
     return jax.lax.map(sag, inputs, batch_size=256)
 

@@ -1,12 +1,11 @@
 """S2C: planning of configurations by optimization through a forward model."""
 
-from s2c2a.components import Own
+from s2c2a.components import CustomComponent
 from s2c2a.goals import Goal
 from s2c2a.planning.batch import BatchPlanner
 from s2c2a.planning.fallback import (
     NO_FALLBACK,
     FallbackSearch,
-    Notes,
     Outcome,
     SearchState,
 )

@@ -19,7 +19,7 @@ from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
-from s2c2a.kinematics import ForwardModel
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
 from s2c2a.planning.terms import Numbers
 
@@ -226,5 +226,5 @@ def _plan_along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]
 
 
 def _objective(step: Step, plan: Plan, goal: Goal):
-    problem = step.problem(plan.configurations, plan.memory, goal)
+    problem = step.problem(plan, goal)
     return problem.sum_of_norms(plan.configurations)

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
 from s2c2a.planning.solvers import Problem, solve_least_squares
@@ -84,17 +84,9 @@ class SearchState(NamedTuple):
     outcome: Count
 
     @property
-    def rescued(self) -> Count:
-        """The outcome if the fallback replaced the solver's plan, else zero."""
-        return self.outcome * (self.outcome != Outcome.STUCK)
-
-    @property
-    def standing(self) -> Count:
-        """1 if the plan is stuck although a better shape is known, else 0."""
-        return 1 * (self.outcome == Outcome.STUCK)
-
-
-Notes = SearchState  # name in `s2c2a.strategies.strategy`
+    def is_replaced(self) -> Bool[Array, ""]:
+        """Whether the fallback search replaced the solver's plan."""
+        return (self.outcome > Outcome.SOLVED) & (self.outcome < Outcome.STUCK)
 
 
 class Search(NamedTuple):
@@ -123,13 +115,13 @@ class Search(NamedTuple):
         return cls(shape, jnp.stack(integers))
 
     @property
-    def notes(self) -> SearchState:
+    def state(self) -> SearchState:
         """The unpacked counters; of a batch, each with the batch axes in front."""
         return SearchState(*jnp.moveaxis(self.numbers, -1, 0))
 
 
 @dataclass(frozen=True)
-class FallbackSearch(Part):
+class FallbackSearch(Component):
     """Random restarts where the plan is stuck. Costs are sums of mu |r|^2.
 
     Attributes:
@@ -160,7 +152,7 @@ class FallbackSearch(Part):
             search: memory of the last step.
         """
         last = guided.situation.last
-        state = search.notes
+        state = search.state
         approaching = state.approaching > 0
         unguided = guided.with_goal(goal)
         before = _Costs(unguided.judged(last), guided.judged(last))
@@ -238,7 +230,7 @@ class FallbackSearch(Part):
         starts, since each program takes seconds to compile; what differs between starts
         is data.
         """
-        state = search.notes
+        state = search.state
         situation = guided.situation
         last = situation.last.bends
         limits = situation.bend_limits
@@ -348,4 +340,4 @@ def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
 
 
 NO_FALLBACK = FallbackSearch(starts=0)
-FALLBACKS = Kind.of("fallback", FallbackSearch, FallbackSearch)
+FALLBACKS = ComponentRegistry.of("fallback", FallbackSearch, FallbackSearch)

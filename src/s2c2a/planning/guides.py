@@ -19,9 +19,10 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
-from s2c2a.kinematics import ForwardModel, configurations_from_bends, limit_lengths
+from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points, norm
 from s2c2a.spaces import POSITION
 
@@ -41,7 +42,7 @@ Length = Float[Array, ""] | float
 
 
 @dataclass(frozen=True)
-class Guide(Part, ABC):
+class Guide(Component, ABC):
     """Changes the goal of a control step, such as a target behind an obstacle."""
 
     @abstractmethod
@@ -349,4 +350,4 @@ def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
     return padded[row : row + SIDE, column : column + SIDE]
 
 
-GUIDES = Kind.of("guide", Guide, Detour, Pull)
+GUIDES = ComponentRegistry.of("guide", Guide, Detour, Pull)

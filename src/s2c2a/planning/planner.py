@@ -14,16 +14,14 @@ from jaxtyping import Array, Float
 from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled, where_finite
-from s2c2a.components import Own
+from s2c2a.compilation import compiled, select_if_finite
+from s2c2a.components import CustomComponent
 from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
-from s2c2a.kinematics import (
-    ForwardModel,
-    bends_from_configurations,
-    configurations_from_bends,
-)
-from s2c2a.kinematics.pcc import Memory
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.planning import terms
 from s2c2a.planning.fallback import (
     FALLBACKS,
@@ -52,14 +50,20 @@ AXES_WEIGHT = 0.5
 Where an arm cannot reach position and axis, as one that is shorter than its arm file
 states, its ends stay near their positions.
 """
+START_ITERATIONS = 3
+"""Between a known payload and the shape under it, at the start."""
 WORKSPACE_SHARE = 0.46 / 0.6
 """Half width of the paper's workspace over arm length (Chen et al. 2025, sec. II-D)."""
 
-AnySolver = Annotated[Solver | Own, SkipValidation, BeforeValidator(SOLVERS.read)]
-AnyTerm = Annotated[Term | Own, SkipValidation, BeforeValidator(TERMS.read)]
-AnyGuide = Annotated[Guide | Own, SkipValidation, BeforeValidator(GUIDES.read)]
+AnySolver = Annotated[
+    Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)
+]
+AnyTerm = Annotated[Term | CustomComponent, SkipValidation, BeforeValidator(TERMS.read)]
+AnyGuide = Annotated[
+    Guide | CustomComponent, SkipValidation, BeforeValidator(GUIDES.read)
+]
 AnyFallback = Annotated[
-    FallbackSearch | Own, SkipValidation, BeforeValidator(FALLBACKS.read)
+    FallbackSearch | CustomComponent, SkipValidation, BeforeValidator(FALLBACKS.read)
 ]
 
 
@@ -99,7 +103,7 @@ class PlannerOptions:
         if not self.terms:
             raise S2C2AError("the planner has no terms; give at least one")
 
-    def made(
+    def build(
         self,
     ) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], FallbackSearch]:
         """Solver, terms, guides and fallback; imports those given by name.
@@ -108,10 +112,10 @@ class PlannerOptions:
             S2C2AError: a component is not found, may not be imported, or rejects its
                 parameters.
         """
-        terms = tuple(TERMS.made(term, self.own_code) for term in self.terms)
-        guides = tuple(GUIDES.made(guide, self.own_code) for guide in self.guides)
-        fallback = FALLBACKS.made(self.fallback, self.own_code)
-        solver = SOLVERS.made(self.solver, self.own_code)
+        terms = tuple(TERMS.build(term, self.own_code) for term in self.terms)
+        guides = tuple(GUIDES.build(guide, self.own_code) for guide in self.guides)
+        fallback = FALLBACKS.build(self.fallback, self.own_code)
+        solver = SOLVERS.build(self.solver, self.own_code)
         return solver, terms, guides, fallback
 
 
@@ -148,18 +152,20 @@ class Plan(NamedTuple):
     Attributes:
         configurations: planned, C_0 of the next step, shape (modules, 3), module
             frames.
-        memory: of the forward model.
+        memory: hysteresis of the forward model.
         search: memory of the fallback search.
+        disturbances: that the plan counts on, with payload moments; None for none.
     """
 
     configurations: Configurations
     memory: Memory
     search: Search
+    disturbances: Disturbances | None = None
 
     @property
     def outcome(self) -> Outcome:
         """How the last step was planned; for a single plan, outside compiled code."""
-        return Outcome(SearchState(*np.asarray(self.search.numbers)).outcome)
+        return Outcome(int(SearchState(*np.asarray(self.search.numbers)).outcome))  # type: ignore[call-arg]
 
 
 class Expectation(NamedTuple):
@@ -167,13 +173,13 @@ class Expectation(NamedTuple):
 
     Attributes:
         states: predicted [m, 1], shape (modules, 6), base frame.
-        deviation: predictive standard deviation of the module ends [m], shape
+        predictive_std: standard deviation of the module ends [m], shape
             (modules,); zero if unknown.
         extrapolation: the part of it from extrapolation beyond the data [m].
     """
 
     states: Float[Array, "modules 6"]
-    deviation: Float[Array, " modules"]
+    predictive_std: Float[Array, " modules"]
     extrapolation: Float[Array, ""]
 
 
@@ -207,50 +213,85 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, guides, fallback = options.made()
+        solver, terms, guides, fallback = options.build()
         prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
         return cls(arm, model, solver, terms, guides, fallback, prepared, options)
 
-    def started(self, sensed: Configurations) -> Plan:
+    def started(
+        self, sensed: Configurations, disturbances: Disturbances | None = None
+    ) -> Plan:
         """The plan of an arm at rest."""
+        memory = self.model.start(sensed)
+        if disturbances is not None:
+            none = Disturbances.none(len(sensed))
+            settled = disturbances._replace(
+                moments=none.moments, moments_per_kg=none.moments_per_kg
+            )
+            for _ in range(START_ITERATIONS):
+                settled = self._with_moments(disturbances, sensed, memory, settled)
+            disturbances = settled
         search = Search.none(bends_from_configurations(sensed))
-        return Plan(sensed, self.model.start(sensed), search)
+        return Plan(sensed, memory, search, disturbances)
 
     def expectation(self, plan: Plan) -> Expectation:
         """What the forward model predicts for a plan."""
         return Expectation(
-            self.model.predict(plan.configurations, plan.memory),
+            self.model.predict(plan.configurations, plan.memory, plan.disturbances),
             self.model.predictive_std(plan.configurations, plan.memory),
             self.model.extrapolation(plan.configurations),
         )
 
-    def next_plan(self, plan: Plan, sensed: Configurations, goal: Goal) -> Plan:
+    def next_plan(
+        self,
+        plan: Plan,
+        sensed: Configurations,
+        goal: Goal,
+        disturbances: Disturbances | None = None,
+    ) -> Plan:
         """The plan of the next control step.
 
         Readings and goals that are not finite leave the plan unchanged.
         """
-        memory = where_finite(self.model.observe(sensed, plan.memory), plan.memory)
-        problem = self.problem(plan.configurations, memory, goal)
+        if disturbances is not None and plan.disturbances is not None:
+            disturbances = self._with_moments(
+                disturbances, sensed, plan.memory, plan.disturbances
+            )
+            disturbances = select_if_finite(disturbances, plan.disturbances)
+        memory = select_if_finite(self.model.observe(sensed, plan.memory), plan.memory)
+        last = Plan(plan.configurations, memory, plan.search, disturbances)
+        problem = self.problem(last, goal)
         planned = problem.within_limits(self.solver.solve(problem))
         search = plan.search
         if self.fallback.starts:
-            predict = self._predictor(plan.configurations, memory, engaged=False)
             bends, search = self.fallback.improve(
-                problem._replace(predict=predict),
+                problem._replace(predict=self._predictor(last, engaged=False)),
                 goal,
                 bends_from_configurations(planned),
                 search,
             )
             improved = problem.within_limits(configurations_from_bends(bends))
-            planned = jnp.where(search.notes.rescued > 0, improved, planned)
+            planned = jnp.where(search.state.is_replaced, improved, planned)
         unchanged = plan.configurations, Search.none(problem.situation.last.bends)
-        planned, search = where_finite((planned, search), unchanged)
-        return Plan(planned, memory, search)
+        planned, search = select_if_finite((planned, search), unchanged)
+        return last._replace(configurations=planned, search=search)
 
-    def problem(self, last: Configurations, memory: Memory, goal: Goal) -> Problem:
+    def _with_moments(
+        self,
+        disturbances: Disturbances,
+        sensed: Configurations,
+        memory: Memory,
+        before: Disturbances,
+    ) -> Disturbances:
+        """Disturbances with payload moments, unless the estimator computed them."""
+        if disturbances.moments is not None:
+            return disturbances
+        return self.model.with_moments(disturbances, sensed, memory, before)
+
+    def problem(self, last: Plan, goal: Goal) -> Problem:
         """The problem of the solver: the goal as the guides change it."""
-        predict = self._predictor(last, memory, self.options.engaged_slopes)
-        candidate = predict(last, bends_from_configurations(last))
+        predict = self._predictor(last, self.options.engaged_slopes)
+        configurations = last.configurations
+        candidate = predict(configurations, bends_from_configurations(configurations))
         limits = ArmGeometry.of(self.arm).planned_bends
         situation = Situation(
             goal,
@@ -267,14 +308,14 @@ class Step(NamedTuple):
         return Problem(situation, self.terms, predict)
 
     def _predictor(
-        self, last: Configurations, memory: Memory, engaged: bool
+        self, last: Plan, engaged: bool
     ) -> Callable[[Configurations, Bends], Candidate]:
         model = self.model.for_planning() if engaged else self.model
-        model = model.near(last, memory)
+        model = model.near(last.configurations, last.memory)
         points_of = terms.guarded_points(self.arm, self.options.guard)
 
         def predict(configurations: Configurations, bends: Bends) -> Candidate:
-            states = model.predict(configurations, memory)
+            states = model.predict(configurations, last.memory, last.disturbances)
             points = points_of(states)
             extrapolation = model.extrapolation(configurations)
             return Candidate(configurations, bends, states, points, extrapolation)
@@ -285,55 +326,49 @@ class Step(NamedTuple):
 class Planner:
     """Plans the next configuration online, one control step at a time.
 
-    Compiles once, when built. Targets, obstacles and weights may change in each call.
+    Compiles at the first call. Targets, obstacles and weights may change in each call.
     """
 
     def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
         """Compile for an arm and a forward model."""
         self.model = model
-        self._modules = arm.module_count
         step = Step.of(arm, model, options)
         self._start = compiled(Step.started, step)
         self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
-        self._warm_up()
 
-    def start(self, sensed: Float[Numbers, "modules 3"]) -> Plan:
-        """The plan of an arm at rest: the sensed configurations.
+    def start(self, estimate: Estimate) -> Plan:
+        """The plan of an arm at rest: the estimated configurations.
 
         Args:
-            sensed: configurations, shape (modules, 3), module frames.
+            estimate: of the arm's state.
 
         Raises:
-            TargetError: a sensed configuration is not finite.
+            TargetError: a configuration is not finite.
         """
-        if not np.isfinite(sensed).all():
+        if not np.isfinite(estimate.configuration).all():
             raise TargetError(
-                "the sensed configurations are not finite; read the sensors again"
+                "the estimated configurations are not finite; read the sensors again"
             )
-        return self._start(_single(sensed))
+        return self._start(_single(estimate.configuration), estimate.disturbances)
 
-    def plan(self, plan: Plan, sensed: Float[Numbers, "modules 3"], goal: Goal) -> Plan:
+    def plan(self, plan: Plan, estimate: Estimate, goal: Goal) -> Plan:
         """The next plan.
 
-        A reading that is not finite is ignored, since it would stay in the memory of
-        the forward model.
+        A configuration that is not finite is ignored, since it would stay in the memory
+        of the forward model.
 
         Args:
             plan: the last plan.
-            sensed: latest sensed configurations, shape (modules, 3), module frames.
+            estimate: of the arm's state.
             goal: for the next state.
         """
-        return self._next(plan, _single(sensed), goal)
+        configuration = _single(estimate.configuration)
+        return self._next(plan, configuration, goal, estimate.disturbances)
 
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
-
-    def _warm_up(self) -> None:
-        straight = np.tile([0.0, 0.0, 1.0], (self._modules, 1))
-        plan = self.plan(self.start(straight), straight, Goal.of(self._modules))
-        jax.block_until_ready(plan)
 
 
 def _single(values: Numbers) -> Numbers:

@@ -17,7 +17,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -210,7 +210,7 @@ class Problem(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Solver(Part, ABC):
+class Solver(Component, ABC):
     """Finds the next configurations; traced by JAX, so no branches on values."""
 
     @abstractmethod
@@ -272,7 +272,7 @@ class LeastSquares(Solver):
         return configurations_from_bends(bends)
 
 
-SOLVERS = Kind.of("solver", Solver, Adam, LeastSquares)
+SOLVERS = ComponentRegistry.of("solver", Solver, Adam, LeastSquares)
 
 
 def reach_gaps(

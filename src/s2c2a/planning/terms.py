@@ -3,8 +3,9 @@
 A term returns residuals r in groups (a module, a pair of point and obstacle, ...) and a
 weight mu for every group. The solver combines them: the paper's objective is the sum
 of mu |r| (Chen et al. 2025, eq. (7)), least squares minimize the sum of mu |r|^2.
-Targets have the same residual in both. Obstacles and changes have two terms each: the paper
-uses 1 / d and the change of unit vectors, `BEST` uses the depth and the change of bends.
+Targets have the same residual in both. Obstacles and changes have two terms each: the
+paper uses 1 / d and the change of unit vectors, `BEST` uses the depth and the change of
+bends.
 
 XLA moves what does not depend on the candidate out of the solver's loop, so a term may
 compute such values where it needs them.
@@ -21,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Kind, Part
+from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import squared_norm
@@ -114,7 +115,7 @@ Residual = tuple[Weights, Float[Array, "*groups axes"]]
 
 
 @dataclass(frozen=True)
-class Term(Part, ABC):
+class Term(Component, ABC):
     """One term of the objective. Its own weight multiplies its residual."""
 
     @abstractmethod
@@ -205,8 +206,8 @@ class Obstacles(Term):
         """In units, shape (points, nearest obstacles, 1)."""
         goal = situation.goal
         length = situation.length
-        reach = goal.thresholds + self.margin * length
-        reach = jnp.where(goal.thresholds > 0.0, reach, -FAR)
+        distance = goal.thresholds + self.margin * length
+        reach = jnp.where(goal.thresholds > 0.0, distance, -FAR)
         last_distances = norm(situation.last.points[:, None] - goal.obstacles)
         count = min(OBSTACLES_AT_HAND, len(reach))
         _, nearest = jax.lax.top_k(reach - last_distances, count)
@@ -324,7 +325,7 @@ class Limits(Term):
         return 1.0, self.weight * excess[:, None]
 
 
-TERMS = Kind.of(
+TERMS = ComponentRegistry.of(
     "term",
     Term,
     Positions,

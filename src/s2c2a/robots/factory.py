@@ -1,4 +1,4 @@
-"""Bodies by name: the simulated one, those of other packages, and a user's own."""
+"""Robot classes by name: simulated, from other packages, or from a user's file."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -9,145 +9,153 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import found
-from s2c2a.validation import said
+from s2c2a.plugins import resolve
 from s2c2a.robots.robot import Robot
+from s2c2a.validation import describe_fault
 
 SIMULATED = "sim"
 KNOWN = {SIMULATED: "s2c2a.robots.simulation:SimulatedRobot"}
-"""The package's own bodies, by where they stand: who has motors needs no MuJoCo."""
+"""Import paths of the package's own robots: users of real arms need no MuJoCo."""
 
 
 def robot_class(name: str) -> type[Robot]:
-    """The class of a body: "sim", an entry point of `s2c2a.robots`, or module:Class.
+    """Return a robot class: "sim", an entry point of `s2c2a.robots`, or module:Class.
 
     Raises:
-        S2C2AError: no such class, or it is no robot.
+        S2C2AError: there is no such class, or it is not a complete robot.
     """
-    chosen = found("robot", KNOWN.get(name, name), KNOWN)
-    if not (isinstance(chosen, type) and issubclass(chosen, Robot)):
+    cls = resolve("robot", KNOWN.get(name, name), KNOWN)
+    if not (isinstance(cls, type) and issubclass(cls, Robot)):
         raise S2C2AError(
-            f"{name} is {chosen!r}, no robot; give a subclass of s2c2a.robots.Robot"
+            f"{name} is {cls!r}, not a robot; give a subclass of s2c2a.robots.Robot"
         )
-    if lacking := sorted(chosen.__abstractmethods__):
+    missing = sorted(cls.__abstractmethods__)
+    if missing:
         raise S2C2AError(
-            f"{chosen.__name__} is half a robot: it lacks {', '.join(lacking)}; see s2c2a.robots.Robot"
+            f"{cls.__name__} is not a complete robot: it lacks {', '.join(missing)}; "
+            "see s2c2a.robots.Robot"
         )
-    return chosen
+    return cls
 
 
 @dataclass(frozen=True)
-class Body:
-    """What is driven, and how it is made; it travels to other processes.
+class RobotFactory:
+    """A choice of robot class and options, which can be sent to other processes.
 
     Attributes:
         name: "sim", an entry point, or module:Class.
-        options: of its class, such as fidelity or a port, as pairs.
+        options: options of the class, such as fidelity or port, as pairs.
     """
 
     name: str = SIMULATED
     options: tuple[tuple[str, Any], ...] = ()
 
     def __str__(self) -> str:
-        """Such as "sim fidelity=fast"."""
-        return " ".join([self.name, *(f"{key}={value}" for key, value in self.options)])
+        """Return a text such as "sim fidelity=fast"."""
+        options = [f"{name}={value}" for name, value in self.options]
+        return " ".join([self.name, *options])
 
     @classmethod
-    def simulation(cls, fidelity: str = "fast", **chosen: float | str) -> "Body":
-        """The package's own simulation, such as with a payload; what is zero or nothing needs no word."""
-        return cls(
-            SIMULATED,
-            (
-                ("fidelity", fidelity),
-                *((name, value) for name, value in chosen.items() if value),
-            ),
-        )
+    def simulation(cls, fidelity: str = "fast", **options: Any) -> "RobotFactory":
+        """Choose the package's own simulation; options that are zero or empty drop out.
+
+        Options are those of `SimulatedRobot`.
+        """
+        pairs: list[tuple[str, Any]] = [("fidelity", fidelity)]
+        for name, value in options.items():
+            if value:
+                pairs.append((name, value))
+        return cls(SIMULATED, tuple(pairs))
 
     @property
     def simulated(self) -> bool:
         """Whether it is the package's own simulation."""
         return self.name == SIMULATED
 
-    def make(self, arm: ArmSpec, **offered: Any) -> Robot:
-        """The body of an arm.
+    def make(self, arm: ArmSpec, **defaults: Any) -> Robot:
+        """Create the robot of an arm.
 
         Args:
             arm: its description.
-            offered: what its class is given where it takes it, such as a seed.
+            defaults: options, such as a seed, that apply if the class accepts them and
+                `options` does not contain them.
 
         Raises:
-            S2C2AError: no such class, an option that it does not take, or it cannot be
-                made.
+            S2C2AError: there is no such class, the class does not accept an option,
+                needs another one, or fails.
         """
-        kind = robot_class(self.name)
-        taken = _parameters(kind)
-        offers = {name: value for name, value in offered.items() if name in taken}
-        chosen = {
-            name: _converted(kind, taken, name, value) for name, value in self.options
+        cls = robot_class(self.name)
+        parameters = _option_parameters(cls)
+        options = {
+            name: value for name, value in defaults.items() if name in parameters
         }
-        for name, one in taken.items():
-            if one.default is one.empty and name not in offers | chosen:
+        for name, value in self.options:
+            options[name] = _convert_option(cls, parameters, name, value)
+        for name, parameter in parameters.items():
+            if parameter.default is parameter.empty and name not in options:
                 raise S2C2AError(
-                    f"{kind.__name__} needs {name}; say --robot-option {name}=..."
+                    f"{cls.__name__} needs {name}; add --robot-option {name}=..."
                 )
-        make: Callable[..., Robot] = kind
+        create: Callable[..., Robot] = cls
         try:
-            return make(arm, **offers | chosen)
+            return create(arm, **options)
         except (S2C2AError, OSError):
             raise
-        except Exception as error:  # others may have written it
+        except Exception as error:  # the class may be a user's own
             raise S2C2AError(
-                f"{kind.__name__} cannot be made: {type(error).__name__}: {error}"
+                f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
             ) from error
 
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
-        """The same with a seed, where its class takes one: what makes a robot for every episode."""
+        """Create the robot of an arm with a seed, if its class accepts one."""
         return self.make(arm, seed=seed)
 
 
 def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """`key=value` as a user writes them.
+    """Parse options of the form `key=value`.
 
     Raises:
-        S2C2AError: one has no `=`, or a key stands twice.
+        S2C2AError: a text has no `=`, or a key appears twice.
     """
-    pairs = [text.partition("=") for text in texts]
-    if wrong := [
-        text
-        for text, (key, equals, _) in zip(texts, pairs, strict=True)
-        if not (key and equals)
-    ]:
-        raise S2C2AError(f"'{wrong[0]}' is no option of a robot; write key=value")
-    if len({key for key, _, _ in pairs}) < len(pairs):
-        raise S2C2AError(
-            f"an option of the robot stands twice in {', '.join(texts)}; give each once"
-        )
-    return tuple((key, value) for key, _, value in pairs)
+    options = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not (key and equals):
+            raise S2C2AError(f"'{text}' is not a robot option; write key=value")
+        if key in options:
+            raise S2C2AError(
+                f"the robot option '{key}' appears twice in {', '.join(texts)}; "
+                "give each option once"
+            )
+        options[key] = value
+    return tuple(options.items())
 
 
-def _parameters(kind: type[Robot]) -> Mapping[str, inspect.Parameter]:
-    """What a class takes beside the arm."""
-    parameters = list(inspect.signature(kind).parameters.values())[1:]
-    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {one.name: one for one in parameters if one.kind in named}
+def _option_parameters(cls: type[Robot]) -> Mapping[str, inspect.Parameter]:
+    """Return the named parameters of a class after the arm."""
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = list(inspect.signature(cls).parameters.values())[1:]
+    return {
+        parameter.name: parameter for parameter in parameters if parameter.kind in kinds
+    }
 
 
-def _converted(
-    kind: type[Robot], taken: Mapping[str, inspect.Parameter], name: str, value: Any
+def _convert_option(
+    cls: type[Robot], parameters: Mapping[str, inspect.Parameter], name: str, value: Any
 ) -> Any:
-    """An option as the kind of value that its class asks for."""
-    if name not in taken:
+    """Convert an option to the type that the class declares for it."""
+    if name not in parameters:
         raise S2C2AError(
-            f"{kind.__name__} takes no option '{name}'; it takes {', '.join(taken) or 'none'}"
+            f"{cls.__name__} has no option '{name}'; "
+            f"it has {', '.join(parameters) or 'none'}"
         )
     try:
-        desired = inspect.get_annotations(kind.__init__, eval_str=True)[name]
-        return TypeAdapter(desired).validate_python(value)
-    # no kind is stated, or none that is known here
+        annotation = inspect.get_annotations(cls.__init__, eval_str=True)[name]
+        return TypeAdapter(annotation).validate_python(value)
     except (KeyError, NameError, PydanticUserError):
-        return value
+        return value  # no type is declared, or none that is known here
     except ValidationError as error:
-        (fault, *_) = error.errors(include_url=False)
+        fault = error.errors(include_url=False)[0]
         raise S2C2AError(
-            f"option {name}={value} of {kind.__name__}: {said(fault)}"
+            f"option {name}={value} of {cls.__name__}: {describe_fault(fault)}"
         ) from error

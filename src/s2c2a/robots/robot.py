@@ -1,4 +1,4 @@
-"""What every body promises."""
+"""Interface of every robot, and the check of an action."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -12,17 +12,18 @@ from s2c2a.spaces import Actions, Reading, Sensor
 
 
 class Robot(ABC):
-    """An arm that can be driven: read, decide, send, again and again, paced by whoever drives it (`runtime.Loop`).
+    """A cable-driven arm, simulated or real, that reads sensors and takes actions.
 
-    Use it as a context manager: entering opens it, leaving closes it, whatever happens
-    between. A class of your own is called with the arm and the options that a user
-    gives (`--robot my_arm.py:MyArm --robot-option port=/dev/ttyUSB0`); one whose
-    `__init__` takes a `seed` is given one, for whatever is random in it.
+    The caller sets the pace (`runtime.Loop`). A robot is a context manager: entering
+    opens it, leaving closes it, also after an error. The toolbox creates a user's class
+    with the arm and the user's options (`--robot my_arm.py:MyArm --robot-option
+    port=/dev/ttyUSB0`). If `__init__` has a parameter `seed`, the class receives a seed
+    for everything random.
 
     Attributes:
-        arm: the description that the body follows.
-        own_time: whether time passes only in `advance`, as in a simulation; a real body
-            takes the wall's.
+        arm: description of the arm.
+        own_time: whether time passes only in `advance`, as in a simulation; a real
+            robot uses wall-clock time.
     """
 
     arm: ArmSpec
@@ -31,38 +32,37 @@ class Robot(ABC):
     @property
     @abstractmethod
     def sensors(self) -> Mapping[str, Sensor]:
-        """What its readings hold, by name: shapes, units and plausible numbers (`Reading` lists the names)."""
+        """Declared sensors by name; `Reading` lists the names with a fixed meaning."""
 
     @abstractmethod
     def open(self) -> Reading:
-        """Go to rest, settle, start the clock at zero, and say the first reading.
+        """Go to rest, settle, start the clock at zero and return the first reading.
 
-        It may be called again to begin anew; an arm that is bent then goes to rest
-        gently, by itself.
+        A second call begins a new run; an arm that is bent then goes to rest slowly.
         """
 
     @abstractmethod
     def read(self) -> Reading:
-        """What the arm says of itself now; returns at once."""
+        """Return the current reading without waiting."""
 
     @abstractmethod
     def send(self, action: Actions) -> Actions:
-        """Ask for an action from now on, and return at once what was really sent.
+        """Set the commanded action and return what was sent, without waiting.
 
         Args:
             action: displacement [m] or tension [N], shape (modules, cables).
 
         Raises:
-            ActionError: wrong shape or not finite; nothing has moved.
+            ActionError: the shape is wrong or a number is not finite; nothing moves.
         """
 
     def advance(self, seconds: float) -> None:
-        """Let the body's own time pass; a real body has none, and returns at once."""
+        """Advance the robot's own time; a real robot returns at once."""
         return None
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the arm safe; can be called twice, and before `open`."""
+        """Leave the arm safe; allowed more than once, and before `open`."""
 
     def __enter__(self) -> Self:
         try:
@@ -77,10 +77,10 @@ class Robot(ABC):
 
 
 def checked_action(action: Actions, geometry: ArmGeometry) -> Actions:
-    """The action within the arm's limits, as float64.
+    """Return the action within the arm's limits, as float64.
 
     Raises:
-        ActionError: wrong shape or not finite.
+        ActionError: the shape is wrong or a number is not finite.
     """
     try:
         values = np.asarray(action, dtype=np.float64)
@@ -88,13 +88,15 @@ def checked_action(action: Actions, geometry: ArmGeometry) -> Actions:
         raise ActionError(
             f"an action must be an array of numbers, got {action!r}; nothing was sent"
         ) from error
-    if values.shape != geometry.action_neutral.shape:
+    shape = geometry.action_neutral.shape
+    if values.shape != shape:
         raise ActionError(
-            f"an action of shape {values.shape} was sent; this arm takes (modules, cables) = "
-            f"{geometry.action_neutral.shape}"
+            f"the action has shape {values.shape}; this arm needs (modules, cables) = "
+            f"{shape}; nothing was sent"
         )
     if not np.isfinite(values).all():
         raise ActionError(
-            f"the action holds numbers that are not finite: {values.tolist()}; nothing was sent"
+            f"the action holds numbers that are not finite: {values.tolist()}; "
+            "nothing was sent"
         )
     return np.clip(values, geometry.action_low, geometry.action_high)

@@ -1,7 +1,11 @@
-"""What drives a body: one loop with its clock, stages, limits and checks, for runs, recordings and the live page."""
+"""Runtime of a robot: the control loop with its clock, stages, limits, and checks.
+
+Runs, recordings, and the live page all drive arms through `Loop`.
+"""
 
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.loop import Driver, Loop
-from s2c2a.runtime.record import Step, episode_of
-from s2c2a.runtime.stages import Ask, Patience
+from s2c2a.runtime.readings import RepeatDetector
+from s2c2a.runtime.record import StepRecord, build_episode
+from s2c2a.runtime.stages import Patience, StepRequest

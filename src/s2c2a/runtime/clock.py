@@ -1,15 +1,15 @@
-"""Time for loops, so that nothing sleeps outside of it."""
+"""Clocks of control loops: the only place where a loop waits."""
 
 import time
 from abc import ABC, abstractmethod
 
 
 class Clock(ABC):
-    """Tells the time and waits."""
+    """A source of time that can wait."""
 
     @abstractmethod
     def now(self) -> float:
-        """Seconds since some moment."""
+        """Return the time since a fixed origin [s]."""
 
     @abstractmethod
     def wait_until(self, moment: float) -> None:
@@ -17,29 +17,30 @@ class Clock(ABC):
 
 
 class WallClock(Clock):
-    """The machine's own time, which bodies of metal share."""
+    """The computer's clock, for robots that move in real time."""
 
     def now(self) -> float:
-        """Seconds since some moment."""
+        """See `Clock`."""
         return time.perf_counter()
 
     def wait_until(self, moment: float) -> None:
-        """Return at a moment; at once if it has passed."""
-        if (left := moment - self.now()) > 0:
-            time.sleep(left)
+        """See `Clock`."""
+        remaining = moment - self.now()
+        if remaining > 0:
+            time.sleep(remaining)
 
 
 class StepClock(Clock):
-    """Time that is wherever somebody waits for it: a simulation then goes as fast as it can."""
+    """A clock that jumps to the awaited moment: a simulation runs at full speed."""
 
     def __init__(self) -> None:
-        """At zero."""
+        """A clock at zero."""
         self._now = 0.0
 
     def now(self) -> float:
-        """The last moment that was waited for."""
+        """Return the last awaited moment [s]."""
         return self._now
 
     def wait_until(self, moment: float) -> None:
-        """It is that moment now."""
+        """Set the time to a moment."""
         self._now = max(self._now, moment)

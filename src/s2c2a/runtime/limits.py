@@ -1,4 +1,7 @@
-"""What a command may be, and how fast it may change, whatever asks for it."""
+"""Limits of commands in value, rate, and acceleration: the last filter before a robot.
+
+This is the definition for commands. Every command passes it, whatever the source.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,139 +13,201 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
-TURN = 1.5
-"""Acceleration limit of an arm that states none, in step limits: plans of the paper's
-recipe turn round so fast."""
+EQUAL = 1e-6  # of the full bend; commands that differ by less are the same
+DEFAULT_ACCELERATION_RATIO = 1.5
+"""Acceleration limit, in step limits, of an arm file that states none: as fast as
+plans of the paper's recipe reverse."""
+TURN = DEFAULT_ACCELERATION_RATIO  # former name, still imported by `estimation`
 PerModule = Float[np.ndarray, "modules 1"]
+
+
+def acceleration_limit_deg(arm: ArmSpec) -> float:
+    """Largest change of a module's step between two control steps [deg of bend]."""
+    default = DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg
+    return arm.acceleration_limit_deg or default
 
 
 @dataclass(frozen=True)
 class CommandLimits:
-    """Limits of value, rate and acceleration of commands, step by step.
+    """Limits of value, rate, and acceleration of commands, per control step.
 
-    The size of a change is that of the bend that it asks for, or of what the cables
-    have in common, if that is more: in parts of the range of a module's actions. Limits
-    are counted in control steps, so they hold across any gap in time.
+    The size of a change is the bend that it commands, or the largest change of one
+    cable if that is more, as a fraction of the module's action range. Limits count
+    control steps, not seconds, so that no gap in time permits a jump.
 
     Attributes:
-        geometry: of the arm.
-        step: largest change of a module's command in a step, in parts of the range of
-            its actions, shape (modules, 1).
-        turn: largest change of that change from step to step, the same.
+        geometry: arrays of the arm.
+        step_limit: largest change of a module's command in one step, as a fraction of
+            the module's action range, shape (modules, 1).
+        acceleration_limit: largest difference of two successive changes, likewise.
     """
 
     geometry: ArmGeometry
-    step: PerModule
-    turn: PerModule
+    step_limit: PerModule
+    acceleration_limit: PerModule
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "CommandLimits":
-        """The arm's own; unless it says otherwise, it reaches its largest rate in one step, and turns round in two."""
-        step = arm.step_limit_deg
-        return cls.with_steps(arm, step, arm.acceleration_limit_deg or TURN * step)
+        """Limits of an arm file.
+
+        Without `acceleration_limit_deg`, the arm reaches its largest rate in one step
+        and reverses in two.
+        """
+        return cls.from_degrees(arm, arm.step_limit_deg, acceleration_limit_deg(arm))
 
     @classmethod
-    def with_steps(
-        cls, arm: ArmSpec, step_deg: float, turn_deg: float
+    def from_degrees(
+        cls, arm: ArmSpec, step_deg: float, acceleration_deg: float
     ) -> "CommandLimits":
-        """Others, in bends [deg]."""
+        """Limits of rate and acceleration other than the arm's own, in bends [deg]."""
         geometry = ArmGeometry.of(arm)
-        return cls(
-            geometry,
-            *(
-                np.deg2rad(limit) / geometry.action_bends[:, None]
-                for limit in (step_deg, turn_deg)
-            ),
-        )
+        ranges = geometry.action_bends[:, None]
+        step_limit = np.deg2rad(step_deg) / ranges
+        return cls(geometry, step_limit, np.deg2rad(acceleration_deg) / ranges)
 
     @property
     def rest(self) -> Actions:
-        """The command of an arm at rest."""
+        """Command of an arm at rest [m or N], shape (modules, cables)."""
         return self.geometry.action_neutral
 
     def limited(
         self, desired: Actions, last: Actions, change: Actions, before: Actions
     ) -> Actions:
-        """The command nearest to what is desired that the limits allow, and from which they can go on to be kept.
+        """Return the allowed command nearest to the desired one.
 
-        What is desired moves, as a plan does, or stands, and is then arrived at without
-        going beyond it.
+        From the returned command the arm can still brake before a limit of value. A
+        desired command that moves is followed; a constant one is reached without
+        overshoot.
 
         Args:
-            desired: finite or not; what is not finite asks for nothing [m or N], shape
-                (modules, cables).
-            last: the last command, within its limits.
-            change: that it made.
-            before: what was desired in the last step, finite or not.
+            desired: desired command [m or N], shape (modules, cables); a value that is
+                not finite requests no change.
+            last: last command, within its limits.
+            change: change that the last command made.
+            before: desired command of the last step, finite or not.
         """
-        within = self._in_range(np.where(np.isfinite(desired), desired, last))
-        way = within - last
-        moved = within - np.where(np.isfinite(before), before, within)
-        behind = way - moved
-        size, turn, left = self.sizes(np.stack([way, way - change, behind]))
-        free = (
-            (size <= self.step)
-            & (np.maximum(turn, left) <= self.turn)
-            & self._stops_within(way, last)
+        target = self._in_range(np.where(np.isfinite(desired), desired, last))
+        displacement = target - last
+        target_change = target - np.where(np.isfinite(before), before, target)
+        lag = displacement - target_change
+        size, acceleration, lag_size = self.change_sizes(
+            np.stack([displacement, displacement - change, lag])
         )
-        if free.all():
-            return within
-        caught_up = moved + self._shortened(behind, self._stoppable(left))
-        return np.where(
-            free,
-            within,
-            self._changed(self._shortened(caught_up, self.step), last, change),
+        allowed = (
+            (size <= self.step_limit)
+            & (np.maximum(acceleration, lag_size) <= self.acceleration_limit)
+            & self._stops_in_range(displacement, last)
         )
+        if allowed.all():
+            return target
+        catch_up = target_change + self._capped(lag, self._stoppable_change(lag_size))
+        feasible = self._accelerated(
+            self._capped(catch_up, self.step_limit), last, change
+        )
+        return np.where(allowed, target, feasible)
 
     def towards_rest(self, last: Actions, change: Actions) -> Actions:
-        """One gentle step of every cable towards rest, all modules arriving together."""
-        way = self.rest - last
-        size = np.maximum(self.sizes(way), ROUNDING)
-        left = float((size / np.minimum(self.step, self._stoppable(size))).max())
-        return self._changed(way / max(left, 1.0), last, change)
+        """Return the next command on the way to rest; all modules arrive together."""
+        displacement = self.rest - last
+        size = np.maximum(self.change_sizes(displacement), ROUNDING)
+        largest_change = np.minimum(self.step_limit, self._stoppable_change(size))
+        steps = float((size / largest_change).max())
+        return self._accelerated(displacement / max(steps, 1.0), last, change)
 
-    def sizes(self, way: Actions) -> Float[np.ndarray, "*batch modules 1"]:
-        """Sizes of changes, in parts of the range of actions, shape (*batch, modules, 1)."""
-        parts = way * self._shares
+    def change_sizes(self, change: Actions) -> Float[np.ndarray, "*batch modules 1"]:
+        """Return sizes of changes as fractions of the action range of each module."""
+        parts = change * self._inverse_scales
         bends = (self.geometry.bend_matrices @ parts[..., None])[..., 0]
-        squared = np.maximum(
-            (bends**2).sum(axis=-1, keepdims=True),
-            (parts**2).max(axis=-1, keepdims=True),
-        )
-        return np.sqrt(squared)
+        squared_bends = (bends**2).sum(axis=-1, keepdims=True)
+        squared_cables = (parts**2).max(axis=-1, keepdims=True)
+        return np.sqrt(np.maximum(squared_bends, squared_cables))
 
     @cached_property
-    def _shares(self) -> PerModule:
+    def _inverse_scales(self) -> PerModule:
         return 1.0 / np.abs(self.geometry.action_scale)[:, None]
 
-    def _stoppable(self, distance: PerModule) -> PerModule:
-        """The largest change from which braking, step by step, ends after a distance and not beyond."""
-        steps = np.floor((np.sqrt(1.0 + 8.0 * distance / self.turn) - 1.0) / 2.0)
-        return distance / (steps + 1.0) + 0.5 * self.turn * steps
+    def _stoppable_change(self, distance: PerModule) -> PerModule:
+        """Largest change from which braking at the limit covers just a distance."""
+        limit = self.acceleration_limit
+        steps = np.floor((np.sqrt(1.0 + 8.0 * distance / limit) - 1.0) / 2.0)
+        return distance / (steps + 1.0) + 0.5 * limit * steps
 
-    def _stops_within(
-        self, move: Actions, last: Actions
+    def _stops_in_range(
+        self, change: Actions, last: Actions
     ) -> Bool[np.ndarray, "modules 1"]:
-        """Whether a change leaves the room to brake before a limit of value."""
-        size = np.maximum(self.sizes(move), ROUNDING)
-        steps = np.floor(size / self.turn)
-        stop = last + move * (steps + 1.0) * (1.0 - 0.5 * self.turn * steps / size)
-        room = ROUNDING / np.abs(self._shares)
-        inside = (stop >= self.geometry.action_low - room) & (
-            stop <= self.geometry.action_high + room
-        )
-        return inside.all(axis=-1, keepdims=True)
+        """Whether the arm can brake after a change before a limit of value."""
+        size = np.maximum(self.change_sizes(change), ROUNDING)
+        steps = np.floor(size / self.acceleration_limit)
+        lost = 0.5 * self.acceleration_limit * steps / size  # share lost by braking
+        stop = last + change * (steps + 1.0) * (1.0 - lost)
+        tolerance = ROUNDING / np.abs(self._inverse_scales)
+        above_low = stop >= self.geometry.action_low - tolerance
+        below_high = stop <= self.geometry.action_high + tolerance
+        return (above_low & below_high).all(axis=-1, keepdims=True)
 
-    def _changed(self, move: Actions, last: Actions, change: Actions) -> Actions:
-        """The command after a change as near to a desired one as acceleration allows; else it brakes."""
-        turned = change + self._shortened(move - change, self.turn)
-        braked = change - self._shortened(change, self.turn)
-        return self._in_range(
-            last + np.where(self._stops_within(turned, last), turned, braked)
-        )
+    def _accelerated(self, desired: Actions, last: Actions, change: Actions) -> Actions:
+        """Command after the change nearest to a desired one; it brakes if need be."""
+        limit = self.acceleration_limit
+        faster = change + self._capped(desired - change, limit)
+        braking = change - self._capped(change, limit)
+        safe = self._stops_in_range(faster, last)
+        return self._in_range(last + np.where(safe, faster, braking))
 
     def _in_range(self, command: Actions) -> Actions:
         return np.clip(command, self.geometry.action_low, self.geometry.action_high)
 
-    def _shortened(self, way: Actions, longest: PerModule) -> Actions:
-        return way * np.minimum(1.0, longest / np.maximum(self.sizes(way), ROUNDING))
+    def _capped(self, change: Actions, max_size: PerModule) -> Actions:
+        """Shorten a change to a largest size, in the same direction."""
+        size = np.maximum(self.change_sizes(change), ROUNDING)
+        return change * np.minimum(1.0, max_size / size)
+
+
+class CommandLimiter:
+    """Applies `CommandLimits` to successive commands, beginning at rest.
+
+    Attributes:
+        command: last command [m or N], shape (modules, cables).
+    """
+
+    def __init__(self, limits: CommandLimits):
+        """A limiter whose last command is rest."""
+        self._limits = limits
+        self.command = limits.rest.copy()
+        self._change = np.zeros_like(self.command)
+        self._desired = self.command
+
+    @property
+    def last_change(self) -> float:
+        """Size of the last change, as a fraction of the action range."""
+        return float(self._limits.change_sizes(self._change).max())
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the last command is the neutral one."""
+        displacement = self.command - self._limits.rest
+        return bool(self._limits.change_sizes(displacement).max() < EQUAL)
+
+    def hold(self) -> Actions:
+        """Return the last command; an earlier plan no longer counts as moving."""
+        self._desired = self.command
+        return self.command
+
+    def towards_rest(self) -> Actions:
+        """Return the next command on the way to rest, before it is limited."""
+        self._desired = self.command
+        return self._limits.towards_rest(self.command, self._change)
+
+    def limit(self, desired: Actions) -> Actions:
+        """Limit a desired command and remember the result as the last command."""
+        command = self._limits.limited(
+            desired, self.command, self._change, self._desired
+        )
+        self._change = command - self.command
+        self.command = command
+        self._desired = desired
+        return command
+
+    def changed(self, desired: Actions) -> bool:
+        """Whether the last command differs from the desired one."""
+        difference = self._limits.change_sizes(self.command - desired).max()
+        return not difference <= EQUAL  # also where the desired one is not finite

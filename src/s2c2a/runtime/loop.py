@@ -1,9 +1,9 @@
-"""The loop between a body and what drives it: read, check, decide, limit, send; at a fixed rate, on every path to rest.
+"""Control loop: read, check, decide, limit, and send, at a fixed rate.
 
-`run`, `collect` and the live page drive arms through it alike. Whatever a sensor, a
-plan or a network says, the command that reaches the body is limited in value, rate and
-acceleration (`CommandLimits`), and an arm whose readings cannot be believed is held,
-then led to rest (`stages`).
+Every arm, simulated or real, is driven by `Loop.tick`, once a control period. Whatever
+a sensor, a plan, or a network outputs, the command that reaches the robot is limited in
+value, rate, and acceleration (`CommandLimits`). An arm whose readings fail the check is
+held, then moved to rest (`stages`). However the loop ends, it ends at rest.
 """
 
 import signal
@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -20,49 +20,77 @@ from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.limits import CommandLimits
+from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.readings import ReadingCheck
-from s2c2a.runtime.record import Step
-from s2c2a.runtime.stages import Ask, Patience, Phase, failed, next_phase, released
+from s2c2a.runtime.record import StepRecord
+from s2c2a.runtime.stages import (
+    Patience,
+    Phase,
+    StepRequest,
+    next_phase,
+    with_fault,
+    with_release,
+)
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Stage
 
-LATE = 0.1  # of a period: a step that begins later than that is late
-AT_REST = ALLOWED = 1e-6  # of the full bend
+LATE = 0.1  # of a control period; a step with a longer delay counts as late
 
 
 class Driver(Protocol):
-    """What decides on actions; a strategy is one."""
+    """Controller that chooses the action of every control step; strategies are some."""
+
+    @property
+    def name(self) -> str:
+        """Name in records and tables."""
 
     @property
     def arm(self) -> ArmSpec:
-        """The arm that it drives."""
+        """Arm that it controls."""
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors that it needs."""
+        """Names of the sensors that it requires."""
 
     def start(self, reading: Reading) -> None:
-        """Begin from an arm at rest."""
+        """Begin to control an arm at rest."""
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """The action of one control step [m or N], shape (modules, cables)."""
+    def estimate(self, reading: Reading, last_command: Actions) -> Any:
+        """Estimate the state of the arm.
+
+        Args:
+            reading: latest.
+            last_command: that was sent in the last step [m or N], shape (modules,
+                cables).
+        """
+
+    def plan(self, estimate: Any, goal: Goal) -> Any:
+        """Plan towards a goal."""
+
+    def act(self, plan: Any, estimate: Any) -> Actions:
+        """Return the command [m or N], shape (modules, cables)."""
 
     def sent(self, action: Actions) -> None:
-        """Told where another action was sent in place of the last one, since a limit did not allow it."""
+        """Receive the command that replaced the last action.
+
+        The loop calls this after every step whose action exceeded a limit.
+        """
 
     def diagnostics(self) -> Mapping[str, np.ndarray]:
-        """What it made of the last step, by the names of an episode's columns, such as `planned`."""
+        """Return telemetry of the last step, by column of an episode (`planned`)."""
 
 
 class Loop:
-    """Drives a body, one `tick` a control period; a context that ends with the arm at rest and closed.
+    """Control loop of one robot: one `tick` a control period.
+
+    A context manager that opens the robot, and in the end moves it to rest and closes
+    it.
 
     Attributes:
-        arm: that is driven.
-        driver: what decides; may be changed while the arm is at rest.
-        phase: stage, and what it remembers.
-        fault: why the arm stands still, or what was last wrong with a reading.
-        late_steps: how many steps began late.
+        arm: arm of the robot.
+        driver: controller; may be replaced (`use`) while the arm is at rest.
+        phase: stage of the arm and its counters.
+        fault: why the arm is stopped, or what is wrong with the latest reading.
+        late_steps: number of steps that began late.
     """
 
     def __init__(
@@ -72,175 +100,147 @@ class Loop:
         clock: Clock | None = None,
         limits: CommandLimits | None = None,
         patience: Patience | None = None,
-        when_late: Literal["skip", "catch up"] = "skip",
-        watch: Callable[[Step], None] = lambda step: None,
+        on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
     ):
-        """A loop whose arm is not open yet.
+        """A loop whose robot is not open yet.
 
         Args:
-            robot: the body.
-            driver: what decides on actions.
-            clock: the wall's for a body that shares its time, else as fast as the body
-                can.
-            limits: of commands; the arm's own if None.
-            patience: with readings, and with nobody attending.
-            when_late: whether steps that were missed are left out, or made up for as
-                fast as can be.
-            watch: told of every step; it must be quick.
-            faults: what is made of readings before anybody sees them, for trying out.
+            robot: robot to control.
+            driver: controller.
+            clock: source of time; by default the wall clock for robots that move in
+                real time, else a `StepClock`.
+            limits: limits of commands; the arm's own by default.
+            patience: time limits for unsound readings and for an absent operator.
+            on_step: called with the record of every step; it must be quick.
+            faults: fault injection for tests: changes every reading before the check.
 
         Raises:
-            S2C2AError: the driver is for another arm, or needs a sensor that the body
-                has not.
+            S2C2AError: the controller is for another arm, or requires a sensor that
+                the robot lacks.
         """
         self.arm = robot.arm
-        self.driver = driver
         self._robot = robot
-        self._clock = clock or (StepClock() if robot.own_time else WallClock())
-        self._limits = limits or CommandLimits.of(self.arm)
         self._patience = patience or Patience.of(self.arm.control_rate)
-        self._when_late = when_late
-        self._watch = watch
+        self._on_step = on_step
         self._faults = faults
-        self.phase = Phase()
-        self.fault = ""
-        self.late_steps = 0
-        self._number = 0
-        self._nothing = Goal.of(self.arm.module_count)
-        self._command = self._limits.rest
-        self._broken = False
-        self._begun = 0.0
+        self._no_goal = Goal.of(self.arm.module_count)
+        self._limits = limits or CommandLimits.of(self.arm)
+        self._clock = clock or (StepClock() if robot.own_time else WallClock())
         self._due = 0.0
+        self._opened_at = 0.0
+        self._step_count = 0
+        self._tick_time = 0.0
+        self.late_steps = 0
+        self.phase = Phase()
         self.use(driver)
+        self._reset()
 
     def use(self, driver: Driver) -> None:
-        """Let something else decide from now on; it begins when the arm next runs from rest.
+        """Change the controller; it starts when the arm next runs from rest.
 
         Raises:
-            S2C2AError: as above.
+            S2C2AError: see `Loop`.
         """
-        needed = self.needed_by(driver)
+        required = self.required_sensors(driver)
         self.driver = driver
-        self._check = ReadingCheck(self._robot.sensors, needed, self.arm.control_period)
+        self._check = ReadingCheck(
+            self._robot.sensors, required, self.arm.control_period
+        )
 
-    def needed_by(self, driver: Driver) -> list[str]:
-        """Names of the sensors that have to be sound for something that decides.
+    def required_sensors(self, driver: Driver) -> list[str]:
+        """Return the names of the robot's sensors that a controller requires.
 
         Raises:
-            S2C2AError: as above.
+            S2C2AError: see `Loop`.
         """
-        theirs, ours = (
-            (arm.module_count, arm.cable_count) for arm in (driver.arm, self.arm)
-        )
+        theirs = driver.arm.module_count, driver.arm.cable_count
+        ours = self.arm.module_count, self.arm.cable_count
         if theirs != ours:
             raise S2C2AError(
-                f"made for {theirs} modules and cables each, and '{self.arm.name}' has {ours}"
+                f"the controller is for an arm of (modules, cables) {theirs}; "
+                f"'{self.arm.name}' has {ours}; choose a controller for this arm"
             )
         sensors = self._robot.sensors
-        needed = [
+        required = [
             name if name in sensors else FOLLOWS_FROM.get(name, name)
             for name in driver.sensors
         ]
-        if lacking := [name for name in needed if name not in sensors]:
+        missing = [name for name in required if name not in sensors]
+        if missing:
             raise S2C2AError(
-                f"{', '.join(lacking)} is needed, and this body says {', '.join(sensors) or 'nothing'}; "
-                "change `sensing` in the arm file, or the body"
+                f"the controller needs {', '.join(missing)}; "
+                f"the robot provides {', '.join(sensors) or 'no sensor'}; "
+                "change `sensing` in the arm file, or choose another robot"
             )
-        return needed
+        return required
 
     def open(self) -> None:
-        """Open the body, at rest; called again, it begins anew."""
-        first = self._robot.open()
-        self._check.begin()
-        self._command = self._before = self._limits.rest.copy()
-        self._change = np.zeros_like(self._limits.rest)
-        self.phase = Phase()
-        self.fault = ""
-        self._broken = False
+        """Open the robot at rest; a second call starts again from there."""
+        first_reading = self._robot.open()
+        self._reset()
         self._due = self._clock.now()
-        self._begun = self._due - first.time
+        self._opened_at = self._due - first_reading.time
 
-    def tick(self, ask: Ask) -> Step:
-        """One control step, when it is due.
+    def tick(self, request: StepRequest) -> StepRecord:
+        """Wait for the next control step and do it.
 
         Raises:
-            Exception: whatever the body or the driver raises; the arm stands still
-                then, until it is opened again.
+            Exception: any error of the robot or the controller; the arm then stays
+                stopped until it is opened again.
         """
-        if self._broken:
+        if self._stopped:
             raise S2C2AError(self.fault)
-        moment, late = self._wait()
-        try:
+        moment, delay = self._wait()
+        with self._stop_on_error():
             reading = self._faults(self._robot.read())
-            fault = self._fault_of(reading, moment)
-            before = self.phase
-            self.phase = next_phase(
-                before, ask, not fault, self._at_rest(), self._patience
-            )
-            if fault or self.phase.stage is not Stage.FAULT:
-                self.fault = fault or (self.fault if self.phase.spoiled else "")
-            began = time.perf_counter()
-            desired = self._desired(
-                reading, ask, fault, starts=before.stage in (Stage.IDLE, Stage.START)
-            )
-            tick_time = time.perf_counter() - began
-            sent = self._send(desired)
-            active = self.phase.stage in (Stage.RUN, Stage.HOLD) and not fault
-            if (
-                active
-                and not self._limits.sizes(self._command - desired).max() <= ALLOWED
-            ):
-                self.driver.sent(self._command)
-            told = dict(self.driver.diagnostics()) if active else {}
-        except BaseException as error:
-            self.stop(error)
-            raise
-        step = Step(
-            self._number,
-            moment,
-            self.phase.stage,
-            reading,
-            ask.goal,
-            sent,
-            told,
-            tick_time,
-            late,
-            self.fault,
-        )
-        self._number += 1
-        self._watch(step)
-        return step
+            fault = self._check_reading(reading, moment)
+            previous_stage = self._update_stage(request, fault)
+            if self._is_passive(fault):
+                sent = self._passive_step()
+                diagnostics = {}
+            else:
+                if previous_stage in (Stage.IDLE, Stage.START):
+                    self.driver.start(reading)
+                sent = self._control_step(reading, self._goal(request))
+                diagnostics = dict(self.driver.diagnostics())
+        record = StepRecord(
+            self._step_count, moment, self.phase.stage, reading, request.goal, sent,
+            diagnostics, self._tick_time, delay, self.fault,
+        )  # fmt: skip
+        self._step_count += 1
+        self._on_step(record)
+        return record
 
     def stop(self, error: BaseException) -> None:
-        """Stand still for a reason, until the arm is opened again."""
-        self.phase = failed(self.phase)
+        """Stop the arm where it is because of an error, until it is opened again."""
+        self.phase = with_fault(self.phase)
         self.fault = str(error) or type(error).__name__
-        self._broken = True
+        self._stopped = True
 
     def release(self) -> None:
-        """Lead the arm to rest, no faster than its limits; needs no reading, and takes its time."""
-        self.phase = released(self.phase)
+        """Begin to move the arm to rest within its limits; no reading is needed."""
+        self.phase = with_release(self.phase)
 
-    def to_rest(self) -> Iterator[Step]:
-        """Release, and tick until the arm is at rest; the steps that it takes."""
+    def to_rest(self) -> Iterator[StepRecord]:
+        """Release the arm and yield the steps until it is at rest."""
         self.release()
         while self.phase.stage is Stage.RELEASE:
-            yield self.tick(Ask(asked=False))
+            yield self.tick(StepRequest(enabled=False))
 
     def close(self) -> None:
-        """Lead an arm of metal to rest as far as that goes, whatever it reads, and close it; on every path out.
+        """Move a real arm to rest, whatever it reads, and close the robot.
 
-        A second interrupt does not leave it bent: none is heard meanwhile.
+        Keyboard interrupts are ignored meanwhile: a second one does not leave the arm
+        bent.
         """
         self._due = self._clock.now()
-        with _deaf_to_interrupts():
+        with _ignored_interrupts():
             try:
-                # a body that fails on the way to rest is closed all the same
-                with suppress(Exception):
-                    while not (self._robot.own_time or self._at_rest()):
+                with suppress(Exception):  # a robot that fails now is closed, too
+                    while not (self._robot.own_time or self._limiter.at_rest):
                         self._wait()
-                        self._send(self._next_to_rest())
+                        self._send(self._limiter.limit(self._limiter.towards_rest()))
             finally:
                 self._robot.close()
 
@@ -255,68 +255,103 @@ class Loop:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
+    def _reset(self) -> None:
+        self._check.reset()
+        self._limiter = CommandLimiter(self._limits)
+        self.phase = Phase()
+        self.fault = ""
+        self._stopped = False
+
     def _wait(self) -> tuple[float, float]:
-        """Until the next step is due; when that is, and how late it has become."""
+        """Wait until the next step is due; return the time and the delay [s].
+
+        Steps that were missed are skipped.
+        """
         self._clock.wait_until(self._due)
         now = self._clock.now()
         period = self.arm.control_period
-        late = max(now - self._due, 0.0)
-        self.late_steps += late > LATE * period
-        self._due += period * (
-            1 if self._when_late == "catch up" else 1 + int(late / period)
+        delay = max(now - self._due, 0.0)
+        self.late_steps += delay > LATE * period
+        self._due += period * (1 + int(delay / period))
+        return now, delay
+
+    @contextmanager
+    def _stop_on_error(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException as error:
+            self.stop(error)
+            raise
+
+    def _check_reading(self, reading: Reading, moment: float) -> str:
+        """Describe the fault of a reading, if any; in simulation, none is too old."""
+        now = reading.time if self._robot.own_time else moment - self._opened_at
+        return self._check.find_fault(reading, now, self._limiter.last_change)
+
+    def _update_stage(self, request: StepRequest, fault: str) -> Stage:
+        """Update phase and fault; return the stage of the last step."""
+        previous = self.phase
+        self.phase = next_phase(
+            previous, request, not fault, self._limiter.at_rest, self._patience
         )
-        return now, late
+        if fault:
+            self.fault = fault
+        elif self.phase.stage is not Stage.FAULT and not self.phase.ends_in_fault:
+            self.fault = ""
+        return previous.stage
 
-    def _fault_of(self, reading: Reading, moment: float) -> str:
-        """What is wrong with a reading; one of a body with a time of its own cannot be late."""
-        now = reading.time if self._robot.own_time else moment - self._begun
-        return self._check.fault(
-            reading, now, float(self._limits.sizes(self._change).max())
-        )
+    def _control_step(self, reading: Reading, goal: Goal) -> Actions:
+        """Do one control step: estimate, plan, act, limit, send.
 
-    def _at_rest(self) -> bool:
-        return bool(
-            (self._limits.sizes(self._command - self._limits.rest) < AT_REST).all()
-        )
+        Returns:
+            The command that the robot sent [m or N], shape (modules, cables).
+        """
+        began = time.perf_counter()
+        estimate = self.driver.estimate(reading, self._limiter.command)
+        plan = self.driver.plan(estimate, goal)
+        desired = self.driver.act(plan, estimate)
+        self._tick_time = time.perf_counter() - began
+        command = self._limiter.limit(desired)
+        sent = self._send(command)
+        if self._limiter.changed(desired):
+            self.driver.sent(command)
+        return sent
 
-    def _desired(self, reading: Reading, ask: Ask, fault: str, starts: bool) -> Actions:
-        """The command that the stage asks for, before its limits."""
-        stage = self.phase.stage
-        if stage is Stage.RELEASE:
-            return self._next_to_rest()
-        if stage not in (Stage.RUN, Stage.HOLD) or fault:
-            self._before = self._command  # nobody's plan, which would have jumped here
-            return self._command
-        if stage is Stage.RUN and starts:
-            self.driver.start(reading)
-        goal = ask.goal if stage is Stage.RUN else None
-        return self.driver.step(reading, self._nothing if goal is None else goal)
+    def _passive_step(self) -> Actions:
+        """Hold the last command, or move towards rest; the driver does not act."""
+        self._tick_time = 0.0
+        if self.phase.stage is Stage.RELEASE:
+            desired = self._limiter.towards_rest()
+        else:
+            desired = self._limiter.hold()
+        return self._send(self._limiter.limit(desired))
 
-    def _next_to_rest(self) -> Actions:
-        self._before = self._command
-        return self._limits.towards_rest(self._command, self._change)
+    def _goal(self, request: StepRequest) -> Goal:
+        """The goal of a step: none while the arm is held."""
+        if self.phase.stage is Stage.HOLD or request.goal is None:
+            return self._no_goal
+        return request.goal
 
-    def _send(self, desired: Actions) -> Actions:
-        """Send a command within its limits, and let the body's own time pass; what was really sent."""
-        command = self._limits.limited(
-            desired, self._command, self._change, self._before
-        )
-        self._change = command - self._command
-        self._command = command
-        self._before = desired
+    def _is_passive(self, fault: str) -> bool:
+        """Whether the controller does not act in this step."""
+        return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
+
+    def _send(self, command: Actions) -> Actions:
+        """Send a command; return what the robot sent [m or N] after one period."""
         sent = np.asarray(self._robot.send(command), dtype=float)
         self._robot.advance(self.arm.control_period)
         return sent
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():  # others hear none
+def _ignored_interrupts() -> Iterator[None]:
+    # only the main thread receives interrupts
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        # None where it was not set from Python
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        # None if the handler was not set from Python
+        signal.signal(signal.SIGINT, handler or signal.SIG_DFL)

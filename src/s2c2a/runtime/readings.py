@@ -1,4 +1,7 @@
-"""Whether a reading can be believed: there, fresh, of the right shape, plausible, neither jumping nor frozen."""
+"""Plausibility check of readings: present, recent, in range, not jumping, not frozen.
+
+`RepeatDetector` is the one place that decides whether a measurement is new.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,116 +9,143 @@ import numpy as np
 
 from s2c2a.spaces import Reading, Sensor
 
-OLDEST = 3.0  # control periods that a reading may be behind
-FROZEN_AFTER = 3  # steps without a changed bit, while commands moved by
-MOVED = 0.02  # of a full bend
+MAX_AGE = 3.0  # control periods
+FROZEN_STEPS = 3  # steps with the same bits, while commands change by
+FROZEN_CHANGE = 0.02  # of the full bend
+
+
+class RepeatDetector:
+    """Distinguishes new measurements of named sensors from repeated ones, bit by bit.
+
+    A sensor that runs has noise in its last bits, so an exact repetition means that
+    the robot handed out the same measurement again.
+    """
+
+    def __init__(self) -> None:
+        """A detector without any measurement."""
+        self._last_bytes: dict[str, bytes] = {}
+
+    def is_repeated(self, name: str, values: np.ndarray) -> bool:
+        """Whether values equal the last ones of the same name to the last bit.
+
+        Args:
+            name: of the sensor.
+            values: its measurement, of any shape and type; kept for the next call.
+        """
+        current = values.tobytes()
+        repeated = self._last_bytes.get(name) == current
+        self._last_bytes[name] = current
+        return repeated
 
 
 class ReadingCheck:
-    """Looks at the sensors that are needed, reading by reading; the others may say what they like."""
+    """Checks the required sensors of every reading; other sensors are not checked."""
 
     def __init__(
-        self, sensors: Mapping[str, Sensor], needed: Sequence[str], period: float
+        self, sensors: Mapping[str, Sensor], required: Sequence[str], period: float
     ):
-        """Nothing seen yet.
+        """A check before its first reading.
 
         Args:
-            sensors: what the body declares.
-            needed: names of those that have to be sound.
+            sensors: sensors that the robot declares, by name.
+            required: names of the sensors that must be sound.
             period: of the control steps [s].
         """
         self._sensors = sensors
-        self._needed = tuple(needed)
+        self._required = tuple(required)
         self._period = period
-        self._rated = {
-            name for name, one in sensors.items() if np.isfinite(one.fastest).any()
-        }
-        self.begin()
+        self.reset()
 
-    def begin(self) -> None:
-        """Forget what was seen: the arm was opened anew."""
-        self._last: Reading | None = None
-        self._same = dict.fromkeys(self._needed, 0)
-        self._moved = 0.0
-        self._before: dict[str, bytes] = {}
-        self._heard: dict[str, np.ndarray] = {}
+    def reset(self) -> None:
+        """Forget all readings, as after the robot was opened again."""
+        self._last_sound: Reading | None = None
+        self._last_values: dict[str, np.ndarray] = {}
+        self._repeats = RepeatDetector()
+        self._repeat_counts = dict.fromkeys(self._required, 0)
+        self._change_while_repeated = 0.0
 
-    def fault(self, reading: Reading, now: float, moved: float) -> str:
-        """What is wrong with a reading, in words; nothing if it is sound, and the next one is then compared with it.
+    def find_fault(self, reading: Reading, now: float, last_change: float) -> str:
+        """Describe what is wrong with a reading; empty if it is sound.
+
+        A sound reading becomes the one that the next reading is compared with.
 
         Args:
-            reading: the latest.
-            now: seconds since the arm was opened, on the loop's clock.
-            moved: size of the change that the last command made, in parts of the full
-                bend.
+            reading: latest reading.
+            now: seconds since the robot was opened, on the loop's clock.
+            last_change: size of the change that the last command made, as a fraction
+                of the full bend.
         """
-        said = self._stale(reading, now) or next(
-            filter(None, (self._of(name, reading) for name in self._needed)), ""
-        )
-        said = said or self._frozen(reading, moved)
-        if not said:
-            self._last = reading
-        return said
+        fault = self._time_fault(reading, now)
+        for name in self._required:
+            fault = fault or self._value_fault(name, reading)
+        fault = fault or self._frozen_fault(reading, last_change)
+        if not fault:
+            self._last_sound = reading
+        return fault
 
-    def _stale(self, reading: Reading, now: float) -> str:
+    def _time_fault(self, reading: Reading, now: float) -> str:
         if not np.isfinite(reading.time):
             return "the reading has no time"
-        if self._last is not None and reading.time <= self._last.time:
+        if self._last_sound is not None and reading.time <= self._last_sound.time:
             return "the reading is no newer than the last one"
-        late = now - reading.time
-        return (
-            f"the reading is {late:.2f} s old" if late > OLDEST * self._period else ""
-        )
+        age = now - reading.time
+        if age > MAX_AGE * self._period:
+            return f"the reading is {age:.2f} s old"
+        return ""
 
-    def _of(self, name: str, reading: Reading) -> str:
+    def _value_fault(self, name: str, reading: Reading) -> str:
         values = reading.get(name)
         sensor = self._sensors.get(name)
-        heard = self._heard.pop(name, None)
+        previous = self._last_values.pop(name, None)
         if values is None or sensor is None:
             return f"'{name}' is missing"
         if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
-            return f"'{name}' is no array of numbers"
+            return f"'{name}' is not an array of numbers"
         if values.shape != sensor.shape:
-            return f"'{name}' is of shape {values.shape}, not {sensor.shape}"
+            return f"'{name}' has shape {values.shape}, expected {sensor.shape}"
         if not np.isfinite(values).all():
             return f"'{name}' is not finite"
         if not ((values >= sensor.low) & (values <= sensor.high)).all():
             return f"'{name}' is out of its range"
-        self._heard[name] = values
-        return (
-            f"'{name}' has jumped"
-            if name in self._rated and self._jumped(name, reading, heard)
-            else ""
-        )
+        self._last_values[name] = values
+        if self._has_jumped(name, reading, previous):
+            return f"'{name}' has jumped"
+        return ""
 
-    def _jumped(self, name: str, reading: Reading, heard: np.ndarray | None) -> bool:
-        """Whether numbers cannot have come about since the last sound reading, or what was heard just before.
+    def _has_jumped(
+        self, name: str, reading: Reading, previous: np.ndarray | None
+    ) -> bool:
+        """Whether values changed faster than the sensor can.
 
-        The longer the sound one is ago, the further they may be; but then they must fit
-        what was just heard, too.
+        The longer ago the last sound reading is, the further values may be from it;
+        but then they must fit the previous, unsound reading, too.
         """
-        if self._last is None:
+        max_rate = self._sensors[name].fastest
+        if self._last_sound is None or not np.isfinite(max_rate).any():
             return False
         values = reading[name]
-        fastest = self._sensors[name].fastest
-        way = np.abs(values - self._last[name])
-        since = max(reading.time - self._last.time, self._period)
-        if (way > fastest * since).any():
+        change = np.abs(values - self._last_sound[name])
+        elapsed = max(reading.time - self._last_sound.time, self._period)
+        if (change > max_rate * elapsed).any():
             return True
-        near = fastest * self._period
-        return heard is not None and bool(
-            (way > near).any() and (np.abs(values - heard) > near).any()
-        )
+        step = max_rate * self._period
+        if previous is None or (change <= step).all():
+            return False
+        return bool((np.abs(values - previous) > step).any())
 
-    def _frozen(self, reading: Reading, moved: float) -> str:
-        """Whether a sensor has said the same to the last bit for some steps, while the arm was told to move."""
-        for name in self._needed:
-            bits = np.ascontiguousarray(reading[name]).tobytes()
-            still = self._before.get(name) == bits
-            self._before[name] = bits
-            self._same[name] = (
-                self._same[name] + 1 if still and (moved > 0 or self._same[name]) else 0
-            )
-        self._moved = self._moved + moved if any(self._same.values()) else 0.0
-        frozen = [name for name, steps in self._same.items() if steps >= FROZEN_AFTER]
-        return f"'{frozen[0]}' is frozen" if frozen and self._moved > MOVED else ""
+    def _frozen_fault(self, reading: Reading, last_change: float) -> str:
+        """Detect sensors whose values repeat for some steps while commands change."""
+        counts = self._repeat_counts
+        for name in self._required:
+            repeated = self._repeats.is_repeated(name, reading[name])
+            # repetitions of an arm at rest do not count
+            suspicious = repeated and (last_change > 0 or counts[name] > 0)
+            counts[name] = counts[name] + 1 if suspicious else 0
+        if any(counts.values()):
+            self._change_while_repeated += last_change
+        else:
+            self._change_while_repeated = 0.0
+        if self._change_while_repeated <= FROZEN_CHANGE:
+            return ""
+        frozen = [name for name in counts if counts[name] >= FROZEN_STEPS]
+        return f"'{frozen[0]}' is frozen" if frozen else ""

@@ -1,4 +1,4 @@
-"""What is known after a control step, and from the steps of a loop to an episode."""
+"""Records of control steps, and the episode that a sequence of them makes."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,20 +16,20 @@ from s2c2a.spaces import Actions, Reading, Stage
 
 
 @dataclass(frozen=True)
-class Step:
-    """What is known after one control step.
+class StepRecord:
+    """Record of one control step.
 
     Attributes:
         number: of the step, from zero.
-        moment: when it began, on the loop's clock [s].
-        stage: what the arm did.
-        reading: before the action.
-        goal: that was asked for, if the arm ran or held.
-        action: as really sent [m or N].
-        diagnostics: by what drives it, by column.
-        tick_time: sense, plan and act together [s].
-        late: how much too late it began [s].
-        fault: what was wrong, in words.
+        moment: when the step began, on the loop's clock [s].
+        stage: stage of the arm in the step.
+        reading: reading before the action.
+        goal: requested goal; used while the arm runs.
+        action: action that was really sent [m or N], shape (modules, cables).
+        diagnostics: telemetry of the controller, by column of an episode.
+        tick_time: time that the controller took to choose the action [s].
+        late: delay of the step's beginning [s].
+        fault: what is wrong; empty if nothing is.
     """
 
     number: int
@@ -44,82 +44,88 @@ class Step:
     fault: str = ""
 
 
-def episode_of(steps: Sequence[Step], arm: ArmSpec, **options: Any) -> Episode:
-    """What happened, one row a step; a column for what every step, or every running one, has to say.
+def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
+    """Build an episode with one row a step.
+
+    Every sensor and every diagnostic that occurs in any step becomes a column.
 
     Args:
-        steps: at least one.
-        arm: that was driven.
-        options: how it came about.
+        steps: records of at least one step.
+        arm: arm that was controlled.
+        options: how the episode was made.
 
     Raises:
-        RecordingError: no step.
+        RecordingError: there is no step.
     """
     if not steps:
-        raise RecordingError("nothing happened, so there is no episode to keep")
+        raise RecordingError("no control step was done, so there is no episode to save")
     columns = {
         "time": _times(steps),
         "stage": np.array([step.stage for step in steps], np.int8),
         "actions": np.array([step.action for step in steps]),
         "tick_time": np.array([step.tick_time for step in steps]),
     }
-    for name in dict.fromkeys(name for step in steps for name in step.reading.sensors):
-        columns[SENSOR + name] = _filled([step.reading.get(name) for step in steps])
-    for name in dict.fromkeys(name for step in steps for name in step.diagnostics):
-        columns[name] = _filled([step.diagnostics.get(name) for step in steps])
+    columns |= _table([step.reading.sensors for step in steps], SENSOR)
+    columns |= _table([step.diagnostics for step in steps])
+    columns |= _goal_columns([_active_goal(step, arm) for step in steps])
     faults = sorted({step.fault for step in steps if step.fault})
-    said = options | ({"faults": faults} if faults else {})
-    return Episode(arm, columns | _asked([_goal(step, arm) for step in steps]), said)
+    if faults:
+        options["faults"] = faults
+    return Episode(arm, columns, options)
 
 
-def _goal(step: Step, arm: ArmSpec) -> Goal:
-    """What the step aimed at; nothing while it was led to rest."""
-    return (
-        step.goal
-        if step.goal is not None and step.stage in (Stage.RUN, Stage.HOLD)
-        else Goal.of(arm.module_count)
-    )
+def _active_goal(step: StepRecord, arm: ArmSpec) -> Goal:
+    """Goal of a step; an empty one while the arm neither runs nor holds."""
+    if step.goal is None or step.stage not in (Stage.RUN, Stage.HOLD):
+        return Goal.of(arm.module_count)
+    return step.goal
 
 
-def _times(steps: Sequence[Step]) -> np.ndarray:
-    """Of the readings; the loop's clock goes on from there where one says none, or one that has been."""
+def _times(steps: Sequence[StepRecord]) -> np.ndarray:
+    """Times of readings [s]; where one is invalid, the loop's clock continues them."""
     times: list[float] = []
     for number, step in enumerate(steps):
         time = step.reading.time
-        if not np.isfinite(time) or (times and time <= times[-1]):
-            passed = step.moment - steps[number - 1].moment if number else 0.0
-            time = np.nextafter(times[-1] + max(passed, 0.0), np.inf) if times else 0.0
+        if not times:
+            time = time if np.isfinite(time) else 0.0
+        elif not np.isfinite(time) or time <= times[-1]:
+            elapsed = max(step.moment - steps[number - 1].moment, 0.0)
+            time = np.nextafter(times[-1] + elapsed, np.inf)
         times.append(time)
     return np.array(times)
 
 
-def _filled(values: Sequence[np.ndarray | None]) -> np.ndarray:
-    """One row a step; NaN where a step has none, or one of another shape than most."""
-    arrays = [None if value is None else np.asarray(value) for value in values]
-    shapes = Counter(
-        array.shape
-        for array in arrays
-        if array is not None and array.dtype.kind in "fiub"
-    )
-    nothing = np.full(shapes.most_common(1)[0][0] if shapes else (), np.nan)
-    sound = [
-        array is not None
-        and array.dtype.kind in "fiub"
-        and array.shape == nothing.shape
-        for array in arrays
-    ]
-    return np.array(
-        [array if good else nothing for array, good in zip(arrays, sound, strict=True)]
-    )
+def _table(
+    rows: Sequence[Mapping[str, np.ndarray]], prefix: str = ""
+) -> dict[str, np.ndarray]:
+    """Columns of all names that occur in any row."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {prefix + name: _column([row.get(name) for row in rows]) for name in names}
 
 
-def _asked(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
-    """Columns of what was asked: only those in which anything was."""
-    every = Goal.stacked(goals)
+def _column(values: Sequence[np.ndarray | None]) -> np.ndarray:
+    """One row a step; NaN where a step has no numbers of the most common shape."""
+    arrays = [np.asarray(value) for value in values]
+    shapes = Counter(array.shape for array in arrays if _is_numeric(array))
+    shape = shapes.most_common(1)[0][0] if shapes else ()
+    rows = [np.full(shape, np.nan)] * len(arrays)
+    for number, array in enumerate(arrays):
+        if _is_numeric(array) and array.shape == shape:
+            rows[number] = array
+    return np.array(rows)
+
+
+def _is_numeric(array: np.ndarray) -> bool:
+    return array.dtype.kind in "fiub"  # float, integer, or boolean; None is an object
+
+
+def _goal_columns(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
+    """Columns of the goals: only those in which any goal is set."""
+    stacked = Goal.stacked(goals)
     columns = {
-        "desired_positions": every.desired_positions(),
-        "desired_axes": every.desired_axes(),
-        "obstacles": every.obstacles_in_use(),
+        "desired_positions": stacked.desired_positions(),
+        "desired_axes": stacked.desired_axes(),
+        "obstacles": stacked.obstacles_in_use(),
     }
     return {
         name: values

@@ -1,15 +1,16 @@
-"""The stages of an arm that is driven, as a pure function (docs/safety.md has the table).
+"""Stages of a controlled arm, as a state machine in pure functions (docs/safety.md).
 
 ```
-          asked            sound              not asked, or not sound
-   IDLE --------> START ---------> RUN <-----------------------------> HOLD
-    ^               |                          asked and sound          |
-    |               | not sound for too long                            | unsound, or left alone, for too long
-    |               v                                                   v
-    |             FAULT <----------------- was unsound ------------- RELEASE
-    +---------------------------------------- else ---------------------+
+         enabled          sound        not enabled, or unsound
+   IDLE ---------> START ------> RUN <-------------------------> HOLD
+    ^                |                  enabled and sound          |
+    |                | unsound for                    unsound, or without operator,
+    |                v too long                                    v for too long
+    |              FAULT <------------ was unsound ------------ RELEASE
+    +--------------------------------- otherwise ------------------+
 ```
-A fault of the body or of what drives it leads to FAULT from anywhere.
+An error of the robot or of the controller leads to FAULT from any stage. A reading is
+sound if it passes `ReadingCheck`.
 """
 
 from dataclasses import dataclass, replace
@@ -18,18 +19,18 @@ from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 
-MADE_GOOD = 0.5
-"""Unsound steps that a sound one makes good for: a sensor that fails every other time
-is not waited for without end."""
+RECOVERY_PER_SOUND_STEP = 0.5
+"""Unsound steps that one sound step offsets: a sensor that fails every other step
+still uses up the patience."""
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How many control steps are waited for what.
+    """Numbers of control steps after which the arm is moved to rest.
 
     Attributes:
-        unsound: without a sound reading, then the arm is led to rest.
-        alone: held while nobody attends, then the arm is led to rest.
+        unsound: steps without a sound reading.
+        alone: steps held without an operator.
     """
 
     unsound: int
@@ -39,105 +40,112 @@ class Patience:
     def of(
         cls, control_rate: float, unsound: float = 1.0, alone: float = 10.0
     ) -> "Patience":
-        """The same in seconds.
+        """Convert times [s] to control steps at a rate [Hz].
 
         Raises:
             S2C2AError: a time is not positive and finite.
         """
         if not (0 < unsound < 1e6 and 0 < alone < 1e6):
             raise S2C2AError(
-                f"{unsound} s and {alone} s of patience asked for; both must be positive"
+                f"patience of {unsound} s and {alone} s; both must be positive "
+                "and below 1e6 s"
             )
-        return cls(
-            max(1, round(unsound * control_rate)), max(1, round(alone * control_rate))
-        )
+        unsound_steps = max(1, round(unsound * control_rate))
+        return cls(unsound_steps, max(1, round(alone * control_rate)))
 
 
 @dataclass(frozen=True)
-class Ask:
-    """What is asked of a control step.
+class StepRequest:
+    """Request for one control step.
 
     Attributes:
-        goal: for the state after it; nothing but little change if None.
-        asked: whether the arm shall do it; if not, it holds, or stays at rest.
-        attended: whether somebody is there.
+        goal: goal for the state after the step; None keeps the arm where it is.
+        enabled: whether the arm shall pursue the goal; if not, it holds or stays at
+            rest.
+        operator_present: whether an operator attends.
     """
 
     goal: Goal | None = None
-    asked: bool = True
-    attended: bool = True
+    enabled: bool = True
+    operator_present: bool = True
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A stage, and what it remembers.
+    """Stage of an arm, with the counters that decide on the next one.
 
     Attributes:
         stage: what the arm does.
-        unsound: steps without a sound reading, of which sound ones make good for a
-            part.
-        alone: steps in a row that it was held while nobody attended.
-        spoiled: whether a release is for unsound readings, and ends in FAULT.
+        unsound_steps: steps without a sound reading, less those that sound ones
+            offset.
+        unattended_steps: consecutive steps held without an operator.
+        ends_in_fault: whether readings caused the release, so that it ends in FAULT.
     """
 
     stage: Stage = Stage.IDLE
-    unsound: float = 0.0
-    alone: int = 0
-    spoiled: bool = False
+    unsound_steps: float = 0.0
+    unattended_steps: int = 0
+    ends_in_fault: bool = False
 
 
 def next_phase(
-    phase: Phase, ask: Ask, sound: bool, at_rest: bool, patience: Patience
+    phase: Phase, request: StepRequest, sound: bool, at_rest: bool, patience: Patience
 ) -> Phase:
-    """The phase of this step.
+    """Return the phase of this step.
 
     Args:
-        phase: of the last one.
-        ask: what is asked.
+        phase: phase of the last step.
+        request: request for this step.
         sound: whether the reading of this step is sound.
         at_rest: whether the last command was the neutral one.
-        patience: before the arm is led to rest.
+        patience: steps after which the arm is moved to rest.
     """
-    unsound = (
-        max(phase.unsound - MADE_GOOD, 0.0)
-        if sound
-        else min(phase.unsound, patience.unsound) + 1.0
-    )
-    alone = phase.alone + 1 if phase.stage is Stage.HOLD and not ask.attended else 0
-    impatient = unsound > patience.unsound
-    give_up = impatient or alone > patience.alone
-    stage = _next_stage(phase, ask.asked and sound, give_up, at_rest)
+    if sound:
+        unsound_steps = max(phase.unsound_steps - RECOVERY_PER_SOUND_STEP, 0.0)
+    else:
+        unsound_steps = min(phase.unsound_steps, patience.unsound) + 1.0
+    unattended = phase.stage is Stage.HOLD and not request.operator_present
+    unattended_steps = phase.unattended_steps + 1 if unattended else 0
+    blind = unsound_steps > patience.unsound
     if phase.stage in (Stage.IDLE, Stage.START):
-        stage = _first_stage(ask.asked, sound, impatient)
-    spoiled = stage in (Stage.RELEASE, Stage.FAULT) and (phase.spoiled or impatient)
-    return Phase(stage, 0.0 if stage is Stage.IDLE else unsound, alone, spoiled)
+        stage = _stage_from_rest(request.enabled, sound, blind)
+    else:
+        give_up = blind or unattended_steps > patience.alone
+        stage = _stage_in_motion(phase, request.enabled and sound, give_up, at_rest)
+    if stage is Stage.IDLE:
+        unsound_steps = 0.0
+    stopping = stage in (Stage.RELEASE, Stage.FAULT)
+    ends_in_fault = stopping and (phase.ends_in_fault or blind)
+    return Phase(stage, unsound_steps, unattended_steps, ends_in_fault)
 
 
-def _first_stage(asked: bool, sound: bool, impatient: bool) -> Stage:
-    """Of an arm that has not run yet."""
-    if not asked:
+def _stage_from_rest(enabled: bool, sound: bool, blind: bool) -> Stage:
+    if not enabled:
         return Stage.IDLE
-    return Stage.RUN if sound else Stage.FAULT if impatient else Stage.START
+    if sound:
+        return Stage.RUN
+    return Stage.FAULT if blind else Stage.START
 
 
-def _next_stage(phase: Phase, goes_on: bool, give_up: bool, at_rest: bool) -> Stage:
-    """Of one that has."""
+def _stage_in_motion(
+    phase: Phase, may_run: bool, give_up: bool, at_rest: bool
+) -> Stage:
     if phase.stage is Stage.FAULT or (phase.stage is Stage.RELEASE and not at_rest):
         return phase.stage
     if phase.stage is Stage.RELEASE:
-        return Stage.FAULT if phase.spoiled else Stage.IDLE
-    return Stage.RELEASE if give_up else Stage.RUN if goes_on else Stage.HOLD
+        return Stage.FAULT if phase.ends_in_fault else Stage.IDLE
+    if give_up:
+        return Stage.RELEASE
+    return Stage.RUN if may_run else Stage.HOLD
 
 
-def failed(phase: Phase) -> Phase:
-    """After a fault of the body, or of what drives it."""
+def with_fault(phase: Phase) -> Phase:
+    """Return the phase after an error of the robot or of the controller."""
     return replace(phase, stage=Stage.FAULT)
 
 
-def released(phase: Phase) -> Phase:
-    """When somebody wants the arm led to rest; one that stands still by a fault stays so."""
-    return (
-        phase
-        if phase.stage in (Stage.FAULT, Stage.IDLE)
-        else replace(phase, stage=Stage.RELEASE)
-    )
+def with_release(phase: Phase) -> Phase:
+    """Return the phase of an arm that moves to rest; one that is stopped stays so."""
+    if phase.stage in (Stage.FAULT, Stage.IDLE):
+        return phase
+    return replace(phase, stage=Stage.RELEASE)

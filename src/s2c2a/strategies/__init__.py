@@ -1,7 +1,8 @@
-"""Strategies: estimator, planner and controller put together; the paper's own and its comparisons."""
+"""Strategies: state estimator, planner and controller, composed and chosen by name."""
 
-from s2c2a.models import LSTMOptions
-from s2c2a.strategies.lstm import LSTMStrategy, TrainedLSTM, train_lstm_strategy
+from s2c2a.strategies.files import arm_of_strategy, load_strategy, save_strategy
+from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
+from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
 from s2c2a.strategies.recipe import (
     RECIPES,
     Recipe,
@@ -10,28 +11,17 @@ from s2c2a.strategies.recipe import (
     recipe_named,
     save_recipe,
 )
+from s2c2a.strategies.registry import STRATEGIES, labeled
 from s2c2a.strategies.s2c2a import (
-    Watched,
-    observer_of,
+    S2C2A,
+    estimator_of,
     planning_as,
     s2c2a_batch_planner,
     s2c2a_strategy,
-    shipped_networks,
     train_s2c2a,
     training_data,
 )
-from s2c2a.strategies.strategy import (
-    AnyStrategy,
-    Strategy,
-    fitted_gains,
-    pcc_fitted_strategy,
-    pcc_strategy,
-)
-from s2c2a.strategies.trained import (
-    TrainedNetworks,
-    load_lstm,
-    load_strategy,
-    save_lstm,
-    save_strategy,
-)
+from s2c2a.strategies.shipped import shipped_networks
+from s2c2a.strategies.strategy import Strategy
+from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.strategies.transfer import transferred

@@ -23,11 +23,11 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import ForeignCodeError, S2C2AError, StrategyError
-from s2c2a.files import save_whole
+from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.files import write_atomically
 from s2c2a.training import FromArm
 
-SCHEMA = 2
+SCHEMA = 3
 METADATA = "s2c2a"
 DIGEST = "digest"
 NO_DIGEST = "0" * 64
@@ -37,7 +37,6 @@ MAX_ARRAYS = 10_000
 LARGEST = 1e6
 """Of any number in the arrays; trained ones are about one, scalings below a hundred."""
 
-METADATA_OF_AN_LSTM = "s2c2a-lstm"  # in version 0.1
 _FOREIGN = (
     SafetensorError,
     ValueError,
@@ -50,13 +49,14 @@ Arrays = Mapping[str, np.ndarray]
 
 
 class Metadata(BaseModel):
-    """What stands beside the weights; the kind says which form the recipe has."""
+    """Metadata beside the weights."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     schema_version: int
     version: str
-    kind: str
+    strategy: str
+    strategy_options: dict
     arm: str
     recipe: dict
     seed: Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -75,7 +75,9 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
             metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST},
         )
     )
-    save_whole(content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path)
+    write_atomically(
+        content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path
+    )
 
 
 def _ordered(content: bytes) -> bytes:
@@ -88,35 +90,32 @@ def _ordered(content: bytes) -> bytes:
     return len(padded).to_bytes(8, "little") + padded + content[end:]
 
 
-def read(path: str | os.PathLike, kind: str) -> tuple[Metadata, Arrays]:
-    """What a file holds.
+def read(path: str | os.PathLike) -> tuple[Metadata, Arrays]:
+    """Read metadata and arrays.
 
     Raises:
-        StrategyError: no such file, too large, damaged, of another kind or schema.
+        StrategyError: no such file, too large, damaged, or of another schema.
     """
     content = _content(path)
     with damaged(path):
         header = json.loads(content[8 : 8 + _header_bytes(content)])
-        beside = header.get("__metadata__") or {}
-        written = json.loads(
-            beside.get(METADATA) or beside.get(METADATA_OF_AN_LSTM, "null")
-        )
-        schema = written["schema_version"]
+        texts = header.get("__metadata__") or {}
+        table = json.loads(texts.get(METADATA, "null"))
+        schema = table["schema_version"]
         arrays = len(header) - 1
     if schema != SCHEMA:
         raise StrategyError(
-            f"{path} has schema {schema}, this version reads {SCHEMA}: another version of the package wrote it, such "
-            "as 0.1; make it again with `s2c2a collect` and `s2c2a train`"
+            f"{path} has schema {schema}, and this version reads {SCHEMA}: another "
+            "version wrote it; make it again with `s2c2a collect` and `s2c2a train`"
         )
     with damaged(path):
-        digest = beside[DIGEST]
-        metadata = Metadata.model_validate(written)
-        if digest != _digest(content.replace(digest.encode(), NO_DIGEST.encode(), 1)):
-            raise StrategyError("what it holds does not fit its digest")
-        if metadata.kind != kind or arrays > MAX_ARRAYS:
-            raise StrategyError(
-                f"it holds {arrays} arrays of the kind '{metadata.kind}', not '{kind}'"
-            )
+        digest = texts[DIGEST]
+        metadata = Metadata.model_validate(table)
+        blank = content.replace(digest.encode(), NO_DIGEST.encode(), 1)
+        if digest != _digest(blank):
+            raise StrategyError("its digest does not match its content")
+        if arrays > MAX_ARRAYS:
+            raise StrategyError(f"it holds {arrays} arrays, more than {MAX_ARRAYS}")
         return metadata, load(content)
 
 
@@ -125,8 +124,8 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
     """Whatever is wrong with a file's content becomes a StrategyError."""
     try:
         yield
-    except ForeignCodeError as error:
-        raise ForeignCodeError(f"{path}: {error}") from error
+    except UntrustedCodeError as error:
+        raise UntrustedCodeError(f"{path}: {error}") from error
     except (*_FOREIGN, S2C2AError) as error:
         raise StrategyError(
             f"{path} is no strategy file, or damaged: {error}; train it anew"

@@ -1,155 +1,210 @@
-"""The data-driven comparison of the paper: an LSTM from tip positions to actions, without a plan.
+"""The data-driven comparison of the paper: an LSTM from tip positions to actions.
 
-It reads true states, so it works only where something outside watches the arm:
-simulation or motion capture.
+It has no plan and reads true states, so it works only in simulation or under motion
+capture.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.arm import ArmGeometry
-from s2c2a.data import Recording
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.compilation import compiled
+from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.estimation import Estimate
 from s2c2a.kinematics import configurations_from_states, limit_lengths
 from s2c2a.models.actions import LSTMOptions, TipHistory, TipLSTM
 from s2c2a.models.layers import HEADROOM
 from s2c2a.planning import Goal
-from s2c2a.compilation import compiled
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Reading
-from s2c2a.strategies.strategy import started
+from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
+from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
-from s2c2a.training import Progress, quiet
 
-TrainedLSTM = TrainedNetworks[LSTMOptions]
+NETWORK = "LSTM"
 
 
-def train_lstm_strategy(
-    recording: Recording, options: LSTMOptions, seed: int, progress: Progress = quiet
-) -> TrainedLSTM:
-    """Train the LSTM on a recording, on the same stretches of it as the networks of the paper.
+@dataclass(frozen=True)
+class LSTM(StrategyOptions):
+    """An LSTM from tip positions to actions.
 
-    Args:
-        recording: with true states.
-        options: size and training.
-        seed: of everything random.
-        progress: told epoch, most epochs, validation loss.
+    Its data are as fast as those of the recipe `paper`, whatever the recipe: it follows
+    better with them than with slower ones.
 
-    Raises:
-        RecordingError: episodes are missing or too short, or the recording holds no
-            true states.
-        TrainingError: too few samples, or the loss is not finite.
+    Attributes:
+        options: size and training of the network.
     """
-    recording.check_complete()
-    tips = recording.sensor("states")[:, :, -1, POSITION]
-    if not np.isfinite(tips).all():
-        raise RecordingError(
-            "this recording lacks true states, which the LSTM reads; record with motion capture on"
+
+    options: LSTMOptions = LSTMOptions()  # noqa: RUF009  # frozen
+    name = "lstm"
+
+    def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
+        """See `StrategyOptions`."""
+        return CollectOptions(seed=seed)
+
+    def untrained(
+        self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
+    ) -> dict[str, Any]:
+        """See `StrategyOptions`."""
+        return {NETWORK: self.options.untrained(arm, key)}
+
+    def train(
+        self,
+        recording: Recording,
+        recipe: Recipe,
+        seed: int,
+        progress: NetworkProgress = lambda *_: None,
+    ) -> TrainedNetworks:
+        """See `StrategyOptions`."""
+
+        def lstm_progress(epoch: int, epochs: int, loss: float) -> None:
+            progress(NETWORK, epoch, epochs, loss)
+
+        recording.check_complete()
+        tips = recording.sensor("states")[:, :, -1, POSITION]
+        if not np.isfinite(tips).all():
+            raise RecordingError(
+                "this recording lacks true states, which the LSTM reads; record with "
+                "motion capture on"
+            )
+        trained = self.options.train(
+            recording.arm, tips, recording.actions, jax.random.key(seed), lstm_progress
         )
-    trained = options.train(
-        recording.arm, tips, recording.actions, jax.random.key(seed), progress
-    )
-    return TrainedNetworks.of(recording.arm, options, seed, {"LSTM": trained})
+        networks = {NETWORK: trained}
+        return TrainedNetworks.of(recording.arm, recipe, seed, networks)
+
+    def build(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> "LSTMStrategy":
+        """See `StrategyOptions`."""
+        if trained is None:
+            raise StrategyError("lstm needs a trained network")
+        return LSTMStrategy(arm, trained.networks[NETWORK])
 
 
 class LSTMStrategy:
-    """A trained LSTM at work; it has the doors of `Strategy`.
+    """A trained LSTM as a driver of the control loop.
 
-    It hears a goal's desired tip position and nothing else of it. The bends that its
-    actions stand for change by at most the arm's step limit, as every plan does.
-    Nothing compiles after it is built.
+    It uses the goal's tip position alone. The bends that its actions stand for change by
+    at most the arm's step limit, as every plan does. Nothing compiles after it is built.
 
     Attributes:
         name: "lstm".
-        arm: the arm that it drives.
-        sensors: names of the sensors that it needs.
+        arm: that it drives.
+        sensors: names of the sensors that every reading must hold.
     """
 
     name = "lstm"
     sensors = ("states",)
 
-    def __init__(self, trained: TrainedLSTM):
-        """Compile for the arm that the LSTM was trained for."""
-        self.arm = trained.arm
-        policy = _Policy.of(trained)
-        self._begin = compiled(_Policy.start, policy)
+    def __init__(self, arm: ArmSpec, network: TipLSTM):
+        """Compile for an arm and its trained network."""
+        self.arm = arm
+        policy = _Policy.of(arm, network)
+        self._start_policy = compiled(_Policy.start, policy)
         self._act = compiled(_Policy.act, policy)
-        self._sense = compiled(configurations_from_states)
+        self._configurations = compiled(configurations_from_states)
         self._memory: _Memory | None = None
         self._warm_up()
 
     def start(self, reading: Reading) -> None:
-        """Begin from an arm at rest.
+        """Begin with an arm at rest.
 
         Raises:
             StrategyError: the reading holds no true states.
         """
-        states = _states(reading)
-        self._sensed = self._sense(states)
-        self._memory = self._begin(states[-1, POSITION])
+        self._memory = self._start_policy(_states(reading)[-1, POSITION])
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """The action of one control step.
-
-        Args:
-            reading: the latest, with true states.
-            goal: with the desired tip position after the action.
+    def estimate(self, reading: Reading, last_command: Actions) -> Estimate:
+        """The true configurations; the tip position is the estimate's memory.
 
         Raises:
-            StrategyError: it was not started, the reading holds no true states, or the
-                goal no tip position.
+            StrategyError: the strategy was not started, or the reading holds no true
+                states.
+        """
+        self._check_started()
+        states = _states(reading)
+        self._sensed = self._configurations(states)
+        return Estimate(self._sensed, memory=states[-1, POSITION])
+
+    def plan(self, estimate: Estimate, goal: Goal) -> Float[np.ndarray, "3"]:
+        """The desired tip position: the LSTM does not plan.
+
+        Raises:
+            StrategyError: the goal holds no tip position.
+        """
+        return _desired_tip(goal)
+
+    def act(self, plan: Float[np.ndarray, "3"], estimate: Estimate) -> Actions:
+        """The action that leads to the desired tip position.
 
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
-        last = started(self._memory, "call start(reading) with the arm at rest first")
-        states = _states(reading)
-        desired = _desired_tip(goal)
-        self._sensed = self._sense(states)
-        action, self._memory = self._act(states[-1, POSITION], desired, last)
+        action, self._memory = self._act(estimate.memory, plan, self._memory)
         return np.asarray(action, dtype=np.float64)
 
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """Estimate, plan and act, for callers without a control loop."""
+        estimate = self.estimate(reading, np.zeros(()))
+        return self.act(self.plan(estimate, goal), estimate)
+
     def sent(self, action: Actions) -> None:
-        """The next step begins from what it asked for."""
+        """Ignore it: the next step starts from what the LSTM chose."""
 
     def diagnostics(self) -> dict[str, np.ndarray]:
-        """What it sensed, configurations of shape (modules, 3); it plans none.
+        """Measured configurations, shape (modules, 3).
 
         Raises:
-            StrategyError: it was not started.
+            StrategyError: the strategy was not started.
         """
-        started(self._memory, "it has sensed nothing yet")
+        self._check_started()
         return {"sensed": np.asarray(self._sensed)}
+
+    def _check_started(self) -> None:
+        if self._memory is None:
+            raise StrategyError(
+                "this strategy was not started; call start(reading) with the arm at rest"
+            )
 
     def _warm_up(self) -> None:
         heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
         states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
         reading = Reading(0.0, {"states": states})
+        goal = Goal.of(self.arm.module_count).with_position(states[-1, POSITION])
         self.start(reading)
-        self.step(
-            reading, Goal.of(self.arm.module_count).with_position(states[-1, POSITION])
-        )
+        self.step(reading, goal)
         self._memory = None
 
 
 class _Memory(NamedTuple):
-    """What is carried from step to step: the past, and the bends [rad] that the last action stands for."""
+    """What the policy carries from step to step.
+
+    Attributes:
+        history: of positions and actions.
+        bends: that the last action stands for [rad].
+    """
 
     history: TipHistory
     bends: Float[Array, "modules 2"]
 
 
 class _Policy(eqx.Module):
-    """From tip positions to actions, no faster than the arm's step limit.
+    """From tip positions to actions, within the arm's step limit.
 
     Attributes:
         network: the trained LSTM.
-        bend_units: bend [rad] that a normalized action of one on the bend directions
-            stands for, shape (modules, 1).
+        bend_units: bend [rad] of a normalized action of one, shape (modules, 1).
         longest_step: largest change of a module's bend in one step [rad].
     """
 
@@ -158,68 +213,67 @@ class _Policy(eqx.Module):
     longest_step: float
 
     @classmethod
-    def of(cls, trained: TrainedLSTM) -> "_Policy":
-        units = HEADROOM * ArmGeometry.of(trained.arm).bend_limits[:, None]
-        longest_step = float(np.deg2rad(trained.arm.step_limit_deg))
-        return cls(
-            trained.networks["LSTM"],
-            jnp.asarray(units, dtype=jnp.float32),
-            longest_step,
-        )
+    def of(cls, arm: ArmSpec, network: TipLSTM) -> "_Policy":
+        units = HEADROOM * ArmGeometry.of(arm).bend_limits[:, None]
+        longest_step = float(np.deg2rad(arm.step_limit_deg))
+        return cls(network, jnp.asarray(units, dtype=jnp.float32), longest_step)
 
     def start(self, tip: Float[Array, "3"]) -> _Memory:
         """A history of rest, as before every episode of the training data."""
         neutral = self.network.sum_and_range.neutral
-        history = TipHistory(
-            jnp.tile(tip, (ACTION_HISTORY, 1)),
-            jnp.zeros((ACTION_HISTORY, *neutral.shape)),
-        )
-        return _Memory(history, jnp.zeros((len(neutral), 2)))
+        positions = jnp.tile(tip, (ACTION_HISTORY, 1))
+        actions = jnp.zeros((ACTION_HISTORY, *neutral.shape))
+        return _Memory(TipHistory(positions, actions), jnp.zeros((len(neutral), 2)))
 
     def act(
         self, tip: Float[Array, "3"], desired: Float[Array, "3"], memory: _Memory
     ) -> tuple[Array, _Memory]:
-        """The action [m or N], shape (modules, cables), and the memory after it."""
+        """The action [m or N], shape (modules, cables), and the next memory."""
         layer = self.network.sum_and_range
-        history = TipHistory(
-            _push(memory.history.positions, tip), memory.history.actions
-        )
-        normalized = self.network.unlimited(desired, history)
-        change = (
-            jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, normalized)
-            * self.bend_units
-            - memory.bends
-        )
+        positions = _pushed(memory.history.positions, tip)
+        history = TipHistory(positions, memory.history.actions)
+        unlimited = self.network.unlimited(desired, history)
+        bends = jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, unlimited)
+        change = bends * self.bend_units - memory.bends
         bends = memory.bends + limit_lengths(change, self.longest_step)
-        action = layer.limited(
-            jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units)
-        )
-        return layer.actions(action), _Memory(
-            TipHistory(history.positions, _push(history.actions, action)), bends
-        )
+        scaled = jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units)
+        action = layer.limited(scaled)
+        actions = _pushed(history.actions, action)
+        next_memory = _Memory(TipHistory(positions, actions), bends)
+        return layer.actions(action), next_memory
 
 
-def _push(
-    history: Float[Array, "moments *features"], newest: Float[Array, "*features"]
-) -> Array:
+def _pushed(
+    history: Float[Array, "steps *features"], newest: Float[Array, "*features"]
+) -> Float[Array, "steps *features"]:
     return jnp.concatenate([history[1:], newest[None]])
 
 
 def _states(reading: Reading) -> np.ndarray:
-    """True states, refused where the tip is not watched."""
+    """True states.
+
+    Raises:
+        StrategyError: the tip's state is missing.
+    """
     states = reading.get("states")
     if states is None or not np.isfinite(states[-1, POSITION]).all():
         raise StrategyError(
-            "the LSTM reads true states and this reading holds none of the tip; have the arm watched"
+            "the LSTM reads true states, and this reading holds none of the tip; use "
+            "motion capture"
         )
     return np.asarray(states, np.float32)
 
 
-def _desired_tip(goal: Goal) -> np.ndarray:
-    """The desired tip position [m], refused where none is asked for."""
+def _desired_tip(goal: Goal) -> Float[np.ndarray, "3"]:
+    """The desired tip position [m].
+
+    Raises:
+        StrategyError: the goal holds none.
+    """
     desired = np.asarray(goal.positions[-1], np.float32)
     if not (goal.position_weights[-1] > 0 and np.isfinite(desired).all()):
         raise StrategyError(
-            "the LSTM follows tip positions and this goal holds none; add one with `with_position`"
+            "the LSTM follows tip positions, and this goal holds none; add one with "
+            "`with_position`"
         )
     return desired

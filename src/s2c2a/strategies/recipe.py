@@ -1,6 +1,6 @@
-"""Recipes: everything that is chosen about networks, training and planning, under one name, or in a file (TOML).
+"""Recipes: every choice about data, networks, estimation, planning and control.
 
-Files are what a sweep finds, and what a user writes down.
+A recipe has a name, or stands in a TOML file. A sweep writes such files, and users do.
 """
 
 import math
@@ -8,187 +8,213 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tomli_w
 from jaxtyping import PRNGKeyArray
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    SkipValidation,
+    TypeAdapter,
+    ValidationError,
+)
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.sensors import Sensors
+from s2c2a.components import CustomComponent
+from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MAX_EPISODES
 from s2c2a.errors import S2C2AError, StrategyError
-from s2c2a.estimation import Swing, untrained_sensors
-from s2c2a.validation import explained
-from s2c2a.files import read_text, save_whole, toml_in
-from s2c2a.models import C2AOptions, C2SOptions, ForwardOptions, LocalOptions
-from s2c2a.models.registry import MODELS, code_of, model_named, name_of
+from s2c2a.estimation import (
+    ESTIMATORS,
+    ConfigurationMap,
+    EncoderOnly,
+    EstimatorOptions,
+    KalmanFilter,
+    UnitLengthMap,
+    configuration_map_for,
+)
+from s2c2a.files import parse_toml, read_text, write_atomically
+from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
+from s2c2a.models.registry import MODELS
 from s2c2a.planning import BEST, PAPER, PlannerOptions
-from s2c2a.sensing import DirectionEstimator, Estimator, estimator_for
 from s2c2a.training.fit import FitOptions, check_limits
+from s2c2a.validation import explained
 
 ENDING = ".toml"
 HEADING = "{count} fault(s) in the recipe"
-HINT = " (with a line such as based_on = 'best' a file need not say all)"
+HINT = " (with a line such as based_on = 'best', a file need not be complete)"
 TAGS = {"name", "model"}
-"""What says of which form a table is."""
+"""Keys that say of which class a table is."""
+
+AnyEstimator = Annotated[
+    EstimatorOptions | CustomComponent, SkipValidation, BeforeValidator(ESTIMATORS.read)
+]
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a strategy is trained and how it plans.
+    """How a strategy is trained, and how it estimates, plans and acts.
 
     Attributes:
-        name: the word a user types.
-        c2s: the forward model: the paper's biLSTM, the chain with memory, or one of the
-            user's own.
-        c2a: the controller.
-        c2s_fit: how the forward model is trained.
-        c2a_fit: how the controller is trained.
-        history_noise: on past actions while the controller is trained, normalized.
-        planner: how to plan.
+        name: by which users choose it.
+        c2s: the forward model.
+        c2a: the learned controller.
+        c2s_fit: training of the forward model.
+        c2a_fit: training of the controller.
+        history_noise: standard deviation of noise on past actions while the controller
+            is trained, normalized.
+        estimator: state estimator, with its options.
+        planner: options of the planner.
         babbling: how data explore the arm (`data.babbling.BABBLING`).
-        speeds: of their motion, as parts of the full bend per step, slowest and
-            fastest.
-        episodes: number of episodes of its data.
-        correction: part of the controller's lasting error that is integrated in every
-            step; none if zero.
-        axis_weights: what mu_o of the protocol's tasks is multiplied by, for names that
-            begin so.
-        directions: whether sensed vectors are taken at unit length, whatever mixes
-            them.
-        observes: whether plans are made in what motors do, and all else that is sensed
-            says what comes of it (`estimation`); else plans are made in what is sensed,
-            as in the paper.
+        speeds: slowest and fastest motion of the data, in parts of the full bend a step.
+        episodes: number of episodes of the data.
+        integral_gain: part of the controller's lasting error that is integrated in every
+            step; 0 for none.
+        axis_weights: factors of mu_o for tasks whose names begin so.
+        unit_length: whether sensed configurations are scaled to unit length, whatever
+            mixes them.
     """
 
     name: str
     c2s: ForwardOptions
-    c2a: C2AOptions
+    c2a: ControllerOptions
     c2s_fit: FitOptions = field(default_factory=FitOptions)
     c2a_fit: FitOptions = field(default_factory=FitOptions)
     history_noise: float = 0.05
+    estimator: AnyEstimator = field(default_factory=EncoderOnly)
     planner: PlannerOptions = PAPER
     babbling: str = "staged"
     speeds: tuple[float, float] = SPEEDS
     episodes: int = 18
-    correction: float = 0.0
+    integral_gain: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
-    directions: bool = False
-    observes: bool = False
+    unit_length: bool = False
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     def __post_init__(self):
-        """Refuse numbers that are none, or absurd; a forward model of one's own goes by the name of its class."""
-        limits = {
-            "history_noise": (0, 1000),
-            "speeds": (0, 10),
-            "episodes": (1, MAX_EPISODES),
-            "correction": (0, 10),
-        }
-        check_limits(self, StrategyError, **limits)
+        """Refuse impossible numbers; name classes of the user's own."""
+        check_limits(
+            self,
+            StrategyError,
+            history_noise=(0, 1000),
+            speeds=(0, 10),
+            episodes=(1, MAX_EPISODES),
+            integral_gain=(0, 10),
+        )
         if self.babbling not in BABBLING:
             raise StrategyError(
-                f"babbling = '{self.babbling}' was asked for; take {', '.join(BABBLING)}"
+                f"babbling = '{self.babbling}' was given; choose one of "
+                f"{', '.join(BABBLING)}"
             )
         if not all(0 <= weight <= 1e6 for _, weight in self.axis_weights):
             raise StrategyError(
-                f"axis_weights = {self.axis_weights} was asked for; take weights of 0 to 1e6"
+                f"axis_weights = {self.axis_weights} was given; give weights of 0 to 1e6"
             )
-        if wrong := [
+        infinite = [
             place
             for place, number in _numbers("planner", asdict(self.planner))
             if not math.isfinite(number)
-        ]:
+        ]
+        if infinite:
             raise StrategyError(
-                f"recipe '{self.name}' has no finite number at {', '.join(wrong)}; write one there"
+                f"recipe '{self.name}' has no finite number at {', '.join(infinite)}; "
+                "write one"
             )
         if not self.c2s.model:
-            object.__setattr__(
-                self, "c2s", replace(self.c2s, model=name_of(type(self.c2s)))
-            )
+            named = replace(self.c2s, model=MODELS.name_of(type(self.c2s)))
+            object.__setattr__(self, "c2s", named)
+        if not self.c2a.model:
+            named = replace(self.c2a, model=CONTROLLERS.name_of(type(self.c2a)))
+            object.__setattr__(self, "c2a", named)
+
+    @property
+    def estimator_options(self) -> EstimatorOptions:
+        """The estimator's options; a user's own class is imported.
+
+        Raises:
+            S2C2AError: it is not found, or may not be imported.
+        """
+        return ESTIMATORS.build(self.estimator, self.planner.own_code)
 
     @property
     def training(self) -> dict[str, Any]:
-        """What trained networks depend on: all but how many data and how they are put to work; a user's code, too."""
-        at_work = ("name", "episodes", "planner", "correction", "axis_weights")
-        here = {
-            name: value for name, value in asdict(self).items() if name not in at_work
-        }
-        return here | {"code": code_of(type(self.c2s))}
+        """All options that training depends on, and digests of the user's code."""
+        unused = (
+            "name",
+            "episodes",
+            "planner",
+            "integral_gain",
+            "axis_weights",
+            "estimator",
+        )
+        options = asdict(self)
+        for name in unused:
+            del options[name]
+        options["estimator"] = self.estimator.name
+        options["code"] = (
+            MODELS.code_digest(type(self.c2s)),
+            CONTROLLERS.code_digest(type(self.c2a)),
+        )
+        return options
 
     def collect_options(self, seed: int = 0) -> CollectOptions:
-        """How data for it are collected.
+        """How its data are collected.
 
         Raises:
-            RecordingError: the recipe's speeds are none.
+            RecordingError: the recipe's speeds are impossible.
         """
         return CollectOptions(
             self.babbling, self.episodes, seed=seed, speeds=self.speeds
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
-        """Both networks before training; how the arm swings, and what its sensors say, if that is asked for."""
-        felt = self.felt(arm)
-        networks = {
-            "C2S": self.c2s.untrained(felt, key),
-            "C2A": self.c2a.untrained(felt, key),
+        """All networks before training, by name."""
+        planning_arm = self.planning_arm(arm)
+        return {
+            "C2S": self.c2s.untrained(planning_arm, key),
+            "C2A": self.c2a.untrained(planning_arm, key),
+            **self.estimator_options.untrained(arm, key),
         }
-        return networks | (
-            {"swing": Swing.nominal()} | untrained_sensors(arm, key)
-            if self.observes
-            else {}
-        )
 
     def axis_weight(self, task: str) -> float:
-        """What mu_o of a task is multiplied by."""
-        return next(
-            (weight for begin, weight in self.axis_weights if task.startswith(begin)),
-            1.0,
-        )
+        """The factor of mu_o for a task."""
+        for prefix, weight in self.axis_weights:
+            if task.startswith(prefix):
+                return weight
+        return 1.0
 
-    def felt(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as plans are made for it: what watches it beside its motors has no say in them."""
-        if not self.observes:
-            return arm
-        motor = arm.motor.model_copy(
-            update={"current_noise": None, "current_friction": 0.0}
-        )
-        sensing = "encoders" if arm.sensing == "true" else arm.sensing
-        return arm.model_copy(
-            update={"sensing": sensing, "sensors": Sensors(), "motor": motor}
-        )
+    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as forward model and controller see it."""
+        return self.estimator_options.planning_arm(arm)
 
-    def learned_on(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as networks are trained for it: as plans are made, and with sensors that have to be learned."""
-        return (
-            self.felt(arm).model_copy(update={"sensors": arm.sensors.learned})
-            if self.observes
-            else arm
-        )
+    def training_arm(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as its networks are trained."""
+        return self.estimator_options.training_arm(arm)
 
-    def estimator(self, arm: ArmSpec) -> Estimator:
-        """What turns the arm's readings into the configurations that this recipe works on."""
-        estimator = estimator_for(self.felt(arm))
-        return DirectionEstimator(estimator) if self.directions else estimator
+    def configuration_map(self, arm: ArmSpec) -> ConfigurationMap:
+        """The map from the arm's readings to the configurations of this recipe."""
+        configuration_map = configuration_map_for(self.planning_arm(arm))
+        if self.unit_length:
+            return UnitLengthMap(configuration_map)
+        return configuration_map
 
 
 def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Every number within, and where it stands."""
+    """Every number within nested tables, and its place."""
     if isinstance(value, float):
         yield place, value
-    inside = (
-        value.items()
-        if isinstance(value, dict)
-        else enumerate(value)
-        if isinstance(value, list | tuple)
-        else ()
-    )
-    for name, part in inside:
-        yield from _numbers(f"{place}.{name}", part)
+    if isinstance(value, dict):
+        entries = list(value.items())
+    elif isinstance(value, list | tuple):
+        entries = list(enumerate(value))
+    else:
+        entries = []
+    for name, entry in entries:
+        yield from _numbers(f"{place}.{name}", entry)
 
 
 _DECAYING = FitOptions(
@@ -198,30 +224,29 @@ _DECAYING = FitOptions(
 _BEST = Recipe(
     "best",
     c2s=LocalOptions(),
-    c2a=C2AOptions(layers=2, hidden=32),
+    c2a=BiLSTMController(layers=2, hidden=32),
     c2s_fit=_DECAYING,
     c2a_fit=_DECAYING,
+    estimator=KalmanFilter(),
     planner=BEST,
     babbling="mixed",
     speeds=(0.02, 0.06),
-    correction=0.2,
+    integral_gain=0.2,
     axis_weights=(("hold-", 3.0),),
-    directions=True,
-    observes=True,
+    unit_length=True,
 )
+_BEST_LONG = replace(_BEST, name="best-long", episodes=72)
 _PAPER = Recipe(
-    "paper", c2s=C2SOptions(layers=4, hidden=64), c2a=C2AOptions(layers=2, hidden=32)
+    "paper",
+    c2s=C2SOptions(layers=4, hidden=64),
+    c2a=BiLSTMController(layers=2, hidden=32),
 )
-RECIPES = {
-    one.name: one
-    for one in (_BEST, replace(_BEST, name="best-long", episodes=72), _PAPER)
-}
-"""What each ingredient of `best` is worth, and who needs four times its data:
-docs/recipe.md."""
+RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_LONG, _PAPER)}
+"""docs/recipe.md measures each ingredient of `best`, and the fourfold data of `best-long`."""
 
 
 def recipe_named(name: str) -> Recipe:
-    """Look a recipe up.
+    """Look up a recipe of the package.
 
     Raises:
         StrategyError: no such recipe.
@@ -242,29 +267,31 @@ def recipe_from(name_or_file: str | os.PathLike) -> Recipe:
 
 
 def load_recipe(path: str | os.PathLike) -> Recipe:
-    """Read a recipe; it goes by the name of its file. With `based_on = "best"` it need only hold what differs.
+    """Read a recipe from a file, and name it after the file.
 
-    A forward model, terms, guides and a solver that it names are imported.
+    With `based_on = "best"` the file holds only what differs. Classes of the user's own
+    that it names are imported.
 
     Raises:
-        StrategyError: no such file, not TOML, or no recipe: a key is missing, not known
-            or of another kind.
+        StrategyError: no such file, not TOML, or no recipe: a key is missing, unknown or
+            of the wrong kind.
     """
     if not Path(path).is_file():
         raise StrategyError(
-            f"no recipe at {path}; take {', '.join(RECIPES)}, or a file such as `s2c2a sweep` writes"
+            f"no recipe at {path}; choose {', '.join(RECIPES)}, or a file such as "
+            "`s2c2a sweep` writes"
         )
     if Path(path).stem in RECIPES:
         raise StrategyError(
-            f"{path} would go by the name of a recipe that is another; give the file a name of its own"
+            f"{path} has the name of a recipe of the package; rename the file"
         )
     try:
-        written = toml_in(read_text(path))
-        recipe = recipe_in(
-            _in_full(written, Path(path).parent) | {"name": Path(path).stem},
-            model_named,
-        )
-        recipe.planner.made()  # now, not after the training
+        written = parse_toml(read_text(path))
+        table = _complete(written, Path(path).parent) | {"name": Path(path).stem}
+        recipe = recipe_in(table, MODELS.named, CONTROLLERS.named)
+        # import now what the recipe names, not after the training
+        recipe.planner.build()
+        _ = recipe.estimator_options
         return recipe
     except ValidationError as error:
         hint = "" if "based_on" in written else HINT
@@ -276,80 +303,115 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
 
 
 def _keys() -> Iterator[str]:
-    """Of every table that recipes of ours have."""
-    for kind in (Recipe, C2AOptions, FitOptions, PlannerOptions, *MODELS.values()):
-        yield from (one.name for one in fields(kind))
+    """Keys of all tables in recipes of the package."""
+    tables = (
+        Recipe,
+        FitOptions,
+        PlannerOptions,
+        KalmanFilter,
+        *MODELS.known.values(),
+        *CONTROLLERS.known.values(),
+    )
+    for table in tables:
+        for key in fields(table):
+            yield key.name
 
 
 def recipe_in(
-    table: dict[str, Any], model: Callable[[str], type[ForwardOptions]]
+    table: dict[str, Any],
+    find_model: Callable[[str], type[ForwardOptions]],
+    find_controller: Callable[[str], type[ControllerOptions]],
 ) -> Recipe:
-    """The recipe that a table says, whose forward model's options are found by name.
+    """Validate the table of a recipe.
+
+    Args:
+        table: as in a file.
+        find_model: finds the options of a forward model by name.
+        find_controller: the same of a learned controller.
 
     Raises:
-        S2C2AError: it says none.
+        S2C2AError: the table is no recipe.
         ValidationError: the same.
     """
     c2s = table.get("c2s")
     if not isinstance(c2s, dict) or not isinstance(c2s.get("model"), str):
         raise StrategyError(
-            "[c2s] names no forward model, as in files of version 0.1; write based_on = 'best' and what differs, "
-            f"or a line such as model = 'chain': one of {', '.join(MODELS)}, or your own as module:Name or file.py:Name"
+            "[c2s] names no forward model; write based_on = 'best' and what differs, or "
+            f"a line such as model = 'chain': one of {', '.join(MODELS.known)}, or your "
+            "own as module:Name or file.py:Name"
         )
-    options = TypeAdapter(model(c2s["model"])).validate_python(c2s)
-    return TypeAdapter(Recipe).validate_python(table | {"c2s": options})
+    model = TypeAdapter(find_model(c2s["model"])).validate_python(c2s)
+    c2a = table.get("c2a")
+    controller_name = c2a.get("model", "bilstm") if isinstance(c2a, dict) else "bilstm"
+    controller_type = find_controller(str(controller_name))
+    controller = TypeAdapter(controller_type).validate_python(c2a or {})
+    validated = table | {"c2s": model, "c2a": controller}
+    return TypeAdapter(Recipe).validate_python(validated)
 
 
-def _in_full(written: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """With all of the recipe that it is based on, and files of code beside it found from anywhere."""
-    if isinstance(planner := written.get("planner"), dict):
-        parts = {
-            key: _beside(planner[key], folder)
-            for key in ("solver", "terms", "guides")
-            if key in planner
-        }
-        written = written | {"planner": planner | parts}
-    if isinstance(c2s := written.get("c2s"), dict):
-        written = written | {"c2s": _beside(c2s, folder, "model")}
-    if "based_on" not in written:
+def _complete(written: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A table with everything that it is based on, and code files by their full path."""
+    written = dict(written)
+    if isinstance(written.get("planner"), dict):
+        planner = dict(written["planner"])
+        for key in ("solver", "terms", "guides"):
+            if key in planner:
+                planner[key] = _with_full_path(planner[key], folder, "name")
+        written["planner"] = planner
+    for key, tag in (("c2s", "model"), ("c2a", "model"), ("estimator", "name")):
+        if isinstance(written.get(key), dict):
+            written[key] = _with_full_path(written[key], folder, tag)
+    base_name = written.pop("based_on", None)
+    if base_name is None:
         return written
-    base = asdict(recipe_named(str(written["based_on"])))
-    return _merged(
-        base, {key: value for key, value in written.items() if key != "based_on"}
-    )
+    return _merged(asdict(recipe_named(str(base_name))), written)
 
 
-def _beside(part: Any, folder: Path, key: str = "name") -> Any:
-    """A part, or several, as tables, with the name of a file in the folder in full."""
-    if isinstance(part, list):
-        return [_beside(one, folder) for one in part]
-    table = {key: part} if isinstance(part, str) else part
+def _with_full_path(table: Any, folder: Path, key: str) -> Any:
+    """A table, or several, whose `file.py:Name` names a file of the folder in full."""
+    if isinstance(table, list):
+        return [_with_full_path(entry, folder, key) for entry in table]
+    if isinstance(table, str):
+        table = {key: table}
     if not isinstance(table, dict):
-        return part
-    where, _, what = str(table.get(key)).rpartition(":")
-    file = folder / where
-    return table | {key: f"{file.resolve()}:{what}"} if file.is_file() else table
+        return table
+    file_name, _, class_name = str(table.get(key)).rpartition(":")
+    file = folder / file_name
+    if not file.is_file():
+        return table
+    return table | {key: f"{file.resolve()}:{class_name}"}
 
 
-def _merged(base: Any, own: Any) -> Any:
-    """Tables key by key, unless they are of other forms; lists of parts by their names; else what is own."""
-    if (parts := _by_name(base)) and (own_parts := _by_name(own)):
-        return list(_merged(parts, own_parts).values())
-    tables = isinstance(base, dict) and isinstance(own, dict)
-    if not tables or any(base.get(tag) != own[tag] for tag in TAGS & own.keys()):
-        return own
-    return base | {key: _merged(base.get(key), value) for key, value in own.items()}
+def _merged(base: Any, changes: Any) -> Any:
+    """Merge tables key by key, and lists of components by their names.
+
+    Tables of different classes are not merged: then the changes replace the base.
+    """
+    base_components = _by_name(base)
+    changed_components = _by_name(changes)
+    if base_components and changed_components:
+        return list(_merged(base_components, changed_components).values())
+    if not isinstance(base, dict) or not isinstance(changes, dict):
+        return changes
+    if any(base.get(tag) != changes[tag] for tag in TAGS & changes.keys()):
+        return changes
+    merged = dict(base)
+    for key, value in changes.items():
+        merged[key] = _merged(base.get(key), value)
+    return merged
 
 
 def _by_name(values: Any) -> dict[str, Any]:
-    """Parts of a list by their names; nothing of what is no list of parts."""
-    parts = isinstance(values, list | tuple) and all(
-        isinstance(one, dict) and "name" in one for one in values
-    )
-    return {part["name"]: part for part in values} if parts else {}
+    """Components of a list by their names; empty for anything else."""
+    if not isinstance(values, list | tuple):
+        return {}
+    if not all(isinstance(value, dict) and "name" in value for value in values):
+        return {}
+    return {value["name"]: value for value in values}
 
 
 def save_recipe(recipe: Recipe, path: str | os.PathLike) -> Path:
-    """Write a recipe; replaces what is there."""
-    written = {name: value for name, value in asdict(recipe).items() if name != "name"}
-    return save_whole(tomli_w.dumps(written), path)
+    """Write a recipe to a file, replacing what is there."""
+    table = asdict(recipe)
+    del table["name"]
+    return write_atomically(tomli_w.dumps(table), path)

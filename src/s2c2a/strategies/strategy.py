@@ -1,284 +1,189 @@
-"""A strategy: sense, plan, act (Chen et al. 2025, fig. 1C); and those of PCC, the comparisons of the paper.
+"""A strategy: estimate, plan, act (Chen et al. 2025, fig. 1C)."""
 
-They have PCC in the planner, inverse PCC behind it, and no feedback.
-"""
+from typing import Any
 
-import operator
-from functools import cached_property
-from typing import Any, Protocol, TypeVar
-
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.control import Controller, InversePCC
-from s2c2a.data import Recording
-from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import Margins, Observer, margins_of
-from s2c2a.kinematics import (
-    PCC,
-    PCCForwardModel,
-    bends_from_configurations,
-    bends_from_states,
-    configurations_from_bends,
-)
-from s2c2a.planning import Goal, Notes, Plan, Planner, PlannerOptions
 from s2c2a.compilation import compiled
-from s2c2a.runtime import Driver
-from s2c2a.sensing import EncoderEstimator, Estimator
+from s2c2a.control import Controller
+from s2c2a.errors import StrategyError
+from s2c2a.estimation import Estimate, StateEstimator
+from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.spaces import Actions, Reading
-from s2c2a.strategies.watch import Watch
-
-Carried = TypeVar("Carried")
-Sensed = Float[Array, "modules 3"]
-
-
-class AnyStrategy(Driver, Protocol):
-    """What every strategy can do, beside driving an arm; `Strategy` says it in full."""
-
-    @property
-    def name(self) -> str:
-        """Such as "s2c2a"."""
 
 
 class Strategy:
-    """Estimator, planner and controller of one arm, and what they carry from step to step.
+    """State estimator, planner and controller of one arm.
 
-    Nothing compiles after the strategy is built.
+    The control loop (`runtime.Loop`) calls `estimate`, `plan` and `act` in every control
+    step. Nothing compiles after the strategy is built.
 
     Attributes:
         name: such as "s2c2a".
-        arm: the arm that it drives.
-        sensors: names of the sensors that it needs.
+        arm: that it drives.
+        sensors: names of the sensors that every reading must hold.
     """
 
     def __init__(
         self,
         name: str,
         arm: ArmSpec,
-        estimator: Estimator,
+        estimator: StateEstimator,
         planner: Planner,
         controller: Controller,
-        observer: Observer | None = None,
-        load: float = 0.0,
     ):
-        """Put the parts together and compile them.
+        """Compose the three parts and compile them.
 
         Args:
             name: such as "s2c2a".
-            arm: the arm.
-            estimator: what configurations are.
-            planner: for them.
-            controller: for what is planned.
-            observer: of what comes of it; nothing is known but what encoders say if
-                None.
-            load: at the tip, as far as it is told [kg].
+            arm: that is driven.
+            estimator: from readings to the state.
+            planner: from state and goal to the next configuration.
+            controller: from the planned configuration to the command.
         """
         self.name = name
         self.arm = arm
         self.sensors = estimator.sensors
+        self._estimator = estimator
         self._planner = planner
-        # Equinox takes as long to look a method up as sensing does
-        self._inputs = estimator.inputs
+        self._start_controller = compiled(type(controller).start, controller)
+        self._act = compiled(type(controller).act, controller)
+        self._sent = compiled(type(controller).sent, controller)
         self._plan: Plan | None = None
-        self._memory: Any = None
-        self._sense = compiled(operator.call, estimator)
-        self._start_control = compiled(type(controller).start, controller)
-        self._act = compiled(_acted, controller)
-        self._watch = (
-            Watch(arm, planner, observer, load) if observer is not None else None
-        )
-        self._after = compiled(type(controller).sent, controller)
+        self._estimate: Estimate
+        self._memory: Any
+        self._command: Actions
         self._warm_up()
 
-    @cached_property
-    def margins(self) -> Margins | None:
-        """Of the loop of what it sensors beside its encoders; None where there is none. Takes a moment, once."""
-        observer = self._watch.observer if self._watch is not None else None
-        return (
-            margins_of(self.arm, observer)
-            if observer is not None and observer.sensors
-            else None
-        )
-
     def start(self, reading: Reading) -> None:
-        """Begin from an arm at rest.
+        """Begin with an arm at rest.
 
         Raises:
             StrategyError: the sensors gave no finite numbers.
         """
-        self._begin(self._sensed_in(reading), reading)
+        self._begin(_checked(self._estimator.start(reading)))
 
-    def step(self, reading: Reading, goal: Goal) -> Actions:
-        """The action of one control step.
+    def estimate(self, reading: Reading, last_command: Actions) -> Estimate:
+        """The state of the arm after a reading.
 
         Args:
             reading: the latest.
-            goal: for the state after the action.
+            last_command: that was sent in the last control step [m or N], shape
+                (modules, cables).
 
         Raises:
-            StrategyError: it was not started, or the sensors gave no finite numbers;
-                the next reading may be better.
+            StrategyError: the strategy was not started, or the sensors gave no finite
+                numbers; the next reading may be better.
+        """
+        self._check_started()
+        estimate = self._estimator.update(self._estimate, reading, last_command)
+        self._estimate = _checked(estimate)
+        return self._estimate
+
+    def plan(self, estimate: Estimate, goal: Goal) -> Plan:
+        """The next configuration.
+
+        Args:
+            estimate: of the arm's state.
+            goal: for the state after the next command.
+        """
+        self._plan = self._planner.plan(self._check_started(), estimate, goal)
+        return self._plan
+
+    def act(self, plan: Plan, estimate: Estimate) -> Actions:
+        """The command that leads to the planned configuration.
 
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
-        last = started(self._plan, "call start(reading) with the arm at rest first")
-        return self._action(last, self._sensed_in(reading), goal, reading)
+        command, self._memory = self._act(
+            plan.configurations, estimate.configuration, self._memory
+        )
+        self._command = np.asarray(command, dtype=np.float64)
+        return self._command
 
-    def sent(self, action: Actions) -> None:
-        """An action was sent in place of the last one, which a limit did not allow."""
-        self._memory = self._after(np.asarray(action, np.float32), self._memory)
-
-    def diagnostics(self) -> dict[str, np.ndarray]:
-        """What it sensed, planned and expects, by column of an episode.
-
-        The latest configurations, sensed and planned, of shape (modules, 3), module
-        frames; the states [m, 1] that the plan is expected to lead to, of shape
-        (modules, 6), base frame, how far off ends must be expected to be [m], of shape
-        (modules,), and how much of that is because nothing was learned there; what took
-        over where the plan would have stood (`planning.fallback`), and whether it stands
-        although its cost could fall.
+    def step(self, reading: Reading, goal: Goal) -> Actions:
+        """Estimate, plan and act, for callers without a control loop.
 
         Raises:
-            StrategyError: it was not started.
+            StrategyError: see `estimate`.
         """
-        plan = started(self._plan, "it has planned nothing yet")
-        found = self._planner.expectation(plan)
-        expected = {"predicted": np.asarray(found.states, dtype=float)}
-        expected |= {
-            "predictive_std": np.asarray(found.deviation),
-            "extrapolation": np.asarray(found.extrapolation),
-        }
-        notes = Notes(*np.asarray(plan.search.numbers))
-        search = {
-            "rescued": np.asarray(notes.rescued),
-            "standing": np.asarray(notes.standing),
-        }
-        shapes = {
-            "sensed": np.asarray(self._sensed),
+        self._check_started()
+        estimate = self.estimate(reading, self._command)
+        return self.act(self.plan(estimate, goal), estimate)
+
+    def sent(self, action: Actions) -> None:
+        """Learn that a limit changed the last command into another one [m or N]."""
+        self._command = action
+        self._memory = self._sent(np.asarray(action, np.float32), self._memory)
+
+    def diagnostics(self) -> dict[str, np.ndarray]:
+        """Estimate, plan and prediction of the last step, by column of an episode.
+
+        | column           | meaning                                       | shape        |
+        | ---------------- | --------------------------------------------- | ------------ |
+        | `sensed`         | measured configurations, module frames        | (modules, 3) |
+        | `planned`        | planned configurations                        | (modules, 3) |
+        | `predicted`      | states that the plan leads to [m, 1]          | (modules, 6) |
+        | `predictive_std` | standard deviation of the predicted ends [m]  | (modules,)   |
+        | `extrapolation`  | the part of it due to missing data [m]        | ()           |
+        | `outcome`        | of the planner (`planning.Outcome`)           | ()           |
+
+        The estimator adds its own (`Estimate.diagnostics`).
+
+        Raises:
+            StrategyError: the strategy was not started.
+        """
+        plan = self._check_started()
+        expectation = self._planner.expectation(plan)
+        return self._estimate.diagnostics() | {
             "planned": np.asarray(plan.configurations),
+            "predicted": np.asarray(expectation.states, dtype=float),
+            "predictive_std": np.asarray(expectation.predictive_std),
+            "extrapolation": np.asarray(expectation.extrapolation),
+            "outcome": np.asarray(plan.outcome),
         }
-        watched = self._watch.diagnostics() if self._watch is not None else {}
-        return shapes | expected | search | watched
 
-    def _sensed_in(self, reading: Reading):
-        sensed = self._sense(self._inputs(reading))
-        # it would stay in what planner and controller remember
-        if not np.isfinite(np.asarray(sensed)).all():
+    def _begin(self, estimate: Estimate) -> None:
+        self._estimate = estimate
+        self._plan = self._planner.start(estimate)
+        self._memory = self._start_controller(estimate.configuration)
+        self._command = np.zeros((self.arm.module_count, self.arm.cable_count))
+
+    def _check_started(self) -> Plan:
+        if self._plan is None:
             raise StrategyError(
-                "the sensors gave no finite numbers; nothing was planned, and the arm was not moved"
+                "this strategy was not started; call start(reading) with the arm at rest"
             )
-        return sensed
-
-    def _begin(self, sensed: Sensed, reading: Reading) -> None:
-        self._plan = self._planner.start(sensed)
-        self._sensed = sensed
-        self._memory = self._start_control(sensed)
-        if self._watch is not None:
-            self._plan = self._watch.begun(self._plan)
-
-    def _action(
-        self, last: Plan, sensed: Sensed, goal: Goal, reading: Reading
-    ) -> Actions:
-        beside: Any = 0.0
-        if self._watch is not None:
-            last, beside = self._watch.seen(last, sensed, reading)
-        self._plan = self._planner.plan(last, sensed, goal)
-        self._sensed = sensed
-        action, self._memory = self._act(
-            self._plan.configurations, beside, sensed, self._memory
-        )
-        return np.asarray(action, dtype=np.float64)
+        return self._plan
 
     def _warm_up(self) -> None:
-        """Compile all; of a sensor of the user's, whose shape is not known here, only the estimator is left."""
-        straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (self.arm.module_count, 1))
-        cables = np.zeros((self.arm.module_count, self.arm.cable_count))
-        known = Reading(0.0, {"cables": cables, "configurations": np.asarray(straight)})
-        sensed = (
-            self._sensed_in(known)
-            if set(self.sensors) <= set(known.sensors)
-            else straight
-        )
-        self._begin(sensed, known)
-        self._action(
-            started(self._plan, ""), sensed, Goal.of(self.arm.module_count), known
-        )
+        """Compile everything; readings of a user's own sensors are not known here."""
+        modules = self.arm.module_count
+        straight = np.tile(np.array([0.0, 0.0, 1.0]), (modules, 1))
+        cables = np.zeros((modules, self.arm.cable_count))
+        reading = Reading(0.0, {"cables": cables, "configurations": straight})
+        if set(self.sensors) <= set(reading.sensors):
+            self._begin(self._estimator.start(reading))
+            estimate = self.estimate(reading, cables)
+        else:
+            estimate = Estimate.of(straight)
+            self._begin(estimate)
+        self.act(self.plan(estimate, Goal.of(modules)), estimate)
         self.sent(cables)
         self.diagnostics()
         self._plan = None
 
 
-def _acted(
-    controller: Controller, desired: Sensed, beside, sensed: Sensed, memory: Any
-):
-    """What a controller does for what is planned, and bends that are asked for beside it [rad]."""
-    asked = configurations_from_bends(bends_from_configurations(desired) + beside)
-    return controller.act(asked, sensed, memory)
-
-
-def started(carried: Carried | None, otherwise: str) -> Carried:
-    """What a strategy carries from step to step.
+def _checked(estimate: Estimate) -> Estimate:
+    """Refuse numbers that would stay in the memory of planner and controller.
 
     Raises:
-        StrategyError: it was not started.
+        StrategyError: the configuration is not finite.
     """
-    if carried is None:
-        raise StrategyError(f"this strategy was not started; {otherwise}")
-    return carried
-
-
-def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
-    """PCC with the arm's nominal numbers."""
-    return _pcc("pcc", arm, options, np.ones(arm.module_count))
-
-
-def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
-    """PCC with one gain a module, fitted on a recording."""
-    return _pcc("pcc-fitted", recording.arm, options, 1.0 / fitted_gains(recording))
-
-
-def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
-    """True bend over the bend that the cables say, per module, by least squares over all samples.
-
-    Raises:
-        RecordingError: episodes are missing, no true states, or a module that did not
-            move.
-    """
-    recording.check_complete()
-    said = np.asarray(
-        PCC.of(recording.arm).bends(
-            jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)
+    if not np.isfinite(np.asarray(estimate.configuration)).all():
+        raise StrategyError(
+            "the sensors gave no finite numbers; nothing was planned or sent"
         )
-    )
-    states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
-    true = np.asarray(bends_from_states(states))
-    everything = (0, 1, 3)
-    together = (true * said).sum(axis=everything)
-    alone = (said**2).sum(axis=everything)
-    if not (
-        np.isfinite(together).all() and (together > 1e-6).all() and (alone > 1e-6).all()
-    ):
-        raise RecordingError(
-            "gains cannot be fitted: the recording lacks true states, or a module stood still"
-        )
-    return together / alone
-
-
-def _pcc(
-    name: str,
-    arm: ArmSpec,
-    options: PlannerOptions,
-    gains: Float[np.ndarray, " modules"],
-) -> Strategy:
-    pcc = PCC.of(arm)
-    planner = Planner(arm, PCCForwardModel.of(arm), options)
-    return Strategy(
-        name,
-        arm,
-        EncoderEstimator(pcc),
-        planner,
-        InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)),
-    )
+    return estimate

@@ -1,4 +1,4 @@
-"""Networks of one arm for another of the same make: other drawn mismatch, other numbers, other module counts."""
+"""Transfer of networks to another arm of the same make."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,12 +8,13 @@ import jax
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
-from s2c2a.estimation import PREFIX
+from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import FitOptions
 
-LONGER = 2  # times as many epochs
+EPOCH_FACTOR = 2
+"""A short recording has few batches in an epoch: it takes more epochs."""
 MAKE = (
     "actuation",
     "cable_count",
@@ -22,18 +23,17 @@ MAKE = (
     "coupled_cables",
     "control_rate",
 )
-"""What arms of one make share: what motors are told, what tells how modules bend, and
-how long a step is."""
+"""Properties that arms of one make share."""
 
 
 def transferred(
-    networks: TrainedNetworks[Recipe], arm: ArmSpec, seed: int = 0
-) -> TrainedNetworks[Recipe]:
-    """What was learned of one arm, put to work on another, without anything recorded of that one.
+    networks: TrainedNetworks, arm: ArmSpec, seed: int = 0
+) -> TrainedNetworks:
+    """Networks for another arm, without a recording of it.
 
-    With as many modules nothing changes but what the description says. With others each
-    module begins with what was learned at the same place along the arm
-    (docs/transfer.md). Held-out errors and curves are those of the old arm.
+    With the same number of modules, only what follows from the arm file changes. With
+    another number, each module starts with what was learned at the same place along the
+    arm (docs/transfer.md). Held-out errors and learning curves stay those of the old arm.
 
     Args:
         networks: trained.
@@ -41,59 +41,72 @@ def transferred(
         seed: of everything random.
 
     Raises:
-        StrategyError: the arms are not alike.
-        TrainingError: the forward model begins from nothing.
+        StrategyError: the arms are of different makes.
+        TrainingError: the forward model does not transfer.
     """
     recipe = networks.recipe
-    old = recipe.felt(networks.arm)
-    new = recipe.felt(arm)
-    check_alike(old, new)
+    old = recipe.planning_arm(networks.arm)
+    new = recipe.planning_arm(arm)
+    check_same_make(old, new)
     babbling = recipe.collect_options(seed)
-    key = jax.random.key(seed)
-    forward = recipe.c2s.carried(networks.c2s, old, new, babbling, key)
-    carried = {**networks.networks, "C2S": forward, "C2A": networks.c2a.for_arm(new)}
-    kept, percent, curves = (
-        _without_sensors(table)
-        for table in (carried, networks.percent, networks.curves)
-    )
+    c2s = recipe.c2s.carried(networks.c2s, old, new, babbling, jax.random.key(seed))
+    c2a = recipe.c2a.for_arm(networks.c2a, new)
     return replace(
-        networks, arm=arm, seed=seed, networks=kept, percent=percent, curves=curves
+        networks,
+        arm=arm,
+        seed=seed,
+        networks=_without_sensors({**networks.networks, "C2S": c2s, "C2A": c2a}),
+        percent=_without_sensors(networks.percent),
+        curves=_without_sensors(networks.curves),
     )
 
 
 def _without_sensors(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Sensors that had to be learned are another arm's own."""
+    """Drop learned sensors: they belong to the other arm."""
     return {name: value for name, value in table.items() if not name.startswith(PREFIX)}
 
 
 def longer(fit: FitOptions) -> FitOptions:
-    """A short recording has few batches in an epoch: more of them."""
+    """Training options for a short recording."""
     return replace(
-        fit, max_epochs=LONGER * fit.max_epochs, patience=LONGER * fit.patience
+        fit,
+        max_epochs=EPOCH_FACTOR * fit.max_epochs,
+        patience=EPOCH_FACTOR * fit.patience,
     )
 
 
-def check_alike(old: ArmSpec, new: ArmSpec) -> None:
-    """Raise StrategyError where what was learned of one arm says nothing of another."""
+def check_same_make(old: ArmSpec, new: ArmSpec) -> None:
+    """Refuse arms between which nothing transfers.
+
+    Raises:
+        StrategyError: a property in `MAKE` differs.
+    """
     for key in MAKE:
-        theirs = getattr(old, key)
-        ours = getattr(new, key)
-        if theirs != ours:
+        if getattr(old, key) != getattr(new, key):
             raise StrategyError(
-                f"'{new.name}' has {key} {ours!r}, '{old.name}', whose networks were given, {theirs!r}: "
-                "nothing carries over; collect a whole recording and train without --from"
+                f"'{new.name}' has {key} {getattr(new, key)!r}, and the networks are of "
+                f"'{old.name}' with {getattr(old, key)!r}: they do not transfer; collect "
+                "a whole recording and train without --from"
             )
 
 
-def check_same_training(networks: TrainedNetworks[Recipe], recipe: Recipe) -> None:
-    """Raise StrategyError where networks have other shapes, or were made for other sensors, than a recipe's."""
-    theirs = networks.recipe
-    ours = recipe
-    parts = ("c2s", "c2a", "directions", "observes")
-    if differing := [
-        part for part in parts if getattr(theirs, part) != getattr(ours, part)
-    ]:
+def check_same_training(networks: TrainedNetworks, recipe: Recipe) -> None:
+    """Refuse networks whose shapes or sensors differ from those of a recipe.
+
+    Raises:
+        StrategyError: they differ.
+    """
+    start = networks.recipe
+    differing = [
+        name
+        for name in ("c2s", "c2a", "unit_length")
+        if getattr(start, name) != getattr(recipe, name)
+    ]
+    if start.estimator.name != recipe.estimator.name:
+        differing.append("estimator")
+    if differing:
         raise StrategyError(
-            f"recipe '{ours.name}' differs in {', '.join(differing)} from '{theirs.name}', by which the networks to "
-            f"begin from were trained; take --recipe {theirs.name}, or one that differs elsewhere"
+            f"recipe '{recipe.name}' differs in {', '.join(differing)} from "
+            f"'{start.name}', by which the networks to start from were trained; take "
+            f"--recipe {start.name}, or one that differs elsewhere"
         )

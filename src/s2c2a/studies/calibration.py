@@ -1,7 +1,7 @@
-"""What the paper says of its arm, and arms that behave like that (docs/protocol.md; Chen et al. 2025, sec. II-D).
+"""Comparison of an arm with the paper's (docs/protocol.md; Chen et al. 2025, II-D).
 
-How wrong sensors are and how far an arm reaches, as rows; and the search for a twin
-that is like the paper's.
+Makes rows of estimation errors and workspace extents, and searches the stiffnesses and
+the hysteresis with which a simulated arm matches the printed numbers.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,18 +17,25 @@ from scipy.optimize import minimize
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import ArmError, SimulationError
+from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, pcc_strategy, recipe_named, train_s2c2a
-from s2c2a.tasks import task_named
+from s2c2a.tasks import load_task
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that the paper says of its arm, and how near a twin must come."""
+    """A quantity that the paper prints for its arm.
+
+    Attributes:
+        quantity: its name.
+        paper: the printed value, in `unit`.
+        tolerance: largest relative difference of a simulated arm that matches.
+        unit: of the value.
+    """
 
     quantity: str
     paper: float
@@ -36,16 +43,16 @@ class Claim:
     unit: str
 
     def holds(self, value: float) -> bool:
-        """Whether a value is near enough."""
+        """Whether a value is within the tolerance."""
         return abs(value / self.paper - 1.0) <= self.tolerance
 
 
 def _claims(
-    quantity: str, papers: dict[str, float], tolerance: float, unit: str
+    quantity: str, values: dict[str, float], tolerance: float, unit: str
 ) -> tuple[Claim, ...]:
     return tuple(
-        Claim(quantity.format(name), paper, tolerance, unit)
-        for name, paper in papers.items()
+        Claim(quantity.format(name), value, tolerance, unit)
+        for name, value in values.items()
     )
 
 
@@ -55,7 +62,7 @@ ESTIMATION = _claims(
 LARGEST = _claims(
     "estimation error {}, largest", {"I": 8.8, "II": 19.6, "III": 36.3}, np.inf, "deg"
 )
-"""Reported, not tuned."""
+"""Reported only; the search does not use them."""
 WORKSPACE = _claims("workspace {}", {"x": 0.92, "y": 0.92, "z": 0.39}, 0.15, "m")
 PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
@@ -63,177 +70,200 @@ EXTENTS = {
     "staged": tuple(claim.paper for claim in WORKSPACE),
     "motor": (0.87, 0.87, 0.34),
 }
-"""Babbling -> extent of the tip's workspace that the paper prints [m]."""
+"""Babbling -> printed extent of the tip's workspace along x, y and z [m]."""
 
 
 def measure(
     arm: ArmSpec, seed: int, with_pcc: bool, with_network: bool
 ) -> dict[str, float]:
-    """Quantities of the claims above, and the largest estimation errors, from a fresh staged recording."""
+    """Measure the claimed quantities of an arm on a new staged recording.
+
+    Args:
+        arm: the arm to simulate.
+        seed: of data, training and start.
+        with_pcc: also run `pcc` on the circle.
+        with_network: also train NN_C2S.
+
+    Returns:
+        Quantity -> value, in the units of the claims.
+    """
     with TemporaryDirectory() as folder:
-        recording = made(
-            RecordingArtifact(arm, CollectOptions(seed=seed)), Cache(Path(folder))
-        )
+        artifact = RecordingArtifact(arm, CollectOptions(seed=seed))
+        recording = made(artifact, Cache(Path(folder)))
     values = measured(recording)
+    recipe = recipe_named("paper")
     if with_pcc:
-        strategy = pcc_strategy(arm, recipe_named("paper").planner)
-        task = task_named("circle", arm)
+        task = load_task("circle", arm)
+        strategy = pcc_strategy(arm, recipe.planner)
         run = rollout(SimulatedRobot(arm, seed=seed), strategy, task)
-        values[PCC_CIRCLE.quantity] = float(
-            position_errors(run.after("states"), task.desired_positions()).mean()
-        )
+        errors = position_errors(run.after("states"), task.desired_positions())
+        values[PCC_CIRCLE.quantity] = float(errors.mean())
     if with_network:
-        values[C2S_ERROR.quantity] = train_s2c2a(
-            recording, recipe_named("paper"), seed
-        ).percent["C2S"][0]
+        networks = train_s2c2a(recording, recipe, seed)
+        values[C2S_ERROR.quantity] = networks.percent["C2S"][0]
     return values
 
 
-def mean_measured(
+def mean_measurements(
     arm: ArmSpec, seeds: Sequence[int], with_network: bool
 ) -> dict[str, float]:
-    """Means over seeds of what `measure` says, as far as claims ask for it."""
-    twin = PCC_CIRCLE in claims_for(arm)
-    every = [measure(arm, seed, twin, with_network and twin) for seed in seeds]
+    """Means over seeds of `measure`, for the quantities that `claims_for` lists."""
+    full = PCC_CIRCLE in claims_for(arm)
+    per_seed = [measure(arm, seed, full, with_network and full) for seed in seeds]
     return {
-        name: sum(values[name] for values in every) / len(every) for name in every[0]
+        name: sum(values[name] for values in per_seed) / len(per_seed)
+        for name in per_seed[0]
     }
 
 
 def measured(recording: Recording) -> dict[str, float]:
-    """Estimation errors, their largest ones [deg], and the extent of the tip's workspace [m]."""
+    """Mean and largest estimation errors [deg] and extents of the workspace [m]."""
     angles = estimation_errors_deg(recording)
-    extents = np.ptp(
-        recording.sensor("states")[..., -1, POSITION].reshape(-1, 3), axis=0
-    )
-    every = np.concatenate([angles.mean(axis=(0, 1)), extents, angles.max(axis=(0, 1))])
-    claims = ESTIMATION + WORKSPACE + LARGEST
+    tips = recording.sensor("states")[..., -1, POSITION].reshape(-1, 3)
+    groups = {
+        ESTIMATION: angles.mean(axis=(0, 1)),
+        WORKSPACE: np.ptp(tips, axis=0),
+        LARGEST: angles.max(axis=(0, 1)),
+    }
     return {
-        claim.quantity: float(value) for claim, value in zip(claims, every, strict=True)
+        claim.quantity: float(value)
+        for claims, values in groups.items()
+        for claim, value in zip(claims, values, strict=True)
     }
 
 
 def estimation_errors_deg(recording: Recording) -> np.ndarray:
-    """Angle between sensed and true configurations, shape (episodes, samples, modules)."""
-    sensed = estimator_for(recording.arm).sensed(recording.readings())
+    """Angle between sensed and true configurations, (episodes, samples, modules)."""
+    sensed = configuration_map_for(recording.arm).configurations(recording.readings())
     return angles_deg(recording.sensor("configurations"), sensed)
 
 
 def check_comparable(arm: ArmSpec) -> None:
-    """Raise ArmError where the paper's arm has nothing to be compared with."""
+    """Raise ArmError for an arm whose quantities the paper does not print."""
     if arm.module_count != len(ESTIMATION) or arm.sensing != "encoders":
         raise ArmError(
-            f"{arm.name} has {arm.module_count} modules and sensors by '{arm.sensing}'; the paper's arm has "
-            f"{len(ESTIMATION)} and encoders, so only such an arm can be calibrated to it"
+            f"{arm.name} has {arm.module_count} modules and sensing by "
+            f"'{arm.sensing}'; choose an arm with {len(ESTIMATION)} modules and "
+            "encoders, like the paper's arm"
         )
 
 
 def claims_for(arm: ArmSpec) -> tuple[Claim, ...]:
-    """Which claims hold an arm to the paper: the siblings of the twin are not held to those of NN_C2S and pcc."""
-    return (
-        ESTIMATION
-        + WORKSPACE
-        + ((PCC_CIRCLE, C2S_ERROR) if arm.name == "twin_arm" else ())
-    )
+    """Claims for an arm; those of NN_C2S and pcc count for `twin_arm` only."""
+    claims = ESTIMATION + WORKSPACE
+    if arm.name == "twin_arm":
+        return (*claims, PCC_CIRCLE, C2S_ERROR)
+    return claims
 
 
 def search(
     arm: ArmSpec,
     seed: int,
     evaluations: int,
-    told: Callable[[int, float], None] = lambda *_: None,
+    on_evaluation: Callable[[int, float], None] = lambda *_: None,
 ) -> ArmSpec:
-    """Move stiffnesses and hysteresis until the cheap claims hold as well as they can (Nelder-Mead on logarithms).
+    """Fit stiffnesses and hysteresis to the claims (Nelder-Mead on logarithms).
 
-    Only what is not zero is moved, so the kind of hysteresis stays.
+    The claim of NN_C2S is left out, because it needs a training. Parameters that are
+    zero stay zero, so the kind of hysteresis does not change.
+
+    Args:
+        arm: the starting point.
+        seed: of the recording and of the run of `pcc`.
+        evaluations: most evaluations.
+        on_evaluation: called with the number of evaluations and the misfit after each one.
+
+    Returns:
+        The arm with the smallest misfit.
     """
     claims = [claim for claim in claims_for(arm) if claim is not C2S_ERROR]
+    with_pcc = PCC_CIRCLE in claims
     count = 0
 
     def misfit(logarithms: np.ndarray) -> float:
         nonlocal count
         count += 1
         try:
-            values = measure(
-                _with_factors(arm, np.exp(logarithms)),
-                seed,
-                PCC_CIRCLE in claims,
-                with_network=False,
-            )
-        # no such arm, or none that stands
+            scaled = _scale_parameters(arm, np.exp(logarithms))
+            values = measure(scaled, seed, with_pcc, with_network=False)
         except (ValidationError, ArmError, SimulationError):
-            return np.inf
-        total = sum(
-            ((values[claim.quantity] / claim.paper - 1) / claim.tolerance) ** 2
-            for claim in claims
-        )
-        told(count, total)
+            return np.inf  # an invalid arm, or one whose simulation diverges
+        total = 0.0
+        for claim in claims:
+            relative = values[claim.quantity] / claim.paper - 1
+            total += (relative / claim.tolerance) ** 2
+        on_evaluation(count, total)
         return total
 
     start = np.zeros(1 + 2 * arm.module_count)
     simplex = np.vstack([start, start + 0.15 * np.eye(len(start))])
-    found = minimize(
-        misfit,
-        start,
-        method="Nelder-Mead",
-        options={"maxfev": evaluations, "initial_simplex": simplex},
-    )
-    return _with_factors(arm, np.exp(found.x))
+    options = {"maxfev": evaluations, "initial_simplex": simplex}
+    result = minimize(misfit, start, method="Nelder-Mead", options=options)
+    return _scale_parameters(arm, np.exp(result.x))
 
 
-def _with_factors(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
-    """Bending stiffness of all modules, cable stiffness of each, hysteresis of each, times a factor; three digits."""
-    bending, cables, hysteresis = factors[0], *np.split(factors[1:], 2)
+def _scale_parameters(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
+    """Scale bending stiffness, then each cable's stiffness and hysteresis."""
+    stiffness_factors, hysteresis_factors = np.split(factors[1:], 2)
     description = arm.model_dump()
-    for module, softer, more in zip(
-        description["modules"], cables, hysteresis, strict=True
-    ):
-        module["bending_stiffness"] = _digits(module["bending_stiffness"] * bending)
+    for number, module in enumerate(description["modules"]):
+        module["bending_stiffness"] = _rounded(module["bending_stiffness"] * factors[0])
         cable = module["cable"]
-        cable["stiffness"] = _digits(cable["stiffness"] * softer)
-        cable |= {
-            kind: _digits(np.multiply(cable[kind], more))
-            for kind in ("backlash", "friction", "creep")
-        }
+        cable["stiffness"] = _rounded(cable["stiffness"] * stiffness_factors[number])
+        for kind in ("backlash", "friction", "creep"):
+            cable[kind] = _rounded(np.multiply(cable[kind], hysteresis_factors[number]))
     return ArmSpec.model_validate(description)
 
 
-def _digits(values: np.ndarray) -> Any:
-    """One or several, to three digits."""
+def _rounded(values: np.ndarray) -> Any:
+    """A number or several, to three significant digits."""
     return np.vectorize(lambda value: float(f"{value:.3g}"))(values).tolist()
 
 
 def sensing_rows(
     arm: ArmSpec, seeds: Sequence[int], make: Make, recipe: Recipe
 ) -> tuple[list[Row], Recording]:
-    """Extents of staged and motor babbling and estimation errors of every module; and the first staged recording."""
+    """Make rows of workspace extents and estimation errors.
+
+    Args:
+        arm: the arm to simulate.
+        seeds: of the recordings.
+        make: loads or makes recordings.
+        recipe: gives the speeds of babbling.
+
+    Returns:
+        Rows of staged and motor babbling; and the first staged recording.
+    """
     heading = Heading("workspace", arm, recipe.name, tuple(seeds))
-    rows = []
-    options = [
-        [CollectOptions(name, seed=seed, speeds=recipe.speeds) for seed in seeds]
-        for name in EXTENTS
-    ]
-    every = in_groups(
-        make, [[RecordingArtifact(arm, one) for one in group] for group in options]
-    )
-    for (babbling, extents), recordings in zip(EXTENTS.items(), every, strict=True):
-        values = [measured(recording) for recording in recordings]
-        printed = [
-            (f"{babbling} babbling", claim, wide)
-            for claim, wide in zip(WORKSPACE, extents, strict=True)
+    groups = []
+    for babbling in EXTENTS:
+        options = [
+            CollectOptions(babbling, seed=s, speeds=recipe.speeds) for s in seeds
         ]
+        groups.append([RecordingArtifact(arm, each) for each in options])
+    recordings = dict(zip(EXTENTS, in_groups(make, groups), strict=True))
+    rows = []
+    for babbling, extents in EXTENTS.items():
+        values = [measured(recording) for recording in recordings[babbling]]
+        for claim, extent in zip(WORKSPACE, extents, strict=True):
+            source = f"{babbling} babbling"
+            rows.append(_claim_row(heading, source, claim, extent, values))
         if babbling == "staged":
-            errors = (
-                claim
-                for both in zip(ESTIMATION, LARGEST, strict=True)
-                for claim in both
-            )
-            printed += [("sensors", claim, claim.paper) for claim in errors]
-        for source, claim, paper in printed:
-            each = [one[claim.quantity] for one in values]
-            rows.append(
-                heading.row(
-                    "data", source, claim.quantity, claim.unit, each, paper_mean=paper
-                )
-            )
-    return rows, every[0][0]
+            for claims in zip(ESTIMATION, LARGEST, strict=True):
+                for claim in claims:
+                    row = _claim_row(heading, "sensors", claim, claim.paper, values)
+                    rows.append(row)
+    return rows, recordings["staged"][0]
+
+
+def _claim_row(
+    heading: Heading,
+    source: str,
+    claim: Claim,
+    paper: float,
+    values: Sequence[dict[str, float]],
+) -> Row:
+    per_seed = [quantities[claim.quantity] for quantities in values]
+    return heading.row(
+        "data", source, claim.quantity, claim.unit, per_seed, paper_mean=paper
+    )

@@ -1,4 +1,7 @@
-"""The circle: every strategy on both arms of the paper; and C2A on its own, in closed loop, on references from it."""
+"""The circle task for every strategy, and closed-loop tests of C2A alone.
+
+C2A alone follows configurations recorded while inverse PCC drives the circle.
+"""
 
 import operator
 from collections.abc import Callable, Sequence
@@ -10,14 +13,14 @@ from jaxtyping import Float
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.compilation import compiled
 from s2c2a.control import NetworkController
+from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg
 from s2c2a.jobs.run_folder import draw_runs, save_results
 from s2c2a.planning import PAPER, Goal
-from s2c2a.compilation import compiled
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.sensing import estimator_for
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
 from s2c2a.tasks.circle import APPROACH_TIME, circle_path
@@ -25,7 +28,8 @@ from s2c2a.tasks.circle import APPROACH_TIME, circle_path
 ARMS = ("twin_arm", "simulated_arm")
 STRATEGIES = ("s2c2a", "pcc", "pcc-fitted")
 SPEEDS = (0.2, 1.0, 2.0)
-"""Of the circle, as parts of its own speed."""
+"""Speeds of the reference, as multiples of the circle task's speed."""
+END_STEPS = 200  # steps whose mean error shows whether a run diverges
 
 
 def circle_table(
@@ -35,125 +39,131 @@ def circle_table(
     recipe: Recipe,
     fidelity: str = "fast",
 ) -> tuple[list[Row], list[Path]]:
-    """Let every strategy go round on both arms, once a seed; results and pictures go to the folder.
+    """Run every strategy on the circle with both arms, once a seed.
 
     Args:
-        folder: the run folder.
+        folder: the run directory, for results and figures.
         seeds: of data, training and start.
-        make: finds or makes runs and networks.
+        make: loads or makes runs and networks.
         recipe: how networks are trained and plans made.
-        fidelity: of the simulation that is driven.
+        fidelity: of the simulated robot.
 
     Returns:
-        Its rows; and the pictures, a figure and a replay page for each arm.
+        The rows; and the files drawn, a figure and a replay page for each arm.
     """
     arms = [load_arm(name) for name in ARMS]
-    under = jobs.Conditions(Body.simulation(fidelity))
-    every = jobs.in_groups(
-        make,
-        [
-            jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, under)
-            for arm in arms
-        ],
-    )
+    conditions = jobs.Conditions(RobotFactory.simulation(fidelity))
+    groups = [
+        jobs.jobs_for(["circle"], arm, STRATEGIES, seeds, recipe, conditions)
+        for arm in arms
+    ]
+    runs_by_arm = jobs.in_groups(make, groups)
     rows: list[Row] = []
-    for arm, runs in zip(arms, every, strict=True):
+    for arm, runs in zip(arms, runs_by_arm, strict=True):
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
-        rows += jobs.score_rows("circle", runs) + jobs.training_rows("circle", trained)
-    save_results(folder, rows, [run for runs in every for run in runs])
-    return rows, [picture for runs in every for picture in draw_runs(folder, runs)]
+        rows += jobs.score_rows("circle", runs)
+        rows += jobs.training_rows("circle", trained)
+    save_results(folder, rows, [run for runs in runs_by_arm for run in runs])
+    return rows, [path for runs in runs_by_arm for path in draw_runs(folder, runs)]
 
 
-def tracking_table(
+def controller_table(
     arms: Sequence[ArmSpec], seeds: Sequence[int], make: jobs.Make, recipe: Recipe
 ) -> tuple[list[Row], list[float]]:
-    """Let C2A follow references alone: a low held-out error proves nothing.
+    """Test C2A in closed loop, because a low held-out error does not show stability.
+
+    Args:
+        arms: the arms to simulate.
+        seeds: of data, training and start.
+        make: loads or makes networks.
+        recipe: how networks are trained.
 
     Returns:
-        Rows of every arm and speed, of means over steps and modules and of spreads over
-        steps [deg]; and for each the mean of the last 200 steps of the worst seed
+        Rows for every arm and speed: means over steps and modules, and spreads over
+        steps [deg]; and for each row the mean of the last 200 steps of the worst seed
         [deg].
     """
     rows = []
-    ends = []
+    end_errors = []
     for arm in arms:
         trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
-        heading = jobs.Heading(
-            "controller",
-            arm,
-            trained[0].recipe.name,
-            tuple(one.seed for one in trained),
-        )
+        recipe_name = trained[0].recipe.name
+        used_seeds = tuple(networks.seed for networks in trained)
+        heading = jobs.Heading("controller", arm, recipe_name, used_seeds)
         for speed in SPEEDS:
-            errors = [track_circle(networks, speed) for networks in trained]
-            ends.append(max(float(one[-200:].mean()) for one in errors))
+            errors = [track_reference(networks, speed) for networks in trained]
+            end_errors.append(max(float(run[-END_STEPS:].mean()) for run in errors))
             task = f"circle at {speed:g} of its speed"
-            over_modules = [one.mean(axis=-1) for one in errors]
-            means = [float(one.mean()) for one in over_modules]
-            spreads = [float(one.std()) for one in over_modules]
-            rows.append(
-                heading.row(
-                    task,
-                    "C2A",
-                    "configuration error",
-                    "deg",
-                    means,
-                    spreads,
-                    **heading.modes,
-                )
-            )
-    return rows, ends
+            means = [float(run.mean(axis=-1).mean()) for run in errors]
+            spreads = [float(run.mean(axis=-1).std()) for run in errors]
+            metric = "configuration error"
+            modes = heading.modes
+            row = heading.row(task, "C2A", metric, "deg", means, spreads, **modes)
+            rows.append(row)
+    return rows, end_errors
 
 
-def track_circle(
+def track_reference(
     networks: TrainedNetworks, speed: float, steps: int = 1000
 ) -> Float[np.ndarray, "steps modules"]:
-    """Record what the sensors say while inverse PCC drives the arm along the circle, then let C2A alone do it again.
+    """Let C2A alone follow configurations sensed while inverse PCC drove the circle.
+
+    Args:
+        networks: of the arm to simulate.
+        speed: multiple of the circle task's speed.
+        steps: control steps of the run.
 
     Returns:
         Angles between desired and sensed configurations [deg].
     """
     arm = networks.arm
     controller = NetworkController(networks.c2a)
-    felt = networks.recipe.felt(arm)  # as its networks are
-    sense = _sense(felt)
+    sensed_arm = networks.recipe.planning_arm(arm)  # the sensing that the networks know
+    sense = _configuration_sensor(sensed_arm)
     act = compiled(NetworkController.act, controller)
     errors = []
-    desired = recorded_reference(felt, speed, networks.seed, steps)
+    references = recorded_reference(sensed_arm, speed, networks.seed, steps)
     with SimulatedRobot(arm, seed=networks.seed + 1) as robot:
         sensed = sense(robot.read())
         memory = controller.start(jnp.asarray(sensed))
-        for configuration in desired:
-            action, memory = act(configuration, sensed, memory)
+        for desired in references:
+            action, memory = act(desired, sensed, memory)
             robot.step(np.asarray(action, dtype=np.float64))
             sensed = sense(robot.read())
-            errors.append(angles_deg(sensed, configuration))
+            errors.append(angles_deg(sensed, desired))
     return np.array(errors)
 
 
 def recorded_reference(
     arm: ArmSpec, speed: float, seed: int, steps: int
 ) -> Float[np.ndarray, "steps modules 3"]:
-    """Sensed configurations after every step of `pcc` on the circle at a part of its speed, round after round."""
-    path = circle_path(arm.length, arm.control_rate / speed)
-    rounds = path[round(APPROACH_TIME * arm.control_rate / speed) :]
-    path = np.concatenate([path, *[rounds] * (steps // len(rounds))])
+    """Sensed configurations while `pcc` drives round after round of the circle.
+
+    Args:
+        arm: the arm to simulate.
+        speed: multiple of the circle task's speed.
+        seed: of the simulated robot.
+        steps: control steps to record.
+    """
+    rate = arm.control_rate / speed
+    path = circle_path(arm.length, rate)
+    one_round = path[round(APPROACH_TIME * rate) :]
+    repetitions = [one_round] * (steps // len(one_round))
+    path = np.concatenate([path, *repetitions])
     strategy = pcc_strategy(arm, PAPER)
-    sense = _sense(arm)
+    sense = _configuration_sensor(arm)
     sensed = []
     with SimulatedRobot(arm, seed=seed) as robot:
         strategy.start(robot.read())
         for position in path[:steps]:
-            robot.step(
-                strategy.step(
-                    robot.read(), Goal.of(arm.module_count).with_position(position)
-                )
-            )
+            goal = Goal.of(arm.module_count).with_position(position)
+            robot.step(strategy.step(robot.read(), goal))
             sensed.append(sense(robot.read()))
     return np.array(sensed)
 
 
-def _sense(arm: ArmSpec) -> Callable[[Reading], np.ndarray]:
-    estimator = estimator_for(arm)
+def _configuration_sensor(arm: ArmSpec) -> Callable[[Reading], np.ndarray]:
+    """A compiled function from readings to sensed configurations."""
+    estimator = configuration_map_for(arm)
     estimate = compiled(operator.call, estimator)
     return lambda reading: np.asarray(estimate(estimator.inputs(reading)))

@@ -1,175 +1,205 @@
-"""Loads that were hung at arms of metal after their networks were trained: found in their recordings, or not.
+"""Payload estimation in recordings of real arms.
 
-The observer is fed with what encoders say, and for the first seconds with where the tip
-was seen; then it goes blind.
+The networks were trained without payload. The state estimator uses encoders, and for the
+first seconds the position of the tip; then it has encoders alone.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera, Sensors
+from s2c2a.compilation import compiled
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
-from s2c2a.estimation import Observer
-from s2c2a.estimation.sensors import SeenEnds
+from s2c2a.estimation import DisturbanceFilter, KalmanEstimator
+from s2c2a.estimation.disturbance_filter import FilterState
+from s2c2a.estimation.sensor_models import CameraSensor, Measurements
 from s2c2a.evaluation.report import Row, over_seeds
-from s2c2a.kinematics import ForwardModel
-from s2c2a.compilation import compiled
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Recipe, TrainedNetworks, observer_of, training_data
+from s2c2a.strategies import TrainedNetworks, estimator_of, training_data
 
-EXPERIMENT = "loads"
-NOBODY = "nobody tells"
-FOUND = "found"
-# m; of a tip that is seen: nothing is driven by what is found, so it need not be found
-# slowly
-SPREAD = 0.02
+EXPERIMENT = "payloads"
+WITHOUT = "without estimation"
+ESTIMATED = "estimated"
+# m; smaller than in closed loop, since no controller reacts to the estimate
+POSITION_STD = 0.02
 
 
 @dataclass(frozen=True)
-class Believed:
-    """Of one episode, step by step.
+class EstimatedEpisode:
+    """Estimates along one episode.
 
     Attributes:
-        tips: where the tip is expected [m], shape (steps, 3).
-        loads: at it [kg], shape (steps,).
+        tips: predicted tip positions [m], shape (steps, 3).
+        payloads: estimated [kg], shape (steps,).
     """
 
     tips: Float[np.ndarray, "steps 3"]
-    loads: Float[np.ndarray, " steps"]
+    payloads: Float[np.ndarray, " steps"]
 
 
-def load_rows(
-    networks: TrainedNetworks[Recipe], recordings: Mapping[str, Recording], seen: float
+def payload_rows(
+    networks: TrainedNetworks,
+    recordings: Mapping[str, Recording],
+    seconds: float,
 ) -> Iterator[Row]:
-    """How far the tip is from where it is expected once nothing sees it any more, and the load that was found.
+    """Prediction error after the tip is no longer measured, and the estimated payload.
 
     Args:
-        networks: trained without load.
-        recordings: of the same arm with something at its tip, by name.
-        seen: for how long the tip is seen [s].
+        networks: trained without payload.
+        recordings: of the same arm with a payload, by name.
+        seconds: for which the tip is measured.
 
     Raises:
-        RecordingError: a recording of another arm, or too short.
+        RecordingError: no recording, one of another arm, or one that is too short.
     """
-    arm = networks.arm
-    first = round(seen * networks.arm.control_rate)
-    if seen <= 0.0 or not recordings:
+    if seconds <= 0.0 or not recordings:
         raise RecordingError(
-            f"{len(recordings)} recordings and {seen:g} s asked for; give one, and some seconds"
+            f"{len(recordings)} recordings and {seconds:g} s were given; give at least "
+            "one recording and a positive time"
         )
-    if not networks.recipe.observes:
-        raise RecordingError(
-            f"recipe '{networks.recipe.name}' takes no notice of loads; train with one that observes"
-        )
-    observer = observer_of(
-        replace(networks, arm=_with_tip_seen(networks.recipe.felt(arm)))
-    )
-    eyes = (
-        replace(sense, spread=SPREAD)
-        for sense in observer.sensors
-        if isinstance(sense, SeenEnds)
-    )
-    observer = replace(observer, sensors=tuple(eyes))
+    steps = round(seconds * networks.arm.control_rate)
+    disturbance_filter = _filter(networks)
     for name, recording in recordings.items():
-        if (recording.arm.module_count, recording.arm.cable_count) != (
-            arm.module_count,
-            arm.cable_count,
-        ):
-            raise RecordingError(
-                f"{name} is of {recording.arm.name}, and the networks are of {arm.name}"
-            )
-        if min(recording.lengths) <= seen * arm.control_rate + 1:
-            raise RecordingError(
-                f"{name} has episodes that end before the tip was seen for {seen:g} s; say less"
-            )
+        _check_recording(name, recording, networks.arm, steps)
         sensed = training_data(recording, networks.recipe).sensed
         tips = recording.sensor("states")[:, :, -1, POSITION]
-        for label, steps in ((NOBODY, 0), (FOUND, first)):
-            every = [
-                believed(
-                    networks.c2s,
-                    observer,
-                    sensed[one, :length],
-                    tips[one, :length],
-                    steps,
+        for label, measured_steps in ((WITHOUT, 0), (ESTIMATED, steps)):
+            episodes = [
+                estimate_episode(
+                    disturbance_filter,
+                    sensed[number, :length],
+                    tips[number, :length],
+                    measured_steps,
                 )
-                for one, length in enumerate(recording.lengths)
+                for number, length in enumerate(recording.lengths)
             ]
-            yield from _rows(networks, name, label, tips, every, first)
+            yield from _rows(networks, name, label, tips, episodes, steps)
 
 
-def believed(
-    model: ForwardModel,
-    observer: Observer,
+def _check_recording(name: str, recording: Recording, arm: ArmSpec, steps: int) -> None:
+    """Refuse recordings of other arms, and those that are too short.
+
+    Raises:
+        RecordingError: it is one of these.
+    """
+    recorded = (recording.arm.module_count, recording.arm.cable_count)
+    if recorded != (arm.module_count, arm.cable_count):
+        raise RecordingError(
+            f"{name} is of {recording.arm.name}, and the networks are of {arm.name}"
+        )
+    if min(recording.lengths) <= steps + 1:
+        raise RecordingError(
+            f"{name} has episodes that are shorter than the {steps} steps in which the "
+            "tip is measured; give a shorter time"
+        )
+
+
+def _filter(networks: TrainedNetworks) -> DisturbanceFilter:
+    """The filter of an arm whose tip is measured in every control step.
+
+    Raises:
+        RecordingError: the recipe estimates no payload.
+    """
+    camera = Camera(rate=networks.arm.control_rate, delay=0.0, lost=0.0)
+    arm = networks.recipe.planning_arm(networks.arm)
+    arm = arm.model_copy(update={"sensors": Sensors(camera=camera)})
+    estimator = estimator_of(replace(networks, arm=arm))
+    if not isinstance(estimator, KalmanEstimator):
+        raise RecordingError(
+            f"recipe '{networks.recipe.name}' estimates no payload; train with one whose "
+            "estimator is KalmanFilter"
+        )
+    sensors = tuple(
+        replace(sensor, std=POSITION_STD)
+        for sensor in estimator.filter.sensors
+        if isinstance(sensor, CameraSensor)
+    )
+    return replace(estimator.filter, sensors=sensors)
+
+
+def estimate_episode(
+    disturbance_filter: DisturbanceFilter,
     sensed: Float[np.ndarray, "steps modules 3"],
     tips: Float[np.ndarray, "steps 3"],
-    seen: int,
-) -> Believed:
-    """What comes of one episode, whose tip is seen for so many steps.
+    measured_steps: int,
+) -> EstimatedEpisode:
+    """Run the filter along one episode.
 
     Args:
-        model: of the arm without load.
-        observer: that hears where the tip is.
-        sensed: configurations, by encoders.
-        tips: where the tip was [m].
-        seen: steps.
+        disturbance_filter: with a camera on the tip.
+        sensed: configurations by the encoders.
+        tips: true tip positions [m].
+        measured_steps: for which the tip is measured.
     """
-    begin, follow = (compiled(part, model, observer) for part in (_begun, _followed))
+    start = compiled(_start, disturbance_filter)
+    update = compiled(_update, disturbance_filter)
     sensed = sensed.astype(np.float32)
-    belief, memory = begin(sensed[0])
-    expected = np.empty_like(tips)
-    loads = np.empty(len(tips))
-    for step, now in enumerate(sensed):
-        said = np.full((sensed.shape[1], 3), np.nan, np.float32)
-        if step < seen:
-            said[-1] = tips[step]
-        heard = {"camera_positions": said, "camera_age": np.zeros((), np.float32)}
-        expected[step], belief, memory = follow(belief, memory, now, heard)
-        loads[step] = belief.mean[0]
-    return Believed(expected, loads)
+    state = start(sensed[0])
+    predicted = np.empty_like(tips)
+    payloads = np.empty(len(tips))
+    for step, configuration in enumerate(sensed):
+        positions = np.full((sensed.shape[1], 3), np.nan, np.float32)
+        if step < measured_steps:
+            positions[-1] = tips[step]
+        measurements = {
+            "camera_positions": positions,
+            "camera_age": np.zeros((), np.float32),
+        }
+        state, predicted[step] = update(state, configuration, measurements)
+        payloads[step] = state.mean[0]
+    return EstimatedEpisode(predicted, payloads)
 
 
-def _begun(model: ForwardModel, observer: Observer, sensed: jax.Array):
-    memory = model.start(sensed)
-    return observer.start(model.predict(sensed, memory), jnp.zeros(())), memory
+def _start(disturbance_filter: DisturbanceFilter, configuration) -> FilterState:
+    return disturbance_filter.start(configuration, jnp.zeros(()))
 
 
-def _followed(
-    model: ForwardModel, observer: Observer, belief, memory, sensed: jax.Array, said
+def _update(
+    disturbance_filter: DisturbanceFilter,
+    state: FilterState,
+    configuration,
+    measurements: Measurements,
 ):
-    memory = model.observe(sensed, memory)
-    belief, memory = observer.update(belief, model, memory, sensed, sensed, said)
-    return model.predict(sensed, memory)[-1, POSITION], belief, memory
-
-
-def _with_tip_seen(arm: ArmSpec) -> ArmSpec:
-    camera = Camera(rate=arm.control_rate, delay=0.0, lost=0.0)
-    return arm.model_copy(update={"sensors": Sensors(camera=camera)})
+    """The next state, and the tip that the forward model predicts with it [m]."""
+    model = disturbance_filter.model
+    before = state.hysteresis
+    state = disturbance_filter.update(state, configuration, measurements)
+    disturbances = disturbance_filter.disturbances(state)
+    states = model.predict(configuration, before, disturbances)
+    return state, states[-1, POSITION]
 
 
 def _rows(
-    networks: TrainedNetworks[Recipe],
+    networks: TrainedNetworks,
     name: str,
     label: str,
-    tips: np.ndarray,
-    every: list[Believed],
+    tips: Float[np.ndarray, "episodes steps 3"],
+    episodes: list[EstimatedEpisode],
     first: int,
 ) -> Iterator[Row]:
-    """Of one recording, from a step on."""
-    off = [
-        np.linalg.norm(found.tips - true[: len(found.tips)], axis=-1)
-        for found, true in zip(every, tips, strict=True)
-    ]
-    distances = 1000 * np.concatenate([one[first:] for one in off])
-    heading = EXPERIMENT, name, networks.arm.name, "real", label, networks.recipe.name
-    far = over_seeds([float(np.nanmean(distances))], [float(np.nanstd(distances))])
-    yield Row(*heading, "position", "mm", **far, seeds=(networks.seed,))
-    load = 1000 * float(np.mean([found.loads[-1] for found in every]))
-    yield Row(*heading, "load", "g", **over_seeds([load]), seeds=(networks.seed,))
+    """Rows of one recording, from a step on."""
+    errors = []
+    for episode, true in zip(episodes, tips, strict=True):
+        difference = episode.tips - true[: len(episode.tips)]
+        errors.append(np.linalg.norm(difference, axis=-1)[first:])
+    distances = 1000 * np.concatenate(errors)
+    heading = (
+        EXPERIMENT,
+        name,
+        networks.arm.name,
+        "real",
+        label,
+        networks.recipe.name,
+    )
+    mean = [float(np.nanmean(distances))]
+    std = [float(np.nanstd(distances))]
+    seeds = (networks.seed,)
+    yield Row(*heading, "position", "mm", **over_seeds(mean, std), seeds=seeds)
+    payload = 1000 * float(np.mean([episode.payloads[-1] for episode in episodes]))
+    yield Row(*heading, "payload", "g", **over_seeds([payload]), seeds=seeds)

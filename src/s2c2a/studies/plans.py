@@ -1,13 +1,13 @@
-"""Drawn plans beside a long search: how many stand although their cost could fall.
+"""Plans compared with a long multi-start search.
 
-Arms wander as data make them, so that their cables remember something; then each is
-given a goal of its own. A plan is held against many starts with engaged and true
-slopes: after one step, within the step's limit and for the goal as guides have led it;
-and after `SETTLING` steps, without that limit and for the goal as it was asked.
+Recorded motions give the cables a history, then each problem has a random goal. A plan
+is compared with searches from many starts, first with engaged and then with true
+slopes: after one step, within the step limit and with guided goals; and after
+`SETTLING` steps, without the step limit and with the desired goals.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -16,292 +16,298 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.compilation import compiled
 from s2c2a.data.babbling import bend_path
 from s2c2a.evaluation import Row
 from s2c2a.kinematics import (
-    ForwardModel,
     bends_from_configurations,
     configurations_from_bends,
     limit_lengths,
 )
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares
 from s2c2a.planning.terms import Bends, Numbers, largest_bend
-from s2c2a.compilation import compiled
 from s2c2a.strategies import TrainedNetworks
 
 KINDS = ("tip", "tip and axis", "middle and tip", "anywhere")
-# steps
-WANDERING = 40
-SETTLING = 60
-# of the long search, twice as many iterations with both slopes
-STARTS = 24
-ITERATIONS = 30
-# of the long search's cost; of the step's limit
-WITHIN = 1.05
-BOUND = 0.999
-WORTH = 1.5e-4  # of a cost that counts as standing: 3 mm off at the tip
-CHUNK = 250
+HISTORY = 40  # steps before the goal
+SETTLING = 60  # steps with a constant goal
+STARTS = 24  # of the long search
+ITERATIONS = 30  # of the long search from each start, with either slopes
+OPTIMAL_RATIO = 1.05  # largest ratio of an optimal plan's cost to the long search's
+LIMITED = 0.999  # of the step limit; a longer step counts as limited
+STUCK_COST = 1.5e-4  # excess cost of a stuck plan; 3 mm at the tip
+CHUNK = 250  # problems in one call
 
 
-class Drawn(NamedTuple):
-    """Problems, with their number in front.
+class PlanningProblems(NamedTuple):
+    """Random planning problems.
 
     Attributes:
-        walks: sensed configurations, module frames, shape (problems, steps, modules,
-            3).
-        goals: one for each.
+        histories: sensed configurations, module frames, shape (problems, steps,
+            modules, 3).
+        goals: one for each problem.
         starts: of the long search, bends in the unit disc, shape (problems, starts,
             modules, 2).
     """
 
-    walks: Float[Numbers, "problems steps modules 3"]
+    histories: Float[Numbers, "problems steps modules 3"]
     goals: Goal
     starts: Float[Numbers, "problems starts modules 2"]
 
 
-class Held(NamedTuple):
-    """Plans beside a long search; costs are sums of mu |r|^2, all of shape (problems,).
+class Comparison(NamedTuple):
+    """Costs of plans and of the long search, sums of mu |r|^2.
 
     Attributes:
-        cost: of the plan.
-        least: of what the long search found.
-        bound: whether the step's limit binds.
+        cost: of the plan, shape (problems,).
+        least: smallest cost of the long search, shape (problems,).
+        limited: whether the step limit is active, shape (problems,).
     """
 
     cost: Float[Numbers, " problems"]
     least: Float[Numbers, " problems"]
-    bound: Bool[Numbers, " problems"]
+    limited: Bool[Numbers, " problems"]
 
     @property
-    def good(self) -> np.ndarray:
-        """Within 5 % of the long search's, or bound."""
-        return np.asarray(self.bound | (self.cost <= WITHIN * self.least))
+    def optimal(self) -> np.ndarray:
+        """Whether the cost is within 5 % of the best known, or the step is limited."""
+        return np.asarray(self.limited | (self.cost <= OPTIMAL_RATIO * self.least))
 
     @property
-    def standing(self) -> np.ndarray:
-        """Not good, and by more than 3 mm are worth at the tip."""
-        return ~self.good & (np.asarray(self.cost - self.least) > WORTH)
+    def stuck(self) -> np.ndarray:
+        """Whether the plan is not optimal and its excess cost is above `STUCK_COST`."""
+        return ~self.optimal & (np.asarray(self.cost - self.least) > STUCK_COST)
 
 
-def drawn(arm: ArmSpec, model: ForwardModel, count: int, seed: int) -> Drawn:
-    """Walks and goals at random: ends of shapes that the arm can take, and for a quarter any point near it."""
+def sample_problems(
+    arm: ArmSpec, model: ForwardModel, count: int, seed: int
+) -> PlanningProblems:
+    """Sample problems, a quarter of each of `KINDS`.
+
+    Args:
+        arm: its planning limits count.
+        model: predicts the states from which goals are taken.
+        count: number of problems.
+        seed: of all samples.
+    """
     random = np.random.default_rng(seed)
     modules = arm.module_count
     limits = ArmGeometry.of(arm).planned_bends[:, None]
     paths = np.array(
-        [[bend_path(WANDERING, random) for _ in range(modules)] for _ in range(count)]
+        [[bend_path(HISTORY, random) for _ in range(modules)] for _ in range(count)]
     )
-    walks = configurations_from_bends(
-        jnp.asarray(np.moveaxis(paths, 1, 2) * limits, jnp.float32)
+    paths = np.moveaxis(paths, 1, 2)
+    histories = configurations_from_bends(jnp.asarray(paths * limits, jnp.float32))
+    bends = _sample_discs(random, (count, modules)) * limits
+    shapes = configurations_from_bends(jnp.asarray(bends, jnp.float32))
+    predict = jax.vmap(lambda shape: model.predict(shape, model.start(shape)))
+    goals = []
+    for number, states in enumerate(np.asarray(predict(shapes))):
+        goals.append(_sample_goal(KINDS[number % 4], states, arm, random))
+    goal = Goal.stacked(goals)
+    goal = goal._replace(
+        obstacles=goal.obstacles[:, :0], thresholds=goal.thresholds[:, :0]
     )
-    shapes = configurations_from_bends(
-        jnp.asarray(_discs(random, (count, modules)) * limits, jnp.float32)
-    )
-    ends = np.asarray(
-        jax.vmap(lambda shape: model.predict(shape, model.start(shape)))(shapes)
-    )
-    goals = Goal.stacked(
-        [_goal(KINDS[number % 4], one, arm, random) for number, one in enumerate(ends)]
-    )
-    goals = goals._replace(
-        obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0]
-    )
-    return Drawn(
-        np.asarray(walks),
-        goals,
-        _discs(random, (count, STARTS, modules)).astype(np.float32),
-    )
+    starts = _sample_discs(random, (count, STARTS, modules)).astype(np.float32)
+    return PlanningProblems(np.asarray(histories), goal, starts)
 
 
-def _discs(random: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+def _sample_discs(random: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Uniform samples in the unit disc, shape (*shape, 2)."""
     angles = random.uniform(0, 2 * np.pi, shape)
-    return np.sqrt(random.uniform(size=shape))[..., None] * np.stack(
-        [np.cos(angles), np.sin(angles)], axis=-1
-    )
+    radii = np.sqrt(random.uniform(size=shape))
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return radii[..., None] * directions
 
 
-def _goal(
+def _sample_goal(
     kind: str, states: np.ndarray, arm: ArmSpec, random: np.random.Generator
 ) -> Goal:
     goal = Goal.of(arm.module_count)
-    middle = (arm.module_count - 1) // 2
     if kind == "anywhere":
-        return goal.with_position(
-            arm.length * random.uniform([-1.0, -1.0, 0.3], [1.0, 1.0, 1.1])
-        )
+        position = random.uniform([-1.0, -1.0, 0.3], [1.0, 1.0, 1.1])
+        return goal.with_position(arm.length * position)
     if kind == "middle and tip":
+        middle = (arm.module_count - 1) // 2
         goal = goal.with_position(states[middle, :3], 4.0, module=middle)
     if kind == "tip and axis":
         goal = goal.with_axis(states[-1, 3:])
     return goal.with_position(states[-1, :3])
 
 
-class _Ways(NamedTuple):
-    """The planner's step, the same without guides, and both with true slopes."""
+class _Planners(NamedTuple):
+    """One planning step with the options of the planner, and its variants.
 
-    led: Step
-    led_true: Step
-    asked: Step
-    asked_true: Step
+    Attributes:
+        guided: the planner itself.
+        guided_true: with true slopes.
+        unguided: without guides.
+        unguided_true: without guides, with true slopes.
+    """
+
+    guided: Step
+    guided_true: Step
+    unguided: Step
+    unguided_true: Step
 
     @classmethod
-    def of(cls, arm: ArmSpec, model: ForwardModel, options: PlannerOptions) -> "_Ways":
-        unled = replace(options, guides=())
-        every = (
-            options,
-            replace(options, engaged_slopes=False),
-            unled,
-            replace(unled, engaged_slopes=False),
-        )
-        return cls(*(Step.of(arm, model, one) for one in every))
+    def of(
+        cls, arm: ArmSpec, model: ForwardModel, options: PlannerOptions
+    ) -> "_Planners":
+        steps = []
+        for variant in (options, replace(options, guides=())):
+            steps.append(Step.of(arm, model, variant))
+            steps.append(Step.of(arm, model, replace(variant, engaged_slopes=False)))
+        return cls(*steps)
 
 
-def _after_one_step(ways: _Ways, problem: Drawn) -> Held:
-    step = ways.led
-    plan = step.started(problem.walks[0])
-    walk = jnp.asarray(problem.walks)
-    memory, _ = jax.lax.scan(
-        lambda memory, one: (step.model.observe(one, memory), None), plan.memory, walk
-    )
-    plan = plan._replace(configurations=problem.walks[-1], memory=memory)
-    return _held(ways.led, ways.led_true, plan, problem, settled=False)
+def _after_one_step(planners: _Planners, problem: PlanningProblems) -> Comparison:
+    step = planners.guided
 
+    def observe(memory, configuration):
+        return step.model.observe(configuration, memory), None
 
-def _after_settling(ways: _Ways, problem: Drawn) -> Held:
-    def on(plan: Plan, _) -> tuple[Plan, None]:
-        return ways.led.next_plan(plan, plan.configurations, problem.goals), None
-
-    step = ways.led
-    plan, _ = jax.lax.scan(on, step.started(problem.walks[-1]), None, length=SETTLING)
-    return _held(ways.asked, ways.asked_true, plan, problem, settled=True, planner=step)
-
-
-def _held(
-    engaged: Step,
-    true: Step,
-    last: Plan,
-    drawn: Drawn,
-    settled: bool,
-    planner: Step | None = None,
-) -> Held:
-    """The next plan beside the long search."""
-    plan = (planner or engaged).next_plan(last, last.configurations, drawn.goals)
-    problem, truly = (
-        one.problem(last.configurations, plan.memory, drawn.goals)
-        for one in (engaged, true)
-    )
-    situation = problem.situation
-    bends = bends_from_configurations(plan.configurations)
+    plan = step.started(problem.histories[0])
+    memory, _ = jax.lax.scan(observe, plan.memory, jnp.asarray(problem.histories))
+    last = plan._replace(configurations=problem.histories[-1], memory=memory)
+    plan = step.next_plan(last, last.configurations, problem.goals)
+    shared = last._replace(memory=plan.memory)
+    engaged = step.problem(shared, problem.goals)
+    true = planners.guided_true.problem(shared, problem.goals)
+    situation = engaged.situation
     limits = situation.bend_limits
-    scale = limits[:, None] if settled else situation.longest_step
-    starts = drawn.starts * scale + (0.0 if settled else situation.last.bends)
+    starts = problem.starts * situation.longest_step + situation.last.bends
 
     def project(bends: Bends) -> Bends:
-        allowed = limit_lengths(bends, limits)
-        return allowed if settled else problem.within_step(allowed)
+        return engaged.within_step(limit_lengths(bends, limits))
 
-    costs = _searched(problem, truly, jnp.concatenate([starts, bends[None]]), project)
-    moved = largest_bend(bends - situation.last.bends)
-    return Held(
-        problem.judged(problem.looked_at(bends)),
+    return _compare(plan, engaged, true, starts, project)
+
+
+def _after_settling(planners: _Planners, problem: PlanningProblems) -> Comparison:
+    step = planners.guided
+
+    def repeat(plan: Plan, _) -> tuple[Plan, None]:
+        return step.next_plan(plan, plan.configurations, problem.goals), None
+
+    first = step.started(problem.histories[-1])
+    last, _ = jax.lax.scan(repeat, first, None, length=SETTLING)
+    plan = step.next_plan(last, last.configurations, problem.goals)
+    shared = last._replace(memory=plan.memory)
+    engaged = planners.unguided.problem(shared, problem.goals)
+    true = planners.unguided_true.problem(shared, problem.goals)
+    limits = engaged.situation.bend_limits
+    starts = problem.starts * limits[:, None]
+
+    def project(bends: Bends) -> Bends:
+        return limit_lengths(bends, limits)
+
+    return _compare(plan, engaged, true, starts, project)
+
+
+def _compare(
+    plan: Plan,
+    engaged: Problem,
+    true: Problem,
+    starts: Array | np.ndarray,
+    project: Projection,
+) -> Comparison:
+    """Compare a plan with searches from the starts and from the plan itself."""
+    situation = engaged.situation
+    bends = bends_from_configurations(plan.configurations)
+    starts = jnp.concatenate([starts, bends[None]])
+
+    def search_from(start: Bends) -> Float[Array, ""]:
+        bends, _ = solve_least_squares(engaged.stacked, start, project, ITERATIONS)
+        return solve_least_squares(true.stacked, bends, project, ITERATIONS)[1]
+
+    costs = jax.vmap(search_from)(starts)
+    step_length = largest_bend(bends - situation.last.bends)
+    return Comparison(
+        engaged.judged(engaged.looked_at(bends)),
         costs.min(),
-        moved > BOUND * situation.longest_step,
+        step_length > LIMITED * situation.longest_step,
     )
 
 
-def _searched(
-    problem: Problem, truly: Problem, starts: Array, project: Projection
-) -> Float[Array, " starts"]:
-    def from_one(start: Bends) -> Float[Array, ""]:
-        found, _ = solve_least_squares(problem.stacked, start, project, ITERATIONS)
-        return solve_least_squares(truly.stacked, found, project, ITERATIONS)[1]
-
-    return jax.vmap(from_one)(starts)
-
-
-def held_against_long_search(
+def compare_with_long_search(
     arm: ArmSpec,
     model: ForwardModel,
     options: PlannerOptions,
     count: int,
     seed: int = 0,
-) -> dict[str, Held]:
-    """Plans after one step, and once they have settled.
+) -> dict[str, Comparison]:
+    """Compare plans after one step, and plans that have settled.
 
     Args:
-        arm: its limits count.
+        arm: its planning limits count.
         model: predicts states.
-        options: how to plan.
-        count: of problems.
-        seed: of all that is drawn.
+        options: of the planner.
+        count: number of problems.
+        seed: of all samples.
     """
-    problems = drawn(arm, model, count, seed)
-    ways = _Ways.of(arm, model, options)
+    problems = sample_problems(arm, model, count, seed)
+    planners = _Planners.of(arm, model, options)
     programs = {"one step": _after_one_step, "settled": _after_settling}
     return {
-        name: _in_chunks(compiled(_each, work, ways), problems)
-        for name, work in programs.items()
+        name: _in_chunks(compiled(_for_each, compare, planners), problems)
+        for name, compare in programs.items()
     }
 
 
-def _each(work: Callable[[_Ways, Drawn], Held], ways: _Ways, problems: Drawn) -> Held:
-    return jax.vmap(lambda problem: work(ways, problem))(problems)
+def _for_each(
+    compare: Callable[[_Planners, PlanningProblems], Comparison],
+    planners: _Planners,
+    problems: PlanningProblems,
+) -> Comparison:
+    return jax.vmap(lambda problem: compare(planners, problem))(problems)
 
 
-def _in_chunks(program: Callable[[Drawn], Held], problems: Drawn) -> Held:
-    count = len(problems.walks)
-    parts = []
+def _in_chunks(
+    program: Callable[[PlanningProblems], Comparison], problems: PlanningProblems
+) -> Comparison:
+    count = len(problems.histories)
+    chunks = []
     for begin in range(0, count, CHUNK):
-        # one size, so that nothing compiles anew
+        # all chunks have the same size, so that the program compiles once
         rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
-        part = program(jax.tree.map(lambda values, rows=rows: values[rows], problems))
-        parts.append(jax.tree.map(np.asarray, part))
-    return Held(
-        *(np.concatenate(values)[:count] for values in zip(*parts, strict=True))
-    )
+        chunk = jax.tree.map(lambda values, rows=rows: values[rows], problems)
+        chunks.append(program(chunk))
+    columns = zip(*chunks, strict=True)
+    return Comparison(*(np.concatenate(column)[:count] for column in columns))
 
 
-@dataclass(frozen=True)
-class _Share:
-    metric: str
-    of: Callable[[Held], np.ndarray]
-
-
-SHARES = (
-    _Share("within 5 % or bound", lambda held: held.good),
-    _Share("standing", lambda held: held.standing),
-)
-
-
-def plan_rows(every: Sequence[TrainedNetworks], count: int, seed: int = 0) -> list[Row]:
-    """Shares [%] of drawn plans, of all kinds together and of each, for every file of networks.
+def plan_rows(
+    networks: Sequence[TrainedNetworks], count: int, seed: int = 0
+) -> list[Row]:
+    """Make rows of the shares of optimal and stuck plans [%], of all kinds and each.
 
     Args:
-        every: networks, planning as their recipes say.
-        count: of plans.
-        seed: of all that is drawn.
+        networks: each plans with the options of its recipe.
+        count: number of problems for each.
+        seed: of all samples.
     """
     rows = []
-    for networks in every:
-        arm = networks.arm
-        recipe = networks.recipe
-        for when, held in held_against_long_search(
-            arm, networks.c2s, recipe.planner, count, seed
-        ).items():
-            kinds = np.array(KINDS)[np.arange(count) % 4]
+    kinds = np.array(KINDS)[np.arange(count) % 4]
+    for each in networks:
+        arm = each.arm
+        recipe = each.recipe
+        comparisons = compare_with_long_search(
+            arm, each.c2s, recipe.planner, count, seed
+        )
+        for when, comparison in comparisons.items():
+            metrics = {
+                "within 5 % or bound": comparison.optimal,
+                "standing": comparison.stuck,
+            }
             for kind in ("all", *KINDS):
-                chosen = (kinds == kind) | (kind == "all")
-                for share in SHARES:
-                    value = 100.0 * float(share.of(held)[chosen].mean())
-                    heading = (
-                        "plans",
-                        f"{when}: {kind}",
-                        arm.name,
-                        "none",
-                        "s2c2a",
-                        recipe.name,
-                    )
-                    rows.append(Row(*heading, share.metric, "%", value, seeds=(seed,)))
+                selected = (kinds == kind) | (kind == "all")
+                task = f"{when}: {kind}"
+                heading = ("plans", task, arm.name, "none", "s2c2a", recipe.name)
+                for metric, values in metrics.items():
+                    share = 100.0 * float(values[selected].mean())
+                    rows.append(Row(*heading, metric, "%", share, seeds=(seed,)))
     return rows

@@ -1,7 +1,7 @@
-"""Arms that nobody modeled: drawn ones through data, training and tasks, for every strategy.
+"""All strategies on arms with random model mismatch: data, training and tasks.
 
-Whether any strategy runs away from targets that are held is tried, too. Recordings are
-of the arm when it is young, runs of the same arm aged (docs/protocol.md).
+Also tests whether a strategy diverges from random targets that are held. Recordings
+come from the new arm, runs from the same arm aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
@@ -14,39 +14,41 @@ from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row, position_errors
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RECIPES, recipe_named
 from s2c2a.studies.tables import mean_rows
-from s2c2a.studies.targets import Held, HeldTargets, ReachableTask
-from s2c2a.tasks import Task, task_named
+from s2c2a.studies.targets import RandomTargets, ReachableTask, TargetSequence
+from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
 
 EXPERIMENT = "randomised-arms"
 TASKS = ("circle", *TILTS, "hold-middle")
-STRATEGIES = {name: ("s2c2a", name) for name in RECIPES} | {
-    name: (name, "best") for name in ("pcc", "pcc-fitted")
+STRATEGIES = {
+    **{name: ("s2c2a", name) for name in RECIPES},
+    "pcc": ("pcc", "best"),
+    "pcc-fitted": ("pcc-fitted", "best"),
 }
-"""Name -> strategy and recipe; in the rows the name stands where a strategy's does."""
+"""Name in the result rows -> strategy and recipe."""
 STRENGTHS = (0.5, 1.0)
-FAITHFUL = 0.75  # strength from which targets are put within the true arm's reach
-BEYOND = 20  # targets out of reach
-RUNAWAY = 5.0  # cm
-LAST = 1.0  # s of each target that must be still
-AGED = jobs.Conditions(Body.simulation(aged=1.0))
+REACHABLE_FROM = 0.75  # mismatch strength from which goals are moved within reach
+UNREACHABLE_COUNT = 20  # targets out of reach
+RUNAWAY = 5.0  # cm; a larger error at the end of a target counts as a runaway
+STILL_TIME = 1.0  # s at the end of each target in which the tip should not move
+AGED = jobs.Conditions(RobotFactory.simulation(aged=1.0))
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """What is tried.
+class RandomizedArmsStudy:
+    """Arms, strategies and tasks of the study.
 
     Attributes:
-        base: modules, cables and all that controllers are told.
-        arms: how many are drawn at each strength, with seeds from zero.
-        strengths: of their mismatch.
+        base: modules, cables and all that controllers know.
+        arms: number of arms at each strength, with seeds from zero.
+        strengths: of the model mismatch.
         strategies: names of `STRATEGIES`.
         tasks: names.
-        targets: within reach that are held, for runaways; none if zero.
+        targets: number of random targets within reach; 0 for no targets at all.
         seed: of data, training and start.
     """
 
@@ -59,18 +61,22 @@ class Unknown:
     seed: int = 0
 
     def __post_init__(self):
-        """Refuse what cannot be tried."""
-        if unknown := set(self.strategies) - set(STRATEGIES):
+        """Validate the options."""
+        unknown = set(self.strategies) - set(STRATEGIES)
+        if unknown:
             raise S2C2AError(
-                f"no strategy '{min(unknown)}' here; choose among {', '.join(STRATEGIES)}"
+                f"unknown strategy '{min(unknown)}'; "
+                f"choose among {', '.join(STRATEGIES)}"
             )
         if self.arms < 1 or self.targets < 0 or not self.strengths:
             raise S2C2AError(
-                f"{self.arms} arms at {len(self.strengths)} strengths asked for; take at least one of each"
+                f"{self.arms} arms at {len(self.strengths)} strengths with "
+                f"{self.targets} targets; give at least one arm and one strength, and "
+                "zero or more targets"
             )
 
-    def drawn(self) -> list[tuple[float, ArmSpec]]:
-        """Every strength with every arm."""
+    def randomized(self) -> list[tuple[float, ArmSpec]]:
+        """Every strength with each of its arms."""
         return [
             (strength, randomized_arm(self.base, seed, strength))
             for strength in self.strengths
@@ -86,93 +92,90 @@ class Trial:
         strength: of the arm's mismatch.
         arm: the randomized arm.
         strategy: its name in `STRATEGIES`.
-        tasks: of the protocol, within reach where that was searched.
-        held: targets that are held.
+        tasks: of the protocol.
+        targets: random targets that are held.
     """
 
     strength: float
     arm: ArmSpec
     strategy: str
     tasks: tuple[Task, ...]
-    held: tuple[Held, ...]
+    targets: tuple[TargetSequence, ...]
 
-    def to_run(self, seed: int) -> list[jobs.Job]:
-        """Its runs: the tasks, then what is held."""
+    def make_jobs(self, seed: int) -> list[jobs.Job]:
+        """Runs of the tasks, then of the targets."""
         strategy, recipe = STRATEGIES[self.strategy]
-        tasks = [*self.tasks, *(held.task for held in self.held)]
+        tasks = [*self.tasks, *(targets.task for targets in self.targets)]
         return jobs.jobs_for(
             tasks, self.arm, [strategy], [seed], recipe_named(recipe), AGED
         )
 
     def rows(self, runs: Sequence[jobs.Run]) -> list[Row]:
-        """Of these runs."""
+        """Rows of the runs of `make_jobs`, in their order."""
         count = len(self.tasks)
         rows = jobs.score_rows(EXPERIMENT, runs[:count]) if count else []
         rows += mean_rows(rows)
-        for run, held in zip(runs[count:], self.held, strict=True):
-            rows += held_rows(run, held)
+        for run, targets in zip(runs[count:], self.targets, strict=True):
+            rows += target_rows(run, targets)
         return [
             replace(row, strategy=self.strategy, paper_mean=None, paper_std=None)
             for row in rows
         ]
 
 
-def randomized_arms_rows(asked: Unknown, make: jobs.Make) -> list[Row]:
-    """Rows of every arm, and of the mean and the worst over the arms of a strength.
+def randomized_arms_rows(study: RandomizedArmsStudy, make: jobs.Make) -> list[Row]:
+    """Make rows of every arm, and of the mean and the worst over arms of a strength.
 
     Args:
-        asked: what is tried.
-        make: finds or makes targets, runs, networks and recordings.
+        study: arms, strategies and tasks.
+        make: loads or makes targets, runs, networks and recordings.
     """
-    trials = _trials(asked, make)
-    every = jobs.in_groups(make, [trial.to_run(asked.seed) for trial in trials])
-    rows = {trial: trial.rows(runs) for trial, runs in zip(trials, every, strict=True)}
-    summed = []
-    for strength in asked.strengths:
-        summed += over_arms(
-            [rows[trial] for trial in trials if trial.strength == strength], strength
-        )
-    return summed + [row for ofarm in rows.values() for row in ofarm]
-
-
-def held_rows(run: jobs.Run, held: Held) -> list[Row]:
-    """How far the tip is from targets at the end of their time, and, out of reach, how still.
-
-    Distances are beyond what the arm could do: out of reach the nearest it gets is
-    taken off.
-    """
-    rate = run.job.arm.control_rate
-    tips = run.episode.after("states")[:, -1, POSITION]
-    ends = np.cumsum(np.full(len(held.distances), len(tips) // len(held.distances))) - 1
-    far = (
-        position_errors(run.episode.after("states"), run.job.task.desired_positions())[
-            ends
+    trials = _trials(study, make)
+    runs = jobs.in_groups(make, [trial.make_jobs(study.seed) for trial in trials])
+    rows = [trial.rows(group) for trial, group in zip(trials, runs, strict=True)]
+    summary = []
+    for strength in study.strengths:
+        selected = [
+            group
+            for trial, group in zip(trials, rows, strict=True)
+            if trial.strength == strength
         ]
-        - 100 * held.distances
-    )
-    last = np.arange(-round(LAST * rate), 1)
-    moved = 100 * np.ptp(tips[ends[:, None] + last], axis=1)
-    values = {
-        ("distance", "cm"): ([far.mean()], [far.std()]),
-        ("distance, largest", "cm"): ([far.max()], []),
-        ("runaways", "of targets"): ([(far > RUNAWAY).mean()], []),
-        ("moved in the last second, largest", "cm"): (
-            [np.linalg.norm(moved, axis=-1).max()],
-            [],
-        ),
-    }
+        summary += over_arms(selected, strength)
+    return [*summary, *chain.from_iterable(rows)]
+
+
+def target_rows(run: jobs.Run, targets: TargetSequence) -> list[Row]:
+    """Rows of the tip's distance from held targets, and of its motion at the end.
+
+    Distances count from the arm's nearest possible position: for targets out of reach,
+    the smallest possible distance is subtracted.
+
+    Args:
+        run: of the targets' task.
+        targets: in the order in which they are held.
+    """
+    count = len(targets.distances)
+    states = run.episode.after("states")
+    tips = states[:, -1, POSITION]
+    ends = np.arange(1, count + 1) * (len(tips) // count) - 1
+    errors = position_errors(states, run.job.task.desired_positions())[ends]
+    excess = errors - 100 * targets.distances  # cm
+    still_steps = np.arange(-round(STILL_TIME * run.job.arm.control_rate), 1)
+    extents = 100 * np.ptp(tips[ends[:, None] + still_steps], axis=1)
+    motion = np.linalg.norm(extents, axis=-1)
     heading = jobs.Heading.of(EXPERIMENT, [run])
-    return [
-        heading.row(
-            run.task,
-            run.strategy,
-            metric,
-            unit,
-            *map(_floats, numbers),
-            **heading.modes,
-        )
-        for (metric, unit), numbers in values.items()
-    ]
+    rows = []
+
+    def add(metric: str, unit: str, value: float, spreads: Sequence[float] = ()):
+        values = [float(value)]
+        names = (run.task, run.strategy, metric, unit)
+        rows.append(heading.row(*names, values, spreads, **heading.modes))
+
+    add("distance", "cm", excess.mean(), [float(excess.std())])
+    add("distance, largest", "cm", excess.max())
+    add("runaways", "of targets", (excess > RUNAWAY).mean())
+    add("moved in the last second, largest", "cm", motion.max())
+    return rows
 
 
 def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
@@ -182,49 +185,50 @@ def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
         rows: of each trial at that strength.
         strength: of the arms' mismatch.
     """
-    found: dict[tuple[str, str, str], list[Row]] = {}
+    groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in chain.from_iterable(rows):
-        found.setdefault((row.task, row.strategy, row.metric), []).append(row)
-    summed = []
-    for word, chosen in (("mean", np.mean), ("worst", np.max)):
-        for alike in found.values():
-            named = f"{word} of {len(alike)} arms at {strength:g}"
-            told = replace(
-                alike[0],
-                arm=named,
+        groups.setdefault((row.task, row.strategy, row.metric), []).append(row)
+    summary = []
+    for word, reduce in (("mean", np.mean), ("worst", np.max)):
+        for group in groups.values():
+            row = replace(
+                group[0],
+                arm=f"{word} of {len(group)} arms at {strength:g}",
+                mean=float(reduce([row.mean for row in group])),
                 std_steps=None,
                 first_mode_hz=None,
                 damping_ratio=None,
             )
-            summed.append(
-                replace(told, mean=float(chosen([row.mean for row in alike])))
-            )
-    return summed
+            summary.append(row)
+    return summary
 
 
-def _trials(asked: Unknown, make: jobs.Make) -> list[Trial]:
-    """Every strategy on every arm, with what is asked of it."""
-    drawn = asked.drawn()
-    names = [asked.tasks if strength >= FAITHFUL else () for strength, _ in drawn]
-    held = ((asked.targets, False), (BEYOND, True)) if asked.targets else ()
-    sought: list[list[jobs.Artifact]] = [
-        [
-            *(ReachableTask(arm, name) for name in tasks),
-            *(HeldTargets(arm, *one) for one in held),
-        ]
-        for tasks, (_, arm) in zip(names, drawn, strict=True)
-    ]
+def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[Trial]:
+    """Every strategy on every arm, with the tasks and targets of the arm."""
+    randomized = study.randomized()
+    groups = [_target_artifacts(study, *pair) for pair in randomized]
     trials = []
-    for (strength, arm), tasks, found in zip(
-        drawn, names, jobs.in_groups(make, sought), strict=True
+    for (strength, arm), results in zip(
+        randomized, jobs.in_groups(make, groups), strict=True
     ):
-        ours = found[: len(tasks)] or [task_named(name, arm) for name in asked.tasks]
-        given = tuple(ours), tuple(found[len(tasks) :])
-        trials += [
-            Trial(strength, arm, strategy, *given) for strategy in asked.strategies
-        ]
+        count = len(study.tasks) if strength >= REACHABLE_FROM else 0
+        tasks = results[:count] or [load_task(name, arm) for name in study.tasks]
+        targets = tuple(results[count:])
+        for strategy in study.strategies:
+            trials.append(Trial(strength, arm, strategy, tuple(tasks), targets))
     return trials
 
 
-def _floats(values: Sequence) -> list[float]:
-    return [float(value) for value in values]
+def _target_artifacts(
+    study: RandomizedArmsStudy, strength: float, arm: ArmSpec
+) -> list[jobs.Artifact]:
+    """Tasks that are moved within reach, then targets within and out of reach."""
+    artifacts: list[jobs.Artifact] = []
+    if strength >= REACHABLE_FROM:
+        artifacts += [ReachableTask(arm, name) for name in study.tasks]
+    if study.targets:
+        artifacts.append(RandomTargets(arm, study.targets))
+        artifacts.append(
+            RandomTargets(arm, UNREACHABLE_COUNT, unreachable_waypoints=True)
+        )
+    return artifacts

@@ -1,15 +1,15 @@
-"""Forward models on recordings of arms that nobody here made, on honest splits.
+"""Forward models compared on recordings of real arms, with held-out data.
 
-Rows that are held out are whole blocks, the end of a recording, or other recordings;
-what cables remember is carried along the whole of it, as it is on the arm, and the
-truth of those rows is never shown.
+Held-out samples are whole blocks, the end of a recording, or other recordings. The
+hysteresis state follows the whole recording, as on the arm; the true states of held-out
+samples are hidden from training.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -41,65 +41,79 @@ MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
 
 
 @dataclass(frozen=True)
-class Held:
-    """What is held out of a recording.
+class Split:
+    """Held-out samples of a recording.
 
     Attributes:
         name: in the rows.
-        rows: which, shape (episodes, samples).
+        held_out: mask of these samples, shape (episodes, samples).
     """
 
     name: str
-    rows: Bool[np.ndarray, "episodes samples"]
+    held_out: Bool[np.ndarray, "episodes samples"]
 
 
-def blocks_of(recording: Recording, size: int) -> Held:
-    """Of every twenty blocks of so many rows the 7th, 14th and 20th, over all episodes in turn.
-
-    Raises:
-        RecordingError: it has too few.
-    """
-    rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
-    before = 0
-    for mine, length in zip(rows, recording.lengths, strict=True):
-        numbers = (before + np.arange(length)) // size
-        mine[:length] = np.isin(numbers % 20, HELD_OUT_BLOCKS)
-        before += length
-    if not rows.any():
-        raise RecordingError(
-            f"blocks of {size} rows hold nothing out of {before}; take smaller ones"
-        )
-    return Held(f"blocks of {size}", rows)
+def _no_samples(recording: Recording) -> np.ndarray:
+    return np.zeros((len(recording.episodes), max(recording.lengths)), bool)
 
 
-def last_of(recording: Recording, count: int) -> Held:
-    """The last rows of the last episode.
+def split_blocks(recording: Recording, size: int) -> Split:
+    """Hold out the 7th, 14th and 20th of every twenty blocks over all episodes.
+
+    Args:
+        recording: to split.
+        size: samples of a block.
 
     Raises:
-        RecordingError: it has not so many.
+        RecordingError: the recording has too few samples.
     """
-    if not 0 < count < recording.lengths[-1]:
+    held_out = _no_samples(recording)
+    total = 0
+    for row, length in zip(held_out, recording.lengths, strict=True):
+        blocks = (total + np.arange(length)) // size
+        row[:length] = np.isin(blocks % 20, HELD_OUT_BLOCKS)
+        total += length
+    if not held_out.any():
         raise RecordingError(
-            f"the last {count} rows asked for; the last episode has {recording.lengths[-1]}"
+            f"blocks of {size} rows hold nothing out of {total} rows; "
+            f"give a block of at most {total // (HELD_OUT_BLOCKS[0] + 1)} rows"
         )
-    rows = np.zeros((len(recording.episodes), max(recording.lengths)), bool)
-    rows[-1, recording.lengths[-1] - count : recording.lengths[-1]] = True
-    return Held(f"last {count}", rows)
+    return Split(f"blocks of {size}", held_out)
 
 
-class Asked(NamedTuple):
-    """What is held against what.
+def split_end(recording: Recording, count: int) -> Split:
+    """Hold out the last samples of the last episode.
+
+    Args:
+        recording: to split.
+        count: number of samples.
+
+    Raises:
+        RecordingError: the last episode has too few samples.
+    """
+    length = recording.lengths[-1]
+    if not 0 < count < length:
+        raise RecordingError(
+            f"cannot hold out the last {count} rows: the last episode has {length} "
+            f"rows; give 1 to {length - 1}"
+        )
+    held_out = _no_samples(recording)
+    held_out[-1, length - count : length] = True
+    return Split(f"last {count}", held_out)
+
+
+class RealComparison(NamedTuple):
+    """Recordings, splits and models to compare.
 
     Attributes:
-        recording: to learn from.
+        recording: to train on.
         splits: of it.
-        unseen: other recordings of the same arm, tried as a whole, by the names of
-            their files.
+        unseen: other recordings of the same arm, for tests only, by file path.
         models: names of `MODELS`.
     """
 
     recording: Recording
-    splits: tuple[Held, ...]
+    splits: tuple[Split, ...]
     unseen: dict[str, Recording]
     models: tuple[str, ...]
 
@@ -111,140 +125,150 @@ class Asked(NamedTuple):
         block: int,
         last: int,
         models: Sequence[str],
-    ) -> "Asked":
-        """From files.
+    ) -> "RealComparison":
+        """Load a comparison from files.
 
         Args:
-            recording: to learn from.
+            recording: to train on.
             unseen: other recordings.
-            block: rows of each block that is held out; none if zero.
-            last: rows at the end that are held out; none if zero.
+            block: samples of a block; 0 for no held-out blocks.
+            last: held-out samples at the end; 0 for none.
             models: names of `MODELS`; all if empty.
 
         Raises:
-            RecordingError: a recording that is none, or of another arm, or too short;
-                nothing to be tried on.
-            StrategyError: no such model.
+            RecordingError: a file is no recording, is of another arm, or is too short;
+                or nothing is held out.
+            StrategyError: a model is unknown.
         """
-        names = tuple(models) or tuple(MODELS)
-        whole = load_recording(recording)
-        if strange := [name for name in names if name not in MODELS]:
+        unknown = [name for name in models if name not in MODELS]
+        if unknown:
             raise StrategyError(
-                f"no model {', '.join(strange)} to compare; choose among {', '.join(MODELS)}"
+                f"unknown model {', '.join(unknown)}; choose among {', '.join(MODELS)}"
             )
-        others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
-        for name, other in others.items():
-            if _kind(other.arm) != _kind(whole.arm):
-                said = f"{name} is of {_kind(other.arm)}, {Path(recording).stem} of {_kind(whole.arm)}"
-                raise RecordingError(
-                    f"{said}; give recordings of one arm, imported --like the first"
-                )
         if min(block, last) < 0:
             raise RecordingError(
-                f"--block {block} and --last {last} asked for; say zero or more rows"
+                f"--block {block} and --last {last}: give zero or more rows"
             )
-        asked = ((blocks_of, block), (last_of, last))
-        splits = tuple(held_out(whole, count) for held_out, count in asked if count > 0)
-        if not (others or splits):
-            raise RecordingError(
-                f"--block {block} and --last {last} hold nothing out; say some, or --unseen RECORDING"
-            )
-        nothing = Held(
-            "nothing", np.zeros((len(whole.episodes), max(whole.lengths)), bool)
+        whole = load_recording(recording)
+        others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
+        for name, other in others.items():
+            _check_same_arm(name, other.arm, Path(recording).stem, whole.arm)
+        splits = []
+        if block:
+            splits.append(split_blocks(whole, block))
+        if last:
+            splits.append(split_end(whole, last))
+        if not splits:
+            if not others:
+                raise RecordingError(
+                    f"--block {block} and --last {last} hold nothing out; give a "
+                    "positive number, or --unseen RECORDING"
+                )
+            splits.append(Split("nothing", _no_samples(whole)))
+        return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))
+
+
+def _check_same_arm(
+    name: str, arm: ArmSpec, first_name: str, first_arm: ArmSpec
+) -> None:
+    if _description(arm) != _description(first_arm):
+        raise RecordingError(
+            f"{name} is of {_description(arm)}, {first_name} of "
+            f"{_description(first_arm)}; give recordings of one arm, imported --like "
+            "the first"
         )
-        return cls(whole, splits or (nothing,), others, names)
 
 
-def _kind(arm: ArmSpec) -> str:
-    return f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, {arm.actuation})"
+def _description(arm: ArmSpec) -> str:
+    return (
+        f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, "
+        f"{arm.actuation})"
+    )
 
 
 def real_rows(
-    asked: Asked, seeds: Sequence[int], progress: Callable[[str, int, int], None]
+    comparison: RealComparison,
+    seeds: Sequence[int],
+    progress: Callable[[str, int, int], None],
 ) -> list[Row]:
-    """Rows of every split and model.
+    """Make rows of every split and model.
 
     Args:
-        asked: what is tried.
+        comparison: recordings, splits and models.
         seeds: of training.
-        progress: told what, how many of how many.
+        progress: called with a label, the number done and the total.
     """
     rows: list[Row] = []
-    for number, (held, name) in enumerate(product(asked.splits, asked.models)):
-        progress("models", number, len(asked.splits) * len(asked.models))
-        unseen = asked.unseen if held is asked.splits[-1] else {}
-        rows += held_rows(asked.recording, held, [name], seeds, unseen)
+    pairs = list(product(comparison.splits, comparison.models))
+    for number, (split, name) in enumerate(pairs):
+        progress("models", number, len(pairs))
+        unseen = comparison.unseen if split is comparison.splits[-1] else {}
+        rows += split_rows(comparison.recording, split, [name], seeds, unseen)
     return rows
 
 
-def held_rows(
+def split_rows(
     recording: Recording,
-    held: Held,
+    split: Split,
     models: Sequence[str],
     seeds: Sequence[int],
     unseen: Mapping[str, Recording] | None = None,
 ) -> Iterator[Row]:
-    """Rows of one split, a model after the other: errors of the tip where it is known [mm].
+    """Make rows of one split, model by model: errors of the tip where it is known [mm].
 
     Args:
-        recording: to learn from.
-        held: what of it is held out.
+        recording: to train on.
+        split: its held-out samples.
         models: names of `MODELS`.
         seeds: of training.
-        unseen: other recordings of the same arm, tried as a whole, by name.
+        unseen: other recordings of the same arm, for tests only, by name.
     """
     data = training_data(recording, BEST)
     states = np.array(data.states)
-    states[held.rows] = np.nan
-    others = [
-        (name, training_data(other, BEST), None)
-        for name, other in (unseen or {}).items()
-    ]
-    tried = [(held.name, data, held.rows)] * bool(held.rows.any()) + others
+    states[split.held_out] = np.nan
+    training = replace(data, states=states)
+    tests: list[tuple[str, TrainingData, np.ndarray | None]] = []
+    if split.held_out.any():
+        tests.append((split.name, data, split.held_out))
+    for name, other in (unseen or {}).items():
+        tests.append((name, training_data(other, BEST), None))
     for name in models:
         options, fit = MODELS[name]
-        trained = [
-            options.train(
-                replace(data, states=states), fit, jax.random.key(seed)
-            ).network
-            for seed in seeds
+        networks = [
+            options.train(training, fit, jax.random.key(seed)).network for seed in seeds
         ]
-        for split, where, rows in tried:
-            errors = [_errors(options, network, where, rows) for network in trained]
-            yield from _as_rows(recording, split, name, errors, seeds)
+        for test_name, test_data, mask in tests:
+            errors = [
+                _tip_errors(options, network, test_data, mask) for network in networks
+            ]
+            yield from _error_rows(recording.arm.name, test_name, name, errors, seeds)
 
 
-def _errors(
-    options: ForwardOptions, network, data: TrainingData, rows: np.ndarray | None
+def _tip_errors(
+    options: ForwardOptions, network: Any, data: TrainingData, mask: np.ndarray | None
 ) -> np.ndarray:
-    """Distances of the tip from where it was said to be [mm]."""
-    said = options.answers(network, data)
-    distances = 1e3 * np.linalg.norm((said - data.states)[:, :, -1, POSITION], axis=-1)
-    counted = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
-    for mine, length in zip(counted, data.lengths or (), strict=False):
-        mine[length:] = False
-    return distances[counted if rows is None else counted & rows]
+    """Distances between predicted and known positions of the tip [mm]."""
+    errors = (options.answers(network, data) - data.states)[:, :, -1, POSITION]
+    known = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
+    for row, length in zip(known, data.lengths or (), strict=False):
+        row[length:] = False
+    if mask is not None:
+        known &= mask
+    return 1e3 * np.linalg.norm(errors, axis=-1)[known]
 
 
-MEASURES: dict[str, Callable[[np.ndarray], np.floating]] = {
-    "tip": np.mean,
-    "tip, rms": lambda errors: np.sqrt(np.mean(errors**2)),
-    "tip, 95 %": lambda errors: np.percentile(errors, 95),
-}
-
-
-def _as_rows(
-    recording: Recording,
-    split: str,
-    name: str,
-    errors: list[np.ndarray],
-    seeds: Sequence[int],
+def _error_rows(
+    arm: str, split: str, model: str, errors: list[np.ndarray], seeds: Sequence[int]
 ) -> list[Row]:
-    arm = recording.arm.name
-    heading = EXPERIMENT, f"{arm}, {split}", arm, "real", name, name
-    return [
-        Row(*heading, metric, "mm", seeds=tuple(seeds), **over_seeds(values, spreads))
-        for metric, measure in MEASURES.items()
-        for values in [[float(measure(one)) for one in errors]]
-        for spreads in [[float(one.std()) for one in errors] if metric == "tip" else []]
-    ]
+    rows = []
+
+    def add(metric: str, values: list, spreads: Sequence[float] = ()) -> None:
+        heading = (EXPERIMENT, f"{arm}, {split}", arm, "real", model, model)
+        statistics = over_seeds([float(value) for value in values], spreads)
+        rows.append(Row(*heading, metric, "mm", seeds=tuple(seeds), **statistics))
+
+    spreads = [float(each.std()) for each in errors]
+    add("tip", [each.mean() for each in errors], spreads)
+    add("tip, rms", [np.sqrt(np.mean(each**2)) for each in errors])
+    add("tip, 95 %", [np.percentile(each, 95) for each in errors])
+    return rows

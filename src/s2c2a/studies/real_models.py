@@ -1,5 +1,6 @@
-"""What forward models are compared with on real recordings: regression without structure, and arcs without data."""
+"""Reference models for real recordings: kernel regression, an LSTM, fitted PCC."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,45 +11,50 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.windows import forward_samples
-from s2c2a.kinematics import ForwardModel, bends_from_configurations
+from s2c2a.kinematics import bends_from_configurations
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.layers import LSTM
 from s2c2a.models.trunk import Trunk
 from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
 from s2c2a.training.trained import as_batch, known_error
 
-PLAYS = (0.02, 0.04, 0.08, 0.16)  # half-widths in parts of the largest displacement
-WIDTHS = (0.5, 1.0, 2.0, 4.0)
+PLAY_WIDTHS = (0.02, 0.04, 0.08, 0.16)  # fractions of the largest displacement
+KERNEL_WIDTHS = (0.5, 1.0, 2.0, 4.0)
 RIDGES = (1e-4, 1e-3, 1e-2)
 
 
-def moved_along(
+def cable_displacements(
     data: TrainingData,
 ) -> Float[np.ndarray, "episodes samples modules cables"]:
-    """Displacements of the cables over their radius [rad], as driven or as sensed bends say."""
+    """Displacements of the cables over their radius [rad], as commanded or sensed."""
     if data.displacements is not None:
         return data.displacements
-    return np.asarray(
-        Trunk.of(data.arm).displacements(jnp.asarray(data.sensed, jnp.float32))
-    )
+    sensed = jnp.asarray(data.sensed, jnp.float32)
+    return np.asarray(Trunk.of(data.arm).displacements(sensed))
 
 
-class _Regression(ForwardOptions):
-    """A model of what cables do, compared and never planned with."""
+def _without_curves(model: Any) -> Trained:
+    """A model that was not trained by epochs."""
+    return Trained(model, np.zeros((0, 3)), (np.nan, np.nan))
+
+
+class _ReferenceModel(ForwardOptions):
+    """A model for comparisons; it is neither saved nor used for planning."""
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ForwardModel:
-        """Nothing keeps one in a file."""
-        raise NotImplementedError(f"{type(self).__name__} is for comparisons alone")
+        """See `ForwardOptions`; raises, because no file holds such a model."""
+        raise NotImplementedError(f"{type(self).__name__} is for comparisons only")
 
 
 @dataclass(frozen=True)
-class KernelRegression(_Regression):
-    """Ridge regression with one Gaussian kernel, its width and ridge chosen on samples held out.
+class KernelRegression(_ReferenceModel):
+    """Ridge regression with a Gaussian kernel; validation chooses its width and ridge.
 
     Attributes:
-        plays: whether it sees what plays of four widths remember.
+        plays: also use the states of play operators with four widths as inputs.
     """
 
     plays: bool = True
@@ -59,9 +65,8 @@ class KernelRegression(_Regression):
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""
         inputs = self._inputs(data)
-        return model(inputs.reshape(-1, inputs.shape[-1])).reshape(
-            *inputs.shape[:2], -1, 6
-        )
+        states = model(inputs.reshape(-1, inputs.shape[-1]))
+        return states.reshape(*inputs.shape[:2], -1, 6)
 
     def train(
         self,
@@ -72,84 +77,79 @@ class KernelRegression(_Regression):
     ) -> Trained:
         """See `ForwardOptions`."""
         split = forward_samples(self._inputs(data), data.states, data.lengths)
-        parts = split.training, split.validation, split.test
-        x, y = zip(
-            *(
-                (
-                    part.inputs["configurations"],
-                    part.targets.reshape(len(part.targets), -1),
-                )
-                for part in parts
-            ),
-            strict=True,
-        )
-        tries = [(width, ridge) for width in WIDTHS for ridge in RIDGES]
-        best = min(
-            tries,
-            key=lambda one: float(
-                np.nanmean((_ridge(x[0], y[0], *one)(x[1]) - y[1]) ** 2)
-            ),
-        )
-        return Trained(
-            _ridge(np.concatenate(x), np.concatenate(y), *best),
-            np.zeros((0, 3)),
-            (np.nan, np.nan),
-        )
+        inputs = []
+        targets = []
+        for part in (split.training, split.validation, split.test):
+            inputs.append(part.inputs["configurations"])
+            targets.append(part.targets.reshape(len(part.targets), -1))
+        best = (np.inf, 0.0, 0.0)
+        for width in KERNEL_WIDTHS:
+            for ridge in RIDGES:
+                predict = _ridge_regression(inputs[0], targets[0], width, ridge)
+                error = float(np.nanmean((predict(inputs[1]) - targets[1]) ** 2))
+                best = min(best, (error, width, ridge), key=lambda trial: trial[0])
+        all_inputs = np.concatenate(inputs)
+        all_targets = np.concatenate(targets)
+        return _without_curves(_ridge_regression(all_inputs, all_targets, *best[1:]))
 
     def _inputs(self, data: TrainingData) -> np.ndarray:
-        moved = moved_along(data)
+        displacements = cable_displacements(data)
         if self.plays:
-            moved = _with_plays(moved, np.abs(moved).max())
-        return moved.reshape(*moved.shape[:2], -1)
+            displacements = _with_plays(displacements)
+        return displacements.reshape(*displacements.shape[:2], -1)
 
 
-def _with_plays(moved: np.ndarray, full: float) -> np.ndarray:
-    widths = jnp.asarray(PLAYS) * full
-    shape = moved.shape[2], len(PLAYS) + 2, moved.shape[3]
-    play = Hysteresis(
+def _with_plays(displacements: np.ndarray) -> np.ndarray:
+    """Displacements and the states of their play operators, along each episode."""
+    modules, cables = displacements.shape[2:]
+    widths = jnp.asarray(PLAY_WIDTHS) * np.abs(displacements).max()
+    operators = Hysteresis(
         Operators(widths, jnp.zeros(0)),
-        jnp.zeros(shape),
-        jnp.zeros((shape[0], 0, shape[2])),
+        jnp.zeros((modules, len(PLAY_WIDTHS) + 2, cables)),
+        jnp.zeros((modules, 0, cables)),
     )
 
+    def step(memory, row):
+        memory = operators.advance(row, memory)
+        return memory, jnp.concatenate([row[..., None, :], memory.plays], axis=-2)
+
     @jax.jit
-    def along(rows):
-        def step(memory, now):
-            after = play.advance(now, memory)
-            return after, jnp.concatenate([now[..., None, :], after.plays], axis=-2)
+    def scan(episode):
+        return jax.lax.scan(step, operators.start(episode[0]), episode)[1]
 
-        return jax.lax.scan(step, play.start(rows[0]), rows)[1]
-
-    return np.stack([along(jnp.asarray(one, jnp.float32)) for one in moved])
+    return np.stack([scan(jnp.asarray(each, jnp.float32)) for each in displacements])
 
 
-def _ridge(x: np.ndarray, y: np.ndarray, width: float, ridge: float) -> Any:
-    """A function of inputs; outputs that were never known stay so."""
-    whole = np.isfinite(y[:, np.isfinite(y).any(axis=0)]).all(axis=1)
-    x = x[whole]
-    y = y[whole]
-    center = x.mean(axis=0)
-    scale = np.maximum(x.std(axis=0), 1e-6)
-    mean = y.mean(axis=0)
-    points = (x - center) / scale
-    length = width * np.sqrt(x.shape[1])
+def _ridge_regression(
+    inputs: np.ndarray, targets: np.ndarray, width: float, ridge: float
+) -> Callable[[np.ndarray], np.ndarray]:
+    """A function from inputs to targets; NaN for targets that are never known."""
+    ever_known = np.isfinite(targets).any(axis=0)
+    complete = np.isfinite(targets[:, ever_known]).all(axis=1)
+    inputs = inputs[complete]
+    targets = targets[complete]
+    center = inputs.mean(axis=0)
+    scale = np.maximum(inputs.std(axis=0), 1e-6)
+    mean = targets.mean(axis=0)
+    points = (inputs - center) / scale
+    length = width * np.sqrt(inputs.shape[1])
 
-    def near(values: np.ndarray) -> np.ndarray:
-        squared = (
-            (values**2).sum(1)[:, None] + (points**2).sum(1) - 2.0 * values @ points.T
-        )
-        return np.exp(-squared / (2.0 * length**2))
+    def kernel(values: np.ndarray) -> np.ndarray:
+        squares = (values**2).sum(1)[:, None] + (points**2).sum(1)
+        distances = squares - 2.0 * values @ points.T
+        return np.exp(-distances / (2.0 * length**2))
 
-    weights = np.linalg.solve(near(points) + ridge * np.eye(len(points)), y - mean)
-    return lambda values: near((values - center) / scale) @ weights + mean
+    regularized = kernel(points) + ridge * np.eye(len(points))
+    weights = np.linalg.solve(regularized, targets - mean)
+    return lambda values: kernel((values - center) / scale) @ weights + mean
 
 
 @dataclass(frozen=True)
-class Recurrent(_Regression):
+class Recurrent(_ReferenceModel):
     """An LSTM over the last readings.
 
     Attributes:
-        steps: how many readings it sees.
+        steps: number of readings.
         hidden: units of each of two layers.
     """
 
@@ -161,10 +161,9 @@ class Recurrent(_Regression):
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""
-        windows = self._windows(data)
-        return np.stack(
-            [np.asarray(jax.jit(model)(jnp.asarray(one))) for one in windows]
-        ).reshape(data.states.shape)
+        predict = jax.jit(model)
+        states = [predict(jnp.asarray(episode)) for episode in self._windows(data)]
+        return np.stack(states).reshape(data.states.shape)
 
     def train(
         self,
@@ -174,42 +173,34 @@ class Recurrent(_Regression):
         progress: Progress = quiet,
     ) -> Trained:
         """See `ForwardOptions`."""
-        split, one, two = (
-            forward_samples(self._windows(data), data.states, data.lengths),
-            *jax.random.split(key),
-        )
-        scale = data.arm.length
-        network = LSTM(
-            self._windows(data).shape[-1], data.states[0, 0].size, 2, self.hidden, one
-        )
-        answer = lambda net, batch: net(batch["configurations"]).reshape(
-            batch["targets"].shape
-        )
+        windows = self._windows(data)
+        split = forward_samples(windows, data.states, data.lengths)
+        network_key, fit_key = jax.random.split(key)
+        outputs = data.states[0, 0].size
+        network = LSTM(windows.shape[-1], outputs, 2, self.hidden, network_key)
+
+        def predict(net: LSTM, batch: dict) -> Array:
+            return net(batch["configurations"]).reshape(batch["targets"].shape)
 
         def loss(net: LSTM, batch: dict, key: PRNGKeyArray | None) -> Array:
-            return jnp.mean(
-                (known_error(answer(net, batch), batch["targets"]) / scale) ** 2
-            )
+            errors = known_error(predict(net, batch), batch["targets"])
+            return jnp.mean((errors / data.arm.length) ** 2)
 
-        return train(network, loss, answer, split, fit, two, progress)
+        return train(network, loss, predict, split, fit, fit_key, progress)
 
     def _windows(self, data: TrainingData) -> np.ndarray:
-        """Oldest reading first; before an episode it stood as it began."""
-        moved = moved_along(data)
-        flat = moved.reshape(*moved.shape[:2], -1)
-        late = [
-            np.concatenate(
-                [np.repeat(flat[:, :1], age, axis=1), flat[:, : flat.shape[1] - age]],
-                axis=1,
-            )
-            for age in range(self.steps - 1, -1, -1)
-        ]
-        return np.stack(late, axis=2).astype(np.float32)
+        """The last readings, oldest first; the first one also stands for the past."""
+        displacements = cable_displacements(data)
+        samples = displacements.shape[1]
+        flat = displacements.reshape(*displacements.shape[:2], -1)
+        padded = np.pad(flat, ((0, 0), (self.steps - 1, 0), (0, 0)), mode="edge")
+        windows = [padded[:, age : age + samples] for age in range(self.steps)]
+        return np.stack(windows, axis=2).astype(np.float32)
 
 
 @dataclass(frozen=True)
-class FittedArcs(_Regression):
-    """Constant curvature with one gain a module, as `pcc-fitted`, and lengths; what the ends seen say best."""
+class FittedArcs(_ReferenceModel):
+    """Constant curvature with a gain and a length for each module, fitted to states."""
 
     model: str = field(default="fitted PCC", kw_only=True)
 
@@ -226,44 +217,37 @@ class FittedArcs(_Regression):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained:
-        """See `ForwardOptions`; least squares over all that is known."""
-        from scipy.optimize import least_squares
+        """See `ForwardOptions`; least squares over all known positions."""
+        from scipy.optimize import least_squares  # noqa: PLC0415  # heavy
 
         split = forward_samples(self._bends(data), data.states, data.lengths)
-        batches = [
-            as_batch(part) for part in (split.training, split.validation, split.test)
-        ]
+        parts = (split.training, split.validation, split.test)
+        batches = [as_batch(part) for part in parts]
         lengths = ArmGeometry.of(data.arm).lengths
 
-        def misses(numbers: np.ndarray) -> np.ndarray:
-            parts = (
-                known_error(
-                    _arcs(jnp.asarray(numbers, jnp.float32), one["configurations"]),
-                    one["targets"],
+        def residuals(parameters: np.ndarray) -> np.ndarray:
+            values = []
+            for batch in batches:
+                states = _arcs(
+                    jnp.asarray(parameters, jnp.float32), batch["configurations"]
                 )
-                for one in batches
-            )
-            return np.concatenate(
-                [np.asarray(part)[..., :3].reshape(-1) for part in parts]
-            ).astype(float)
+                errors = known_error(states, batch["targets"])
+                values.append(np.asarray(errors)[..., :3].reshape(-1))
+            return np.concatenate(values).astype(float)
 
-        found = least_squares(
-            misses,
-            np.concatenate([np.ones_like(lengths), lengths]),
-            diff_step=1e-3,
-            max_nfev=30,
-        )
-        return Trained(found.x, np.zeros((0, 3)), (np.nan, np.nan))
+        start = np.concatenate([np.ones_like(lengths), lengths])
+        result = least_squares(residuals, start, diff_step=1e-3, max_nfev=30)
+        return _without_curves(result.x)
 
     def _bends(self, data: TrainingData) -> np.ndarray:
-        return np.asarray(
-            bends_from_configurations(jnp.asarray(data.sensed, jnp.float32))
-        )
+        sensed = jnp.asarray(data.sensed, jnp.float32)
+        return np.asarray(bends_from_configurations(sensed))
 
 
 @jax.jit
-def _arcs(numbers: Array, bends: Array) -> Array:
+def _arcs(parameters: Array, bends: Array) -> Array:
+    """States of arcs; parameters are the gains, then the lengths of the modules."""
     modules = bends.shape[-2]
-    return states_from_arcs(
-        bends * numbers[:modules, None], numbers[modules:], jnp.zeros((modules, 3))
-    )
+    gains = parameters[:modules, None]
+    lengths = parameters[modules:]
+    return states_from_arcs(bends * gains, lengths, jnp.zeros((modules, 3)))

@@ -1,4 +1,4 @@
-"""What sensors are worth: sets of them beside encoders, under loads that nobody told of, on given and randomized arms."""
+"""Sensors compared: sets of them beside encoders, under unknown payloads."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,236 +9,208 @@ from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation import margins_of
+from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import Row, position_errors
-from s2c2a.robots import Body
+from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation.events import parse_events
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Watched, observer_of, recipe_named
+from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.studies.randomized_arms import over_arms
 
 EXPERIMENT = "sensors"
 CURRENT = {"current_noise": 0.15, "current_friction": 0.2}
 """Of a motor such as the XL330 on a pulley of 10 mm [N]."""
-SETS: dict[str, dict] = {
-    "encoders": {},
-    "bends": {"bends": True},
-    "imu": {"imu": Inertial()},
-    "current": {},
-    "camera": {"camera": Camera()},
-    "flex": {"flex": Flex()},
-    "motion-capture": {"camera": Camera(rate=10.0, delay=0.02, lost=0.0, sees="ends")},
-    "imu-current-camera": {"imu": Inertial(), "camera": Camera()},
+MOTION_CAPTURE = Camera(rate=10.0, delay=0.02, lost=0.0, sees="ends")
+SENSOR_SETS: dict[str, Sensors] = {
+    "encoders": Sensors(),
+    "bends": Sensors(bends=True),
+    "imu": Sensors(imu=Inertial()),
+    "current": Sensors(),
+    "camera": Sensors(camera=Camera()),
+    "flex": Sensors(flex=Flex()),
+    "motion-capture": Sensors(camera=MOTION_CAPTURE),
+    "imu-current-camera": Sensors(imu=Inertial(), camera=Camera()),
 }
-"""Name -> what is sensed beside encoders; `current` in a name is motors' currents."""
-TOLD = "encoders-told"
-"""Encoders, and the word how much hangs at the tip."""
-SETTLED = 20  # steps after which the tip's way counts
-STANDS = 0.01  # m; a target that goes no further
-LATE = 0.75  # of a run: what comes after is told by itself
+"""Sensors beside encoders; `current` in a name adds the motors' currents."""
+KNOWN_PAYLOAD = "encoders-known-payload"
+"""Encoders alone, and a strategy that knows the payload."""
+SETTLING_STEPS = 20  # after which the path length of the tip counts
+MIN_PATH = 0.01  # m; a target with a shorter path is at rest
+LAST_QUARTER = 0.75  # of a run; what follows is also scored on its own
 
 
 @dataclass(frozen=True)
-class Worth:
-    """What is tried.
+class SensorStudy:
+    """What is compared.
 
     Attributes:
-        arms: that sense.
-        sets: names of `SETS`, or `TOLD`.
-        loads: [kg].
+        arms: that carry the sensors.
+        sets: names in `SENSOR_SETS`, or `KNOWN_PAYLOAD`.
+        payloads: at the tip [kg].
         tasks: names.
         seeds: of data, training and start.
-        strength: of randomized arms' mismatch, for the rows.
-        happens: while the arm works (`robots.simulation.events`).
+        strength: of the randomized arms' mismatch, for the rows.
+        events: during every run (`robots.simulation.events`).
     """
 
     arms: tuple[ArmSpec, ...]
     sets: tuple[str, ...]
-    loads: tuple[float, ...]
+    payloads: tuple[float, ...]
     tasks: tuple[str, ...]
     seeds: tuple[int, ...]
     strength: float = 0.0
-    happens: str = ""
+    events: str = ""
 
     def __post_init__(self):
-        """Refuse what cannot be tried."""
-        parse_events(self.happens)
-        if unknown := set(self.sets) - {*SETS, TOLD}:
+        """Refuse unknown sets and empty studies."""
+        parse_events(self.events)
+        valid = (*SENSOR_SETS, KNOWN_PAYLOAD)
+        for name in self.sets:
+            if name not in valid:
+                raise S2C2AError(
+                    f"no set of sensors '{name}'; choose among {', '.join(valid)}"
+                )
+        axes = (self.arms, self.sets, self.payloads, self.tasks, self.seeds)
+        if not all(axes):
             raise S2C2AError(
-                f"no set of sensors '{min(unknown)}'; choose among {', '.join((*SETS, TOLD))}"
-            )
-        if not (self.arms and self.sets and self.loads and self.tasks and self.seeds):
-            raise S2C2AError(
-                "nothing to try; name at least one arm, set, load, task and seed"
+                "nothing to compare; give at least one arm, set, payload, task and seed"
             )
 
 
-def arms_of(base: ArmSpec, drawn: int, strength: float) -> tuple[ArmSpec, ...]:
-    """A given arm, or so many drawn ones."""
-    return tuple(randomized_arm(base, seed, strength) for seed in range(drawn)) or (
-        base,
-    )
+@dataclass(frozen=True)
+class Case:
+    """One cell of the study.
+
+    Attributes:
+        arm: without sensors.
+        sensors: name of their set.
+        payload: at the tip [kg].
+    """
+
+    arm: ArmSpec
+    sensors: str
+    payload: float
 
 
-def sensing(arm: ArmSpec, name: str) -> ArmSpec:
+def randomized_arms(base: ArmSpec, count: int, strength: float) -> tuple[ArmSpec, ...]:
+    """So many randomized arms; the given arm for none."""
+    arms = [randomized_arm(base, seed, strength) for seed in range(count)]
+    return tuple(arms) or (base,)
+
+
+def with_sensors(arm: ArmSpec, name: str) -> ArmSpec:
     """An arm with a set of sensors."""
-    motor = arm.motor.model_copy(
-        update=CURRENT if "current" in name else {"current_noise": None}
-    )
-    return arm.model_copy(
-        update={"sensors": Sensors(**SETS.get(name, {})), "motor": motor}
-    )
+    currents = CURRENT if "current" in name else {"current_noise": None}
+    sensors = SENSOR_SETS.get(name, Sensors())
+    motor = arm.motor.model_copy(update=currents)
+    return arm.model_copy(update={"sensors": sensors, "motor": motor})
 
 
-def sensors_rows(asked: Worth, make: jobs.Make) -> list[Row]:
-    """Rows of every arm, set, load and task, and margins of every loop.
+def sensor_rows(study: SensorStudy, make: jobs.Make) -> list[Row]:
+    """Result rows of every case; of several arms, also their mean.
 
     Args:
-        asked: what is tried.
+        study: what is compared.
         make: finds or makes runs, networks and recordings.
     """
-    tried = [
-        (arm, name, load)
-        for arm in asked.arms
-        for name in asked.sets
-        for load in asked.loads
+    cases = [
+        Case(arm, name, payload)
+        for arm in study.arms
+        for name in study.sets
+        for payload in study.payloads
     ]
-    every = jobs.in_groups(make, [_jobs(asked, *one) for one in tried])
-    found = {
-        one: _rows(runs, _said(asked, *one[1:]))
-        for one, runs in zip(tried, every, strict=True)
-    }
-    rows = [row for ofone in found.values() for row in ofone]
-    if len(asked.arms) == 1:
+    runs_of_cases = jobs.in_groups(make, [_jobs(study, case) for case in cases])
+    rows_of_arms: dict[str, list[Row]] = {}
+    for case, runs in zip(cases, runs_of_cases, strict=True):
+        rows = _rows(runs, _label(study, case))
+        rows_of_arms.setdefault(case.arm.name, []).extend(rows)
+    rows = [row for group in rows_of_arms.values() for row in group]
+    if len(study.arms) == 1:
         return rows
-    by_arm = [
-        [row for one, ofone in found.items() if one[0] is arm for row in ofone]
-        for arm in asked.arms
-    ]
-    return over_arms(by_arm, asked.strength) + rows
+    return over_arms(list(rows_of_arms.values()), study.strength) + rows
 
 
-def margin_rows(asked: Worth, make: jobs.Make) -> list[Row]:
-    """Margins of every loop, with networks of the first seed."""
-    recipe = recipe_named("best")
-    rows = []
-    for arm in asked.arms:
-        for name in asked.sets:
-            if name in (TOLD, "encoders"):
-                continue
-            sensed = sensing(arm, name)
-            networks = make(
-                [
-                    jobs.NetworksArtifact(
-                        recipe.learned_on(sensed), recipe, asked.seeds[0]
-                    )
-                ]
-            )[0]
-            margins = margins_of(sensed, observer_of(replace(networks, arm=sensed)))
-            for metric, value, unit in (
-                ("gain", margins.gain, "times"),
-                ("delay", margins.delay, "steps"),
-            ):
-                where = "response", "margins", arm.name, "fast", name, recipe.name
-                rows.append(
-                    Row(*where, metric, unit, float(value), seeds=asked.seeds[:1])
-                )
-    return rows
-
-
-def errors_of(rows: Sequence[Row], arm: str, task: str) -> dict[str, dict[str, float]]:
-    """Errors of the tip [cm], by set of sensors and by what hangs there and happens."""
+def errors_by_set(
+    rows: Sequence[Row], arm: str, task: str
+) -> dict[str, dict[str, float]]:
+    """Mean position errors [cm], by set of sensors, then by payload and events."""
     errors: dict[str, dict[str, float]] = {}
     for row in rows:
-        if (row.experiment, row.arm, row.task, row.metric) == (
-            EXPERIMENT,
-            arm,
-            task,
-            "position",
-        ):
-            name, under = row.strategy.split(", ", 1)
-            errors.setdefault(name, {})[under] = row.mean
+        is_error = row.experiment == EXPERIMENT and row.metric == "position"
+        if is_error and row.arm == arm and row.task == task:
+            name, condition = row.strategy.split(", ", 1)
+            errors.setdefault(name, {})[condition] = row.mean
     return errors
 
 
-def _jobs(asked: Worth, arm: ArmSpec, name: str, load: float) -> list[jobs.Job]:
-    watched = Watched(load if name == TOLD else 0.0)
-    under = jobs.Conditions(
-        Body.simulation(payload=load, happens=asked.happens), watched=watched
-    )
+def _jobs(study: SensorStudy, case: Case) -> list[jobs.Job]:
+    known = case.payload if case.sensors == KNOWN_PAYLOAD else 0.0
+    robot = RobotFactory.simulation(payload=case.payload, events=study.events)
+    run = RunOptions(estimation=EstimationSettings(known_payload=known))
     return jobs.jobs_for(
-        asked.tasks,
-        sensing(arm, name),
+        study.tasks,
+        with_sensors(case.arm, case.sensors),
         ["s2c2a"],
-        asked.seeds,
+        study.seeds,
         recipe_named("best"),
-        under,
+        jobs.Conditions(robot, run),
     )
 
 
-def _said(asked: Worth, name: str, load: float) -> str:
-    """In place of the strategy's name."""
-    return ", ".join(
-        [name, f"{1000 * load:g} g", *[asked.happens] * bool(asked.happens)]
-    )
+def _label(study: SensorStudy, case: Case) -> str:
+    """What stands in place of the strategy's name."""
+    label = f"{case.sensors}, {1000 * case.payload:g} g"
+    return f"{label}, {study.events}" if study.events else label
 
 
-def _rows(runs: Sequence[jobs.Run], said: str) -> list[Row]:
-    """Scores, how much further than its target the tip went, and both of the end alone."""
+def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
+    """Scores, relative path length of the tip, and both in the last quarter."""
     rows = jobs.score_rows(EXPERIMENT, runs)
     for task in dict.fromkeys(run.task for run in runs):
-        ours = [run for run in runs if run.task == task]
-        heading = jobs.Heading.of(EXPERIMENT, ours)
-        late = [int(LATE * _steps(run)) for run in ours]
-        found = {
-            ("way", "times"): [_way(run, SETTLED) for run in ours],
-            ("way, last quarter", "times"): [
-                _way(run, first) for run, first in zip(ours, late, strict=True)
+        task_runs = [run for run in runs if run.task == task]
+        heading = jobs.Heading.of(EXPERIMENT, task_runs)
+        metrics = {
+            ("path length", "times"): [
+                _relative_path_length(run, SETTLING_STEPS) for run in task_runs
+            ],
+            ("path length, last quarter", "times"): [
+                _relative_path_length(run, _last_quarter(run)) for run in task_runs
             ],
             ("position, last quarter", "cm"): [
-                _off(run, first) for run, first in zip(ours, late, strict=True)
+                _mean_error(run, _last_quarter(run)) for run in task_runs
             ],
         }
-        told = {
-            metric: values
-            for metric, values in found.items()
-            if np.isfinite(values).all()
-        }
-        rows += [
-            heading.row(task, "s2c2a", *metric, values, [])
-            for metric, values in told.items()
-        ]
+        for (metric, unit), values in metrics.items():
+            if np.isfinite(values).all():
+                rows.append(heading.row(task, "s2c2a", metric, unit, values, []))
     return [
-        replace(row, strategy=said, paper_mean=None, paper_std=None) for row in rows
+        replace(row, strategy=label, paper_mean=None, paper_std=None) for row in rows
     ]
 
 
-def _steps(run: jobs.Run) -> int:
-    return len(run.job.task.desired_positions())
+def _last_quarter(run: jobs.Run) -> int:
+    """The first step of the last quarter."""
+    return int(LAST_QUARTER * len(run.job.task.desired_positions()))
 
 
-def _off(run: jobs.Run, first: int) -> float:
-    """Of the tip from its target, from a step on [cm]; NaN where it has none."""
-    errors = position_errors(
-        run.episode.after("states"), run.job.task.desired_positions()
-    )[first:]
-    return (
-        float(errors[np.isfinite(errors)].mean())
-        if np.isfinite(errors).any()
-        else np.nan
-    )
+def _mean_error(run: jobs.Run, first: int) -> float:
+    """Mean distance of the tip from its target, from a step on [cm]; NaN without one."""
+    states = run.episode.after("states")
+    errors = position_errors(states, run.job.task.desired_positions())[first:]
+    errors = errors[np.isfinite(errors)]
+    return float(errors.mean()) if len(errors) else np.nan
 
 
-def _way(run: jobs.Run, first: int) -> float:
-    """Of the tip, over that of its target, from a step on; NaN where that stands."""
+def _relative_path_length(run: jobs.Run, first: int) -> float:
+    """Path length of the tip over that of its target; NaN for a target at rest."""
     desired = run.job.task.desired_positions()[:, -1]
     tip = run.episode.after("states")[: len(desired), -1, POSITION]
-    ways = [
-        np.linalg.norm(np.diff(path[first:], axis=0), axis=-1)
-        for path in (tip, desired)
-    ]
-    return (
-        float(np.nansum(ways[0]) / np.nansum(ways[1]))
-        if np.nansum(ways[1]) > STANDS
-        else np.nan
-    )
+    desired_length = _path_length(desired[first:])
+    if desired_length <= MIN_PATH:
+        return np.nan
+    return _path_length(tip[first:]) / desired_length
+
+
+def _path_length(positions: np.ndarray) -> float:
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
+    return float(np.nansum(steps))

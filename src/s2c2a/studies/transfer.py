@@ -1,16 +1,16 @@
-"""What networks of one arm are worth to another of the same make: other mismatch, and other module counts.
+"""Transfer of networks between arms of one kind: other mismatch, other module counts.
 
-Arms are drawn; each learns from a whole recording, from a short one, and from a short
-one and the networks of another. Recordings are of arms when they are young, runs of the
-same arms aged (docs/protocol.md).
+Each randomized arm learns from a whole recording, from a short one, and from a short
+one or none with the networks of another arm as the starting point. Recordings come from
+new arms, runs from the same arms aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from s2c2a import jobs
-from s2c2a.arm import ArmSpec, randomized_arm
+from s2c2a.arm import ArmSpec, Module, randomized_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row
@@ -26,18 +26,22 @@ FULL = "whole recording"
 SCRATCH = "from scratch"
 ANOTHER = "from another"
 NOTHING = "nothing recorded"
+METHODS = (FULL, SCRATCH, ANOTHER, NOTHING)
+
+ArmPair = tuple[ArmSpec, ArmSpec]
+"""The new arm, and the arm whose networks it starts from."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """What is tried.
+    """Arms and tasks of the study.
 
     Attributes:
-        base: whose mismatch are drawn.
-        drawn: seeds of arms, each of which begins from the networks of the next.
-        counts: of modules, of arms that are learned from, and that begin.
+        base: the arm whose mismatch is randomized.
+        drawn: seeds of arms, each of which starts from the networks of the next.
+        counts: modules of the arm with networks, and of the new arm.
         halves: seeds of arms of either count.
-        strength: of mismatch.
+        strength: of the mismatch.
         tasks: names.
         samples: of a short recording.
         seed: of data, training and start.
@@ -53,27 +57,27 @@ class Transfer:
     seed: int = 0
 
     def __post_init__(self):
-        """Refuse what cannot be tried."""
+        """Validate the options."""
         if len(self.drawn) == 1 or not self.tasks or self.samples < EPISODE:
             raise S2C2AError(
-                f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} samples asked for; take two arms "
-                f"or more, or none, at least a task, and {EPISODE} samples"
+                f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} "
+                "samples; give no arm or at least two, at least one task, and at "
+                f"least {EPISODE} samples"
             )
 
     @property
     def short(self) -> CollectOptions:
-        """How a short recording is collected: every module by itself, for there is no time for stages."""
-        return CollectOptions(
-            "motor", self.samples // EPISODE, EPISODE, self.seed, BEST.speeds
-        )
+        """Options of a short recording: motor babbling, as stages need more samples."""
+        episodes = self.samples // EPISODE
+        return CollectOptions("motor", episodes, EPISODE, self.seed, BEST.speeds)
 
-    def pairs(self) -> list[tuple[ArmSpec, ArmSpec]]:
-        """Arms that begin, and whose networks they begin from."""
-        drawn = [randomized_arm(self.base, seed, self.strength) for seed in self.drawn]
-        return list(zip(drawn, drawn[1:] + drawn[:1], strict=True))
+    def pairs(self) -> list[ArmPair]:
+        """Arms of the same module count."""
+        arms = [randomized_arm(self.base, seed, self.strength) for seed in self.drawn]
+        return list(zip(arms, arms[1:] + arms[:1], strict=True))
 
-    def longer(self) -> list[tuple[ArmSpec, ArmSpec]]:
-        """The same of other module counts."""
+    def longer(self) -> list[ArmPair]:
+        """Arms of other module counts."""
         old, new = (of_halves(self.base, count) for count in self.counts)
         return [
             (
@@ -85,109 +89,112 @@ class Transfer:
 
 
 def of_halves(arm: ArmSpec, count: int) -> ArmSpec:
-    """So many modules of half the length and mass of an arm's, cables as along it: six stand where three do."""
-    places = same_places(arm.module_count, count)
-    modules = []
-    for number, place in enumerate(places):
-        cable = {
-            key: round(
-                float(place @ [getattr(one.cable, key) for one in arm.modules]), 6
-            )
-            for key in ("stiffness", "play")
-        }
-        half = arm.modules[number % 2]
-        changes = {
-            "length": half.length / 2,
-            "mass": half.mass / 2,
-            "bend_limit_deg": HALF_BEND_DEG,
-        }
-        modules.append(
-            half.model_copy(
-                update=changes | {"cable": half.cable.model_copy(update=cable)}
-            )
-        )
-    about = f"{count} modules of half the twin's length"
-    return arm.model_copy(
-        update={
-            "name": f"half_{count}",
-            "description": about,
-            "modules": tuple(modules),
-        }
-    )
-
-
-def transfer_rows(asked: Transfer, make: jobs.Make) -> list[Row]:
-    """Rows of every arm and way to learn, of means and the worst over arms, and of how much that is over the whole's.
+    """An arm of modules with half the length and mass, so that six replace three.
 
     Args:
-        asked: what is tried.
-        make: finds or makes runs, networks and recordings.
+        arm: gives modules, and cable properties along the arm.
+        count: of half modules.
+    """
+    modules = []
+    for number, weights in enumerate(same_places(arm.module_count, count)):
+        cable = {}
+        for key in ("stiffness", "backlash"):
+            values = [getattr(module.cable, key) for module in arm.modules]
+            cable[key] = round(float(weights @ values), 6)
+        modules.append(_half(arm.modules[number % 2], cable))
+    update = {
+        "name": f"half_{count}",
+        "description": f"{count} modules of half the twin's length",
+        "modules": tuple(modules),
+    }
+    return arm.model_copy(update=update)
+
+
+def _half(module: Module, cable: dict[str, float]) -> Module:
+    update = {
+        "length": module.length / 2,
+        "mass": module.mass / 2,
+        "bend_limit_deg": HALF_BEND_DEG,
+        "cable": module.cable.model_copy(update=cable),
+    }
+    return module.model_copy(update=update)
+
+
+def transfer_rows(study: Transfer, make: jobs.Make) -> list[Row]:
+    """Make rows of every arm and method, their means and worst, and their ratios.
+
+    Args:
+        study: arms and tasks.
+        make: loads or makes runs, networks and recordings.
     """
     rows = []
-    for pairs in (asked.pairs(), asked.longer()):
-        tried = [
-            (pair, way) for pair in pairs for way in (FULL, SCRATCH, ANOTHER, NOTHING)
+    for pairs in (study.pairs(), study.longer()):
+        rows_of_arms = _rows_of_arms(study, pairs, make)
+        if not rows_of_arms:
+            continue
+        modules = f"{pairs[0][0].module_count} modules"
+        summary = [
+            replace(row, arm=f"{row.arm}, {modules}")
+            for row in over_arms(rows_of_arms, study.strength)
         ]
-        # all side by side
-        make(
-            [
-                job
-                for pair, way in tried
-                if way != SCRATCH
-                for job in _jobs(asked, *pair, way)
-            ]
-        )
-        every = [
-            _made(make, _jobs(asked, *pair, way), may_fail=way == SCRATCH)
-            for pair, way in tried
-        ]
-        found = [
-            _named(jobs.score_rows(EXPERIMENT, runs), way)
-            for (_, way), runs in zip(tried, every, strict=True)
-            if runs
-        ]
-        if found:
-            summed = [
-                replace(row, arm=f"{row.arm}, {pairs[0][0].module_count} modules")
-                for row in over_arms(found, asked.strength)
-            ]
-            rows += ratios(summed) + summed + [row for one in found for row in one]
+        rows += ratios(summary) + summary + list(chain.from_iterable(rows_of_arms))
     return rows
 
 
-def _made(make: jobs.Make, asked: Sequence[jobs.Job], may_fail: bool) -> list[jobs.Run]:
-    """Runs; none where so few samples could not be learned from."""
-    with suppress(S2C2AError) if may_fail else nullcontext():
-        return make(asked)
-    return []
+def _rows_of_arms(
+    study: Transfer, pairs: Sequence[ArmPair], make: jobs.Make
+) -> list[list[Row]]:
+    """Rows of each pair and method; none where training from scratch fails."""
+    groups = [
+        (method, _jobs(study, pair, method)) for pair in pairs for method in METHODS
+    ]
+    # first all runs that must succeed, together, so that they can run in parallel
+    make([job for method, group in groups if method != SCRATCH for job in group])
+    rows = []
+    for method, group in groups:
+        try:
+            runs = make(group)
+        except S2C2AError:
+            if method != SCRATCH:
+                raise
+            continue  # too few samples to train from scratch
+        scores = jobs.score_rows(EXPERIMENT, runs)
+        rows.append(
+            [
+                replace(row, strategy=method, paper_mean=None, paper_std=None)
+                for row in scores
+            ]
+        )
+    return rows
 
 
 def ratios(rows: Sequence[Row]) -> list[Row]:
-    """Errors over those of a whole recording."""
-    whole = {
+    """Mean errors of each method, divided by those with a whole recording."""
+    references = {
         (row.arm, row.task, row.metric): row.mean
         for row in rows
         if row.strategy == FULL
     }
-    return [
-        replace(row, unit="times", mean=row.mean / whole[of])
-        for row in rows
-        if row.strategy != FULL
-        and row.arm.startswith("mean")
-        and (of := (row.arm, row.task, row.metric)) in whole
-    ]
+    ratio_rows = []
+    for row in rows:
+        reference = references.get((row.arm, row.task, row.metric))
+        averaged = row.arm.startswith("mean")
+        if row.strategy != FULL and averaged and reference is not None:
+            ratio_rows.append(replace(row, unit="times", mean=row.mean / reference))
+    return ratio_rows
 
 
-def _jobs(asked: Transfer, arm: ArmSpec, other: ArmSpec, way: str) -> list[jobs.Job]:
-    """Runs of one arm."""
-    given = None
-    start = jobs.NetworksArtifact(BEST.felt(other), BEST, asked.seed)
-    if way != FULL:
-        begun = None if way == SCRATCH else start
-        options = None if way == NOTHING else asked.short
-        given = jobs.BegunNetworks(BEST.felt(arm), BEST, asked.seed, begun, options)
-    return jobs.jobs_for(asked.tasks, arm, ["s2c2a"], [asked.seed], BEST, AGED, given)
-
-
-def _named(rows: Sequence[Row], way: str) -> list[Row]:
-    return [replace(row, strategy=way, paper_mean=None, paper_std=None) for row in rows]
+def _jobs(study: Transfer, pair: ArmPair, method: str) -> list[jobs.Job]:
+    """Runs of one arm with the networks of one method."""
+    arm, other = pair
+    weights = None
+    if method != FULL:
+        start = jobs.NetworksArtifact(BEST.planning_arm(other), BEST, study.seed)
+        weights = jobs.TransferredNetworks(
+            BEST.planning_arm(arm),
+            BEST,
+            study.seed,
+            None if method == SCRATCH else start,
+            None if method == NOTHING else study.short,
+        )
+    return jobs.jobs_for(study.tasks, arm, ["s2c2a"], [study.seed], BEST, AGED, weights)

@@ -1,12 +1,13 @@
-"""What an arm really reaches, searched on its own simulated body at rest, mismatch and age and all (docs/protocol.md).
+"""The true reach of an arm: a search over resting shapes of its simulation.
 
-What depends on the past is left out: the arm is taken as one that follows its motors at
-once. In its place the motors' range is made smaller by as much as backlash, friction and
-homing can take of it.
+The simulated arm has its mismatch and its age, but no memory (docs/protocol.md): its
+cables follow the motors at once. Instead, the range of the motors is reduced by the
+most that backlash, friction and homing errors can take.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 import mujoco
 import numpy as np
@@ -20,62 +21,60 @@ from s2c2a.robots.simulation import FIDELITIES
 from s2c2a.robots.simulation.chain import build_model
 from s2c2a.spaces import AXIS, POSITION, States
 
-Shares = Float[np.ndarray, "*batch modules 2"]
+NormalizedActions = Float[np.ndarray, "*batch modules 2"]
+"""Actions as fractions of their range, vectors in the unit disc of each module."""
 
-# s, near to critical
-DAMPING_TIME = 0.3
-TIME_STEP = 0.02
-# from straight to rest, and from one shape to a near one
-STEPS = 300
-STEPS_NEARBY = 80
-AT_ONCE = 64  # arms that settle in one call
-HOMING = 2.0  # standard deviations
-# of a search: most iterations, finite differences, least gain [m]
-TRIES = 12
-PROBE = 0.02
-ENOUGH = 2e-5
-# steps tried: damped, and random ones
-DAMPINGS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-LUCK = (0.01, 0.02, 0.03, 0.05, 0.1)
-# actions that are known, and how many of them a search begins from
-SAMPLES = 512
-STARTS = 3
+DAMPING_TIME = 0.3  # s; near critical damping
+TIME_STEP = 0.02  # s
+SETTLING_STEPS = 300  # from the straight arm to rest
+NEARBY_SETTLING_STEPS = 80  # from one shape to a near one
+BATCH_SIZE = 64  # simulations in one call
+HOMING_MARGIN = 2.0  # standard deviations of the homing error
+
+SAMPLES = 512  # random actions whose resting shapes are known
+STARTS = 3  # best samples from which a search starts
+MAX_ITERATIONS = 12
+FINITE_DIFFERENCE = 0.02
+SMALLEST_GAIN = 2e-5  # m; a search stops at an iteration that gains less
+DAMPINGS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # of the least-squares steps tried
+RANDOM_STEPS = (0.01, 0.02, 0.03, 0.05, 0.1)  # sizes of the random steps tried
+AXIS_LENGTH = 0.1  # of the arm's length; converts an axis error of 1 rad to meters
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-AXIS_LENGTH = 0.1  # of the arm: what an error of one radian counts for
+_by_error = attrgetter("error")
 
 
 @dataclass(frozen=True)
-class Reached:
-    """How near the arm gets to a goal.
+class RestingShape:
+    """A resting shape and its distance from a goal.
 
     Attributes:
-        shares: of the range of its actions, shape (modules, 2).
-        states: there, shape (modules, 6).
-        physics: of the simulation there.
-        miss: length of what is missing, with axes counted by `AXIS_LENGTH` [m].
+        actions: normalized actions, shape (modules, 2).
+        states: of the module ends, base frame, shape (modules, 6).
+        physics: MuJoCo state.
+        error: norm of position and axis errors, the latter scaled by `AXIS_LENGTH` [m].
     """
 
-    shares: Shares
+    actions: NormalizedActions
     states: States
     physics: np.ndarray
-    miss: float
+    error: float
 
 
 class TrueReach:
-    """Searches an arm's resting shapes.
+    """Search over the resting shapes of an arm.
 
     Args:
         arm: with its mismatch.
-        seed: of the actions that searches begin from.
-        aged: how far the arm has drifted.
+        seed: of the random actions.
+        aged: how far the arm has drifted, from 0 to 1.
     """
 
     def __init__(self, arm: ArmSpec, seed: int = 0, aged: float = 1.0):
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
         self._seed = seed
-        self._kept = 1.0 - aged * per_module(arm, "mismatch.drift")[:, None]
-        self.most = usable_shares(arm)
+        self._drift_gain = 1.0 - aged * per_module(arm, "mismatch.drift")[:, None]
+        self.usable_range = usable_range(arm)
         self._model = build_model(_without_memory(arm), FIDELITIES["fast"])
         self._model.opt.timestep = TIME_STEP
         self._data = mujoco.MjData(self._model)
@@ -84,65 +83,75 @@ class TrueReach:
             self._model.site(f"end_{module}").id for module in range(arm.module_count)
         ]
 
-    def states(self, shares: Shares) -> States:
-        """Where the arm rests, shape (batch, modules, 6).
+    def states(self, actions: NormalizedActions) -> States:
+        """States at rest, base frame, shape (batch, modules, 6).
 
         Args:
-            shares: of the range of its actions, shape (batch, modules, 2).
+            actions: normalized actions, shape (batch, modules, 2).
         """
-        return self._settled(shares)[0]
+        return self._settle(actions)[0]
 
-    def random_shares(self, count: int, random: np.random.Generator) -> Shares:
-        """So many within what surely arrives, evenly in the disc of every module."""
-        turns, sizes = random.uniform(0, 2 * np.pi, (2, count, len(self.most)))
-        sizes = self.most * np.sqrt(sizes / (2 * np.pi))
-        return np.stack([sizes * np.cos(turns), sizes * np.sin(turns)], axis=-1)
-
-    def nearest(self, goal: Goal, near: Reached | None = None) -> Reached:
-        """The resting shape nearest to a goal, as far as a local search finds it.
+    def random_actions(
+        self, count: int, random: np.random.Generator
+    ) -> NormalizedActions:
+        """Actions sampled uniformly in the disc of each module's usable range.
 
         Args:
-            goal: one; its obstacles do not count.
-            near: begin here too, such as at the shape for the goal before.
+            count: number of samples.
+            random: generator.
         """
-        known = sorted((self._missed(one, goal) for one in self._known), key=_by_miss)[
-            :STARTS
-        ]
-        starts = [*known, self._missed(near, goal)] if near else known
-        return min((self._descended(one, goal) for one in starts), key=_by_miss)
+        shape = (2, count, len(self.usable_range))
+        angles, squares = random.uniform(0, 2 * np.pi, shape)
+        radii = self.usable_range * np.sqrt(squares / (2 * np.pi))
+        return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
+
+    def nearest(self, goal: Goal, start: RestingShape | None = None) -> RestingShape:
+        """The resting shape nearest to a goal that a local search finds.
+
+        Args:
+            goal: one goal; its obstacles do not count.
+            start: an additional start, such as the shape for the goal before.
+        """
+        samples = [self._with_error(shape, goal) for shape in self._samples]
+        starts = sorted(samples, key=_by_error)[:STARTS]
+        if start:
+            starts.append(self._with_error(start, goal))
+        shapes = [self._descend(shape, goal) for shape in starts]
+        return min(shapes, key=_by_error)
 
     @cached_property
-    def _known(self) -> list[Reached]:
-        """Some actions, rest among them, and where they lead."""
-        shares = self.random_shares(SAMPLES, np.random.default_rng([self._seed, 3]))
-        shares[0] = 0.0
-        return [
-            Reached(*one, miss=np.inf)
-            for one in zip(shares, *self._settled(shares), strict=True)
-        ]
+    def _samples(self) -> list[RestingShape]:
+        """Resting shapes of random actions and of no action."""
+        random = np.random.default_rng([self._seed, 3])
+        actions = self.random_actions(SAMPLES, random)
+        actions[0] = 0.0
+        states, physics = self._settle(actions)
+        return _resting_shapes(actions, states, physics, np.full(SAMPLES, np.inf))
 
-    def _settled(
-        self, shares: Shares, start: np.ndarray | None = None
+    def _settle(
+        self, actions: NormalizedActions, start: np.ndarray | None = None
     ) -> tuple[States, np.ndarray]:
-        """States and physics at rest, from straight or a shape nearby."""
-        size = mujoco.mj_stateSize(self._model, _PHYSICS)
-        steps = STEPS if start is None else STEPS_NEARBY
-        begin = np.zeros(size) if start is None else start
-        actions = self._geometry.actions_at(shares)
+        """States and physics at rest, simulated from straight or from a given state."""
+        if start is None:
+            start = np.zeros(mujoco.mj_stateSize(self._model, _PHYSICS))
+            steps = SETTLING_STEPS
+        else:
+            steps = NEARBY_SETTLING_STEPS
         neutral = self._geometry.action_neutral
-        commands = (neutral + self._kept * (actions - neutral)).reshape(
-            len(shares), 1, -1
-        )
+        displacements = self._geometry.actions_at(actions) - neutral
+        commands = neutral + self._drift_gain * displacements
+        commands = commands.reshape(len(actions), 1, -1)
         ends = []
-        for some in np.split(commands, range(AT_ONCE, len(commands), AT_ONCE)):
-            begins = np.tile(begin, (len(some), 1))
-            held = np.repeat(some, steps, axis=1)
+        for batch in np.split(commands, range(BATCH_SIZE, len(commands), BATCH_SIZE)):
+            models = [self._model] * len(batch)
+            starts = np.tile(start, (len(batch), 1))
+            controls = np.repeat(batch, steps, axis=1)
             paths, _ = self._rollout.rollout(
-                [self._model] * len(some), [self._data], begins, held, nstep=steps
+                models, [self._data], starts, controls, nstep=steps
             )
             ends.append(paths[:, -1])
         physics = np.concatenate(ends)
-        return np.array([self._states_at(one) for one in physics]), physics
+        return np.array([self._states_at(state) for state in physics]), physics
 
     def _states_at(self, physics: np.ndarray) -> States:
         mujoco.mj_setState(self._model, self._data, physics, _PHYSICS)
@@ -150,95 +159,107 @@ class TrueReach:
         axes = self._data.site_xmat[self._ends].reshape(-1, 3, 3)[:, :, 2]
         return np.concatenate([self._data.site_xpos[self._ends], axes], axis=-1)
 
-    def _missing(
+    def _residuals(
         self, states: States, goal: Goal
-    ) -> Float[np.ndarray, "batch numbers"]:
-        """Errors of what is asked [m]."""
-        places = goal.position_weights > 0
-        ways = goal.axis_weights > 0
-        position = states[:, places, POSITION] - goal.positions[places]
-        axis = AXIS_LENGTH * self.arm.length * (states[:, ways, AXIS] - goal.axes[ways])
+    ) -> Float[np.ndarray, "batch residuals"]:
+        """Errors of the desired positions and axes [m]."""
+        count = len(states)
+        with_position = goal.position_weights > 0
+        with_axis = goal.axis_weights > 0
+        positions = states[:, with_position, POSITION] - goal.positions[with_position]
+        axes = states[:, with_axis, AXIS] - goal.axes[with_axis]
+        axes = AXIS_LENGTH * self.arm.length * axes
         return np.concatenate(
-            [position.reshape(len(states), -1), axis.reshape(len(states), -1)], axis=-1
+            [positions.reshape(count, -1), axes.reshape(count, -1)], axis=-1
         )
 
-    def _miss(self, states: States, goal: Goal) -> Float[np.ndarray, " batch"]:
-        return np.linalg.norm(self._missing(states, goal), axis=-1)
+    def _errors(self, states: States, goal: Goal) -> Float[np.ndarray, " batch"]:
+        return np.linalg.norm(self._residuals(states, goal), axis=-1)
 
-    def _missed(self, one: Reached, goal: Goal) -> Reached:
-        return replace(one, miss=float(self._miss(one.states[None], goal)[0]))
+    def _with_error(self, shape: RestingShape, goal: Goal) -> RestingShape:
+        return replace(shape, error=float(self._errors(shape.states[None], goal)[0]))
 
-    def _descended(self, start: Reached, goal: Goal) -> Reached:
-        """Damped least squares within the discs, slopes by finite differences, and some luck where those fail."""
+    def _descend(self, start: RestingShape, goal: Goal) -> RestingShape:
+        """Damped least squares with finite differences, and random steps besides."""
         best = start
         random = np.random.default_rng([self._seed, 4])
-        for _ in range(TRIES):
-            probes = best.shares + PROBE * np.eye(best.shares.size).reshape(
-                -1, *best.shares.shape
-            )
-            missing = self._missing(best.states[None], goal)[0]
-            slopes = (
-                self._missing(self._settled(probes, best.physics)[0], goal) - missing
-            ).T / PROBE
-            steps = [_damped_step(slopes, missing, damping) for damping in DAMPINGS]
-            steps += [size * random.normal(size=best.shares.size) for size in LUCK]
-            moved = min(self._tried(best, np.array(steps), goal), key=_by_miss)
-            if best.miss - moved.miss < ENOUGH:
+        size = start.actions.size
+        for _ in range(MAX_ITERATIONS):
+            residuals, jacobian = self._linearize(best, goal)
+            steps = [_damped_step(jacobian, residuals, each) for each in DAMPINGS]
+            steps += [length * random.normal(size=size) for length in RANDOM_STEPS]
+            candidate = self._best_step(best, np.array(steps), goal)
+            gain = best.error - candidate.error
+            best = min(best, candidate, key=_by_error)
+            if gain < SMALLEST_GAIN:
                 break
-            best = moved
-        return min(best, moved, key=_by_miss)
+        return best
 
-    def _tried(self, at: Reached, steps: np.ndarray, goal: Goal) -> list[Reached]:
-        """Where steps from a shape lead, shape (steps, shares)."""
-        shares = self._within(at.shares + steps.reshape(-1, *at.shares.shape))
-        states, physics = self._settled(shares, at.physics)
-        return [
-            Reached(*one)
-            for one in zip(
-                shares, states, physics, self._miss(states, goal), strict=True
-            )
-        ]
+    def _linearize(
+        self, shape: RestingShape, goal: Goal
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals of a shape, and their Jacobian with respect to the actions."""
+        units = np.eye(shape.actions.size).reshape(-1, *shape.actions.shape)
+        probes = shape.actions + FINITE_DIFFERENCE * units
+        residuals = self._residuals(shape.states[None], goal)[0]
+        probe_states, _ = self._settle(probes, shape.physics)
+        differences = self._residuals(probe_states, goal) - residuals
+        return residuals, differences.T / FINITE_DIFFERENCE
 
-    def _within(self, shares: Shares) -> Shares:
-        sizes = np.linalg.norm(shares, axis=-1, keepdims=True)
-        return shares * np.minimum(1.0, self.most[:, None] / np.maximum(sizes, 1e-12))
+    def _best_step(
+        self, shape: RestingShape, steps: np.ndarray, goal: Goal
+    ) -> RestingShape:
+        """The best resting shape among those after steps of shape (steps, actions)."""
+        actions = shape.actions + steps.reshape(-1, *shape.actions.shape)
+        actions = self._limit(actions)
+        states, physics = self._settle(actions, shape.physics)
+        errors = self._errors(states, goal)
+        return min(_resting_shapes(actions, states, physics, errors), key=_by_error)
+
+    def _limit(self, actions: NormalizedActions) -> NormalizedActions:
+        norms = np.linalg.norm(actions, axis=-1, keepdims=True)
+        most = self.usable_range[:, None]
+        return actions * np.minimum(1.0, most / np.maximum(norms, 1e-12))
 
 
-def _damped_step(slopes: np.ndarray, missing: np.ndarray, damping: float) -> np.ndarray:
-    return -np.linalg.solve(
-        slopes.T @ slopes + damping * np.eye(slopes.shape[1]), slopes.T @ missing
-    )
+def _resting_shapes(
+    actions: NormalizedActions, states: States, physics: np.ndarray, errors: np.ndarray
+) -> list[RestingShape]:
+    rows = zip(actions, states, physics, errors, strict=True)
+    return [RestingShape(*row) for row in rows]
 
 
-def _by_miss(one: Reached) -> float:
-    return one.miss
+def _damped_step(
+    jacobian: np.ndarray, residuals: np.ndarray, damping: float
+) -> np.ndarray:
+    normal_matrix = jacobian.T @ jacobian + damping * np.eye(jacobian.shape[1])
+    return -np.linalg.solve(normal_matrix, jacobian.T @ residuals)
 
 
-def usable_shares(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
-    """Parts of the range of each module's actions that arrive whatever happened before."""
+def usable_range(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
+    """Fraction of each module's action range that takes effect after any history.
+
+    Friction reduces tensions by exp(-mu * angle); backlash, the homing error and the
+    stretch of cables under friction reduce displacements.
+    """
     geometry = ArmGeometry.of(arm)
-    tubes = np.deg2rad(per_module(arm, "cable.friction_angle_deg"))
-    below = np.concatenate([[0.0], np.cumsum(geometry.bend_limits)[:-1]])
-    wrap = per_module(arm, "cable.friction") * (tubes + below)
+    tube_angles = np.deg2rad(per_module(arm, "cable.friction_angle_deg"))
+    bends_below = np.concatenate([[0.0], np.cumsum(geometry.bend_limits)[:-1]])
+    exponents = per_module(arm, "cable.friction") * (tube_angles + bends_below)
     if arm.actuation == "tension":
-        return np.exp(-wrap)
-    pulls = (
-        per_module(arm, "bending_stiffness")
-        * geometry.bend_limits
-        / geometry.lengths
-        / geometry.cable_radii
+        return np.exp(-exponents)
+    moments = (
+        per_module(arm, "bending_stiffness") * geometry.bend_limits / geometry.lengths
     )
-    rubbed = pulls * np.expm1(wrap) / per_module(arm, "cable.stiffness")
-    lost = (
-        per_cable(arm, "cable.backlash").max(axis=-1)
-        + HOMING * arm.motor.homing_error
-        + rubbed
-    )
+    tensions = moments / geometry.cable_radii
+    stretch = tensions * np.expm1(exponents) / per_module(arm, "cable.stiffness")
+    backlash = per_cable(arm, "cable.backlash").max(axis=-1)
+    lost = backlash + HOMING_MARGIN * arm.motor.homing_error + stretch
     return np.clip(1.0 - lost / geometry.action_scale, 0.0, 1.0)
 
 
 def _without_memory(arm: ArmSpec) -> ArmSpec:
-    """The same arm, damped so that it settles soon."""
+    """The same arm without viscous friction, damped such that it settles quickly."""
     return arm.model_copy(update={"modules": tuple(map(_damped, arm.modules))})
 
 

@@ -1,4 +1,4 @@
-"""Tasks by name, from a file of waypoints, or from a function of the user's."""
+"""Tasks by name, from a waypoint file, or from a custom function."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.plugins import found
+from s2c2a.plugins import resolve
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path
@@ -21,14 +21,14 @@ TILTS = {
     "tilt-50-a20": (50.0, 20.0),
     "tilt-50-c20": (50.0, -20.0),
 }
-"""Tilt from the vertical, and azimuth from the radial direction [deg] (Chen et al.
+"""Angle to the vertical, and azimuth from the radial direction [deg] (Chen et al.
 2025, table III)."""
 
 TASKS: dict[str, Callable[[ArmSpec], Task]] = {
     "circle": circle,
     **{
-        name: partial(tilt, name=name, angle_deg=angle, turned_deg=turned)
-        for name, (angle, turned) in TILTS.items()
+        name: partial(tilt, name=name, angle_deg=angle, turned_deg=azimuth)
+        for name, (angle, azimuth) in TILTS.items()
     },
     "hold-base": hold_base,
     **{name: partial(hold_and_turn, name=name) for name in HELD},
@@ -39,29 +39,36 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 }
 
 
-def task_named(name: str, arm: ArmSpec) -> Task:
-    """The task of that name for an arm, the one in a file of waypoints, or one of the user's: `file.py:function`.
+def load_task(name: str, arm: ArmSpec) -> Task:
+    """Return a task for an arm.
+
+    Args:
+        name: one of `TASKS`, a waypoint file (.csv), or a custom function
+            (`file.py:function`) that takes the arm.
+        arm: the arm.
 
     Raises:
-        TargetError: no such task, a file that holds none, or a function that fails or
-            makes something else.
+        TargetError: no such task, an invalid waypoint file, or a custom function that
+            fails or returns no task.
     """
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
     try:
-        make = found("task", name, TASKS)
+        build = resolve("task", name, TASKS)
     except S2C2AError as error:
         raise TargetError(f"{error}, or a file of waypoints ending in .csv") from error
     try:
-        task = make(arm)
+        task = build(arm)
     except S2C2AError:
         raise
-    except Exception as error:  # others may have written it
+    except Exception as error:  # a custom function may raise anything
         raise TargetError(
-            f"the task '{name}' cannot be made for {arm.name}: {type(error).__name__}: {error}"
+            f"the task '{name}' cannot be made for {arm.name}: "
+            f"{type(error).__name__}: {error}"
         ) from error
     if not isinstance(task, Task):
         raise TargetError(
-            f"the task '{name}' made {task!r}; its function takes an arm and returns a Task"
+            f"the task '{name}' made {task!r}; its function takes an arm and returns a "
+            "Task"
         )
     return task

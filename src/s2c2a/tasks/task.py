@@ -1,4 +1,4 @@
-"""A task: one goal for every control step, and what its runs are scored by."""
+"""Task: one goal for every control step, and the scores of a run."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 
-PAPER_LENGTH = 0.6  # m: lengths of the protocol are for an arm of this length
+PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
 
 
@@ -18,8 +18,8 @@ class Score:
 
     Attributes:
         metric: its name, such as "position".
-        module: whose end is scored.
-        steps: which steps count; all if None.
+        module: module whose end is scored; -1 is the tip.
+        steps: mask of the steps that count; all if None.
     """
 
     metric: str
@@ -27,14 +27,16 @@ class Score:
     steps: Bool[np.ndarray, " steps"] | None = None
 
 
-@dataclass(frozen=True, eq=False)  # arrays inside know no single answer to ==
+@dataclass(frozen=True, eq=False)  # == is ambiguous for arrays
 class Task:
-    """What is asked, step by step; the goal of step t is compared with the state after the action of step t.
+    """Goals for every control step, and the scores of a run.
+
+    The goal of step t is compared with the state after the action of step t.
 
     Attributes:
-        name: the word a user types.
+        name: as the user types it.
         goals: one for every control step.
-        scores: what a run is scored by.
+        scores: metrics of a run.
     """
 
     name: str
@@ -42,7 +44,7 @@ class Task:
     scores: tuple[Score, ...] = (Score("position"),)
 
     def __post_init__(self):
-        """Refuse a task that asks for nothing."""
+        """Validate that there are goals."""
         if not self.goals:
             raise TargetError(
                 f"the task '{self.name}' has no goals; give one for every control step"
@@ -50,29 +52,35 @@ class Task:
 
     @classmethod
     def along(cls, name: str, path: Path, goal: Goal, *scores: Score) -> "Task":
-        """The tip along a path [m], base frame, besides what a goal asks for. mu_p = 1."""
-        return cls(
-            name,
-            tuple(goal.with_position(position) for position in path),
-            scores or (Score("position"),),
-        )
+        """Task that follows a path with the tip, with mu_p = 1.
 
-    def with_axes_weighed(self, factor: float) -> "Task":
-        """The same task with every mu_o multiplied."""
-        goals = (
+        Args:
+            name: of the task.
+            path: tip positions [m], base frame.
+            goal: all other targets, the same in every step.
+            scores: metrics of a run; the position if none is given.
+        """
+        goals = tuple(goal.with_position(position) for position in path)
+        return cls(name, goals, scores or (Score("position"),))
+
+    def with_scaled_axis_weights(self, factor: float) -> "Task":
+        """The same task with all orientation weights mu_o multiplied by a factor."""
+        if factor == 1.0:
+            return self
+        goals = [
             goal._replace(axis_weights=np.float32(factor) * goal.axis_weights)
             for goal in self.goals
-        )
-        return self if factor == 1.0 else replace(self, goals=tuple(goals))
+        ]
+        return replace(self, goals=tuple(goals))
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
-        """Desired module ends [m], base frame; NaN where nothing is asked."""
+        """Desired module ends [m], base frame; NaN without a target."""
         return Goal.stacked(self.goals).desired_positions()
 
     def desired_axes(self) -> Float[np.ndarray, "steps modules 3"]:
-        """Desired end axes, base frame; NaN where nothing is asked."""
+        """Desired end axes, base frame; NaN without a target."""
         return Goal.stacked(self.goals).desired_axes()
 
     def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
-        """Centers and thresholds of the obstacles in use [m], base frame."""
+        """Centers and thresholds of active obstacles [m], base frame."""
         return Goal.stacked(self.goals).obstacles_in_use()

@@ -1,4 +1,7 @@
-"""A user's own path as a table: `time,x,y,z` and, where desired, `axis_x,axis_y,axis_z` and `module`."""
+"""Waypoint tasks: paths from a table with the columns time, x, y and z.
+
+The columns axis_x, axis_y, axis_z and module are optional.
+"""
 
 import csv
 import io
@@ -23,22 +26,21 @@ from s2c2a.tasks.task import Score, Task
 REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
-FAR = 0.01  # of the arm's length: gaps below it are not worth a word
-LONGEST_STEPS = 1_000_000
+MIN_GAP = 0.01  # of the arm's length; smaller gaps are not reported
+MAX_STEPS = 1_000_000
 MAX_LINES = 1_000_000
 MAX_BYTES = 150_000_000
 
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Where one module's end shall be, and point, at some moments.
+    """Waypoints of one module's end.
 
     Attributes:
         module: its number, from 0 at the base; -1 is the tip.
-        times: [s] from the start of the task, rising, shape (points,).
+        times: increasing times from the start of the task [s], shape (points,).
         positions: [m], base frame, shape (points, 3).
-        axes: end axes, base frame, shape (points, 3), or None where no orientation is
-            asked for.
+        axes: end axes, base frame, shape (points, 3); None for no desired orientation.
     """
 
     module: int
@@ -49,7 +51,13 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class OutOfReach:
-    """A waypoint that the arm cannot reach: its module and time [s], and what is missing [m]."""
+    """A waypoint out of reach.
+
+    Attributes:
+        module: its module.
+        time: its time [s].
+        gap: distance from the reachable set [m].
+    """
 
     module: int
     time: float
@@ -57,131 +65,129 @@ class OutOfReach:
 
 
 def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
-    """Read a table of comma-separated waypoints, one track for every module named in it.
+    """Read a table of comma-separated waypoints, one track for each module in it.
 
     Raises:
-        TargetError: no such file, no waypoint in it, a missing or unknown column,
-            something that is no number, times that do not rise, an axis of length zero;
-            the line or the time is named.
+        TargetError: no file, no waypoints, a missing or unknown column, a value that is
+            no number, times that do not increase, or an axis of length zero.
     """
     table = _read(Path(path))
     if not table["time"].size:
         raise TargetError(
-            f"{path} holds no waypoints; give at least one line of numbers below the column names"
+            f"{path} holds no waypoints; give at least one line of numbers below the "
+            "column names"
         )
     modules = table.pop("module", np.full_like(table["time"], -1))
-    named = list(dict.fromkeys(modules.tolist()))
-    if len(named) > 2 * MAX_MODULES:
+    names = list(dict.fromkeys(modules.tolist()))
+    if len(names) > 2 * MAX_MODULES:
         raise TargetError(
-            f"{path} names {len(named)} modules; an arm has at most {MAX_MODULES}"
+            f"{path} names {len(names)} modules; an arm has at most {MAX_MODULES}"
         )
-    return [
-        _track(
-            path,
-            int(module),
-            {name: column[modules == module] for name, column in table.items()},
-        )
-        for module in named
-    ]
+    tracks = []
+    for module in names:
+        rows = {name: column[modules == module] for name, column in table.items()}
+        tracks.append(_track(path, int(module), rows))
+    return tracks
 
 
 def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task:
-    """Straight lines between waypoints, at the arm's control rate. mu_p = 1, mu_o = 2, mu_d = 0.5.
+    """Linear interpolation of waypoints at the arm's control rate.
 
-    The first waypoint's target holds from the start.
+    Weights: mu_p = 1, mu_o = 2, mu_d = 0.5. The first waypoint holds from the start.
 
     Raises:
-        TargetError: a module that the arm has not, or that has two tracks; too short or
-            too long a time.
+        TargetError: the arm does not have a module, a module has two tracks, or the
+            duration is too short or too long.
     """
     _check_modules(name, tracks, arm)
-    last = float(max((track.times[-1] for track in tracks), default=0.0))
-    steps = last * arm.control_rate + 1e-6
-    if not 1 <= steps < LONGEST_STEPS + 1:
-        raise TargetError(
-            f"the waypoints of '{name}' end at {last:g} s; at {arm.control_rate:g} Hz the last time must lie between "
-            f"one step and {LONGEST_STEPS} steps after the start"
-        )
-    times = np.arange(1, int(steps) + 1) / arm.control_rate
-    every = Goal.of(arm.module_count, change_weight=0.5)
-    positions, axes = (
-        np.tile(start, (len(times), 1, 1)) for start in (every.positions, every.axes)
-    )
+    times = _step_times(name, tracks, arm.control_rate)
+    base = Goal.of(arm.module_count, change_weight=0.5)
+    positions = np.tile(base.positions, (len(times), 1, 1))
+    axes = np.tile(base.axes, (len(times), 1, 1))
     scores: list[Score] = []
+    # `with_position` and `with_axis` set the weights, and validate the largest values
     for track in tracks:
-        desired = _between(times, track.times, track.positions)
-        # refused as any other goal would be
-        every = every.with_position(_extremes(desired)[0], 1.0, track.module)
+        desired = _interpolate(times, track.times, track.positions)
+        base = base.with_position(_extremes(desired)[0], 1.0, track.module)
         positions[:, track.module] = desired
         scores.append(Score("position", track.module))
-        if track.axes is not None:
-            towards = _between(times, track.times, track.axes)
-            for axis in _extremes(towards):
-                every = every.with_axis(axis, 2.0, track.module)
-            axes[:, track.module] = _unit(towards)
-            scores.append(Score("orientation", track.module))
-    goals = (
-        every._replace(positions=here, axes=there)
-        for here, there in zip(positions, axes, strict=True)
-    )
+        if track.axes is None:
+            continue
+        desired = _interpolate(times, track.times, track.axes)
+        for axis in _extremes(desired):
+            base = base.with_axis(axis, 2.0, track.module)
+        axes[:, track.module] = _normalized(desired)
+        scores.append(Score("orientation", track.module))
+    goals = [
+        base._replace(positions=step_positions, axes=step_axes)
+        for step_positions, step_axes in zip(positions, axes, strict=True)
+    ]
     return Task(name, tuple(goals), tuple(scores))
 
 
-def out_of_reach(tracks: Sequence[Waypoints], arm: ArmSpec) -> list[OutOfReach]:
-    """The waypoints that a constant-curvature arm within its bend limits cannot bring its module's end to."""
-    return [
-        OutOfReach(track.module, float(time), float(gap))
-        for track in tracks
-        for time, gap in zip(
-            track.times, reach_gaps(arm, track.positions, track.module), strict=True
+def unreachable_waypoints(
+    tracks: Sequence[Waypoints], arm: ArmSpec
+) -> list[OutOfReach]:
+    """Waypoints that a constant-curvature arm within its bend limits cannot reach."""
+    unreachable = []
+    for track in tracks:
+        gaps = reach_gaps(arm, track.positions, track.module)
+        for time, gap in zip(track.times, gaps, strict=True):
+            if gap > MIN_GAP * arm.length:
+                unreachable.append(OutOfReach(track.module, float(time), float(gap)))
+    return unreachable
+
+
+def _step_times(name: str, tracks: Sequence[Waypoints], rate: float) -> np.ndarray:
+    """Times of the control steps [s]."""
+    last = float(max((track.times[-1] for track in tracks), default=0.0))
+    steps = last * rate + 1e-6
+    if not 1 <= steps < MAX_STEPS + 1:
+        raise TargetError(
+            f"the waypoints of '{name}' end at {last:g} s; at {rate:g} Hz the last "
+            f"time must lie between one step and {MAX_STEPS} steps after the start"
         )
-        if gap > FAR * arm.length
-    ]
+    return np.arange(1, int(steps) + 1) / rate
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    """The columns by name."""
+    """Columns by name."""
     if not path.is_file():
         raise TargetError(
-            f"no waypoints at {path}; give a table with the columns {', '.join(REQUIRED)}"
+            f"no waypoints at {path}; give a table with the columns "
+            f"{', '.join(REQUIRED)}"
         )
+    text = io.StringIO(read_text(path, TargetError, MAX_BYTES), newline="")
+    lines = csv.reader(text, skipinitialspace=True)
     try:
-        lines = csv.reader(
-            io.StringIO(read_text(path, TargetError, MAX_BYTES), newline=""),
-            skipinitialspace=True,
-        )
         columns = [name.strip() for name in next(lines, ())]
         _check_columns(path, columns)
-        rows = islice(
-            (_numbers(path, lines.line_num, row, columns) for row in lines if row),
-            MAX_LINES + 1,
-        )
-        numbers = np.array(list(rows)).reshape(-1, len(columns))
+        rows = (_numbers(path, lines.line_num, row, columns) for row in lines if row)
+        numbers = np.array(list(islice(rows, MAX_LINES + 1)))
     except csv.Error as error:
         raise TargetError(
             f"{path} cannot be read as a table of text: {error}"
         ) from error
+    numbers = numbers.reshape(-1, len(columns))
     if len(numbers) > MAX_LINES:
         raise TargetError(
-            f"{path} has more than {MAX_LINES} lines; give fewer waypoints, the way between is straight"
+            f"{path} has more than {MAX_LINES} lines; give fewer waypoints, the path "
+            "between them is straight"
         )
     return dict(zip(columns, numbers.T, strict=True))
 
 
 def _check_columns(path: Path, columns: Sequence[str]) -> None:
-    missing = [name for name in REQUIRED if name not in columns]
-    unknown = [name for name in columns if name not in ALLOWED]
-    some_axis = [name for name in AXIS if name in columns]
-    if (
-        missing
-        or unknown
-        or len(some_axis) not in (0, 3)
-        or len(set(columns)) < len(columns)
-    ):
-        raise TargetError(
-            f"{path} has the columns {', '.join(columns) or 'none'}; it needs {', '.join(REQUIRED)}, and may have "
-            f"{', '.join(AXIS)} (all three) and module, each once"
-        )
+    has_required = set(REQUIRED) <= set(columns) <= set(ALLOWED)
+    has_whole_axis = len(set(AXIS) & set(columns)) in (0, 3)
+    has_duplicates = len(set(columns)) < len(columns)
+    if has_required and has_whole_axis and not has_duplicates:
+        return
+    raise TargetError(
+        f"{path} has the columns {', '.join(columns) or 'none'}; it needs "
+        f"{', '.join(REQUIRED)}, and may have {', '.join(AXIS)} (all three) and "
+        "module, each once"
+    )
 
 
 def _numbers(
@@ -190,16 +196,16 @@ def _numbers(
     try:
         numbers = list(map(float, row))
         if len(numbers) != len(columns):
-            raise ValueError("not as many as columns")
+            raise ValueError("the row and the header have different lengths")
     except ValueError as error:
         raise TargetError(
             f"{path}, line {line}: every column must hold one number, got {row!r:.200}"
         ) from error
-    if not all(map(isfinite, numbers)) or (
-        "module" in columns and numbers[columns.index("module")] % 1
-    ):
+    module = numbers[columns.index("module")] if "module" in columns else -1
+    if not all(map(isfinite, numbers)) or module % 1:
         raise TargetError(
-            f"{path}, line {line}: numbers must be finite, and the module a whole number, got {row!r:.200}"
+            f"{path}, line {line}: numbers must be finite, and the module a whole "
+            f"number, got {row!r:.200}"
         )
     return numbers
 
@@ -208,11 +214,13 @@ def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
     times = table["time"]
     if times[0] < 0:
         raise TargetError(
-            f"{path}: times count from the start of the task and are not negative, got {times[0]:g}"
+            f"{path}: times count from the start of the task and are not negative, "
+            f"got {times[0]:g}"
         )
     for step in np.flatnonzero(times[1:] <= times[:-1]):
         raise TargetError(
-            f"{path}: the times of a module must rise, got {times[step + 1]:g} after {times[step]:g}"
+            f"{path}: the times of a module must rise, got {times[step + 1]:g} after "
+            f"{times[step]:g}"
         )
     positions = np.stack([table[name] for name in ("x", "y", "z")], axis=-1)
     if AXIS[0] not in table:
@@ -220,40 +228,46 @@ def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
     axes = np.stack([table[name] for name in AXIS], axis=-1)
     if np.abs(axes).max() > LARGEST:
         raise TargetError(
-            f"{path}: an axis has numbers beyond {LARGEST:g}; any length below will do"
+            f"{path}: an axis has numbers beyond {LARGEST:g}; give a shorter vector, "
+            "since only its direction counts"
         )
     lengths = np.linalg.norm(axes, axis=-1)
     if (lengths < 1e-9).any():
         raise TargetError(
-            f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; give a direction"
+            f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; "
+            "give a direction"
         )
     return Waypoints(module, times, positions, axes / lengths[:, None])
 
 
 def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
-    """Refuse two tracks for one module, which -1 and the last number are; goals refuse one that is not there."""
+    """Reject two tracks of one module; `Goal` rejects modules that do not exist.
+
+    The tip has two numbers: -1 and that of the last module.
+    """
     count = arm.module_count
     modules = [
         track.module % count for track in tracks if -count <= track.module < count
     ]
     if len(set(modules)) < len(modules):
         raise TargetError(
-            f"the waypoints of '{name}' name a module of '{arm.name}' twice, by {[track.module for track in tracks]}; "
-            f"-1 and {count - 1} are both its tip"
+            f"the waypoints of '{name}' name a module of '{arm.name}' twice, by "
+            f"{[track.module for track in tracks]}; -1 and {count - 1} are both its tip"
         )
 
 
-def _between(times: np.ndarray, moments: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(times, moments, column) for column in values.T], axis=-1)
+def _interpolate(times: np.ndarray, knots: np.ndarray, values: np.ndarray):
+    """Piecewise linear interpolation of vectors, shape (times, 3)."""
+    return np.stack([np.interp(times, knots, column) for column in values.T], axis=-1)
 
 
 def _extremes(vectors: np.ndarray) -> np.ndarray:
-    """The longest and the shortest."""
+    """The vectors with the largest and the smallest maximum norm."""
     sizes = np.abs(vectors).max(axis=-1)
     return vectors[[sizes.argmax(), sizes.argmin()]]
 
 
-def _unit(axes: np.ndarray) -> np.ndarray:
-    """As `Goal.with_axis` does it, in single precision."""
+def _normalized(axes: np.ndarray) -> np.ndarray:
+    """Unit vectors in single precision, as `Goal.with_axis` computes them."""
     vectors = axes.astype(np.float32)
     return vectors / np.sqrt(np.vecdot(vectors, vectors))[:, None]

@@ -1,6 +1,6 @@
-"""The training loop: whole epochs inside one compiled call, stopped when validation no longer improves.
+"""Training loop: compiled epochs, with early stopping on the validation loss.
 
-What of a model is learned and what is fixed is said by type, here and in files.
+The type of a part determines whether it is trained and whether files keep it.
 """
 
 from abc import abstractmethod
@@ -18,33 +18,34 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TrainingError
 
-MOST = 1_000_000  # epochs, and samples in a batch
+MAX_COUNT = 1_000_000  # epochs, and samples in a batch
+MAX_VALUES = 100  # values of one option
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
 Model = TypeVar("Model", bound=eqx.Module, covariant=True)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 Progress = Callable[[int, int, float], None]
-"""Told the epoch, the most epochs and the validation loss."""
+"""Callback with the epoch, the largest number of epochs, and the validation loss."""
 
 
-def quiet(epoch: int, most: int, loss: float) -> None:
-    """A progress that tells nobody."""
+def quiet(epoch: int, max_epochs: int, loss: float) -> None:
+    """Progress callback that does nothing."""
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to train (Chen et al. 2025, table II).
+    """Options of the training (Chen et al. 2025, table II).
 
     Attributes:
-        learning_rate: of Adam.
-        batch_size: samples in a step.
-        max_epochs: stop here at the latest.
-        patience: stop after so many epochs without a better validation loss; looked at
-            between calls.
-        epochs_per_call: epochs inside one compiled call; progress and interrupts come
-            between calls.
-        decay: whether the learning rate falls to zero over the most epochs, along half
-            a cosine.
+        learning_rate: learning rate of Adam.
+        batch_size: number of samples in a batch.
+        max_epochs: largest number of epochs.
+        patience: number of epochs without a better validation loss after which training
+            stops, checked between calls.
+        epochs_per_call: number of epochs in one compiled call; progress and interrupts
+            happen between calls.
+        decay: whether the learning rate decays to zero over `max_epochs`, along half a
+            cosine.
     """
 
     learning_rate: float = 1e-3
@@ -55,9 +56,9 @@ class FitOptions:
     decay: bool = False
 
     def __post_init__(self):
-        """Refuse what cannot be trained with."""
+        """Check the ranges."""
         counts = {
-            name: (1, MOST)
+            name: (1, MAX_COUNT)
             for name in ("batch_size", "max_epochs", "patience", "epochs_per_call")
         }
         check_limits(self, learning_rate=(0, 10), **counts)
@@ -65,10 +66,10 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class FitResult(Generic[Model]):
-    """A trained network and how it got there.
+    """Trained network and its learning curve.
 
     Attributes:
-        network: with the weights of the best validation loss.
+        network: network with the weights of the best validation loss.
         curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
     """
 
@@ -76,8 +77,8 @@ class FitResult(Generic[Model]):
     curve: Float[np.ndarray, "epochs 3"]
 
 
-class _Progress(NamedTuple):
-    """What training carries from epoch to epoch."""
+class _State(NamedTuple):
+    """State of the training between epochs."""
 
     weights: Array
     optimizer: Array
@@ -97,34 +98,35 @@ def fit(
     """Train a network with Adam.
 
     Args:
-        network: what to train; every floating array in it is a weight, but for those of
-            parts that are `Fixed`.
-        loss: (network, batch, key) -> mean loss of the batch; the key is None when
-            validating.
-        training: arrays with samples first.
-        validation: arrays with samples first.
-        options: how to train.
-        key: for the order of samples and for the loss.
-        progress: told the epoch, the most epochs and the validation loss, after every
-            call.
+        network: network to train; all floating-point arrays are weights, except those
+            of `Fixed` parts.
+        loss: (network, batch, key) -> mean loss of the batch; the key is None in
+            validation.
+        training: arrays with samples as the first axis.
+        validation: arrays with samples as the first axis.
+        options: options of the training.
+        key: random key for the order of samples and for the loss.
+        progress: callback with the epoch, the largest number of epochs, and the
+            validation loss, after every compiled call.
 
     Raises:
-        TrainingError: fewer samples than one batch, or the loss is not finite.
+        TrainingError: there are fewer samples than one batch, or the loss is not
+            finite.
     """
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
         raise TrainingError(
-            f"{samples} training samples, fewer than one batch of {options.batch_size}; collect more"
+            f"{samples} training samples are fewer than one batch of "
+            f"{options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     optimizer = optax.adam(_learning_rate(options, samples))
-    run = _compiled_epochs(
-        lambda w, batch, k: loss(held(eqx.combine(w, rest)), batch, k),
-        optimizer,
-        samples,
-        options,
-    )
-    state = _Progress(weights, optimizer.init(weights), weights, jnp.array(jnp.inf))
+
+    def weights_loss(weights, batch, key):
+        return loss(held(eqx.combine(weights, rest)), batch, key)
+
+    run = _compiled_epochs(weights_loss, optimizer, samples, options)
+    state = _State(weights, optimizer.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
@@ -134,9 +136,9 @@ def fit(
         )
         curve.extend(np.asarray(rows))
         if not np.isfinite(curve[-1]).all():
-            done = f"{len(curve)} epochs"
             raise TrainingError(
-                f"the loss is not finite after {done}; lower the learning rate, check the data"
+                f"the loss is not finite after {len(curve)} epochs; "
+                "lower the learning rate or check the data"
             )
         progress(len(curve), options.max_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
@@ -146,17 +148,16 @@ def fit(
 def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
     if not options.decay:
         return options.learning_rate
-    return optax.cosine_decay_schedule(
-        options.learning_rate, options.max_epochs * (samples // options.batch_size)
-    )
+    steps = options.max_epochs * (samples // options.batch_size)
+    return optax.cosine_decay_schedule(options.learning_rate, steps)
 
 
 def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
-    """(state, training, validation, keys) -> (state, losses), an epoch for every key, in one call."""
+    """Compile (state, training, validation, keys) -> (state, losses)."""
 
-    def step(carry, picked):
-        (weights, state) = carry
-        (batch, key) = picked
+    def step(carry, inputs):
+        weights, state = carry
+        batch, key = inputs
         value, gradient = jax.value_and_grad(loss)(weights, batch, key)
         updates, state = optimizer.update(gradient, state)
         return (optax.apply_updates(weights, updates), state), value
@@ -164,23 +165,21 @@ def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
     def epoch(carry, key, training, validation):
         order_key, loss_key = jax.random.split(key)
         batches = samples // options.batch_size
-        order = jax.random.permutation(order_key, samples)[
-            : batches * options.batch_size
-        ].reshape(batches, -1)
+        order = jax.random.permutation(order_key, samples)
+        order = order[: batches * options.batch_size].reshape(batches, -1)
         shuffled = jax.tree.map(lambda values: values[order], training)
         steps = (shuffled, jax.random.split(loss_key, batches))
         (weights, state), losses = jax.lax.scan(
             step, (carry.weights, carry.optimizer), steps
         )
-        held_out = loss(weights, validation, None)
-        better = held_out < carry.best_loss
+        validation_loss = loss(weights, validation, None)
+        better = validation_loss < carry.best_loss
         best = jax.tree.map(
             lambda new, old: jnp.where(better, new, old), weights, carry.best_weights
         )
-        progress = _Progress(
-            weights, state, best, jnp.minimum(held_out, carry.best_loss)
-        )
-        return progress, jnp.stack([losses.mean(), held_out])
+        best_loss = jnp.minimum(validation_loss, carry.best_loss)
+        updated = _State(weights, state, best, best_loss)
+        return updated, jnp.stack([losses.mean(), validation_loss])
 
     def epochs(carry, training, validation, keys):
         return jax.lax.scan(lambda c, k: epoch(c, k, training, validation), carry, keys)
@@ -196,20 +195,20 @@ def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
 
 
 class Fixed(eqx.Module):
-    """A part of a model that training does not move, such as a scaling; files keep it."""
+    """Part of a model that is not trained, such as a scaling; files keep it."""
 
 
 class FromArm(Fixed):
-    """A part that follows from the arm alone: no file keeps it, so that none can say of an arm what it is not."""
+    """Fixed part that follows from the arm alone, so that files do not keep it."""
 
     @classmethod
     @abstractmethod
     def of(cls, arm: ArmSpec) -> Self:
-        """The part for an arm."""
+        """Part for an arm."""
 
 
 def held(model: Network) -> Network:
-    """The same model, without gradients of what is fixed."""
+    """Model without gradients of its fixed parts."""
     return jax.tree.map(
         lambda part: jax.lax.stop_gradient(part) if _is_fixed(part) else part,
         model,
@@ -221,29 +220,27 @@ def _is_fixed(part) -> bool:
     return isinstance(part, Fixed)
 
 
-MAX_VALUES = 100
-"""Of one option that has several."""
-
-
 def check_limits(
     options: Any, error: type[S2C2AError] = TrainingError, **limits: tuple[float, float]
 ) -> None:
-    """Refuse options of which a number is out of its limits, or no number.
+    """Check the ranges of options.
 
     Args:
-        options: with an attribute for every limit: a number or a tuple of them.
-        error: what to raise.
-        limits: least and largest value of each.
+        options: object with an attribute for each limit: a number or a tuple of them.
+        error: type of the error.
+        limits: smallest and largest value of each attribute.
 
     Raises:
-        S2C2AError: of the kind that is asked for.
+        S2C2AError: a value is out of range or NaN.
     """
     for name, (low, high) in limits.items():
         value = getattr(options, name)
         values = value if isinstance(value, tuple) else (value,)
         if len(values) > MAX_VALUES:
             raise error(
-                f"{len(values)} values of {name} were asked for; take {MAX_VALUES} at most"
+                f"{len(values)} values of {name} were "
+                f"asked for; take at most {MAX_VALUES}"
             )
-        if not all(low <= one <= high for one in values):  # NaN is neither
+        # false for NaN
+        if not all(low <= number <= high for number in values):
             raise error(f"{name} = {value} was asked for; take {low:g} to {high:g}")

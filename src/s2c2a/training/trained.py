@@ -1,4 +1,4 @@
-"""What a model learns from, and how well it does, once trained, on samples that it has not seen."""
+"""Training data, and trained models with their errors on test samples."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,18 +24,16 @@ from s2c2a.training.fit import (
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Whole episodes of one arm, each begun at rest.
+    """Complete episodes of one arm, each from rest.
 
     Attributes:
         arm: the arm.
-        sensed: configurations as they were sensed.
-        actions: as really sent [m or N].
-        states: true ones of the same moments [m, 1], base frame; NaN where they are not
-            known.
-        lengths: samples of each episode, where they differ; what is behind them counts
-            nothing.
-        displacements: of the cables, in parts of their radius [rad], where they also
-            moved together, which no configuration says.
+        sensed: sensed configurations.
+        actions: actions that were sent [m or N].
+        states: true states at the same times [m, 1], base frame; NaN: unknown.
+        lengths: number of samples of each episode, if they differ; the rest is padding.
+        displacements: displacements of the cables over their radius [rad], if cables
+            also move together, which no configuration shows.
     """
 
     arm: ArmSpec
@@ -48,12 +46,12 @@ class TrainingData:
 
 @dataclass(frozen=True)
 class Trained(FitResult[Model]):
-    """A trained model, how it got there, and how well it does.
+    """Trained model, its learning curve, and its test error.
 
     Attributes:
         network: the model.
         curve: rows of epoch, training loss, validation loss.
-        percent: mean and standard deviation of the held-out error, in percent of full
+        percent: mean and standard deviation of the test error, in percent of the full
             range.
     """
 
@@ -69,20 +67,21 @@ def train(
     key: PRNGKeyArray,
     progress: Progress,
 ) -> Trained[Network]:
-    """Train a model on samples and try it on those held out.
+    """Train a model and evaluate it on the test samples.
 
     Args:
-        model: to begin from.
-        loss: (model, batch, key) -> mean loss of the batch; the key is None when
-            validating.
-        answer: (model, batch) -> what compares with the targets of the batch.
-        split: samples.
-        options: how to train.
-        key: for the order of samples and for the loss.
-        progress: told epoch, most epochs, validation loss.
+        model: initial model.
+        loss: (model, batch, key) -> mean loss of the batch; the key is None in
+            validation.
+        answer: (model, batch) -> predictions for the targets of the batch.
+        split: training, validation, and test samples.
+        options: options of the training.
+        key: random key for the order of samples and for the loss.
+        progress: callback with the epoch, the largest number of epochs, and the
+            validation loss.
 
     Raises:
-        TrainingError: too few samples, or the loss is not finite.
+        TrainingError: there are too few samples, or the loss is not finite.
     """
     result = fit(
         model,
@@ -99,27 +98,25 @@ def train(
 def tried(
     result: FitResult[Network], answer: Callable[[Network, Batch], Array], split: Split
 ) -> Trained[Network]:
-    """A fitted model and how well it does on what was held out."""
+    """Fitted model with its error on the test samples."""
     predicted = np.asarray(eqx.filter_jit(answer)(result.network, as_batch(split.test)))
     targets = [part.targets for part in (split.training, split.validation, split.test)]
-    percent = percent_error(
-        predicted, split.test.targets, full_ranges(np.concatenate(targets))
-    )
+    ranges = full_ranges(np.concatenate(targets))
+    percent = percent_error(predicted, split.test.targets, ranges)
     return Trained(result.network, result.curve, percent)
 
 
 def known_error(answer: Array, targets: Array) -> Array:
-    """What an answer is wrong by, nothing where the truth is not known (NaN)."""
+    """Error of a prediction; zero where the target is unknown (NaN)."""
     known = jnp.isfinite(targets)
     return jnp.where(known, answer - jnp.where(known, targets, 0.0), 0.0)
 
 
 def as_batch(samples: Samples) -> Batch:
-    """Inputs and targets together, as the training loop takes them."""
-    return {
-        name: jnp.asarray(values)
-        for name, values in (samples.inputs | {"targets": samples.targets}).items()
-    }
+    """Inputs and targets in one dictionary, for the training loop."""
+    batch = {name: jnp.asarray(values) for name, values in samples.inputs.items()}
+    batch["targets"] = jnp.asarray(samples.targets)
+    return batch
 
 
 def percent_error(
@@ -127,7 +124,10 @@ def percent_error(
     true: Float[np.ndarray, "samples modules outputs"],
     ranges: Float[np.ndarray, "modules outputs"],
 ) -> tuple[float, float]:
-    """Mean and standard deviation of |error| over samples and known outputs, in percent of each one's full range."""
+    """Mean and standard deviation of |error|, in percent of each output's full range.
+
+    Unknown outputs (NaN) do not count.
+    """
     percent = (100.0 * np.abs(predicted - true) / ranges)[np.isfinite(true)]
     return float(percent.mean()), float(percent.std())
 
@@ -135,10 +135,9 @@ def percent_error(
 def full_ranges(
     values: Float[np.ndarray, "samples modules outputs"],
 ) -> Float[np.ndarray, "modules outputs"]:
-    """Largest less smallest value of every output; one for an output that never changes, or is not known."""
-    low, high = (
-        edge(values, axis=0, initial=sign * np.inf, where=np.isfinite(values))
-        for edge, sign in ((np.min, 1), (np.max, -1))
-    )
+    """Range of each output; one for an output that is constant or unknown."""
+    known = np.isfinite(values)
+    low = np.min(values, axis=0, initial=np.inf, where=known)
+    high = np.max(values, axis=0, initial=-np.inf, where=known)
     ranges = high - low
     return np.where(ranges > 0, ranges, 1.0)

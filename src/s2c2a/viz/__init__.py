@@ -1,8 +1,8 @@
-"""Figures and replay pages, from State values alone: simulation, real arm and recordings are drawn alike.
+"""Drawing of arms and runs: figures, replay pages and videos, from `States` alone.
 
-A `Trace` is what is drawn. `replay_page` writes a page to watch it on, `run_figure` a
-figure of it, `arm_figure` a drawing of the arm itself. Matplotlib is imported when the
-first figure is asked for, not before.
+Simulated, real and recorded arms look alike. A `Trace` is a run to draw. `replay_page`
+writes an interactive page, `run_figure` a figure of runs, `arm_figure` a drawing of an
+arm. Matplotlib is imported on first use.
 """
 
 from importlib import import_module
@@ -11,13 +11,17 @@ from s2c2a.viz.mesh import center_line
 from s2c2a.viz.replay import replay_page
 from s2c2a.viz.trace import Trace
 
-_NEED_MATPLOTLIB = {"arm_figure": "arm_drawing"} | dict.fromkeys(
-    ("learning_curves", "recording_figure", "run_figure", "trials_figure"), "figures"
-)
+_MATPLOTLIB_MODULES = {
+    "arm_figure": "arm_drawing",
+    "learning_curves": "figures",
+    "recording_figure": "figures",
+    "run_figure": "figures",
+    "trials_figure": "figures",
+}
 
 
 def __getattr__(name: str):
-    """Import the functions that need matplotlib when they are first used."""
-    if name not in _NEED_MATPLOTLIB:
+    """Import functions that need matplotlib on first use."""
+    if name not in _MATPLOTLIB_MODULES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(import_module(f"{__name__}.{_NEED_MATPLOTLIB[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MATPLOTLIB_MODULES[name]}"), name)

@@ -1,14 +1,14 @@
-"""A drawing of an arm: side view to scale, table of modules, gravity, a cross-section for each kind of module.
+"""Drawing of an arm: side view to scale, table of modules, gravity, cross-sections.
 
-The side view shows the straight arm as it is mounted, and which way gravity points
-beside it.
+The side view shows the straight arm as it is mounted. There is one cross-section for
+each arrangement of cables.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,455 +16,380 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from s2c2a.arm import ArmSpec, Module
+from s2c2a.arm import ArmSpec
+from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.charts import draw_arrow, save_figure
 from s2c2a.viz.colors import FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mounting import SIDE, Mounting
 
-DISC_WIDTH = 1.15  # share of the cable radius
-# share of the cable radius, inches
-BASE_WIDTH = 1.7
-BASE_HEIGHT = 0.09
-END_ROOM = 0.3  # inches kept free at both ends of the arm together
-ROOM_ACROSS = 4.6  # cable radii, for the arm and the numbers beside it
-# inches below and beside each other; boundaries closer than this share a number
-TICK_GAP = 0.16, 0.32
-SIDE_WIDTH = 2.9  # inches, of the drawing
-ARROW = -0.45, 0.4  # where gravity's arrow starts beside the frame's axes
-LONGEST = 104  # letters of a description
+MAX_DESCRIPTION = 104  # characters
+SECTIONS_PER_ROW = 4
+
+# multiples of the cable radius
+MODULE_RADIUS = 1.22  # in cross-sections; an arm file does not state it
+DISC_RADIUS = 1.15
+BASE_RADIUS = 1.7
+SIDE_WIDTH_NEEDED = 4.6  # for the arm and the numbers beside it
+
 # inches
 WIDTH = 11.0
-HEADING = 1.65
+HEADING_HEIGHT = 1.65
 MARGIN = 0.2
 SIDE_LEFT = 0.95
+SIDE_WIDTH = 2.9
+MAX_SIDE_HEIGHT = 4.2
+END_MARGIN = 0.3  # free space at both ends of the arm together
+BASE_HEIGHT = 0.09
+TICK_GAP_UPRIGHT = 0.16  # smallest gap between numbered boundaries
+TICK_GAP_LYING = 0.32
 TABLE_WIDTH = 6.7
-SIDE_HEIGHT = 4.2
 ROW_HEIGHT = 0.27
-SECTIONS_IN_A_ROW = 4
+ROW_GAP = 0.24  # smallest gap between rows
 SECTION_HEIGHT = 2.85
-# left edge of the first column, inches from the left of the side view, as the next ones
-COLUMNS = SIDE_WIDTH + 0.9
-ROW_GAP = 0.24  # inches
-# right edges of the first and the last column
-NUMBER = SIDE_WIDTH + 1.55
-SECTION = SIDE_WIDTH + 6.6
-QUANTITIES: dict[str, tuple[float, Callable[[Module], float]]] = {
-    "length\n[mm]": (SIDE_WIDTH + 2.2, lambda module: 1000 * module.length),
-    "cables at\n[mm]": (SIDE_WIDTH + 2.95, lambda module: 1000 * module.cable_radius),
-    "mass\n[g]": (SIDE_WIDTH + 3.6, lambda module: 1000 * module.mass),
-    "EI\n[N m²]": (SIDE_WIDTH + 4.35, lambda module: module.bending_stiffness),
-    "GJ\n[N m²]": (SIDE_WIDTH + 5.1, lambda module: module.gj),
-    "bend limit\n[deg]": (SIDE_WIDTH + 5.9, lambda module: module.bend_limit_deg),
-}
-# radius of the body drawn, as a share of the cable radius; an arm file does not state
-# it
-BODY = 1.22
+
+TABLE_LEFT = SIDE_WIDTH + 0.9
+COLUMN_EDGES = (1.55, 2.2, 2.95, 3.6, 4.35, 5.1, 5.9, 6.6)  # right of the side view
+QUANTITIES = (  # attribute of a module, factor, heading
+    ("length", 1000, "length\n[mm]"),
+    ("cable_radius", 1000, "cables at\n[mm]"),
+    ("mass", 1000, "mass\n[g]"),
+    ("bending_stiffness", 1, "EI\n[N m²]"),
+    ("gj", 1, "GJ\n[N m²]"),
+    ("bend_limit_deg", 1, "bend limit\n[deg]"),
+)
+
+GRAVITY_TAIL = (-0.45, 0.4)  # in axes from -1 to 1 around the base frame's origin
+BASE_COLOR = "#7d8795"
 
 
 @dataclass(frozen=True, eq=False)
 class SideView:
-    """Where points of the plane of the paper are on it [inches].
+    """Map from the plane of the side view to paper [inches].
 
     Attributes:
-        side: which axis of the base frame runs across the arm, 0 for x, 1 for y.
-        ways: across and along the arm on paper, as columns of signs.
+        side: axis of the base frame that runs across the arm: 0 for x, 1 for y.
+        directions: directions on paper, as columns: across and along the arm.
         per_inch: meters in an inch.
-        origin: where the base is.
+        origin: of the base frame, on paper [inches].
     """
 
     side: int
-    ways: Float[np.ndarray, "2 2"]
+    directions: Float[np.ndarray, "2 2"]
     per_inch: float
     origin: Float[np.ndarray, "2"]
 
     @classmethod
     def of(cls, arm: ArmSpec, height: float) -> "SideView":
-        """The largest scale at which the arm fits into the middle of the drawing, so many inches high."""
-        drawn = _drawn_axes(Mounting.of(arm))
-        room = np.array([SIDE_WIDTH, height])
-        side = int(np.argmax(np.abs(drawn[:, :2]).sum(axis=0)))
-        along = np.abs(drawn[:, 2])
-        per_inch = max(
-            arm.length / (room @ along - END_ROOM), _across(arm) / (room @ (1 - along))
-        )
-        return cls(
-            side,
-            drawn[:, [side, 2]],
-            per_inch,
-            (room - drawn[:, 2] * arm.length / per_inch) / 2,
-        )
+        """View of the centered arm at the largest scale that fits a height [inches]."""
+        axes = _axes_on_paper(Mounting.of(arm))
+        paper = np.array([SIDE_WIDTH, height])
+        side = int(np.argmax(np.abs(axes[:, :2]).sum(axis=0)))
+        along = np.abs(axes[:, 2])
+        length_scale = arm.length / (paper @ along - END_MARGIN)
+        width_scale = _width_needed(arm) / (paper @ (1 - along))
+        per_inch = max(length_scale, width_scale)
+        origin = (paper - axes[:, 2] * arm.length / per_inch) / 2
+        return cls(side, axes[:, [side, 2]], per_inch, origin)
 
     @property
     def upright(self) -> bool:
         """Whether the arm runs up or down the paper."""
-        return bool(self.ways[1, 1])
+        return bool(self.directions[1, 1])
 
-    def at(self, z, across=0.0) -> Float[np.ndarray, "*batch 2"]:
-        """Places of points by their height above the base and their place across it [m]."""
-        return (
-            self.origin
-            + np.stack(np.broadcast_arrays(across, z), axis=-1)
-            @ self.ways.T
-            / self.per_inch
-        )
+    def at(self, z, across=0.0) -> PlanePoints:
+        """Points on paper [inches] at heights and distances across the arm [m]."""
+        points = np.stack(np.broadcast_arrays(across, z), axis=-1)
+        return self.origin + points @ self.directions.T / self.per_inch
 
 
 def kinds_of_module(arm: ArmSpec) -> dict[str, list[int]]:
-    """Numbers of the modules, from 1 at the base, whose cables run alike, by a letter: "A" for those nearest to it."""
+    """Group modules by their arrangement of cables.
+
+    Returns:
+        Numbers of the modules, from 1 at the base, for each letter from "A".
+    """
     groups: dict[tuple, list[int]] = {}
     for number, module in enumerate(arm.modules, start=1):
-        groups.setdefault((module.cable_radius, module.cable_angles_deg), []).append(
-            number
-        )
+        arrangement = (module.cable_radius, module.cable_angles_deg)
+        groups.setdefault(arrangement, []).append(number)
     return dict(zip(ascii_uppercase, groups.values(), strict=False))
 
 
 def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
-    """Draw the straight arm as it is mounted, from the side and to scale, its modules, cables and gravity.
+    """Draw the straight arm from the side, its modules, cross-sections and gravity.
 
     Args:
         arm: the arm.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
+    Returns:
+        Path of the written file.
+
     Raises:
-        S2C2AError: the name ends in another format, or the file cannot be written.
+        S2C2AError: the name has another ending, or the file cannot be written.
     """
+    mounting = Mounting.of(arm)
     kinds = kinds_of_module(arm)
-    along = (
-        arm.length * SIDE_WIDTH / _across(arm) + END_ROOM
-        if _drawn_axes(Mounting.of(arm))[1, 2]
-        else 0.0
-    )
-    side_height = max(min(SIDE_HEIGHT, max(1.6, along)), ROW_HEIGHT * arm.module_count)
-    sections_height = SECTION_HEIGHT * -(-len(kinds) // SECTIONS_IN_A_ROW)
-    height = HEADING + side_height + 2 * MARGIN + sections_height
+    side_height = _side_height(arm, mounting)
+    sections_height = SECTION_HEIGHT * -(-len(kinds) // SECTIONS_PER_ROW)
+    height = HEADING_HEIGHT + side_height + 2 * MARGIN + sections_height
     figure = Figure(figsize=(WIDTH, height), facecolor="white")
     _write_heading(figure, arm)
-    _draw_gravity(_axes(figure, WIDTH - 1.3, 0.12, 1.0, 1.0), Mounting.of(arm))
+    _draw_gravity(_add_axes(figure, WIDTH - 1.3, 0.12, 1.0, 1.0), mounting)
     view = SideView.of(arm, side_height)
-    axes = _axes(figure, SIDE_LEFT, HEADING, SIDE_WIDTH + TABLE_WIDTH, side_height)
-    axes.set(xlim=(0, SIDE_WIDTH + TABLE_WIDTH), ylim=(0, side_height))
+    width = SIDE_WIDTH + TABLE_WIDTH
+    axes = _add_axes(figure, SIDE_LEFT, HEADING_HEIGHT, width, side_height)
+    axes.set(xlim=(0, width), ylim=(0, side_height))
     _draw_side(axes, arm, view)
     _draw_table(axes, arm, kinds, view, side_height)
     for place, (letter, numbers) in enumerate(kinds.items()):
-        row, column = divmod(place, SECTIONS_IN_A_ROW)
-        left = 0.3 + column * (WIDTH - 0.4) / SECTIONS_IN_A_ROW
+        row, column = divmod(place, SECTIONS_PER_ROW)
+        left = 0.3 + column * (WIDTH - 0.4) / SECTIONS_PER_ROW
         top = height - sections_height + row * SECTION_HEIGHT
-        _draw_cross_section(
-            _axes(figure, left, top, 2.45, SECTION_HEIGHT - 0.15), arm, letter, numbers
-        )
+        section = _add_axes(figure, left, top, 2.45, SECTION_HEIGHT - 0.15)
+        _draw_cross_section(section, arm, letter, numbers)
     return save_figure(figure, path)
 
 
-def _axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
-    """Bare axes at a place in inches from the upper left corner."""
-    page = np.tile(figure.get_size_inches(), 2)
-    axes = figure.add_axes(
-        tuple(np.array([left, page[1] - top - height, width, height]) / page)
-    )
-    axes.set_axis_off()
-    return axes
-
-
-def _write_heading(figure: Figure, arm: ArmSpec) -> None:
-    """Name, what it is for, and the numbers of the whole arm."""
-    mass = sum(module.mass for module in arm.modules)
-    modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
-    whole = f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  {mass:.4g} kg"
-    lines = [
-        (arm.name, 15, "bold", INK),
-        (shorten(arm.description, LONGEST, placeholder="…"), 9.5, "normal", INK),
-        (
-            f"{whole}  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz",
-            9,
-            "normal",
-            MUTED,
-        ),
-    ]
-    for row, (text, size, weight, color) in enumerate(
-        line for line in lines if line[0]
-    ):
-        place = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
-        figure.text(
-            0.4 / WIDTH,
-            place,
-            text,
-            fontsize=size,
-            fontweight=weight,
-            color=color,
-            parse_math=False,
-        )
-
-
-def _draw_table(
-    axes: Axes, arm: ArmSpec, kinds: dict[str, list[int]], view: SideView, height: float
-) -> None:
-    """Write a row for each module; beside an arm that stands or hangs, tied to the module by a line.
-
-    Args:
-        axes: bare axes in inches that hold the side view too.
-        arm: the arm.
-        kinds: its cross-sections.
-        view: its side view.
-        height: of the table [inches].
-    """
-    headings = {
-        "module": NUMBER,
-        **{name: right for name, (right, _) in QUANTITIES.items()},
-        "section": SECTION,
-    }
-    for name, right in headings.items():
-        axes.text(
-            right,
-            height + 0.1,
-            name,
-            fontsize=8,
-            color=MUTED,
-            ha="right",
-            va="bottom",
-            linespacing=1.25,
-        )
-    axes.plot(
-        [COLUMNS, SIDE_WIDTH + TABLE_WIDTH],
-        [height + 0.04] * 2,
-        color=FAINT,
-        linewidth=1,
-        clip_on=False,
-    )
-    letters = {
-        number: letter for letter, numbers in kinds.items() for number in numbers
-    }
-    middles = view.at((_module_ends(arm)[:-1] + _module_ends(arm)[1:]) / 2)[:, 1]
-    order = (
-        np.argsort(middles, kind="stable")
-        if view.upright
-        else np.arange(arm.module_count)[::-1]
-    )
-    rows = np.empty(arm.module_count)
-    rows[order] = spread(middles[order], ROW_GAP, height)
-    for place, (module, color) in enumerate(
-        zip(arm.modules, module_colors(arm.module_count), strict=True)
-    ):
-        axes.plot(COLUMNS + 0.05, rows[place], "o", color=color, markersize=4)
-        if view.upright:
-            edge = (
-                view.origin[0] + DISC_WIDTH * module.cable_radius / view.per_inch + 0.08
-            )
-            x = [edge, SIDE_WIDTH + 0.15, COLUMNS - 0.2, COLUMNS + 0.05]
-            axes.plot(
-                x,
-                [middles[place]] * 2 + [rows[place]] * 2,
-                color=color,
-                linewidth=0.8,
-                alpha=0.8,
-            )
-        cells = [
-            str(place + 1),
-            *(f"{quantity(module):.4g}" for _, quantity in QUANTITIES.values()),
-            letters[place + 1],
-        ]
-        for right, text in zip(headings.values(), cells, strict=True):
-            axes.text(
-                right,
-                rows[place],
-                text,
-                ha="right",
-                va="center_baseline",
-                fontsize=9,
-                color=INK,
-            )
-
-
 def spread(places: np.ndarray, gap: float, height: float = 1.0) -> np.ndarray:
-    """Rising places up to a height, moved so that they lie at least `gap` apart and half a gap off the edges."""
+    """Move ascending places between 0 and `height` at least `gap` apart.
+
+    The first and the last stay half a gap away from the edges.
+    """
     steps = gap * np.arange(len(places))
     upward = np.maximum.accumulate(np.maximum(places - steps, gap / 2)) + steps
     return np.minimum(upward, height - gap / 2 - steps[::-1])
 
 
-def _draw_cross_section(
-    axes: Axes, arm: ArmSpec, letter: str, numbers: list[int]
-) -> None:
-    """Draw a section seen from the tip towards the base: x to the right, y up, cables numbered from 1."""
-    axes.set(xlim=(-2.1, 2.1), ylim=(-1.95, 2.85), aspect="equal")
-    first = arm.modules[numbers[0] - 1]
-    color = module_colors(arm.module_count)[numbers[0] - 1]
-    axes.add_patch(
-        Circle((0, 0), BODY, facecolor=color + "1f", edgecolor=color, linewidth=1.4)
-    )
-    axes.add_patch(
-        Circle(
-            (0, 0),
-            1,
-            facecolor="none",
-            edgecolor=MUTED,
-            linewidth=0.8,
-            linestyle=(0, (3, 3)),
-        )
-    )
-    for end, name in (((0.5, 0.0), "x"), ((0.0, 0.5), "y")):
-        draw_arrow(axes, (0.0, 0.0), end, MUTED, 0.9, head=8.0)
-        axes.text(
-            1.3 * end[0],
-            1.3 * end[1],
-            name,
-            fontsize=8,
-            color=MUTED,
-            ha="center",
-            va="center",
-        )
-    for number, angle in enumerate(first.cable_angles_deg, start=1):
-        x = np.cos(np.deg2rad(angle))
-        y = np.sin(np.deg2rad(angle))
-        axes.plot(
-            x,
-            y,
-            "o",
-            color=color,
-            markersize=13,
-            markeredgecolor="white",
-            markeredgewidth=1,
-        )
-        axes.text(
-            x,
-            y,
-            str(number),
-            fontsize=7.5,
-            fontweight="bold",
-            color="white",
-            ha="center",
-            va="center_baseline",
-        )
-        axes.text(
-            1.62 * x,
-            1.62 * y,
-            f"{angle:g}°",
-            fontsize=8,
-            color=INK,
-            ha="center",
-            va="center",
-        )
-    word = "module" if len(numbers) == 1 else "modules"
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    spans = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
-    spans = spans if len(spans) < 6 else [*spans[:3], "…", spans[-1]]
-    axes.text(-2.05, 2.55, letter, fontsize=12, fontweight="bold", color=INK)
-    axes.text(-1.68, 2.55, f"{word} {', '.join(spans)}", fontsize=9, color=INK)
-    axes.text(
-        -1.68,
-        2.22,
-        f"cables at {1000 * first.cable_radius:.4g} mm",
-        fontsize=8.5,
-        color=MUTED,
-    )
+def _side_height(arm: ArmSpec, mounting: Mounting) -> float:
+    """Height of the side view and the table [inches]."""
+    needed = 0.0
+    if _axes_on_paper(mounting)[1, 2]:
+        needed = arm.length * SIDE_WIDTH / _width_needed(arm) + END_MARGIN
+    height = min(MAX_SIDE_HEIGHT, max(1.6, needed))
+    return max(height, ROW_HEIGHT * arm.module_count)
 
 
-def _drawn_axes(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
-    """The base frame's axes as a drawing from the side shows them, to the right and upward; one is not seen."""
+def _axes_on_paper(mounting: Mounting) -> Points:
+    """Base frame axes in the side view, as columns; one is zero (out of the page)."""
     axes, backward = mounting.flat(SIDE)
     return np.eye(3)[list(axes)] * np.where(backward, -1.0, 1.0)[:, None]
 
 
-def _across(arm: ArmSpec) -> float:
-    """Meters that the widest module and its numbers need across."""
-    return ROOM_ACROSS * max(module.cable_radius for module in arm.modules)
+def _width_needed(arm: ArmSpec) -> float:
+    """Width of the side view for the widest module and the numbers beside it [m]."""
+    return SIDE_WIDTH_NEEDED * max(module.cable_radius for module in arm.modules)
 
 
 def _module_ends(arm: ArmSpec) -> Float[np.ndarray, " ends"]:
     """Boundaries of the modules [m], from base to tip, shape (modules + 1,)."""
-    return np.concatenate([[0.0], np.cumsum([module.length for module in arm.modules])])
+    return np.cumsum([0.0, *(module.length for module in arm.modules)])
+
+
+def _add_axes(
+    figure: Figure, left: float, top: float, width: float, height: float
+) -> Axes:
+    """Bare axes at a place in inches from the upper left corner."""
+    page = np.tile(figure.get_size_inches(), 2)
+    place = np.array([left, page[1] - top - height, width, height]) / page
+    axes = figure.add_axes(tuple(place))
+    axes.set_axis_off()
+    return axes
+
+
+def _write(axes: Axes, x: float, y: float, text: str, size: float, **style) -> None:
+    """Write text centered at a point; `style` replaces alignment and color."""
+    style = {"color": MUTED, "ha": "center", "va": "center", **style}
+    axes.text(x, y, text, fontsize=size, **style)
+
+
+def _write_heading(figure: Figure, arm: ArmSpec) -> None:
+    """Write name, description and totals of the arm."""
+    mass = sum(module.mass for module in arm.modules)
+    modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
+    totals = (
+        f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  "
+        f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
+    )
+    description = shorten(arm.description, MAX_DESCRIPTION, placeholder="…")
+    lines = [(arm.name, 15.0, "bold", INK), (totals, 9, "normal", MUTED)]
+    if description:
+        lines.insert(1, (description, 9.5, "normal", INK))
+    for row, (text, size, weight, color) in enumerate(lines):
+        y = 1 - (0.42 + 0.27 * row) / figure.get_figheight()
+        style: dict[str, Any] = {"fontsize": size, "fontweight": weight, "color": color}
+        figure.text(0.4 / WIDTH, y, text, parse_math=False, **style)
+
+
+def _draw_gravity(axes: Axes, mounting: Mounting) -> None:
+    """Draw gravity beside the base frame's axes, and name the mounting."""
+    axes.set(xlim=(-1, 1), ylim=(-1, 1), aspect="equal")
+    directions = _axes_on_paper(mounting)
+    for name, end in zip("xyz", directions.T, strict=True):
+        if end.any():
+            draw_arrow(axes, (0.0, 0.0), 0.38 * end, MUTED, 0.8, head=0.0)
+            _write(axes, 0.51 * end[0], 0.51 * end[1], name, 7.5)
+    text = "no gravity"
+    if mounting.gravity.any():
+        text = f"gravity\nthe arm {mounting.word}"
+        tip = GRAVITY_TAIL + 0.8 * directions @ mounting.gravity
+        draw_arrow(axes, GRAVITY_TAIL, tip, INK, 2.2, head=15.0)
+    _write(axes, -0.95, 0, text, 8.5, color=INK, ha="right", linespacing=1.3)
 
 
 def _draw_side(axes: Axes, arm: ArmSpec, view: SideView) -> None:
     """Draw the straight arm with its cables, and number its boundaries [mm]."""
     ends = _module_ends(arm)
+    colors = module_colors(arm.module_count)
     for module, low, high, color in zip(
-        arm.modules, ends, ends[1:], module_colors(arm.module_count), strict=False
+        arm.modules, ends, ends[1:], colors, strict=False
     ):
         radius = module.cable_radius
-        quarter = 90.0 * view.side
-        _box(axes, view, (low, high), radius, color + "38")
-        for angle in np.deg2rad(np.subtract(module.cable_angles_deg, quarter)):
-            axes.plot(
-                *view.at([low, high], radius * np.cos(angle)).T,
-                color=color,
-                linewidth=1.2,
-            )
-        plate = view.at(high, DISC_WIDTH * radius * np.array([-1, 1]))
-        axes.plot(*plate.T, color=INK, linewidth=1.8, solid_capstyle="butt")
-    _box(
-        axes,
-        view,
-        (-BASE_HEIGHT * view.per_inch, 0.0),
-        BASE_WIDTH * arm.modules[0].cable_radius,
-        "#7d8795",
-    )
-    _number_boundaries(axes, ends, view, beside=_across(arm) / view.per_inch / 2)
+        _draw_box(axes, view, (low, high), radius, color + "38")
+        angles = np.deg2rad(np.subtract(module.cable_angles_deg, 90.0 * view.side))
+        for offset in radius * np.cos(angles):
+            cable = view.at([low, high], offset)
+            axes.plot(*cable.T, color=color, linewidth=1.2)
+        disc = view.at(high, DISC_RADIUS * radius * np.array([-1, 1]))
+        axes.plot(*disc.T, color=INK, linewidth=1.8, solid_capstyle="butt")
+    bottom = -BASE_HEIGHT * view.per_inch
+    base_radius = BASE_RADIUS * arm.modules[0].cable_radius
+    _draw_box(axes, view, (bottom, 0.0), base_radius, BASE_COLOR)
+    _number_boundaries(axes, ends, view, _width_needed(arm) / view.per_inch / 2)
 
 
-def _box(
-    axes: Axes, view: SideView, heights: tuple[float, float], half: float, color: str
+def _draw_box(
+    axes: Axes, view: SideView, heights: tuple[float, float], radius: float, color: str
 ) -> None:
-    corners = view.at(np.repeat(heights, 2), half * np.array([-1, 1, 1, -1]))
+    corners = view.at(np.repeat(heights, 2), radius * np.array([-1, 1, 1, -1]))
     axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none"))
 
 
 def _number_boundaries(
-    axes: Axes, ends: np.ndarray, view: SideView, beside: float
+    axes: Axes, ends: np.ndarray, view: SideView, distance: float
 ) -> None:
-    """Heights above the base, below a lying arm; where they would touch, the inner ones are left out."""
-    gap = view.per_inch * TICK_GAP[not view.upright]
+    """Write heights beside an upright arm, or a distance [inches] below a lying arm."""
+    if view.upright:
+        offset = np.array([-0.49 * SIDE_WIDTH, 0.0])
+        style = {"ha": "right"}
+        gap = TICK_GAP_UPRIGHT * view.per_inch
+        label_at = ends[-1] + 0.28 * view.per_inch
+    else:
+        offset = np.array([0.0, -distance])
+        style = {"va": "top"}
+        gap = TICK_GAP_LYING * view.per_inch
+        label_at = ends[-1] + 0.5 * view.per_inch
+    labels = {end: f"{1000 * end:.4g}" for end in _separated(ends, gap)}
+    labels[label_at] = "z [mm]"
+    for height, text in labels.items():
+        x, y = view.at(height) + offset
+        _write(axes, x, y, text, 8, **style)
+    for end in ends:
+        tick = view.at(end) + offset - np.outer([0.06, 0.16], np.sign(offset))
+        axes.plot(*tick.T, color=MUTED, linewidth=0.8)
+
+
+def _separated(ends: np.ndarray, gap: float) -> list[float]:
+    """Boundaries more than a gap apart from each other and the base, from the tip."""
     shown = [ends[-1]]
     for end in ends[-2::-1]:
         if shown[-1] - end > gap and (end == 0 or end > gap):
             shown.append(end)
-    away = np.array([-0.49 * SIDE_WIDTH, 0.0] if view.upright else [0.0, -beside])
-    ha, va = ("right", "center") if view.upright else ("center", "top")
-    beyond = ends[-1] + (0.28 if view.upright else 0.5) * view.per_inch
-    for end, text in [
-        *((end, f"{1000 * end:.4g}") for end in shown),
-        (beyond, "z [mm]"),
-    ]:
-        x, y = view.at(end) + away
-        axes.text(x, y, text, fontsize=8, color=MUTED, ha=ha, va=va)
-    for end in ends:
-        axes.plot(
-            *(view.at(end) + away - np.outer([0.06, 0.16], np.sign(away))).T,
-            color=MUTED,
-            linewidth=0.8,
-        )
+    return shown
 
 
-def _draw_gravity(axes: Axes, mounting: Mounting) -> None:
-    """Draw gravity beside the base frame's axes as they are seen from the side, and how the arm is mounted in words."""
-    axes.set(xlim=(-1, 1), ylim=(-1, 1), aspect="equal")
-    drawn = _drawn_axes(mounting)
-    for name, end in zip("xyz", drawn.T, strict=True):
-        if end.any():
-            draw_arrow(axes, (0.0, 0.0), 0.38 * end, MUTED, 0.8, head=0.0)
-            axes.text(
-                0.51 * end[0],
-                0.51 * end[1],
-                name,
-                fontsize=7.5,
-                color=MUTED,
-                ha="center",
-                va="center",
-            )
-    if mounting.gravity.any():
-        draw_arrow(
-            axes, ARROW, ARROW + 0.8 * drawn @ mounting.gravity, INK, 2.2, head=15.0
-        )
-    words = (
-        f"gravity\nthe arm {mounting.word}" if mounting.gravity.any() else "no gravity"
-    )
-    axes.text(
-        -0.95,
-        0,
-        words,
-        fontsize=8.5,
-        color=INK,
-        ha="right",
-        va="center",
-        linespacing=1.3,
-    )
+def _draw_table(
+    axes: Axes, arm: ArmSpec, kinds: dict[str, list[int]], view: SideView, height: float
+) -> None:
+    """Write a row for each module; lines connect the rows to an upright arm.
+
+    Args:
+        axes: bare axes in inches that also hold the side view.
+        arm: the arm.
+        kinds: module numbers of each cross-section.
+        view: side view of the arm.
+        height: of the table [inches].
+    """
+    headings = ["module", *(heading for _, _, heading in QUANTITIES), "section"]
+    _write_row(axes, height + 0.1, headings, 8, va="bottom", linespacing=1.25)
+    rule = [TABLE_LEFT, SIDE_WIDTH + TABLE_WIDTH]
+    axes.plot(rule, [height + 0.04] * 2, color=FAINT, linewidth=1, clip_on=False)
+
+    ends = _module_ends(arm)
+    middles = view.at((ends[:-1] + ends[1:]) / 2)[:, 1]
+    rows = _row_heights(middles, view, height)
+    letters = {number: letter for letter, group in kinds.items() for number in group}
+    colors = module_colors(arm.module_count)
+    for place, (module, color) in enumerate(zip(arm.modules, colors, strict=True)):
+        row = rows[place]
+        axes.plot(TABLE_LEFT + 0.05, row, "o", color=color, markersize=4)
+        if view.upright:
+            disc = DISC_RADIUS * module.cable_radius / view.per_inch
+            edge = view.origin[0] + disc + 0.08
+            x = [edge, SIDE_WIDTH + 0.15, TABLE_LEFT - 0.2, TABLE_LEFT + 0.05]
+            y = [middles[place], middles[place], row, row]
+            axes.plot(x, y, color=color, linewidth=0.8, alpha=0.8)
+        cells = [str(place + 1)]
+        for name, factor, _ in QUANTITIES:
+            cells.append(f"{factor * getattr(module, name):.4g}")
+        cells.append(letters[place + 1])
+        _write_row(axes, row, cells, 9, va="center_baseline", color=INK)
+
+
+def _write_row(axes: Axes, y: float, cells: list[str], size: float, **style) -> None:
+    for edge, text in zip(COLUMN_EDGES, cells, strict=True):
+        _write(axes, SIDE_WIDTH + edge, y, text, size, ha="right", **style)
+
+
+def _row_heights(middles: np.ndarray, view: SideView, height: float) -> np.ndarray:
+    """Heights of the table's rows [inches], close to the modules of an upright arm."""
+    order = np.arange(len(middles))[::-1]
+    if view.upright:
+        order = np.argsort(middles, kind="stable")
+    rows = np.empty(len(middles))
+    rows[order] = spread(middles[order], ROW_GAP, height)
+    return rows
+
+
+def _draw_cross_section(
+    axes: Axes, arm: ArmSpec, letter: str, numbers: list[int]
+) -> None:
+    """Draw a section seen from the tip: x to the right, y up; number its cables."""
+    axes.set(xlim=(-2.1, 2.1), ylim=(-1.95, 2.85), aspect="equal")
+    module = arm.modules[numbers[0] - 1]
+    color = module_colors(arm.module_count)[numbers[0] - 1]
+    fill = {"facecolor": color + "1f", "edgecolor": color, "linewidth": 1.4}
+    axes.add_patch(Circle((0, 0), MODULE_RADIUS, **fill))
+    dashes = {"edgecolor": MUTED, "linewidth": 0.8, "linestyle": (0, (3, 3))}
+    axes.add_patch(Circle((0, 0), 1, facecolor="none", **dashes))
+    for end, name in (((0.5, 0.0), "x"), ((0.0, 0.5), "y")):
+        draw_arrow(axes, (0.0, 0.0), end, MUTED, 0.9, head=8.0)
+        _write(axes, 1.3 * end[0], 1.3 * end[1], name, 8)
+    for number, angle in enumerate(module.cable_angles_deg, start=1):
+        _draw_cable(axes, number, angle, color)
+    style = {"color": INK, "ha": "left", "va": "baseline"}
+    word = "module" if len(numbers) == 1 else "modules"
+    text = f"{word} {_number_ranges(numbers)}"
+    _write(axes, -2.05, 2.55, letter, 12, fontweight="bold", **style)
+    _write(axes, -1.68, 2.55, text, 9, **style)
+    text = f"cables at {1000 * module.cable_radius:.4g} mm"
+    _write(axes, -1.68, 2.22, text, 8.5, ha="left", va="baseline")
+
+
+def _draw_cable(axes: Axes, number: int, angle: float, color: str) -> None:
+    """Draw a numbered cable on the unit circle at an angle [deg]."""
+    x = np.cos(np.deg2rad(angle))
+    y = np.sin(np.deg2rad(angle))
+    axes.plot(x, y, "o", color=color, markersize=13, mec="white", mew=1)
+    style = {"color": "white", "va": "center_baseline", "fontweight": "bold"}
+    _write(axes, x, y, str(number), 7.5, **style)
+    _write(axes, 1.62 * x, 1.62 * y, f"{angle:g}°", 8, color=INK)
+
+
+def _number_ranges(numbers: list[int]) -> str:
+    """Ascending numbers as ranges such as "1–3, 5", shortened if there are many."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    spans = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
+    if len(spans) > 5:
+        spans = [*spans[:3], "…", spans[-1]]
+    return ", ".join(spans)

@@ -1,4 +1,4 @@
-"""How charts look: type, lines and frames; runs over time, or seen along an axis of the base frame; files of them."""
+"""Common parts of figures: axes, legends, lines over time, views in space, saving."""
 
 import io
 from collections.abc import Callable, Mapping, Sequence
@@ -12,33 +12,35 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import save_whole
-from s2c2a.viz.colors import FAINT, INK, MUTED, DESIRED, colors_by_label
+from s2c2a.files import write_atomically
+from s2c2a.viz.arrays import Point, Points, Series, Spheres
+from s2c2a.viz.colors import DESIRED, FAINT, INK, MUTED, UNCOUNTED, colors_by_label
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 DOTS_PER_INCH = 160
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
-FRONT = 50  # drawing order of the first trace, the one in front
+FRONT = 50  # zorder of the first trace; the others lie behind it
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
 OBSTACLE = "#6b6f86"
-NOT_COUNTED = "#e6eaf0"
-STANDING = 1e-6  # m; a target that moves less stands still
-MIN_SPAN = 0.02  # m; a motion smaller than this is not blown up to fill its axes
-# inches, in a legend
+STATIONARY = 1e-6  # m; a target that moves less is drawn as a point
+MIN_SPAN = 0.02  # m; smallest range of an axis
+LOG_TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
+
+# estimated sizes in a legend, inches
 HANDLE_WIDTH = 0.6
 LETTER_WIDTH = 0.066
 
-Series = Float[np.ndarray, " time"]
 Colors = Mapping[str, str]
 """Label of a trace -> its color."""
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A white figure, width and height in inches, that lays its axes out by itself."""
+    """White figure with automatic layout; width and height in inches."""
     layout = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.06, wspace=0.03, hspace=0.03)
     return Figure(figsize=(width, height), layout=layout, facecolor="white")
 
@@ -46,7 +48,7 @@ def new_figure(width: float, height: float) -> Figure:
 def new_axes(
     figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **options
 ) -> Axes:
-    """Axes with a light grid and no box."""
+    """Axes with a light grid and without a box."""
     axes = figure.add_subplot(place, **options)
     axes.set_xlabel(x_label, color=INK, fontsize=9)
     axes.set_ylabel(y_label, color=INK, fontsize=9)
@@ -61,19 +63,13 @@ def new_axes(
 def new_time_axes(
     figure: Figure, grid: GridSpec, y_labels: Sequence[str]
 ) -> list[Axes]:
-    """Axes over one time axis [s], from top to bottom in a grid's first column; only the last ones number it."""
+    """Axes in a grid's first column that share one time axis [s], from the top."""
     axes: list[Axes] = []
     for row, label in enumerate(y_labels):
-        axes.append(
-            new_axes(
-                figure,
-                grid[row, 0],
-                "time [s]",
-                label,
-                sharex=axes[0] if axes else None,
-            )
-        )
-        axes[-1].label_outer()
+        shared = axes[0] if axes else None
+        panel = new_axes(figure, grid[row, 0], "time [s]", label, sharex=shared)
+        panel.label_outer()
+        axes.append(panel)
     axes[-1].margins(x=0.01)
     figure.align_ylabels(axes)
     return axes
@@ -85,7 +81,7 @@ def view_axes(
     view: View,
     backward: tuple[bool, bool] = (False, False),
 ) -> Axes:
-    """Axes in meters, at equal scale in both directions; what runs backward grows to the left or downward."""
+    """Axes [m] with equal scales; a backward axis grows to the left or downward."""
     right, up = ("xyz"[coordinate] for coordinate in view)
     axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
     axes.set_aspect("equal", adjustable="datalim")
@@ -95,36 +91,44 @@ def view_axes(
     return axes
 
 
+def label_log_axis(axes: Axes) -> None:
+    """Make x logarithmic and label it at 1, 2 and 5 times powers of ten."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(ScalarFormatter())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_xlim()
+    axes.set_xticks([tick for tick in LOG_TICKS if low <= tick <= high])
+
+
 def padded_limits(
     values: np.ndarray, min_span: float = MIN_SPAN
 ) -> tuple[float, float]:
-    """Limits with some room around all finite values, never closer together than the least span."""
+    """Axis limits around all finite values, at least `min_span` apart."""
+    low, high = 0.0, 0.0
     finite = values[np.isfinite(values)]
-    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
+    if finite.size:
+        low = finite.min()
+        high = finite.max()
     middle = (low + high) / 2
     half = max(high - low, min_span) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
 def draw_arrow(axes: Axes, start, end, color: str, width: float, head: float) -> None:
-    """A straight arrow, or a line where its head has no size [points]."""
-    look = {
+    """Draw a straight arrow, or a line if the size of its head [points] is zero."""
+    style = {
+        "color": color,
+        "lw": width,
         "arrowstyle": "-|>" if head else "-",
         "shrinkA": 0,
         "shrinkB": 0,
         "mutation_scale": head or 1,
     }
-    axes.annotate(
-        "",
-        xy=tuple(end),
-        xytext=tuple(start),
-        arrowprops={"color": color, "lw": width, **look},
-        zorder=3,
-    )
+    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=style, zorder=3)
 
 
-def say_nothing_here(axes: Axes, text: str) -> None:
-    """Words in the middle of axes that have nothing to show."""
+def write_placeholder(axes: Axes, text: str) -> None:
+    """Write a text in the middle of empty axes."""
     axes.text(
         0.5,
         0.5,
@@ -138,75 +142,62 @@ def say_nothing_here(axes: Axes, text: str) -> None:
 
 
 def headline(axes: Axes, text: str) -> None:
-    """A small bold title at the left edge; a name from a user is shown as it is, not read as mathematics."""
+    """Set a small bold title at the left; `$` has no special meaning in it."""
     axes.set_title(
         text, loc="left", fontsize=9.5, fontweight="bold", color=INK, parse_math=False
     )
 
 
 def legend(figure: Figure, **options) -> None:
-    """One legend above all panels, without a frame; what several panels name comes once."""
-    pairs = [
-        pair
-        for axes in figure.axes
-        for pair in zip(*axes.get_legend_handles_labels(), strict=True)
-    ]
-    handles = {label: handle for handle, label in reversed(pairs)}
-    labels = list(dict.fromkeys(label for _, label in pairs))
-    if labels:
-        look = {
-            "frameon": False,
-            "fontsize": 8.5,
-            "labelcolor": INK,
-            "loc": "outside upper right",
-            **options,
-        }
-        columns = _columns_that_fit(labels, figure.get_figwidth())
-        shown = figure.legend(
-            [handles[label] for label in labels], labels, ncols=columns, **look
-        )
-        for text in shown.get_texts():
-            text.set_parse_math(False)
+    """Add one frameless legend above all axes, with each label once."""
+    handles: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    if not handles:
+        return
+    style = {
+        "frameon": False,
+        "fontsize": 8.5,
+        "labelcolor": INK,
+        "loc": "outside upper right",
+        "ncols": _legend_columns(list(handles), figure.get_figwidth()),
+        **options,
+    }
+    shown = figure.legend(list(handles.values()), list(handles), **style)
+    for text in shown.get_texts():
+        text.set_parse_math(False)
 
 
-def _columns_that_fit(labels: list[str], width: float) -> int:
-    """Most columns of legend that are no wider together than `width` [inches]."""
+def _legend_columns(labels: list[str], width: float) -> int:
+    """Largest number of legend columns that fit into a width [inches]."""
     for count in range(len(labels), 1, -1):
-        columns = np.array_split(labels, count)
-        if (
-            sum(
-                HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column))
-                for column in columns
-            )
-            < width
-        ):
+        needed = 0.0
+        for column in np.array_split(labels, count):
+            needed += HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column))
+        if needed < width:
             return count
     return 1
 
 
 def seen(points: Float[np.ndarray, "*batch features"], view: View) -> tuple[Any, Any]:
-    """The coordinates that run to the right and upward."""
+    """Coordinates of points to the right and upward in a view."""
     return points[..., view[0]], points[..., view[1]]
 
 
-def draw_desired(axes: Axes, path: Float[np.ndarray, "time 3"], view: View) -> None:
-    """A line for a path, a disc for a place, nothing where nothing is asked."""
+def draw_desired(axes: Axes, path: Points, view: View) -> None:
+    """Draw a desired path, with a disc if it stays in place; NaN is left out."""
     finite = path[np.isfinite(path).all(axis=-1)]
-    if len(finite):
-        stands = np.ptp(finite, axis=0).max() < STANDING
-        axes.plot(
-            *seen(path, view),
-            label="desired",
-            marker="o" if stands else "",
-            markersize=9,
-            **DESIRED_LINE,
-        )
+    if not len(finite):
+        return
+    stationary = np.ptp(finite, axis=0).max() < STATIONARY
+    marker = "o" if stationary else ""
+    style = {"label": "desired", "marker": marker, "markersize": 9, **DESIRED_LINE}
+    axes.plot(*seen(path, view), **style)
 
 
-def draw_obstacles(
-    axes: Axes, spheres: Float[np.ndarray, "spheres 4"], view: View, **style
-) -> None:
-    """Discs as large as the thresholds of obstacles, as `Trace.spheres` says them."""
+def draw_obstacles(axes: Axes, spheres: Spheres, view: View, **style) -> None:
+    """Draw obstacles as discs with the radii of `Trace.spheres`."""
     look = {
         "facecolor": OBSTACLE + "33",
         "edgecolor": OBSTACLE,
@@ -219,30 +210,23 @@ def draw_obstacles(
 
 def draw_ends(
     axes: Axes,
-    path: Float[np.ndarray, "time 3"],
+    path: Points,
     view: View,
     color: str,
     order: float = FRONT,
 ) -> None:
-    """A hollow disc where a path begins, a full one where it ends."""
-    places = path[np.isfinite(path).all(axis=-1)]
-    for place, fill in zip(
-        places[[0, -1]] if len(places) else (), ("white", color), strict=False
-    ):
-        axes.plot(
-            *seen(place, view),
-            "o",
-            markersize=5.5,
-            color=color,
-            markerfacecolor=fill,
-            zorder=order + 1,
-        )
+    """Draw a hollow disc at the start of a path and a filled one at its end."""
+    finite = path[np.isfinite(path).all(axis=-1)]
+    if not len(finite):
+        return
+    for point, fill in ((finite[0], "white"), (finite[-1], color)):
+        _draw_end(axes, *seen(point, view), color, fill, zorder=order + 1)
 
 
 def draw_run(
     axes: Axes, trace: Trace, colors: Colors, view: View, order: float = FRONT
 ) -> None:
-    """Path of the followed end, with its start and end."""
+    """Draw the path of the followed module's end with its start and end."""
     path = trace.followed_path
     color = colors[trace.label]
     axes.plot(
@@ -251,45 +235,38 @@ def draw_run(
     draw_ends(axes, path, view, color, order)
 
 
-def name_ends(axes: Axes) -> None:
-    """What the discs of `draw_ends` mean, for the legend."""
-    for name, fill in (("start", "white"), ("end", MUTED)):
-        axes.plot(
-            [],
-            [],
-            "o",
-            markersize=5.5,
-            color=MUTED,
-            markerfacecolor=fill,
-            linestyle="none",
-            label=name,
-        )
+def label_path_ends(axes: Axes) -> None:
+    """Add the discs of `draw_ends` to the legend."""
+    for label, fill in (("start", "white"), ("end", MUTED)):
+        _draw_end(axes, [], [], MUTED, fill, linestyle="none", label=label)
 
 
-def draw_ring(
-    axes: Axes, place: Float[np.ndarray, "3"], view: View, size: float, label: str
-) -> None:
-    """A ring round where an end should be, as wide as so many points."""
-    look: dict[str, Any] = {
+def _draw_end(axes: Axes, x, y, color: str, fill: str, **style) -> None:
+    axes.plot(x, y, "o", markersize=5.5, color=color, markerfacecolor=fill, **style)
+
+
+def draw_ring(axes: Axes, place: Point, view: View, size: float, label: str) -> None:
+    """Draw a ring around a desired point, with a diameter in points."""
+    style: dict[str, Any] = {
         "markersize": size,
         "markerfacecolor": DESIRED + "38",
         "markeredgecolor": DESIRED,
     }
-    axes.plot(*seen(place, view), "o", linestyle="none", label=label, **look)
+    axes.plot(*seen(place, view), "o", linestyle="none", label=label, **style)
 
 
 def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
-    """A label with mean and standard deviation of what errors are known."""
-    known = errors[np.isfinite(errors)]
-    return (
-        f"{label}   {known.mean():.{digits}f} ± {known.std():.{digits}f}{unit}"
-        if known.size
-        else label
-    )
+    """Label with the mean and standard deviation of the finite errors."""
+    finite = errors[np.isfinite(errors)]
+    if not finite.size:
+        return label
+    mean = f"{finite.mean():.{digits}f}"
+    deviation = f"{finite.std():.{digits}f}"
+    return f"{label}   {mean} ± {deviation}{unit}"
 
 
 def named_error(trace: Trace) -> str:
-    """A trace's label with the error over the steps that count."""
+    """Label of a trace with the error over its counted steps."""
     return named(trace.label, 100 * trace.counted_errors, " cm", 2)
 
 
@@ -300,14 +277,22 @@ def draw_lines(
     shown: Callable,
     name=named_error,
 ) -> None:
-    """A line for each trace, the first in front; `shown` says its x and y, `name` its label."""
-    for place, trace in enumerate(traces):
-        look: dict[str, Any] = {
+    """Draw a line for each trace, the first in front.
+
+    Args:
+        axes: axes to draw in.
+        traces: runs of the same task.
+        colors: color of each label.
+        shown: maps a trace to the x and y of its line.
+        name: maps a trace to its label.
+    """
+    for rank, trace in enumerate(traces):
+        style: dict[str, Any] = {
             "color": colors[trace.label],
             "linewidth": 1.4,
-            "zorder": FRONT - place,
+            "zorder": FRONT - rank,
         }
-        axes.plot(*shown(trace), label=name(trace), **look)
+        axes.plot(*shown(trace), label=name(trace), **style)
 
 
 def draw_over_time(
@@ -318,50 +303,61 @@ def draw_over_time(
     name=named_error,
     min_span=MIN_SPAN,
 ) -> None:
-    """What each trace did over time, its `values`, and below it what was desired of the first; all of it in sight."""
-    axes.plot(
-        traces[0].times,
-        desired,
-        label="desired" if np.isfinite(desired).any() else None,
-        **DESIRED_LINE,
-    )
+    """Draw a quantity of each trace over time, above its desired value.
+
+    Args:
+        axes: axes to draw in; its limits are set.
+        traces: runs of the same task, the first in front.
+        desired: desired values of the first trace.
+        values: maps a trace to its values, shape (time,).
+        name: maps a trace to its label.
+        min_span: smallest range of the values' axis.
+    """
+    label = "desired" if np.isfinite(desired).any() else None
+    axes.plot(traces[0].times, desired, label=label, **DESIRED_LINE)
     colors = colors_by_label(trace.label for trace in traces)
     draw_lines(axes, traces, colors, lambda trace: (trace.times, values(trace)), name)
-    axes.set_ylim(
-        *padded_limits(np.concatenate([desired, *map(values, traces)]), min_span)
-    )
+    shown = np.concatenate([desired, *map(values, traces)])
+    axes.set_ylim(*padded_limits(shown, min_span))
 
 
 def draw_errors(
     axes: Axes, traces: Sequence[Trace], colors: Colors, name=named_error
 ) -> None:
-    """Distance from what is desired [cm] over time; steps that do not count in its mean are shaded."""
-    draw_lines(
-        axes,
-        traces,
-        colors,
-        lambda trace: (trace.times, 100 * trace.position_errors),
-        name,
-    )
+    """Draw position errors [cm] over time and shade the uncounted steps."""
+
+    def errors_over_time(trace: Trace):
+        return trace.times, 100 * trace.position_errors
+
+    draw_lines(axes, traces, colors, errors_over_time, name)
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
-        axes.axvspan(start, end, color=NOT_COUNTED, linewidth=0, label="not counted")
+        axes.axvspan(start, end, color=UNCOUNTED, linewidth=0, label="not counted")
     if not any(np.isfinite(trace.position_errors).any() for trace in traces):
-        say_nothing_here(axes, "no position is asked for")
+        write_placeholder(axes, "no desired position")
 
 
 def save_figure(figure: Figure, path: str | Path, **options) -> Path:
-    """Write a figure, with its legend, in the format that the file's name ends in: png, pdf or svg.
+    """Write a figure and its legend in the format that the file name ends in.
+
+    Args:
+        figure: the figure.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+        options: of the legend.
+
+    Returns:
+        Path of the written file.
 
     Raises:
-        S2C2AError: the name ends in something else, or the file cannot be written.
+        S2C2AError: the name has another ending, or the file cannot be written.
     """
     ending = Path(path).suffix.lower().removeprefix(".")
     if ending not in FIGURE_FORMATS:
+        formats = ", .".join(FIGURE_FORMATS)
         raise S2C2AError(
-            f"{path}: a figure's name ends in .{', .'.join(FIGURE_FORMATS)}, not in '.{ending}'"
+            f"{path}: the name of a figure ends in .{formats}, not in '.{ending}'"
         )
     legend(figure, **options)
     content = io.BytesIO()
     figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)
-    return save_whole(content.getvalue(), path)
+    return write_atomically(content.getvalue(), path)

@@ -1,4 +1,8 @@
-"""Colors with a meaning, the same in every figure and on every page (Chen et al. 2025, figures 3 and 6)."""
+"""Colors with a fixed meaning, shared by figures, videos, replay and live pages.
+
+Modules, the desired path and the strategies have the colors of figures 3 and 6 of Chen
+et al. 2025.
+"""
 
 from collections.abc import Iterable
 from itertools import cycle
@@ -6,11 +10,11 @@ from itertools import cycle
 import numpy as np
 
 DESIRED = "#d62728"  # in figures
-TARGET = "#7b35c9"  # the same where the arm's body is drawn, whose end is red
+TARGET = "#7b35c9"  # desired values in 3D scenes, where red is the last module
 POINTING = "#e0a100"
-REAL = "#1f5fc4"  # where the arm was
+REAL = "#1f5fc4"  # measured path
 OBSTACLE = "#8a93a6"
-# of the arm's body, beside its modules
+UNCOUNTED = "#e6eaf0"  # steps that the mean error leaves out
 DISC = "#c4cbd5"
 BASE = "#8791a0"
 GRID = "#d9dfe7"
@@ -19,41 +23,41 @@ INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
 
-_BASE_TO_END = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
-_CONTROLLERS = {
+_BASE_TO_TIP = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
+_STRATEGY_COLORS = {
     "s2c2a": "#1f5fc4",
     "pcc": "#2b9a4b",
     "pcc-fitted": "#c77d0a",
     "lstm": "#0d8fa0",
 }
-_OTHERS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+_PALETTE = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """A color as three numbers of 0 to 255."""
+    """Red, green and blue of a "#rrggbb" color, each 0 to 255."""
     return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 
 def darker(color: str) -> str:
-    """Half as bright."""
-    return "#{:02x}{:02x}{:02x}".format(*(value // 2 for value in rgb(color)))
+    """A color of half the brightness."""
+    return _hex(value // 2 for value in rgb(color))
 
 
 def module_colors(count: int) -> list[str]:
-    """A color for each module: base blue, middle green, end red, and between them what lies between."""
-    places = np.linspace(0, len(_BASE_TO_END) - 1, count)
-    channels = [
-        np.interp(places, range(len(_BASE_TO_END)), channel)
-        for channel in _BASE_TO_END.T
-    ]
-    return [
-        "#{:02x}{:02x}{:02x}".format(*(round(value) for value in color))
-        for color in zip(*channels, strict=True)
-    ]
+    """Colors of the modules, interpolated from blue (base) over green to red (tip)."""
+    knots = range(len(_BASE_TO_TIP))
+    places = np.linspace(0, len(_BASE_TO_TIP) - 1, count)
+    channels = [np.interp(places, knots, channel) for channel in _BASE_TO_TIP.T]
+    return [_hex(map(round, color)) for color in zip(*channels, strict=True)]
 
 
 def colors_by_label(labels: Iterable[str]) -> dict[str, str]:
-    """A color for each strategy: its own where it has one, else the first that no other one uses."""
-    own = {label: _CONTROLLERS.get(label.lower()) for label in labels}
-    others = cycle([color for color in _OTHERS if color not in own.values()] or _OTHERS)
-    return {label: color or next(others) for label, color in own.items()}
+    """Color of each label: that of a known strategy, else an unused one."""
+    colors = {label: _STRATEGY_COLORS.get(label.lower()) for label in labels}
+    unused = [color for color in _PALETTE if color not in colors.values()]
+    spare = cycle(unused or _PALETTE)
+    return {label: color or next(spare) for label, color in colors.items()}
+
+
+def _hex(channels: Iterable[int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*channels)

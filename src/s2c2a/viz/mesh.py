@@ -1,9 +1,9 @@
-"""The arm's surface: tubes along the center line, from States alone; the same for films and pages.
+"""Triangle mesh of an arm's surface, computed from `States` alone.
 
-A tube is a run of sections; a section is an outline in a plane across the arm. Where a
-section is follows from the frames at the base and at the modules' ends by weights that
-never change, so that a page which is told them once needs nothing but the frames to
-draw the arm at any time.
+The mesh consists of tubes. A tube is a run of sections, a section is an outline in a
+plane across the arm. Each section follows the frames of the base and of the module ends
+with constant weights. The replay page gets these weights once and then draws the arm at
+any time from the frames.
 """
 
 from collections.abc import Sequence
@@ -18,35 +18,36 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.colors import BASE, DISC, darker, module_colors
 
-AROUND = 20
+AROUND = 20  # corners of a section
 BODY_ROWS = 9  # sections of a module
-COARSER = 2  # of the outline, both ways
-# radius of the body as a share of the cable radius; an arm file does not state it
+COARSER = 2  # step between the corners and sections that the outline keeps
+
+# Module radius as a multiple of the cable radius; an arm file does not state it.
 BODY = 1.12
-# radius and half height of a disc as shares of the body's radius
-DISC_WIDE = 1.16
-DISC_HALF = 0.14
-# the cables' distance from the center line and their radius, the same
-CABLE_OFF = 1.03
-CABLE_THICK = 0.04
-# see `Piece`, the same
-CABLE_LIFT = 0.12
-TIP_LIFT = 0.5
-PLATE = 0.018  # height of the base's plate in parts of the arm's length
-# of the base: height and radius, in parts of the body's
-COLLAR = ((0.0, 2.0), (0.0, 1.4), (0.3, 1.4), (0.3, 1.0))
+
+# multiples of the module radius
+DISC_RADIUS = 1.16
+DISC_HALF_HEIGHT = 0.14
+CABLE_DISTANCE = 1.03  # from the center line
+CABLE_RADIUS = 0.04
+CABLE_LIFT = 0.12  # see `Piece`
+TIP_LIFT = 0.5  # see `Piece`
+COLLAR = ((0.0, 2.0), (0.0, 1.4), (0.3, 1.4), (0.3, 1.0))  # heights and radii
+
+PLATE_HEIGHT = 0.018  # of the base, as a share of the arm's length
 THREAD_SIDES = 3
 
 Vertices = Float[np.ndarray, "vertices 3"]
 Faces = Int[np.ndarray, "faces 3"]
 Frames = Float[np.ndarray, "*batch modules+1 4 3"]
-"""Position [m], x, y and z axis of the base and of every module's end, base frame."""
+"""Position [m], x, y and z axis of the base and of every module end, base frame."""
 
 
 def frames_of(states: States) -> Frames:
-    """Frames at the base and at every module's end; x is carried from each to the next without twist."""
+    """Frames of the base and of every module end; x is transported without twist."""
     axes = unit(np.asarray(states, float)[..., AXIS])
     frames = np.zeros((*axes.shape[:-2], axes.shape[-2] + 1, 4, 3))
     frames[..., 0, 1:, :] = np.eye(3)
@@ -54,25 +55,27 @@ def frames_of(states: States) -> Frames:
     frames[..., 1:, 3, :] = axes
     for module in range(axes.shape[-2]):
         x = frames[..., module, 1, :]
-        before = frames[..., module, 3, :]
-        after = axes[..., module, :]
-        share = np.sum(x * after, -1) / np.maximum(
-            1.0 + np.sum(before * after, -1), 1e-9
-        )
-        frames[..., module + 1, 1, :] = x - share[..., None] * (before + after)
+        start = frames[..., module, 3, :]
+        end = axes[..., module, :]
+        cosine = np.sum(start * end, -1)
+        share = np.sum(x * end, -1) / np.maximum(1.0 + cosine, 1e-9)
+        frames[..., module + 1, 1, :] = x - share[..., None] * (start + end)
     frames[..., 1:, 2, :] = np.cross(frames[..., 1:, 3, :], frames[..., 1:, 1, :])
     return frames
 
 
 def center_line(
     states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
-) -> Float[np.ndarray, "*batch points 3"]:
-    """The arm's center line [m] with the base as its first point, base frame; for drawing, not for kinematics.
+) -> Points:
+    """Center line of the arm from the base [m], for drawing and not for kinematics.
 
     Args:
         states: end positions [m] and end axes, shape (*batch, modules, 6), base frame.
         lengths: module lengths [m], shape (modules,).
         points_per_module: points on each module after its first.
+
+    Returns:
+        Points in the base frame; the first is the base.
     """
     states = np.asarray(states, dtype=float)
     points = line_to_tip(states, np.asarray(lengths, dtype=float), points_per_module)
@@ -81,174 +84,166 @@ def center_line(
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """What is drawn in one color and may move in one.
+    """Part of the mesh with one color.
 
     Attributes:
-        name: what it is: module, cables, discs, tip or base.
-        color: of it.
-        tubes: first and last but one row in `ArmMesh.sections` of each tube that it
-            consists of.
-        outlines: x and y in parts of a section's radius, counterclockwise seen from the
-            tip; one for each strand.
-        lift: how much nearer to the eye than it is a painter without depth takes it, so
-            that it is painted after what it lies on [m].
+        name: "module", "cables", "discs", "tip" or "base".
+        color: "#rrggbb".
+        tubes: first row and end row in `ArmMesh.sections` of each tube.
+        outlines: x and y as multiples of a section's radius, counterclockwise seen from
+            the tip; one outline for each strand.
+        lift: distance [m] by which a painter that sorts faces by depth moves the piece
+            towards the eye, so that it covers what it lies on.
     """
 
     name: str
     color: str
     tubes: Sequence[tuple[int, int]]
-    outlines: Float[np.ndarray, "strands around 2"]
+    outlines: PlanePoints
     lift: float = 0.0
 
     @cached_property
     def faces(self) -> Faces:
-        """Triangles between `ArmMesh.vertices` of this piece, facing outward."""
+        """Triangles between the corners of this piece, facing outward."""
         strands, around, _ = self.outlines.shape
-        firsts = (
-            strands
-            * around
-            * np.cumsum([0, *(last - first for first, last in self.tubes)])
-        )
-        every = zip(firsts, self.tubes, strict=False)
-        return np.concatenate(
-            [
-                start + tube_faces(strands, last - first, around)
-                for start, (first, last) in every
-            ]
-        )
+        faces = []
+        corners = 0
+        for first, end in self.tubes:
+            faces.append(corners + tube_faces(strands, end - first, around))
+            corners += strands * (end - first) * around
+        return np.concatenate(faces)
 
 
 class ArmMesh:
-    """Skins the states of one arm; the faces never change, only where their corners are.
+    """Mesh of one arm; its faces are constant, its corners follow the states.
 
     Attributes:
-        sections: rows of module, weights of the frames at its start (position, z) and
-            end (position, z), share of its way, radius [m]; first those of the modules'
-            tubes.
-        pieces: the modules, base first, their cables, the discs between them, the disc
-            at the tip, the base.
-        outline_faces: of `outline`.
+        sections: rows of module, weights of the frames at the module's start (position,
+            z) and end (position, z), share of the module's length, radius [m]. The
+            modules' own tubes come first.
+        pieces: modules from the base, their cables, the discs between them, the disc at
+            the tip, the base.
+        outline_faces: faces of `outline`.
     """
 
     def __init__(self, arm: ArmSpec):
-        """The surface of an arm."""
-        colors = module_colors(arm.module_count)
+        """Build the mesh of an arm."""
         count = arm.module_count
         lengths = ArmGeometry.of(arm).lengths
         radii = BODY * ArmGeometry.of(arm).cable_radii
-        bodies = [
-            [(share, 0.0, radius) for share in np.linspace(0, 1, BODY_ROWS)]
-            for radius in radii
-        ]
-        discs = [_disc(radius, closed=k == count - 1) for k, radius in enumerate(radii)]
-        runs = [
-            _sections(k % count, lengths[k % count], places)
-            for k, places in enumerate([*bodies, *discs])
-        ]
-        runs.append(_sections(0, lengths[0], _base(radii[0], arm.length)))
+        runs = []
+        for module, radius in enumerate(radii):
+            body = [(share, 0.0, radius) for share in np.linspace(0, 1, BODY_ROWS)]
+            runs.append(_sections(module, lengths[module], body))
+        for module, radius in enumerate(radii):
+            disc = _disc_profile(radius, closed=module == count - 1)
+            runs.append(_sections(module, lengths[module], disc))
+        base = _base_profile(radii[0], arm.length)
+        runs.append(_sections(0, lengths[0], base))
         self.sections = np.concatenate(runs)
-        tubes = list(pairwise(np.cumsum([0, *map(len, runs)]).tolist()))
-        eyes = [_cable_outlines(module.cable_angles_deg) for module in arm.modules]
-        self.pieces = (
-            *(Piece("module", colors[k], [tubes[k]], _CIRCLE) for k in range(count)),
-            *(
-                Piece(
-                    "cables",
-                    darker(colors[k]),
-                    [tubes[k]],
-                    eyes[k],
-                    CABLE_LIFT * radii[k],
-                )
-                for k in range(count)
-            ),
-            *(
-                [Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE)]
-                if count > 1
-                else []
-            ),
-            Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]),
-            Piece("base", BASE, [tubes[-1]], _CIRCLE),
-        )
-        self.outline_faces = tube_faces(
-            1, count * len(range(0, BODY_ROWS, COARSER)), AROUND // COARSER
-        )
+        ends = np.cumsum([0, *map(len, runs)]).tolist()
+        self.pieces = _pieces(arm, radii, list(pairwise(ends)))
+        rings = count * len(range(0, BODY_ROWS, COARSER))
+        self.outline_faces = tube_faces(1, rings, AROUND // COARSER)
 
     def vertices(self, states: States) -> list[Vertices]:
-        """Corners of each piece [m] where the modules end in these states, shape (modules, 6); base frame."""
+        """Corners of each piece [m], base frame.
+
+        Args:
+            states: end positions [m] and end axes, shape (modules, 6), base frame.
+        """
         frames = frames_of(states)
         module = self.sections[:, 0].astype(int)
         share = self.sections[:, 5, None]
-        ends = np.concatenate(
-            [frames[module][:, [0, 3]], frames[module + 1][:, [0, 3]]], axis=1
-        )
-        centers = np.einsum("sk,skx->sx", self.sections[:, 1:5], ends)
-        z, x = (
-            unit((1 - share) * frames[module, axis] + share * frames[module + 1, axis])
-            for axis in (3, 1)
-        )
-        axes = self.sections[:, 6, None, None] * np.stack([x, np.cross(z, x)], axis=1)
+        radius = self.sections[:, 6, None, None]
+        start = frames[module]
+        end = frames[module + 1]
+        knots = np.concatenate([start[:, [0, 3]], end[:, [0, 3]]], axis=1)
+        centers = np.einsum("sk,skx->sx", self.sections[:, 1:5], knots)
+        x = unit((1 - share) * start[:, 1] + share * end[:, 1])
+        z = unit((1 - share) * start[:, 3] + share * end[:, 3])
+        axes = radius * np.stack([x, np.cross(z, x)], axis=1)
         return [_corners(piece, centers, axes) for piece in self.pieces]
 
     def outline(self, vertices: Sequence[Vertices]) -> Vertices:
-        """The whole body in one, for ghosts and shadows: base to tip, with a quarter of the corners."""
+        """Coarse surface of all modules from base to tip, for ghosts and shadows."""
         modules = [
             corners
             for piece, corners in zip(self.pieces, vertices, strict=True)
             if piece.name == "module"
         ]
-        return np.reshape(modules, (-1, BODY_ROWS, AROUND, 3))[
-            :, ::COARSER, ::COARSER
-        ].reshape(-1, 3)
+        rings = np.reshape(modules, (-1, BODY_ROWS, AROUND, 3))
+        return rings[:, ::COARSER, ::COARSER].reshape(-1, 3)
 
 
-def threads(lines: Float[np.ndarray, "lines points 3"], radius: float) -> Vertices:
-    """Thin tubes along lines, as triangles: browsers without a graphics card draw them far faster than wide lines."""
+def threads(lines: Points, radius: float) -> Vertices:
+    """Corners of thin tubes along lines.
+
+    Browsers without a graphics card draw these triangles far faster than wide lines.
+    """
     tangents = unit(np.gradient(lines, axis=1))
-    aside = unit(
-        np.cross(
-            tangents,
-            np.where(np.abs(tangents[..., 2:]) < 0.7, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
-        )
-    )
-    axes = radius * np.stack([aside, np.cross(tangents, aside)], axis=-2)
+    upright = np.abs(tangents[..., 2:]) >= 0.7
+    reference = np.where(upright, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    normals = unit(np.cross(tangents, reference))
+    axes = radius * np.stack([normals, np.cross(tangents, normals)], axis=-2)
     return (lines[:, :, None] + _TRIANGLE @ axes).reshape(-1, 3)
 
 
 def tube_faces(strands: int, rings: int, around: int) -> Faces:
-    """Triangles of tubes whose corners are laid out as (strands, rings, around)."""
-    strand, ring, turn = np.meshgrid(
+    """Triangles of tubes whose corners have the layout (strands, rings, around)."""
+    strand, ring, corner = np.meshgrid(
         *map(np.arange, (strands, rings - 1, around)), indexing="ij"
     )
     first = (strand * rings + ring) * around
-    a = first + turn
-    b = first + (turn + 1) % around
+    a = first + corner
+    b = first + (corner + 1) % around
     c = a + around
     d = b + around
-    return np.concatenate([np.stack([a, b, d], -1), np.stack([a, d, c], -1)]).reshape(
-        -1, 3
-    )
+    faces = np.concatenate([np.stack([a, b, d], -1), np.stack([a, d, c], -1)])
+    return faces.reshape(-1, 3)
 
 
-def _circle(turns: np.ndarray) -> Float[np.ndarray, "points 2"]:
-    return np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+def unit(vectors: Points) -> Points:
+    """Vectors scaled to length one; zero stays zero."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def _circle(angles: np.ndarray) -> PlanePoints:
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
 _CIRCLE = _circle(2 * np.pi * np.arange(AROUND) / AROUND)[None]
 _TRIANGLE = _circle(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)
 
 
-def _cable_outlines(
-    angles_deg: Sequence[float],
-) -> Float[np.ndarray, "cables around 2"]:
-    return (
-        CABLE_OFF * _circle(np.deg2rad(angles_deg))[:, None] + CABLE_THICK * _TRIANGLE
-    )
+def _pieces(
+    arm: ArmSpec, radii: np.ndarray, tubes: list[tuple[int, int]]
+) -> tuple[Piece, ...]:
+    """Pieces of an arm from the tubes of its modules, their discs, and the base."""
+    count = arm.module_count
+    colors = module_colors(count)
+    modules = []
+    cables = []
+    for module, color, radius, tube in zip(
+        arm.modules, colors, radii, tubes, strict=False
+    ):
+        centers = CABLE_DISTANCE * _circle(np.deg2rad(module.cable_angles_deg))
+        outlines = centers[:, None] + CABLE_RADIUS * _TRIANGLE
+        lift = CABLE_LIFT * radius
+        modules.append(Piece("module", color, [tube], _CIRCLE))
+        cables.append(Piece("cables", darker(color), [tube], outlines, lift))
+    pieces = modules + cables
+    if count > 1:
+        pieces.append(Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE))
+    pieces.append(Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]))
+    pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE))
+    return tuple(pieces)
 
 
-def _disc(radius: float, closed: bool) -> list[tuple[float, float, float]]:
-    """A ring round a module's end: shares of the module's way, how far beyond, and radii [m]."""
-    wide = DISC_WIDE * radius
-    half = DISC_HALF * radius
+def _disc_profile(radius: float, closed: bool) -> list[tuple[float, float, float]]:
+    """Sections of a disc at a module's end: share of length, offset [m], radius [m]."""
+    wide = DISC_RADIUS * radius
+    half = DISC_HALF_HEIGHT * radius
     return [
         (1.0, -half, radius),
         (1.0, -half, wide),
@@ -257,33 +252,30 @@ def _disc(radius: float, closed: bool) -> list[tuple[float, float, float]]:
     ]
 
 
-def _base(radius: float, length: float) -> list[tuple[float, float, float]]:
-    """A plate on which a collar holds the arm, as `_disc` says it."""
-    collar = [(0.0, radius * height, radius * wide) for height, wide in COLLAR]
-    return [(0.0, -PLATE * length, 0.0), (0.0, -PLATE * length, collar[0][2]), *collar]
+def _base_profile(radius: float, length: float) -> list[tuple[float, float, float]]:
+    """Sections of the base plate with the collar that holds the arm."""
+    collar = [(0.0, radius * height, radius * width) for height, width in COLLAR]
+    bottom = -PLATE_HEIGHT * length
+    return [(0.0, bottom, 0.0), (0.0, bottom, collar[0][2]), *collar]
 
 
-def _sections(module: int, length: float, places) -> Float[np.ndarray, "sections 7"]:
-    """Rows of `ArmMesh.sections` for places as `_disc` says them; what is beyond an end goes on along its axis."""
-    share, beyond, radius = np.transpose(places)
+def _sections(
+    module: int, length: float, profile: list[tuple[float, float, float]]
+) -> Float[np.ndarray, "sections 7"]:
+    """Rows of `ArmMesh.sections` for a profile; offsets run along the frame's axis."""
+    share, offset, radius = np.transpose(profile)
     start, slope, end, end_slope = hermite_weights(share)
-    slope = slope * length + beyond * (1 - share)
-    end_slope = end_slope * length + beyond * share
-    return np.stack(
-        [np.full(len(places), module), start, slope, end, end_slope, share, radius],
-        axis=-1,
-    )
+    slope = slope * length + offset * (1 - share)
+    end_slope = end_slope * length + offset * share
+    modules = np.full(len(profile), module)
+    columns = [modules, start, slope, end, end_slope, share, radius]
+    return np.stack(columns, axis=-1)
 
 
 def _corners(piece: Piece, centers: np.ndarray, axes: np.ndarray) -> Vertices:
-    tubes = (slice(*tube) for tube in piece.tubes)
-    every = [
-        (centers[tube, None] + piece.outlines[:, None] @ axes[tube]).reshape(-1, 3)
-        for tube in tubes
-    ]
-    return np.concatenate(every)
-
-
-def unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Vectors of length one; zero stays zero."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    """Corners of a piece's tubes, from the centers and scaled axes of all sections."""
+    corners = []
+    for first, end in piece.tubes:
+        offsets = piece.outlines[:, None] @ axes[first:end]
+        corners.append((centers[first:end, None] + offsets).reshape(-1, 3))
+    return np.concatenate(corners)

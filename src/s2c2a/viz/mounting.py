@@ -1,148 +1,173 @@
-"""How an arm stands in the world, and what is round it there: its plane, its base frame's names, gravity.
+"""Orientation of an arm in the world, its ground plane and gravity arrow.
 
-Points are drawn in its base frame, by cameras that stand upright.
+All points are in the arm's base frame; cameras stay upright in the world.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.viz.arrays import Point, Points
 
-# part of gravity along the arm from which on it stands or hangs; below it lies
+# An arm stands or hangs if this share of gravity acts along its axis, else it lies.
 STEEP = 0.7
 View = tuple[int, int]
-"""Which coordinates run to the right and upward."""
+"""Coordinates that run to the right and upward."""
 ABOVE = (0, 1)
 SIDE = (0, 2)
 
-# the plane's radius, and how far it lies below the base, in parts of the arm's length
-WIDE = 0.7
-LOW = 0.02
-CELLS = 10.0  # about so many from the middle of the plane to its rim
-# where gravity's arrow starts as `Mounting.placed` says, its length
-ARROW = np.array([-0.45, -0.38, 0.35])
-FALL = 0.3
+# ground plane: radius and depth below the base as shares of the arm's length
+GROUND_RADIUS = 0.7
+GROUND_DEPTH = 0.02
+CELLS = 10.0  # approximate number of grid cells from the center to the rim
+# gravity arrow: tail, see `Mounting.placed`, and length as a share of the arm's length
+ARROW_TAIL = np.array([-0.45, -0.38, 0.35])
+ARROW_LENGTH = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Which way an arm's base frame is turned in the world.
+    """Rotation of an arm's base frame in the world.
 
-    In the world z is up and, where the arm lies, x is where it points to; without
-    gravity the arm stands.
+    In the world, z is up. A lying arm points along the world's x axis. Without gravity
+    the arm is drawn standing.
 
     Attributes:
         turn: rotation from the base frame to the world; its rows are the world's axes
             in the base frame.
-        gravity: direction in which things fall, base frame, or zero.
+        gravity: direction of gravity, base frame, or zero.
         word: "stands", "hangs", "lies", or "floats" without gravity.
     """
 
     turn: Float[np.ndarray, "3 3"]
-    gravity: Float[np.ndarray, "3"]
+    gravity: Point
     word: str
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Mounting":
-        """The mounting that an arm's gravity says."""
+        """Mounting that follows from an arm's direction of gravity."""
         gravity = np.array(arm.gravity_direction, float)
-        up = (
-            -gravity / np.linalg.norm(gravity)
-            if gravity.any()
-            else np.array([0.0, 0.0, 1.0])
-        )
+        up = np.array([0.0, 0.0, 1.0])
+        if gravity.any():
+            up = -gravity / np.linalg.norm(gravity)
         lies = abs(up[2]) < STEEP
         ahead = np.array([0.0, 0.0, 1.0] if lies else [1.0, 0.0, 0.0])
         ahead = ahead - (ahead @ up) * up
         ahead = ahead / np.linalg.norm(ahead)
-        word = "lies" if lies else "stands" if up[2] > 0 else "hangs"
-        return cls(
-            np.stack([ahead, np.cross(up, ahead), up]),
-            gravity,
-            word if gravity.any() else "floats",
-        )
+        if not gravity.any():
+            word = "floats"
+        elif lies:
+            word = "lies"
+        else:
+            word = "stands" if up[2] > 0 else "hangs"
+        return cls(np.stack([ahead, np.cross(up, ahead), up]), gravity, word)
 
-    def placed(self, point) -> Float[np.ndarray, "3"]:
-        """A point round a standing arm of length one, such as a camera's, as it serves this arm; base frame.
+    def placed(self, point) -> Point:
+        """Transfer a point near a standing arm of length one to this mounting.
 
-        What is above a standing arm's base is as far below a hanging one's; a lying
-        arm's middle is where a standing arm's is.
+        The height above a standing arm's base becomes a depth below a hanging arm's.
+        The middle of a lying arm takes the place of a standing arm's.
+
+        Args:
+            point: such as a camera position, world axes.
+
+        Returns:
+            The corresponding point in the base frame, for an arm of length one.
         """
         x, y, z = point
-        moved = {"hangs": (x, y, -z), "lies": (x + 0.5, y, z - 0.5)}.get(
-            self.word, (x, y, z)
-        )
-        return moved @ self.turn
+        if self.word == "hangs":
+            z = -z
+        elif self.word == "lies":
+            x = x + 0.5
+            z = z - 0.5
+        return (x, y, z) @ self.turn
 
     def flat(self, view: View) -> tuple[View, tuple[bool, bool]]:
-        """The base frame's axes nearest to the world's, for drawings of two axes, and which of them run backward."""
-        axes = {0 if self.word == "lies" else 2: 2}
+        """Axes of a two-dimensional drawing, as seen in a view of the world.
+
+        Args:
+            view: world axes to the right and upward, such as `SIDE`.
+
+        Returns:
+            The base frame's axes nearest to them, and whether each runs backward.
+        """
+        axes = {0 if self.word == "lies" else 2: 2}  # the arm's axis is in the drawing
         for world in {0, 1, 2} - set(axes):
-            axes[world] = max(
-                {0, 1, 2} - set(axes.values()),
-                key=lambda axis: abs(self.turn[world, axis]),
-            )
+            unused = {0, 1, 2} - set(axes.values())
+            axes[world] = max(unused, key=lambda axis: abs(self.turn[world, axis]))
         right, up = view
-        return (axes[right], axes[up]), (
-            self.turn[right, axes[right]] < 0,
-            self.turn[up, axes[up]] < 0,
-        )
+        nearest = (axes[right], axes[up])
+        signs = self.turn[view, nearest]
+        return nearest, (signs[0] < 0, signs[1] < 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Numbers of the base frame [m]; a mounted arm's plane is its floor, ceiling or wall.
+    """Ground plane (floor, ceiling or wall) and gravity arrow, base frame [m].
 
     Attributes:
-        mounting: how the arm stands in the world.
-        spacing: of the grid's lines: 1, 2 or 5 times a power of ten.
+        mounting: orientation of the arm in the world.
+        spacing: of the grid lines; 1, 2 or 5 times a power of ten.
         radius: of the grid.
-        level: height of the plane in the base frame, below its origin.
-        grid: ends of its lines, from rim to rim of a disc, along y and then along x.
-        names: of the axes in the plane, and where they are written.
-        arrow: tail and tip of gravity's; none where the arm rises from what it is
-            mounted on.
+        level: z of the plane, below the base.
+        grid: ends of the grid lines on a circle; lines along y, then along x.
+        through_origin: mask of the grid lines that pass through the origin.
+        names: positions of the axis names in the plane.
+        arrow: tail and tip of the gravity arrow; None if the arm stands or floats.
     """
 
     mounting: Mounting
     spacing: float
     radius: float
     level: float
-    grid: Float[np.ndarray, "lines 2 3"]
-    names: dict[str, Float[np.ndarray, "3"]]
-    arrow: Float[np.ndarray, "2 3"] | None
+    grid: Points
+    through_origin: Bool[np.ndarray, " lines"]
+    names: dict[str, Point]
+    arrow: Points | None
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Surroundings":
-        """What is round an arm."""
+        """Surroundings scaled to an arm."""
         mounting = Mounting.of(arm)
         size = arm.length
-        least = WIDE * size / CELLS
-        rounds = 10.0 ** np.floor(np.log10(least)) * np.array([1, 2, 5, 10])
-        spacing = float(rounds[rounds >= 0.999 * least][0])
-        radius = spacing * np.ceil(WIDE * size / spacing)
-        level = -LOW * size
+        spacing = _round_up(GROUND_RADIUS * size / CELLS)
+        cells = int(np.ceil(GROUND_RADIUS * size / spacing))
+        radius = spacing * cells
+        level = -GROUND_DEPTH * size
+        offsets = np.arange(1 - cells, cells)
         names = {
             "x": np.array([1.06 * radius, 0.0, level]),
             "y": np.array([0.0, 1.06 * radius, level]),
         }
-        fall = size * (mounting.placed(ARROW) + np.outer([0.0, FALL], mounting.gravity))
-        places = spacing * np.arange(
-            1 - round(radius / spacing), round(radius / spacing)
-        )
-        rim = np.outer([-1, 1], np.sqrt(radius**2 - places**2))
-        along_y = np.stack(np.broadcast_arrays(places, rim, level), axis=-1).swapaxes(
-            0, 1
-        )
-        grid = np.concatenate([along_y, along_y[..., [1, 0, 2]]])
+        arrow = None
+        if mounting.word not in ("stands", "floats"):
+            shift = np.outer([0.0, ARROW_LENGTH], mounting.gravity)
+            arrow = size * (mounting.placed(ARROW_TAIL) + shift)
         return cls(
-            mounting,
-            spacing,
-            radius,
-            level,
-            grid,
-            names,
-            None if mounting.word in ("stands", "floats") else fall,
+            mounting=mounting,
+            spacing=spacing,
+            radius=radius,
+            level=level,
+            grid=_grid_lines(spacing * offsets, radius, level),
+            through_origin=np.tile(offsets == 0, 2),
+            names=names,
+            arrow=arrow,
         )
+
+
+def _round_up(value: float) -> float:
+    """Smallest 1, 2 or 5 times a power of ten that is at least a value."""
+    candidates = 10.0 ** np.floor(np.log10(value)) * np.array([1, 2, 5, 10])
+    return float(candidates[candidates >= 0.999 * value][0])
+
+
+def _grid_lines(
+    offsets: Float[np.ndarray, " lines"], radius: float, level: float
+) -> Points:
+    """Ends of chords of a circle: along y at x = offsets, then along x."""
+    rim = np.outer([-1, 1], np.sqrt(radius**2 - offsets**2))
+    ends = np.stack(np.broadcast_arrays(offsets, rim, level), axis=-1)
+    along_y = ends.swapaxes(0, 1)
+    return np.concatenate([along_y, along_y[..., [1, 0, 2]]])

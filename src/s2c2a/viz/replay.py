@@ -1,7 +1,7 @@
-"""A page that replays runs: one file, opened in any browser, without a network; `page/run.js` reads what is in it.
+"""Replay page: one HTML file that shows runs in any browser, without a network.
 
-Lengths travel as whole tenths of a millimeter, unit vectors as whole ten-thousandths,
-errors as whole micrometres and microradians, their mean in meters; NaN travels as null.
+`page/run.js` reads the data. Lengths are integers of 0.1 mm, unit vectors of 1/10 000,
+errors of 1 µm or 1 µrad; mean errors are in meters. NaN becomes null.
 """
 
 import html
@@ -14,19 +14,11 @@ from string import Template
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.files import save_whole
-from s2c2a.viz.colors import (
-    GRID,
-    GRID_STRONG,
-    INK,
-    OBSTACLE,
-    TARGET,
-    colors_by_label,
-    module_colors,
-)
+from s2c2a.files import write_atomically
+from s2c2a.viz import colors
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
-from s2c2a.viz.trace import Trace, check_same_arm
+from s2c2a.viz.trace import Trace, check_same_arm, modules_with_goal
 
 SCRIPTS = (
     "vectors",
@@ -41,9 +33,8 @@ SCRIPTS = (
     "player",
     "main",
 )
-PER_UNIT = 10_000  # whole numbers in a meter, or in the length of a unit vector
-# whole numbers in a meter or radian of error; finer, for they are shown to 0.01 cm
-PER_ERROR = 1_000_000
+PER_UNIT = 10_000  # integers in a meter, or in the length of a unit vector
+PER_ERROR = 1_000_000  # integers in a meter or radian of error; shown to 0.01 cm
 
 
 def replay_page(
@@ -53,118 +44,125 @@ def replay_page(
     path: str | Path,
     summary: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a page on which the runs can be watched: arm, paths, targets, obstacles, error.
+    """Write a page that replays runs with arm, paths, targets, obstacles and errors.
 
-    The page needs nothing but itself. Drag to orbit, wheel or pinch to zoom, space to
-    play, arrows to step; a fragment such as `#t=4.5` opens it at that second.
+    The page is self-contained. Drag to orbit, use the wheel or pinch to zoom, the space
+    bar to play, the arrow keys to step. A fragment such as `#t=4.5` opens the page at
+    that second.
 
     Args:
-        traces: runs of the same task, base frame; the first is shown as the arm, the
-            others as ghosts until chosen.
+        traces: runs of the same task, base frame. The page first shows the first run
+            as the arm and the others as ghosts.
         arm: the arm that ran them.
         title: heading of the page.
         path: file to write; replaced if it exists.
-        summary: names and values to list beside the scene, such as metrics or versions.
+        summary: names and values beside the scene, such as metrics or versions.
+
+    Returns:
+        Path of the written file.
 
     Raises:
-        S2C2AError: no trace, a trace of another arm, or the file cannot be written.
+        S2C2AError: there is no trace, a trace is of another arm, or the file cannot be
+            written.
     """
     check_same_arm(traces, arm)
+    data = _page_data(traces, arm, title, summary or {})
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_to_json)
+    for character in "&<>":  # so that no text can end the script element
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    page = Template(_read_source("replay.html")).substitute(
+        title=html.escape(title),
+        ink=colors.INK,
+        style=_read_source("page/style.css"),
+        data=text,
+        scripts="\n".join(_read_source(f"page/{name}.js") for name in SCRIPTS),
+    )
+    return write_atomically(page.encode("utf-8"), path)
+
+
+def _page_data(
+    traces: Sequence[Trace], arm: ArmSpec, title: str, summary: Mapping[str, str]
+) -> dict:
+    """Data that the page's scripts read."""
     mesh = ArmMesh(arm)
-    modules = module_colors(arm.module_count)
-    colors = colors_by_label(trace.label for trace in traces)
-    data = {
+    label_colors = colors.colors_by_label(trace.label for trace in traces)
+    return {
         "title": title,
-        "summary": [[str(name), str(value)] for name, value in (summary or {}).items()],
+        "summary": [[str(name), str(value)] for name, value in summary.items()],
         "colors": {
-            "desired": TARGET,
-            "obstacle": OBSTACLE,
-            "grid": GRID,
-            "strong": GRID_STRONG,
-            "ink": INK,
+            "desired": colors.TARGET,
+            "obstacle": colors.OBSTACLE,
+            "grid": colors.GRID,
+            "strong": colors.GRID_STRONG,
+            "ink": colors.INK,
+            "uncounted": colors.UNCOUNTED,
         },
         "arm": {
             "name": arm.name,
             "lengths": [module.length for module in arm.modules],
-            "colors": modules,
+            "colors": colors.module_colors(arm.module_count),
         },
         "mesh": {
             "sections": mesh.sections,
             "bodyRows": BODY_ROWS,
             "pieces": mesh.pieces,
         },
-        "surroundings": vars(Surroundings.of(arm)),
-        "traces": [_trace_data(trace, colors[trace.label]) for trace in traces],
+        "surroundings": Surroundings.of(arm),
+        "traces": [_trace_data(trace, label_colors[trace.label]) for trace in traces],
     }
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain)
-    page = Template(_part("replay.html")).substitute(
-        title=html.escape(title),
-        style=_part("page/style.css"),
-        # whatever strings it holds
-        data=text.replace("&", "\\u0026")
-        .replace("<", "\\u003c")
-        .replace(">", "\\u003e"),
-        scripts="\n".join(_part(f"page/{name}.js") for name in SCRIPTS),
-    )
-    return save_whole(page.encode("utf-8"), path)
 
 
-def _part(name: str) -> str:
-    """A file of the page, as it ships with the package."""
+def _read_source(name: str) -> str:
+    """Text of a file of the page, from the package."""
     return resources.files("s2c2a.viz").joinpath(name).read_text(encoding="utf-8")
 
 
-def _plain(value):
-    """Arrays as lists to a hundredth of a millimeter, and what is made of plain values as those."""
-    return (
-        value.round(5).tolist()
-        if isinstance(value, np.ndarray | np.generic)
-        else vars(value)
-    )
+def _to_json(value):
+    """Lists for arrays, rounded to 0.01 mm, and dictionaries for other objects."""
+    if isinstance(value, np.ndarray | np.generic):
+        return (value if value.dtype == bool else value.round(5)).tolist()
+    return vars(value)
 
 
 def _trace_data(trace: Trace, color: str) -> dict:
+    """Data of one run."""
     frames = frames_of(trace.states)[:, 1:, [0, 1, 3]]
     obstacles = trace.obstacles
+    if (obstacles == obstacles[:1]).all():
+        obstacles = obstacles[:1]
+    errors = trace.counted_errors
     return {
         "label": trace.label,
         "color": color,
         "followed": trace.followed_module,
         "times": trace.times.round(4).tolist(),
         # (time, modules * 9): position, x axis, z axis
-        "frames": _points(frames.reshape(trace.times.size, -1)),
-        "desired": _asked(trace.desired_positions),
-        "axes": _asked(trace.desired_axes),
-        "obstacles": _whole(
-            obstacles[:1] if (obstacles == obstacles[:1]).all() else obstacles
-        ),
-        "errors": _whole(trace.position_errors, PER_ERROR),
-        "meanError": float(trace.counted_errors.mean())
-        if trace.counted_errors.size
-        else None,
-        "uncounted": [
-            [round(start, 4), round(end, 4)] for start, end in trace.uncounted_spans
-        ],
-        "axisErrors": _whole(trace.axis_errors, PER_ERROR),
+        "frames": _rows(frames.reshape(trace.times.size, -1)),
+        "desired": _goal_data(trace.desired_positions),
+        "axes": _goal_data(trace.desired_axes),
+        "obstacles": _integers(obstacles),
+        "errors": _integers(trace.position_errors, PER_ERROR),
+        "meanError": float(errors.mean()) if errors.size else None,
+        "uncounted": np.round(trace.uncounted_spans, 4),
+        "axisErrors": _integers(trace.axis_errors, PER_ERROR),
     }
 
 
-def _asked(desired: np.ndarray) -> dict[str, list]:
-    """For each module of which something is asked, its points over time, null where nothing is."""
-    asked = np.isfinite(desired).all(axis=-1).any(axis=0)
-    return {
-        str(module): _points(desired[:, module]) for module in np.flatnonzero(asked)
-    }
+def _goal_data(desired: np.ndarray) -> dict[str, list]:
+    """Desired vectors over time of each module that has any, null where it has none."""
+    modules = modules_with_goal(desired)
+    return {str(module): _rows(desired[:, module]) for module in modules}
 
 
-def _points(values: np.ndarray) -> list:
-    """Rows of whole numbers, null for a row that is not wholly finite."""
-    return [None if None in row else row for row in _whole(values)]
+def _rows(values: np.ndarray) -> list:
+    """Rows of integers, None for a row with a value that is not finite."""
+    return [None if None in row else row for row in _integers(values)]
 
 
-def _whole(values: np.ndarray, per_unit: int = PER_UNIT) -> list:
-    """Nested lists of whole numbers, None where a value is not finite."""
+def _integers(values: np.ndarray, per_unit: int = PER_UNIT) -> list:
+    """Nested lists of integers, None for a value that is not finite."""
     finite = np.isfinite(values)
-    whole = np.rint(per_unit * np.where(finite, values, 0.0)).astype(int).astype(object)
-    whole[~finite] = None
-    return whole.tolist()
+    scaled = np.rint(per_unit * np.where(finite, values, 0.0))
+    integers = scaled.astype(int).astype(object)
+    integers[~finite] = None
+    return integers.tolist()

@@ -1,59 +1,55 @@
-"""Figure of what sensors are worth: for every set of them a line, with a dot for every load."""
+"""Figure that compares sets of sensors: a row for each set, a dot for each payload."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from matplotlib.ticker import NullFormatter, ScalarFormatter
 
-from s2c2a.viz.charts import headline, legend, new_axes, new_figure, save_figure
+from s2c2a.viz.charts import (
+    headline,
+    label_log_axis,
+    legend,
+    new_axes,
+    new_figure,
+    save_figure,
+)
 from s2c2a.viz.colors import FAINT, colors_by_label
 
-TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 
-
-def worth_figure(
+def sensor_comparison_figure(
     errors: Mapping[str, Mapping[str, float]], path: str | Path, title: str
 ) -> Path:
-    """Draw errors of the tip, best set last, so that it stands on top.
+    """Draw mean errors of the tip, the best set of sensors in the top row.
 
     Args:
-        errors: set of sensors -> what hangs at the tip, in words -> error [cm].
+        errors: set of sensors -> description of the payload -> error [cm].
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
-        title: above it.
+        title: above the axes.
+
+    Returns:
+        Path of the written file.
 
     Raises:
         S2C2AError: the file cannot be written.
     """
     figure = new_figure(7.6, 1.4 + 0.34 * len(errors))
-    axes = new_axes(
-        figure, figure.add_gridspec(1, 1)[0], "mean error of the tip [cm]", ""
-    )
-    loads = list(dict.fromkeys(load for each in errors.values() for load in each))
-    names = sorted(
-        errors, key=lambda name: -float(np.mean(np.log(list(errors[name].values()))))
-    )
-    for place, name in enumerate(names):
-        axes.plot(
-            [min(errors[name].values()), max(errors[name].values())],
-            [place] * 2,
-            color=FAINT,
-            linewidth=5,
-        )
-    for load, color in colors_by_label(loads).items():
-        places = [place for place, name in enumerate(names) if load in errors[name]]
-        axes.plot(
-            [errors[names[place]][load] for place in places],
-            places,
-            "o",
-            color=color,
-            label=load,
-        )
-    axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    low, high = axes.get_xlim()
-    axes.set_xticks([tick for tick in TICKS if low <= tick <= high])
+    place = figure.add_gridspec(1, 1)[0]
+    axes = new_axes(figure, place, "mean error of the tip [cm]", "")
+    mean_logs = {
+        name: float(np.mean(np.log(list(values.values()))))
+        for name, values in errors.items()
+    }
+    names = sorted(errors, key=lambda name: -mean_logs[name])
+    payloads: dict[str, None] = {}  # in order of first appearance
+    for name, values in errors.items():
+        payloads |= dict.fromkeys(values)
+        span = [min(values.values()), max(values.values())]
+        axes.plot(span, [names.index(name)] * 2, color=FAINT, linewidth=5)
+    for payload, color in colors_by_label(payloads).items():
+        rows = [row for row, name in enumerate(names) if payload in errors[name]]
+        means = [errors[names[row]][payload] for row in rows]
+        axes.plot(means, rows, "o", color=color, label=payload)
+    label_log_axis(axes)
     axes.set_yticks(range(len(names)), names)
     headline(axes, title)
     legend(figure)

@@ -25,7 +25,7 @@ def settled(
     """The robot after holding an action for a while."""
     robot = SimulatedRobot(arm, fidelity, payload=payload)
     robot.open()
-    robot.push(push)
+    robot.apply_force(push)
     for _ in range(round(seconds * arm.control_rate)):
         robot.step(ArmGeometry.of(arm).action_neutral if action is None else action)
     return robot

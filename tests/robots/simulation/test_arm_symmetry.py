@@ -90,7 +90,7 @@ def pushed_aside(robot, distance: float) -> np.ndarray:
     force, neutral = 0.0, ArmGeometry.of(robot.arm).action_neutral
     for _ in range(60):
         force += 0.02 * (1 - np.linalg.norm(robot.states()[-1, :2]) / distance)
-        robot.push([force, 0, 0])
+        robot.apply_force([force, 0, 0])
         robot.step(neutral)
     return robot.states()[-1, :3]
 
@@ -104,7 +104,7 @@ def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(
     with SimulatedRobot(arm, fidelity) as robot:
         rest = robot.states()[-1, :3]
         aside = pushed_aside(robot, 0.02)
-        robot.push([0, 0, 0])
+        robot.apply_force([0, 0, 0])
         for _ in range(50):
             robot.step(ArmGeometry.of(arm).action_neutral)
         back = robot.states()[-1, :3]
@@ -118,9 +118,9 @@ def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
         actuation="tension", module={"tension_range": 1.0, "bending_stiffness": 0.03}
     )
     with SimulatedRobot(arm) as robot:
-        robot.push([0.05, 0, 0])
+        robot.apply_force([0.05, 0, 0])
         for step in range(80):
-            robot.push([0.05 * (step < 20), 0, 0])
+            robot.apply_force([0.05 * (step < 20), 0, 0])
             robot.step(np.zeros((3, 3)))
         assert np.linalg.norm(robot.states()[-1, :2]) > 0.1
 
@@ -131,7 +131,7 @@ def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, r
     """The twin's cables pull back on one side only, so it gives way a little towards its slack ones."""
     arm = request.getfixturevalue(preset)
     with SimulatedRobot(arm) as robot:
-        robot.push(0.05 * np.array(direction))
+        robot.apply_force(0.05 * np.array(direction))
         for _ in range(20):
             robot.step(ArmGeometry.of(arm).action_neutral)
         moved = robot.states()[-1, :3] - [0, 0, arm.length]
@@ -141,7 +141,7 @@ def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, r
 def test_opening_again_ends_a_push(twin):
     robot = SimulatedRobot(twin)
     robot.open()
-    robot.push([0.2, 0, 0])
+    robot.apply_force([0.2, 0, 0])
     robot.step(np.zeros((3, 3)))
     rest = robot.open()["states"]
     np.testing.assert_allclose(rest[-1], [0, 0, twin.length, 0, 0, 1], atol=1e-9)

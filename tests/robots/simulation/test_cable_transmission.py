@@ -50,7 +50,7 @@ def drive(
     for target in targets:
         path = position + (target - position) * times / period
         cables = np.broadcast_to(path[:, None, None], (steps, 1, 3))
-        felt.append(transmission.pass_on(cables, times, tensions, bends)[-1, 0, 0])
+        felt.append(transmission.transmit(cables, times, tensions, bends)[-1, 0, 0])
         position = target
     return np.array(felt)
 
@@ -149,7 +149,7 @@ def test_the_capstan_band_grows_with_the_bends_below_and_no_others(make_arm):
         np.full((3, 3), 8.0),
         np.full((1, 3, 3), 0.05),
     )
-    felt = losing.pass_on(path, np.array([0.1]), tensions, bends)
+    felt = losing.transmit(path, np.array([0.1]), tensions, bends)
     expected = 8.0 * np.expm1(0.3 * np.array([0.0, 0.5, 0.75])) / 2000.0
     np.testing.assert_allclose(0.05 - felt[0], np.repeat(expected[:, None], 3, axis=1))
 
@@ -205,5 +205,5 @@ def test_play_keeps_what_creep_takes_back_within_its_band(transmission):
         (1, 3), 0.01
     )
     losing = transmission(backlash=1e-3, creep=0.3, creep_time=1.0)
-    felt = losing.pass_on(out, times, SLACK, STRAIGHT)[:, 0, 0]
+    felt = losing.transmit(out, times, SLACK, STRAIGHT)[:, 0, 0]
     assert np.min(np.diff(felt)) >= 0

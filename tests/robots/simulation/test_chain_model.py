@@ -7,7 +7,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.robots.simulation.chain import build_model, fidelity_named, time_step
+from s2c2a.robots.simulation.chain import build_model, get_fidelity, time_step
 
 LENGTHS, MASSES, STIFFNESSES = (0.1, 0.2, 0.3), (0.02, 0.05, 0.11), (0.3, 0.2, 0.1)
 RADIUS, TORSION, DAMPING_TIME = 0.02, 0.07, 0.04
@@ -121,7 +121,7 @@ def test_hinges_sit_in_the_middle_of_segments(built, fidelity):
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_hinge_stiffness_is_rigidity_over_segment_length(uneven, axis):
     """EI/h about x and y, GJ/h about z; damping is stiffness times the damping time."""
-    accurate = fidelity_named("accurate")
+    accurate = get_fidelity("accurate")
     model = build_model(uneven, accurate)
     rigidity = np.full(3, TORSION) if axis == "z" else np.array(STIFFNESSES)
     hinges = [
@@ -153,7 +153,7 @@ def test_every_cable_is_one_tendon_with_one_pull(make_arm, fidelity, modules, ca
 def test_routed_cables_start_at_the_module_or_where_coupled_at_the_base(
     make_arm, coupled
 ):
-    accurate = fidelity_named("accurate")
+    accurate = get_fidelity("accurate")
     model = build_model(make_arm(coupled_cables=coupled), accurate)
     lengths = model.tendon_length0.reshape(3, 3)
     expected = [0.2, 0.4, 0.6] if coupled else [0.2, 0.2, 0.2]
@@ -163,7 +163,7 @@ def test_routed_cables_start_at_the_module_or_where_coupled_at_the_base(
 
 
 def test_cables_run_at_their_angles_on_their_radius(twin):
-    model = build_model(twin, fidelity_named("accurate"))
+    model = build_model(twin, get_fidelity("accurate"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     angles = np.deg2rad([[0, 120, 240], [60, 180, 300], [0, 120, 240]])
@@ -232,7 +232,7 @@ def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twi
     neutral = ArmGeometry.of(twin).action_neutral
     robot.open()
     before = robot.model.opt.integrator, robot.model.opt.timestep
-    robot.load(0.3)
+    robot.set_payload(0.3)
     after = robot.model.opt.integrator, robot.model.opt.timestep
     assert before == (mujoco.mjtIntegrator.mjINT_DISCRETE, pytest.approx(0.1 / 50))
     assert after == (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, pytest.approx(0.1 / 34))
@@ -244,7 +244,7 @@ def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twi
     "direction", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0), (0.0, 0.0, 0.0)]
 )
 def test_gravity_points_where_the_arm_file_says(make_arm, direction):
-    model = build_model(make_arm(gravity_direction=direction), fidelity_named("fast"))
+    model = build_model(make_arm(gravity_direction=direction), get_fidelity("fast"))
     np.testing.assert_allclose(model.opt.gravity, 9.81 * np.array(direction))
 
 

@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.events import SAMPLE, parse_events
+from s2c2a.robots.simulation.events import EXAMPLE, parse_events
 
 BENT = 0.3
 
@@ -21,12 +21,12 @@ def tips(robot, steps=12) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "kind", ["load 0.1", "push 0.5 0 0", "homed 0.002", "softer 0.9"]
+    "kind", ["payload 0.1", "force 0.5 0 0", "homing_error 0.002", "stiffness_loss 0.9"]
 )
 def test_it_comes_about_in_its_time_and_not_before(twin, kind):
     calm, troubled = (
         tips(SimulatedRobot(twin)),
-        tips(SimulatedRobot(twin, happens=f"0.5 {kind}")),
+        tips(SimulatedRobot(twin, events=f"0.5 {kind}")),
     )
     np.testing.assert_array_equal(calm[:5], troubled[:5])
     assert np.linalg.norm(calm[-1] - troubled[-1]) > 1e-3
@@ -34,7 +34,7 @@ def test_it_comes_about_in_its_time_and_not_before(twin, kind):
 
 def test_an_opening_begins_anew(twin):
     robot = SimulatedRobot(
-        twin, happens="0.5 load 0.1; 0.5 softer 0.5; 0.6 push 0.2 0 0"
+        twin, events="0.5 payload 0.1; 0.5 stiffness_loss 0.5; 0.6 force 0.2 0 0"
     )
     np.testing.assert_array_equal(tips(robot), tips(robot))
 
@@ -47,7 +47,7 @@ def test_a_blind_arm_says_what_its_motors_say(twin):
             )
         }
     )
-    robot = SimulatedRobot(arm, happens="0.3 blind")
+    robot = SimulatedRobot(arm, events="0.3 sensor_loss")
     robot.open()
     said = []
     for _ in range(5):
@@ -65,22 +65,22 @@ def test_a_blind_arm_says_what_its_motors_say(twin):
 @pytest.mark.parametrize(
     "text",
     [
-        "load 0.1",
-        "8 load",
+        "payload 0.1",
+        "8 payload",
         "8 melt 1",
-        "-1 load 0.1",
-        "8 push 1 0",
-        "8 softer 1",
-        "8 load x",
+        "-1 payload 0.1",
+        "8 force 1 0",
+        "8 stiffness_loss 1",
+        "8 payload x",
     ],
 )
 def test_what_cannot_happen_is_refused_at_the_door(twin, text):
-    with pytest.raises(S2C2AError, match="cannot happen; say a time"):
-        SimulatedRobot(twin, happens=text)
+    with pytest.raises(S2C2AError, match="is not an event; write a time"):
+        SimulatedRobot(twin, events=text)
 
 
 def test_they_come_in_order():
-    assert [one.time for one in parse_events("12 blind;" + SAMPLE)] == [
+    assert [one.time for one in parse_events("12 sensor_loss;" + EXAMPLE)] == [
         8.0,
         10.0,
         12.0,

@@ -169,9 +169,11 @@ def test_a_held_bend_grows_by_what_relaxes_with_the_time_constants_that_are_said
     matrix = (np.outer(np.ones(2), parts) - np.eye(2)) / times[:, None]
     poles, ways = np.linalg.eig(matrix)
     rest = -np.linalg.solve(matrix, 1 / times)
-    at = lambda seconds: (
-        rest - ways @ (np.exp(poles * seconds) * np.linalg.solve(ways, rest))
-    )
+
+    def at(seconds):
+        decay = np.exp(poles * seconds) * np.linalg.solve(ways, rest)
+        return rest - ways @ decay
+
     for step in (40, 100, 299):
         assert seen[step] / at_first == pytest.approx(
             1 + parts @ at(0.1 * (step + 1)), abs=0.005
@@ -192,7 +194,7 @@ def test_a_new_payload_does_not_undo_what_a_body_got_used_to(pulled_arm):
         pulled_arm(relaxing=(0.3, 0.3)), [[10.0, 0.0, 0.0, 0.0]], seconds=20.0
     )
     before = bends(robot)
-    robot.load(0.01)
+    robot.set_payload(0.01)
     robot.step([[10.0, 0.0, 0.0, 0.0]])
     np.testing.assert_allclose(bends(robot), before, rtol=2e-3)
 

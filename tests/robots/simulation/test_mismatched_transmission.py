@@ -32,7 +32,7 @@ def test_every_cable_has_a_play_of_its_own(make_arm):
         make_arm(modules=1, module={"cable": Cable(backlash=(0.0, 1e-3, 2e-3))}),
         NOTHING,
     )
-    felt = losing.pass_on(np.full((1, 1, 3), 5e-3), np.array([0.1]), NOTHING, STRAIGHT)
+    felt = losing.transmit(np.full((1, 1, 3), 5e-3), np.array([0.1]), NOTHING, STRAIGHT)
     np.testing.assert_allclose(felt[0, 0], [5e-3, 4e-3, 3e-3])
 
 
@@ -150,7 +150,7 @@ def test_drift_leaves_the_tensions_at_rest_alone(make_arm):
     }
     arm = make_arm(modules=1, actuation="tension", module=module)
     aged = CableTransmission(arm, np.full((1, 3), 10.0), aged=1.0)
-    felt = aged.pass_on(
+    felt = aged.transmit(
         np.array([[[10.0, 20.0, 0.0]]]), np.array([0.1]), NOTHING, STRAIGHT
     )
     np.testing.assert_allclose(felt[0, 0], [10.0, 18.0, 2.0])

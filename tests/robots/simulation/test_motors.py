@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import Motor
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.transmission import encoder_reading, motor_path
+from s2c2a.robots.simulation.transmission import compute_motor_path, read_encoders
 
 MOTORS = {
     "neither": Motor(),
@@ -36,22 +36,22 @@ def by_euler(motor: Motor, step: float = 1e-5) -> np.ndarray:
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_agree_with_brute_force_integration(motor):
     np.testing.assert_allclose(
-        motor_path(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6
+        compute_motor_path(STARTS, COMMANDS, TIMES, motor), by_euler(motor), atol=5e-6
     )
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_going_on_from_halfway_leads_to_the_same_place(motor):
-    whole = motor_path(STARTS, COMMANDS, TIMES, motor)
+    whole = compute_motor_path(STARTS, COMMANDS, TIMES, motor)
     halfway = whole[9]
     np.testing.assert_allclose(
-        motor_path(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15
+        compute_motor_path(halfway, COMMANDS, TIMES[:10], motor), whole[10:], atol=1e-15
     )
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
 def test_motors_neither_overshoot_nor_turn_back(motor):
-    gaps = (COMMANDS - motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
+    gaps = (COMMANDS - compute_motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
         COMMANDS - STARTS
     )
     assert gaps.min() >= -1e-15
@@ -59,14 +59,14 @@ def test_motors_neither_overshoot_nor_turn_back(motor):
 
 
 def test_after_one_time_constant_the_gap_is_down_to_one_in_e():
-    position = motor_path(
+    position = compute_motor_path(
         np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)
     )
     assert position[0, 0] == pytest.approx(1 - np.exp(-1))
 
 
 def test_a_limited_motor_takes_distance_over_speed():
-    positions = motor_path(
+    positions = compute_motor_path(
         np.zeros(1),
         np.array([-0.02]),
         np.array([0.05, 0.1, 0.2]),
@@ -79,7 +79,7 @@ def test_encoders_count_whole_ticks():
     motor = Motor(pulley_radius=0.01, ticks_per_turn=4096, noise_ticks=3.0)
     tick = 2 * np.pi * 0.01 / 4096
     ticks = (
-        encoder_reading(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0))
+        read_encoders(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0))
         / tick
     )
     np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
@@ -89,14 +89,14 @@ def test_encoders_count_whole_ticks():
 def test_without_noise_a_reading_is_off_by_half_a_tick_at_most():
     motor, positions = Motor(noise_ticks=0.0), np.linspace(-0.02, 0.02, 999)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
-    errors = encoder_reading(positions, motor, np.random.default_rng(0)) - positions
+    errors = read_encoders(positions, motor, np.random.default_rng(0)) - positions
     assert 0.4 * tick < np.max(np.abs(errors)) <= 0.5 * tick * (1 + 1e-6)
 
 
 def test_encoder_noise_has_the_stated_width():
     motor = Motor(noise_ticks=20.0)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
-    readings = encoder_reading(np.zeros(20000), motor, np.random.default_rng(0)) / tick
+    readings = read_encoders(np.zeros(20000), motor, np.random.default_rng(0)) / tick
     assert readings.std() == pytest.approx(20.0, rel=0.03)
     assert readings.mean() == pytest.approx(0.0, abs=0.6)
 

@@ -152,9 +152,9 @@ def test_an_impossible_payload_is_refused(twin, payload):
 
 
 @pytest.mark.parametrize("force", [[0, 0], [np.nan, 0, 0], [[0, 0, 1]], 3.0])
-def test_an_impossible_push_is_refused(twin, force):
-    with pytest.raises(S2C2AError, match="push"):
-        SimulatedRobot(twin).push(force)
+def test_an_invalid_force_is_refused(twin, force):
+    with pytest.raises(S2C2AError, match="a force is three finite"):
+        SimulatedRobot(twin).apply_force(force)
 
 
 @pytest.fixture
@@ -264,7 +264,7 @@ def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
     for _ in range(5):
         robot.step(action)
     before = robot.states()
-    robot.load(0.1)
+    robot.set_payload(0.1)
     np.testing.assert_allclose(robot.states(), before, atol=1e-9)
     loaded.open()
     for _ in range(60):
@@ -272,7 +272,7 @@ def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
         loaded.step(action)
     np.testing.assert_allclose(robot.states(), loaded.states(), atol=0.01)
     with pytest.raises(S2C2AError):
-        robot.load(-1.0)
+        robot.set_payload(-1.0)
 
 
 def test_it_moves_as_its_twin_and_is_spoken_to_as_the_arm(twin, tmp_path):

@@ -1,11 +1,12 @@
-"""The MuJoCo model of an arm: rigid segments with an elastic joint in the middle of each.
+"""MuJoCo model of an arm: rigid segments with an elastic joint in the middle of each.
 
-Joints in the middle make the static shape converge with the square of the segment
-length; at the start it would be linear (docs/simulator.md).
+With joints in the middle, the static shape converges with the square of the segment
+length; with joints at the start it would converge linearly (docs/simulator.md).
 """
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,32 +14,31 @@ from scipy.linalg import eigh
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.robots.simulation.mismatched_module import MismatchedModule, passed_shares
+from s2c2a.robots.simulation.mismatched_module import MismatchedModule, cable_routing
 from s2c2a.spaces import CENTER_LINE_POINTS
 
-_ARMATURE = 1e-5  # kg m2 on every joint; keeps light, stiff segments from ringing
+_ARMATURE = 1e-5  # kg m2 on every joint; light, stiff segments would oscillate without
 _MAX_TENSION = 1e6  # N
-# of implicit springs; moves a babbling arm by 0.1 um in 20 s, and saves a tenth of the
-# time
+# Tolerance of the solver of implicit springs. It moves a babbling arm by 0.1 um in 20 s
+# and saves a tenth of the time.
 _TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """A layout of the chain.
+    """Discretization of the chain.
 
     Attributes:
-        name: the word a user types.
-        segments: rigid segments a module, a multiple of five: five points of each
-            center line are watched.
+        name: name of the fidelity, as users type it.
+        segments: rigid segments a module, a multiple of `CENTER_LINE_POINTS`, at which
+            the center line is recorded.
         torsion: whether modules can twist about their own axis.
-        routed_cables: cables led through points in space (true), or acting on the
-            joints alone (false: faster).
-        time_step: largest physics step [s]; shortened so that it divides the control
+        routed_cables: whether cables pass through points in space (more accurate) or
+            act on the joints with constant lever arms (faster).
+        time_step: largest physics step [s]; shortened to a divisor of the control
             period.
-        explicit_time_step: the same with springs as they are at the step's start
-            instead of at its end: nearer to the true motion and quicker, but only
-            stable with springs that are soft enough for it; none: never.
+        explicit_time_step: largest physics step [s] with explicit springs, which is
+            more accurate and faster but stable for soft springs only; None: never.
     """
 
     name: str
@@ -64,11 +64,11 @@ FIDELITIES = {
 }
 
 
-def fidelity_named(name: str) -> Fidelity:
-    """Look a fidelity up.
+def get_fidelity(name: str) -> Fidelity:
+    """Return a fidelity by name.
 
     Raises:
-        S2C2AError: no such fidelity.
+        S2C2AError: there is no such fidelity.
     """
     if name not in FIDELITIES:
         raise S2C2AError(f"no fidelity '{name}'; choose one of {', '.join(FIDELITIES)}")
@@ -84,10 +84,10 @@ def build_model(
     cable i of module k.
 
     Args:
-        arm: the description.
-        fidelity: how finely to cut.
+        arm: the description, with its mismatch.
+        fidelity: the discretization.
         payload: mass at the tip [kg].
-        watched: whether sensors say where the points of the center line are.
+        watched: whether sensors measure the points of the center line.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -97,59 +97,61 @@ def build_model(
     if arm.sensors.imu is not None:
         _add_inertial_sensors(spec, arm.module_count)
     model = spec.compile()
-    _choose_steps(model, arm, fidelity)
+    _set_time_step(model, arm, fidelity)
     return model
 
 
 def time_step(arm: ArmSpec, longest: float) -> float:
-    """The physics step [s]: at most the longest, and a whole part of the control period."""
+    """Return the longest physics step [s] that divides the control period."""
     return arm.control_period / np.ceil(arm.control_period / longest - 1e-9)
 
 
-def _choose_steps(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> None:
-    """Explicit springs where the fidelity has them and they are soft enough for them, implicit ones elsewhere."""
-    model.opt.timestep, model.opt.integrator = (
-        time_step(arm, fidelity.time_step),
-        mujoco.mjtIntegrator.mjINT_DISCRETE,
-    )
+def _set_time_step(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> None:
+    """Choose explicit springs if they are stable, and implicit springs otherwise."""
+    model.opt.timestep = time_step(arm, fidelity.time_step)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     if fidelity.explicit_time_step is None:
         return
     step = time_step(arm, fidelity.explicit_time_step)
-    if _springs_allow(
-        model,
-        step,
-        1.0 + 3.0 * max(module.mismatch.hardening for module in arm.modules),
-    ):
-        model.opt.timestep, model.opt.integrator = (
-            step,
-            mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-        )
+    hardening = max(module.mismatch.hardening for module in arm.modules)
+    # The cubic spring of a joint is three times as stiff locally at full bend.
+    if _explicit_springs_are_stable(model, step, 1.0 + 3.0 * hardening):
+        model.opt.timestep = step
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
-def _springs_allow(model: mujoco.MjModel, step: float, hardest: float) -> bool:
-    """Whether explicit springs k and implicit damping d on masses m are stable with half to spare, straight and taut.
+def _explicit_springs_are_stable(
+    model: mujoco.MjModel, step: float, hardening_factor: float
+) -> bool:
+    """Check the stability of explicit springs of the straight arm with taut cables.
 
-    The step's roots lie within the unit circle while h^2 k < 4 m + 2 h d; for matrices,
-    while h^2 times the largest eigenvalue of the pair does. Joints count `hardest`
-    times, as at full bend.
+    With stiffness k, implicit damping d and mass m, a step h is stable while h^2 k <
+    4 m + 2 h d; for matrices, while h^2 times the largest generalized eigenvalue is
+    below one. Half of that is the limit here.
+
+    Args:
+        model: the model.
+        step: physics step [s].
+        hardening_factor: stiffness of the joints at full bend over that at rest.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     masses = np.zeros((model.nv, model.nv))
-    levers = np.zeros((model.nu, model.nv))
     for column, unit in zip(masses, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-    rows = (data.moment_rownnz, data.moment_rowadr, data.moment_colind)
-    mujoco.mju_sparse2dense(levers, data.actuator_moment, *rows)
-    pulls = -model.actuator_biasprm[:, 1]
-    springs = hardest * np.diag(model.jnt_stiffness) + levers.T @ (
-        pulls[:, None] * levers
+    levers = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        levers,
+        data.actuator_moment,
+        data.moment_rownnz,
+        data.moment_rowadr,
+        data.moment_colind,
     )
-    largest = eigh(
-        springs,
-        4.0 * masses + 2.0 * step * np.diag(model.dof_damping),
-        eigvals_only=True,
-    )[-1]
+    cable_stiffnesses = -model.actuator_biasprm[:, 1]
+    stiffness = hardening_factor * np.diag(model.jnt_stiffness)
+    stiffness = stiffness + levers.T @ (cable_stiffnesses[:, None] * levers)
+    limit = 4.0 * masses + 2.0 * step * np.diag(model.dof_damping)
+    largest = eigh(stiffness, limit, eigvals_only=True)[-1]
     return bool(step**2 * largest < 0.5)
 
 
@@ -158,170 +160,191 @@ def _set_options(spec: mujoco.MjSpec, arm: ArmSpec) -> None:
     option.gravity = arm.gravity
     option.tolerance = _TOLERANCE
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
-        mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    )
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
 def joint_name(module: int, segment: int, axis: str) -> str:
-    """Name of one hinge."""
+    """Return the name of one hinge."""
     return f"joint_{module}_{segment}_{axis}"
 
 
 def slide_name(module: int) -> str:
-    """Name of the joint by which a module's center line shortens."""
+    """Return the name of the joint that shortens a module."""
     return f"slide_{module}"
 
 
 def module_of_joint(name: str) -> int:
-    """The module that a joint of that name belongs to."""
+    """Return the module of a joint by the joint's name."""
     return int(name.split("_")[1])
+
+
+class _HalfSegment(NamedTuple):
+    """Half a segment of a module, and its length [m]."""
+
+    module: MismatchedModule
+    length: float
 
 
 def _add_chain(
     spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: float, watched: bool
 ) -> None:
-    """Bodies reach from one joint to the next: half a segment of their own, half of the following one."""
-    # distance from the body's origin to the end of what is built
-    body = spec.worldbody
-    reached = 0.0
+    """Add the bodies; each reaches from one joint to the next.
+
+    A body is half a segment of its own and half of the following segment.
+    """
     modules = [MismatchedModule.of(module) for module in arm.modules]
-    halves = [
-        (module, module.described.length / fidelity.segments / 2) for module in modules
-    ]
-    following = iter([half for half in halves for _ in range(fidelity.segments)][1:])
-    for number, (module, half) in enumerate(halves):
-        body.add_site(name=f"base_{number}", pos=(0, 0, reached))
-        _add_cable_sites(body, arm, modules, (number, 0), reached)
+    halves = []
+    for module in modules:
+        half_length = module.nominal.length / fidelity.segments / 2
+        halves.append(_HalfSegment(module, half_length))
+    last_segment = fidelity.segments - 1
+    segments_per_point = fidelity.segments // CENTER_LINE_POINTS
+    body = spec.worldbody
+    end = 0.0  # m; from the body's origin to the end of the chain so far
+    for number, half in enumerate(halves):
+        body.add_site(name=f"base_{number}", pos=(0, 0, end))
+        _add_cable_sites(body, arm, modules, (number, 0), end)
         for segment in range(fidelity.segments):
             body = body.add_body(
-                name=f"body_{number}_{segment}", pos=(0, 0, reached + half)
+                name=f"body_{number}_{segment}", pos=(0, 0, end + half.length)
             )
             if segment == fidelity.segments // 2:
-                _add_slide(body, module, number)
-            _add_joints(body, module, number, segment, fidelity)
-            _set_inertia(body, (module, half), next(following, None), payload)
-            _add_cable_sites(body, arm, modules, (number, segment + 1), half)
-            if (
-                watched
-                and (segment + 1) % (fidelity.segments // CENTER_LINE_POINTS) == 0
-            ):
-                _add_watched_point(spec, body, f"center_{number}_{segment}", half)
-            reached = half
-        body.add_site(name=f"end_{number}", pos=(0, 0, half))
+                _add_slide(body, half.module, number)
+            _add_joints(body, half.module, number, segment, fidelity)
+            following: _HalfSegment | None = half
+            if segment == last_segment:
+                following = halves[number + 1] if number + 1 < len(halves) else None
+            _set_inertia(body, half, following, payload)
+            _add_cable_sites(body, arm, modules, (number, segment + 1), half.length)
+            if watched and (segment + 1) % segments_per_point == 0:
+                name = f"center_{number}_{segment}"
+                _add_center_line_sensor(spec, body, name, half.length)
+            end = half.length
+        body.add_site(name=f"end_{number}", pos=(0, 0, half.length))
 
 
-def _add_watched_point(spec: mujoco.MjSpec, body, name: str, height: float) -> None:
+def _add_center_line_sensor(
+    spec: mujoco.MjSpec, body, name: str, height: float
+) -> None:
     body.add_site(name=name, pos=(0, 0, height))
-    place = mujoco.mjtSensor.mjSENS_FRAMEPOS
-    site = mujoco.mjtObj.mjOBJ_SITE
-    spec.add_sensor(name=name, type=place, objtype=site, objname=name)
+    spec.add_sensor(
+        name=name,
+        type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=name,
+    )
 
 
 def _add_inertial_sensors(spec: mujoco.MjSpec, modules: int) -> None:
-    """What they accelerate by at the ends of modules, then how they turn, all in the frames there."""
-    site = mujoco.mjtObj.mjOBJ_SITE
+    """Add accelerometers of all modules, then gyroscopes of all, at their ends."""
     kinds = (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
-    for (number, kind), module in product(enumerate(kinds), range(modules)):
-        spec.add_sensor(
-            name=f"inertial_{number}_{module}",
-            type=kind,
-            objtype=site,
-            objname=f"end_{module}",
-        )
+    for number, kind in enumerate(kinds):
+        for module in range(modules):
+            spec.add_sensor(
+                name=f"inertial_{number}_{module}",
+                type=kind,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=f"end_{module}",
+            )
 
 
 def _add_slide(body, module: MismatchedModule, number: int) -> None:
-    """One for a module that shortens: in its middle it moves the end within 0.2 mm of as many as there are segments."""
-    described = module.described
-    if described.mismatch.axial_stiffness is None:
+    """Add a slide joint in the middle of a module with axial compliance.
+
+    One slide moves the end within 0.2 mm of one slide per segment.
+    """
+    nominal = module.nominal
+    if nominal.mismatch.axial_stiffness is None:
         return
-    stiffness = described.mismatch.axial_stiffness / described.length
+    stiffness = nominal.mismatch.axial_stiffness / nominal.length
     body.add_joint(
         name=slide_name(number),
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=(0, 0, 1),
         stiffness=stiffness,
-        damping=stiffness * described.damping_time,
+        damping=stiffness * nominal.damping_time,
     )
 
 
 def _add_joints(
     body, module: MismatchedModule, number: int, segment: int, fidelity: Fidelity
 ) -> None:
-    length = module.described.length / fidelity.segments
-    damping_time = module.described.damping_time
-    rest = module.rest_turns / fidelity.segments
-    cubic = module.cubic(fidelity.segments)
+    length = module.nominal.length / fidelity.segments
+    rest_angles = module.rest_angles / fidelity.segments
+    cubic = module.cubic_stiffnesses(fidelity.segments)
     hinges = list(enumerate("xyz" if fidelity.torsion else "xy"))
     if fidelity.torsion and (number * fidelity.segments + segment) % 2:
-        # turns do not commute; in one order all along, bends would add up to a twist of
-        # first order
+        # Rotations do not commute: with one order in all segments, bends would add up
+        # to a first-order twist.
         hinges.reverse()
-    for turn, axis in hinges:
-        stiffness = module.stiffnesses[turn] / length
+    for row, axis in hinges:
+        stiffness = module.stiffnesses[row] / length
         body.add_joint(
             name=joint_name(number, segment, axis),
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=module.axes[turn],
-            # of the turn, its square, its cube
-            stiffness=(stiffness, 0.0, cubic[turn]),
-            springref=rest[turn],
-            damping=stiffness * damping_time,
+            axis=module.axes[row],
+            # coefficients of the angle, its square, its cube
+            stiffness=(stiffness, 0.0, cubic[row]),
+            springref=rest_angles[row],
+            damping=stiffness * module.nominal.damping_time,
             armature=_ARMATURE,
         )
 
 
 def _set_inertia(
-    body,
-    own: tuple[MismatchedModule, float],
-    following: tuple[MismatchedModule, float] | None,
-    payload: float,
+    body, own: _HalfSegment, following: _HalfSegment | None, payload: float
 ) -> None:
-    """Mass, center and inertia of two half segments (thin solid cylinders), at the tip of one and a point mass."""
-    half = own[1]
-    pieces = [
-        (
-            module.mass * length / module.described.length,
-            start,
-            length,
-            module.described.cable_radius,
-        )
-        for (module, length), start in (
-            (own, 0.0),
-            *([(following, half)] if following else ()),
-        )
-    ]
+    """Set mass, center of mass and inertia of two half segments.
+
+    Half segments are thin solid cylinders. The last body has one of them and the
+    payload, a point mass.
+    """
+    pieces = [_cylinder(own, 0.0)]
     if following is None:
-        pieces.append((payload, half, 0.0, 0.0))
+        pieces.append((payload, own.length, 0.0, 0.0))
+    else:
+        pieces.append(_cylinder(following, own.length))
     masses, starts, lengths, radii = np.array(pieces).T
     centers = starts + lengths / 2
     center = masses @ centers / masses.sum()
-    across = np.sum(masses * (lengths**2 / 12 + radii**2 / 4 + (centers - center) ** 2))
+    offsets = centers - center
+    lateral = np.sum(masses * (lengths**2 / 12 + radii**2 / 4 + offsets**2))
     body.mass = masses.sum()
     body.ipos = (0, 0, center)
-    body.inertia = (across, across, np.sum(masses * radii**2 / 2))
+    body.inertia = (lateral, lateral, np.sum(masses * radii**2 / 2))
     body.explicitinertial = True
+
+
+def _cylinder(half: _HalfSegment, start: float) -> tuple[float, float, float, float]:
+    """Return mass [kg], start, length and radius [m] of a half segment."""
+    nominal = half.module.nominal
+    mass = half.module.mass * half.length / nominal.length
+    return mass, start, half.length, nominal.cable_radius
 
 
 def _add_cable_sites(
     body,
     arm: ArmSpec,
     modules: list[MismatchedModule],
-    place: tuple[int, int],
+    station: tuple[int, int],
     height: float,
 ) -> None:
-    """Points that cables pass at one place, a station of a module: its own, and those of above that run through."""
+    """Add the points of all cables that pass a station (module, segment boundary)."""
     for owner, module in enumerate(modules):
-        share = passed_shares(arm, owner).get(place[0])
-        for cable, (x, y) in enumerate(module.cables if share is not None else ()):
+        routing = cable_routing(arm, owner)
+        if station[0] not in routing:
+            continue
+        share = routing[station[0]]
+        for cable, (x, y) in enumerate(module.cables):
             body.add_site(
-                name=_eye(owner, cable, place), pos=(share * x, share * y, height)
+                name=_cable_site_name(owner, cable, station),
+                pos=(share * x, share * y, height),
             )
 
 
-def _eye(owner: int, cable: int, place: tuple[int, int]) -> str:
-    return f"eye_{owner}_{cable}_{place[0]}_{place[1]}"
+def _cable_site_name(owner: int, cable: int, station: tuple[int, int]) -> str:
+    return f"eye_{owner}_{cable}_{station[0]}_{station[1]}"
 
 
 def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
@@ -329,63 +352,63 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
     modules = [MismatchedModule.of(module) for module in arm.modules]
     for owner, cable in np.ndindex(geometry.pretensions.shape):
         tendon = spec.add_tendon(name=f"cable_{owner}_{cable}")
-        shares = passed_shares(arm, owner)
         rest_length = 0.0
         if fidelity.routed_cables:
-            for place in product(shares, range(fidelity.segments + 1)):
-                tendon.wrap_site(_eye(owner, cable, place))
-            rest_length = _straight_length(arm, modules[owner].cables[cable], shares)
+            routing = cable_routing(arm, owner)
+            for station in product(routing, range(fidelity.segments + 1)):
+                tendon.wrap_site(_cable_site_name(owner, cable, station))
+            rest_length = _straight_length(arm, modules[owner].cables[cable], routing)
         else:
-            _lead_along_joints(tendon, arm, fidelity.segments, owner, cable)
-        pull = _add_pull(spec, tendon.name, arm.modules[owner].cable.viscous_friction)
+            _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
+        parameters = arm.modules[owner].cable
+        actuator = _add_actuator(spec, tendon.name, parameters.viscous_friction)
         if arm.actuation == "displacement":
-            _stretch(
-                pull,
-                arm.modules[owner].cable.stiffness,
-                rest_length,
-                float(geometry.pretensions[owner, cable]),
-            )
+            pretension = float(geometry.pretensions[owner, cable])
+            _add_spring(actuator, parameters.stiffness, rest_length, pretension)
 
 
 def _straight_length(
-    arm: ArmSpec, cable: np.ndarray, shares: dict[int, float]
+    arm: ArmSpec, cable: np.ndarray, routing: dict[int, float]
 ) -> float:
-    """Of a cable along the straight arm, which steps outward to the module that it ends in."""
-    steps = np.abs(np.diff(list(shares.values()))) * np.linalg.norm(cable)
-    return sum(arm.modules[number].length for number in shares) + float(steps.sum())
+    """Return the length of a cable along the straight arm [m].
+
+    The cable steps outward where it enters its own module.
+    """
+    steps = np.abs(np.diff(list(routing.values()))) * np.linalg.norm(cable)
+    return sum(arm.modules[number].length for number in routing) + float(steps.sum())
 
 
-def _lead_along_joints(
-    tendon, arm: ArmSpec, segments: int, owner: int, cable: int
-) -> None:
-    """A constant lever arm about every hinge that the cable passes, and the whole way of every slide."""
-    for number, share in passed_shares(arm, owner).items():
-        levers = MismatchedModule.of(arm.modules[owner]).levers_about(
-            MismatchedModule.of(arm.modules[number]).axes
-        )[cable]
+def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
+    """Give a cable a constant lever arm about every hinge and slide that it passes."""
+    owner_module = MismatchedModule.of(arm.modules[owner])
+    for number, share in cable_routing(arm, owner).items():
+        axes = MismatchedModule.of(arm.modules[number]).axes
+        levers = share * owner_module.cable_levers(axes)[cable]
         for segment in range(segments):
-            for axis, lever in (("y", levers[1]), ("x", levers[0])):
-                tendon.wrap_joint(
-                    joint_name(number, segment, axis), float(share * lever)
-                )
+            tendon.wrap_joint(joint_name(number, segment, "y"), float(levers[1]))
+            tendon.wrap_joint(joint_name(number, segment, "x"), float(levers[0]))
         if arm.modules[number].mismatch.axial_stiffness is not None:
             tendon.wrap_joint(slide_name(number), 1.0)
 
 
-def _add_pull(spec: mujoco.MjSpec, name: str, viscous_friction: float):
-    """An actuator that only pulls, with a commanded tension less friction against its motion."""
-    pull = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    pull.forcelimited = True
-    pull.forcerange = (-_MAX_TENSION, 0.0)
-    pull.gaintype = mujoco.mjtGain.mjGAIN_FIXED
-    pull.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    pull.gainprm[0] = -1.0
-    pull.biasprm[2] = -viscous_friction
-    return pull
+def _add_actuator(spec: mujoco.MjSpec, name: str, viscous_friction: float):
+    """Add an actuator that pulls with the commanded tension less viscous friction."""
+    actuator = spec.add_actuator(
+        name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON
+    )
+    actuator.forcelimited = True
+    actuator.forcerange = (-_MAX_TENSION, 0.0)  # cables never push
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.gainprm[0] = -1.0
+    actuator.biasprm[2] = -viscous_friction
+    return actuator
 
 
-def _stretch(pull, stiffness: float, rest_length: float, pretension: float) -> None:
-    """Let it pull by a spring behind a commanded displacement instead."""
-    pull.gainprm[0] = stiffness
-    pull.biasprm[0] = stiffness * rest_length - pretension
-    pull.biasprm[1] = -stiffness
+def _add_spring(
+    actuator, stiffness: float, rest_length: float, pretension: float
+) -> None:
+    """Put a spring behind an actuator, which then takes a commanded displacement."""
+    actuator.gainprm[0] = stiffness
+    actuator.biasprm[0] = stiffness * rest_length - pretension
+    actuator.biasprm[1] = -stiffness

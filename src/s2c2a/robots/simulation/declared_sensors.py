@@ -1,4 +1,4 @@
-"""What the simulated arm declares of its sensors: shapes, units, plausible numbers."""
+"""Sensor declarations of the simulated arm: shapes, units, plausible values."""
 
 import numpy as np
 
@@ -6,54 +6,61 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.robots.simulation.transmission import tick_length
 from s2c2a.spaces import CENTER_LINE_POINTS, Sensor
 
-# times the step limit: what readings may change by, since the arm swings and lags
-TURNS_A_STEP = 6.0
-NOISE = 8.0  # standard deviations
+# Readings change faster than commands, since the arm vibrates and lags.
+RATE_FACTOR = 6.0  # times the step limit
+NOISE_LIMIT = 8.0  # standard deviations
 
 
-def declared_sensors(
-    arm: ArmSpec, geometry: ArmGeometry, moments: int = 0
+def declare_sensors(
+    arm: ArmSpec, geometry: ArmGeometry, samples: int = 0
 ) -> dict[str, Sensor]:
-    """What readings hold; plausible numbers are those of the cables' limits, and of unit vectors.
+    """Declare encoders, ground truth and motor currents.
+
+    Plausible values follow from the cables' limits and the length of unit vectors.
 
     Args:
         arm: the description.
-        geometry: of it.
-        moments: at which the center line is watched in a control step; it is not if
-            zero.
+        geometry: its geometry.
+        samples: samples of the center line in a control step; zero if not recorded.
     """
     modules = arm.module_count
-    said = {
-        "cables": _cables(arm, geometry),
+    sensors = {
+        "cables": _declare_cables(arm, geometry),
         "states": Sensor((modules, 6), "m, 1"),
         "configurations": Sensor(
-            (modules, 3), "1", -1.01, 1.01, TURNS_A_STEP * _step_limit(arm)
+            (modules, 3), "1", -1.01, 1.01, RATE_FACTOR * _rate_limit(arm)
         ),
     }
     if arm.motor.current_noise is not None:
-        said["tensions"] = Sensor((modules, arm.cable_count), "N")
-    if moments:
-        said["center_line"] = Sensor((moments, modules * CENTER_LINE_POINTS, 3), "m")
-    return said
+        sensors["tensions"] = Sensor((modules, arm.cable_count), "N")
+    if samples:
+        points = modules * CENTER_LINE_POINTS
+        sensors["center_line"] = Sensor((samples, points, 3), "m")
+    return sensors
 
 
-def _cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
-    """Encoders, or tension sensors: a quarter of the range and their noise beyond the limits is still plausible."""
-    by_length = arm.actuation == "displacement"
-    ticks = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
-    noise = NOISE * (ticks if by_length else arm.motor.noise_tension)
+def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
+    """Declare encoders or tension sensors.
+
+    A quarter of the range plus noise beyond the limits is still plausible.
+    """
+    displacement = arm.actuation == "displacement"
+    deviation = arm.motor.noise_tension
+    if displacement:
+        deviation = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
+    noise = NOISE_LIMIT * deviation
     scale = np.abs(geometry.action_scale)[:, None]
-    fastest = (TURNS_A_STEP * scale / geometry.action_bends[:, None]) * _step_limit(
-        arm
-    ) + noise * arm.control_rate
-    beyond = 0.25 * scale + noise
-    low = geometry.action_low - beyond
-    high = geometry.action_high + beyond
+    rate = RATE_FACTOR * scale / geometry.action_bends[:, None] * _rate_limit(arm)
+    margin = 0.25 * scale + noise
     return Sensor(
-        geometry.action_neutral.shape, "m" if by_length else "N", low, high, fastest
+        geometry.action_neutral.shape,
+        "m" if displacement else "N",
+        low=geometry.action_low - margin,
+        high=geometry.action_high + margin,
+        fastest=rate + noise * arm.control_rate,
     )
 
 
-def _step_limit(arm: ArmSpec) -> float:
-    """What commands change by at most, in a second [rad/s]."""
+def _rate_limit(arm: ArmSpec) -> float:
+    """Return the largest rate of commands [rad/s]."""
     return float(np.deg2rad(arm.step_limit_deg)) * arm.control_rate

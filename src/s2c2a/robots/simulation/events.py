@@ -1,76 +1,144 @@
-"""What comes about while a simulated arm works: a load, a push, slipped zeros, a softer cable, sensors that are gone."""
+"""Scheduled disturbances and faults of a simulated robot."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from s2c2a.errors import S2C2AError
 
-SAMPLE = "8 load 0.05; 10 push 0.3 0 0; 12 push 0 0 0"
+EXAMPLE = "8 payload 0.05; 10 force 0.3 0 0; 12 force 0 0 0"
 MAX_PAYLOAD = 50.0  # kg
-KINDS = {"load": 1, "push": 3, "homed": 1, "softer": 1, "blind": 0}
-"""Name -> how many numbers it takes: kg; N along x, y, z at the tip; m; a share of a
-cable's stiffness."""
+
+
+class EventKind(NamedTuple):
+    """Parameters of one kind of event.
+
+    Attributes:
+        value_count: how many numbers the event needs.
+        unit: their unit and meaning, as the error message shows it.
+    """
+
+    value_count: int
+    unit: str
+
+
+KINDS = {
+    "payload": EventKind(1, "kg"),
+    "force": EventKind(3, "N, x y z at the tip"),
+    "homing_error": EventKind(1, "m"),
+    "stiffness_loss": EventKind(1, "share of the stiffness of a cable"),
+    "sensor_loss": EventKind(0, ""),
+}
 
 
 class Event(NamedTuple):
-    """One of them.
+    """One scheduled disturbance or fault.
 
     Attributes:
-        time: when [s].
+        time: when it occurs [s].
         kind: a name in `KINDS`.
-        numbers: of it.
+        values: its numbers, in the unit of the kind.
     """
 
     time: float
     kind: str
-    numbers: tuple[float, ...]
+    values: tuple[float, ...]
 
 
-def parse_events(text: str) -> tuple[Event, ...]:
-    """As a user writes them, such as `SAMPLE`; in order.
+class EventTarget(Protocol):
+    """A robot to which events can be applied; see `SimulatedRobot`."""
+
+    def set_payload(self, payload: float) -> None:
+        """Replace the mass at the tip [kg]."""
+
+    def apply_force(self, force: np.ndarray) -> None:
+        """Apply an external force at the tip [N], base frame."""
+
+    def add_homing_error(self, size: float) -> None:
+        """Shift the zeros of the motors [m]."""
+
+    def reduce_cable_stiffness(self, share: float) -> None:
+        """Reduce the stiffness of the first cable by a share."""
+
+    def lose_sensors(self) -> None:
+        """Remove all sensors but the encoders."""
+
+
+def parse_events(texts: str | Sequence[str]) -> tuple[Event, ...]:
+    """Parse events such as `EXAMPLE`, sorted by time.
+
+    Args:
+        texts: one text, or several; each holds events separated by semicolons.
 
     Raises:
-        S2C2AError: it says something else.
+        S2C2AError: an event has no valid time, kind or numbers.
     """
-    found = [_one(part.split()) for part in text.split(";") if part.strip()]
-    return tuple(sorted(found, key=lambda one: one.time))
+    joined = texts if isinstance(texts, str) else ";".join(texts)
+    events = [_parse_event(text) for text in joined.split(";") if text.strip()]
+    return tuple(sorted(events, key=_event_time))
 
 
-def _one(words: Sequence[str]) -> Event:
+def _event_time(event: Event) -> float:
+    return event.time
+
+
+def _parse_event(text: str) -> Event:
+    words = text.split()
     try:
-        kind = words[1]
-        numbers = tuple(float(word) for word in words[2:])
-        said = Event(float(words[0]), kind, numbers)
-        if (
-            len(numbers) != KINDS[kind]
-            or not np.isfinite([said.time, *numbers]).all()
-            or said.time < 0
-        ):
-            raise ValueError
-        if not (kind != "softer" or 0 <= numbers[0] < 1) or not (
-            kind != "load" or 0 <= numbers[0] <= MAX_PAYLOAD
-        ):
-            raise ValueError
-    except (ValueError, KeyError, IndexError) as error:
-        kinds = ", ".join(f"{kind} ({count} numbers)" for kind, count in KINDS.items())
-        raise S2C2AError(
-            f"'{' '.join(words)}' cannot happen; say a time [s], a kind and its numbers: {kinds}, such as \"{SAMPLE}\""
-        ) from error
-    return said
+        event = Event(float(words[0]), words[1], tuple(map(float, words[2:])))
+    except (ValueError, IndexError) as error:
+        raise _invalid_event(text) from error
+    if not _is_valid(event):
+        raise _invalid_event(text)
+    return event
+
+
+def _is_valid(event: Event) -> bool:
+    kind = KINDS.get(event.kind)
+    if kind is None or len(event.values) != kind.value_count:
+        return False
+    if event.time < 0 or not np.isfinite([event.time, *event.values]).all():
+        return False
+    if event.kind == "payload":
+        return 0 <= event.values[0] <= MAX_PAYLOAD
+    if event.kind == "stiffness_loss":
+        return 0 <= event.values[0] < 1
+    return True
+
+
+def _invalid_event(text: str) -> S2C2AError:
+    kinds = []
+    for name, kind in KINDS.items():
+        unit = f" [{kind.unit}]" if kind.unit else ""
+        kinds.append(f"{name} ({kind.value_count} numbers{unit})")
+    return S2C2AError(
+        f"'{text.strip()}' is not an event; write a time [s], a kind and its numbers: "
+        f'{", ".join(kinds)}; for example "{EXAMPLE}"'
+    )
 
 
 class EventSchedule:
-    """What is still to come. A robot has methods of their names."""
+    """Events of one run that are still to come."""
 
-    def __init__(self, every: tuple[Event, ...]):
-        """In order."""
-        self._left = list(every)
+    def __init__(self, events: Sequence[Event]):
+        """Begin with all events, sorted by time."""
+        self._pending = list(events)
 
-    def until(self, time: float, robot: Any) -> None:
-        """Let all happen that is due [s]."""
-        while self._left and self._left[0].time <= time + 1e-9:
-            _, kind, numbers = self._left.pop(0)
-            happen: Callable[..., None] = getattr(robot, kind)
-            happen(numbers if kind == "push" else numbers[0]) if numbers else happen()
+    def apply_until(self, time: float, robot: EventTarget) -> None:
+        """Apply all events that are due at `time` [s]."""
+        while self._pending and self._pending[0].time <= time + 1e-9:
+            _apply_event(self._pending.pop(0), robot)
+
+
+def _apply_event(event: Event, robot: EventTarget) -> None:
+    methods: dict[str, Callable[..., None]] = {
+        "payload": robot.set_payload,
+        "homing_error": robot.add_homing_error,
+        "stiffness_loss": robot.reduce_cable_stiffness,
+        "sensor_loss": robot.lose_sensors,
+    }
+    if event.kind == "force":
+        robot.apply_force(np.asarray(event.values))
+    else:
+        methods[event.kind](*event.values)

@@ -1,4 +1,4 @@
-"""What the simulated arm sensors beside its motors, with the faults of real parts."""
+"""Simulated sensors other than encoders, with the errors of real ones."""
 
 from collections import deque
 
@@ -10,183 +10,193 @@ from s2c2a.arm.sensors import Camera, Inertial
 from s2c2a.robots.simulation.flex import FlexStrips
 from s2c2a.spaces import POSITION, Sensor, States
 
-LONGEST = 2.0  # s; what a camera may be behind
-# streams of random numbers
-_INERTIAL = 3
-_CAMERA = 4
+MAX_CAMERA_DELAY = 2.0  # s
+
+# Random streams beside those of the robot.
+_INERTIAL_STREAM = 3
+_CAMERA_STREAM = 4
 
 
-def sensed_beside(arm: ArmSpec) -> dict[str, Sensor]:
-    """What readings hold of it, by the arm's description."""
-    said: dict[str, Sensor] = {}
+def declare_extra_sensors(arm: ArmSpec) -> dict[str, Sensor]:
+    """Declare the sensors of the arm's table `[sensors]`."""
+    declared: dict[str, Sensor] = {}
     modules = arm.module_count
-    if (inertial := arm.sensors.imu) is not None:
-        shape = (samples(arm, inertial), modules, 3)
-        said |= {
-            "accelerations": Sensor(shape, "m/s2"),
-            "angular_velocities": Sensor(shape, "rad/s"),
-        }
+    if arm.sensors.imu is not None:
+        shape = (samples_per_step(arm, arm.sensors.imu), modules, 3)
+        declared["accelerations"] = Sensor(shape, "m/s2")
+        declared["angular_velocities"] = Sensor(shape, "rad/s")
     if arm.sensors.camera is not None:
-        said |= {
-            "camera_positions": Sensor((modules, 3), "m", always=False),
-            "camera_age": Sensor((), "s", always=False),
-        }
+        declared["camera_positions"] = Sensor((modules, 3), "m", always=False)
+        declared["camera_age"] = Sensor((), "s", always=False)
     if arm.sensors.flex is not None:
-        said["flex"] = Sensor((modules, len(arm.sensors.flex.angles_deg)), "rad")
-    return said
+        strips = len(arm.sensors.flex.angles_deg)
+        declared["flex"] = Sensor((modules, strips), "rad")
+    return declared
 
 
-def samples(arm: ArmSpec, inertial: Inertial) -> int:
-    """Of inertial sensors in a control step."""
+def samples_per_step(arm: ArmSpec, inertial: Inertial) -> int:
+    """Return the number of inertial samples in a control step."""
     return max(1, round(inertial.rate * arm.control_period))
 
 
 class InertialSensors:
-    """One at the end of every module: what it accelerates by, gravity included, and how it turns, in its own frame."""
+    """Accelerometers and gyroscopes at the ends of the modules, in the frames there."""
 
-    def __init__(self, arm: ArmSpec, part: Inertial, seed: int, opening: int):
-        """Anew at every opening: their zeros differ."""
-        self._count = samples(arm, part)
+    def __init__(self, arm: ArmSpec, inertial: Inertial, seed: int, opening: int):
+        """Sample new biases for every opening."""
+        self._count = samples_per_step(arm, inertial)
         self._modules = arm.module_count
-        self._random = np.random.default_rng([seed, _INERTIAL, opening])
-        turns = np.deg2rad([part.turn_noise_deg, part.turn_bias_deg])
-        self._noise = np.repeat([part.acceleration_noise, turns[0]], 3 * self._modules)
+        self._random = np.random.default_rng([seed, _INERTIAL_STREAM, opening])
+        turn_noise = np.deg2rad(inertial.turn_noise_deg)
+        turn_bias = np.deg2rad(inertial.turn_bias_deg)
+        repeats = 3 * self._modules
+        self._noise = np.repeat([inertial.acceleration_noise, turn_noise], repeats)
         self._bias = self._random.normal(
-            scale=np.repeat([part.acceleration_bias, turns[1]], 3 * self._modules)
+            scale=np.repeat([inertial.acceleration_bias, turn_bias], repeats)
         )
-        self._felt: Float[np.ndarray, "samples numbers"] | None = None
+        self._samples: Float[np.ndarray, "samples n"] | None = None
 
-    def feel(self, moments: Float[np.ndarray, "moments numbers"]) -> None:
-        """What is felt at every physics step since the last reading: accelerations of all, then turn rates of all."""
-        chosen = (
-            np.linspace(0, len(moments) - 1, self._count + 1).round().astype(int)[1:]
-        )
-        self._felt = (
-            moments[chosen]
-            + self._bias
-            + self._noise * self._random.normal(size=(self._count, len(self._bias)))
-        )
+    def sample(self, values: Float[np.ndarray, "times n"]) -> None:
+        """Sample from the true values at every physics step since the last reading.
+
+        Args:
+            values: accelerations of all modules, then angular velocities of all.
+        """
+        steps = np.linspace(0, len(values) - 1, self._count + 1).round().astype(int)
+        noise = self._random.normal(size=(self._count, len(self._bias)))
+        self._samples = values[steps[1:]] + self._bias + self._noise * noise
 
     def read(self) -> dict[str, np.ndarray]:
-        """In a reading; nothing before the arm has moved."""
-        if self._felt is None:
+        """Return the samples; empty before the arm has moved."""
+        if self._samples is None:
             return {}
-        both = self._felt.reshape(self._count, 2, self._modules, 3)
-        return {"accelerations": both[:, 0], "angular_velocities": both[:, 1]}
+        samples = self._samples.reshape(self._count, 2, self._modules, 3)
+        return {"accelerations": samples[:, 0], "angular_velocities": samples[:, 1]}
 
 
 class CameraView:
-    """Where a camera saw ends of modules: at its own rate, late, and not always."""
+    """Positions of module ends in camera images, with a delay and lost images."""
 
-    def __init__(self, arm: ArmSpec, part: Camera, seed: int, opening: int):
-        """Anew at every opening: other pictures are lost."""
-        self._part = part
+    def __init__(self, arm: ArmSpec, camera: Camera, seed: int, opening: int):
+        """Sample new lost images for every opening."""
+        self._camera = camera
         self._period = arm.control_period
-        self._stream = (seed, _CAMERA, opening)
-        self._past: deque[tuple[float, States]] = deque(
-            maxlen=round(LONGEST * arm.control_rate) + 2
+        self._stream = (seed, _CAMERA_STREAM, opening)
+        self._history: deque[tuple[float, States]] = deque(
+            maxlen=round(MAX_CAMERA_DELAY * arm.control_rate) + 2
         )
 
-    def begin(self, states: States) -> None:
-        """The arm rests, and the clock is at zero."""
-        self._past.clear()
-        self.look(0.0, states)
+    def start(self, states: States) -> None:
+        """Forget earlier states; the arm rests, and the clock is at zero."""
+        self._history.clear()
+        self.observe(0.0, states)
 
-    def look(self, time: float, states: States) -> None:
-        """Where the arm is now."""
-        self._past.append((time, states))
+    def observe(self, time: float, states: States) -> None:
+        """Record the true states at `time` [s]."""
+        self._history.append((time, states))
 
     def read(self, time: float) -> dict[str, np.ndarray]:
-        """The picture that arrived since the last control step, if one did; each with its age."""
-        part = self._part
-        number = np.floor((time - part.delay) * part.rate + 1e-9)
-        taken = number / part.rate
-        new = taken + part.delay > time - self._period + 1e-9
+        """Return the image that arrived since the last control step, if any."""
+        camera = self._camera
+        number = np.floor((time - camera.delay) * camera.rate + 1e-9)
+        exposure = number / camera.rate  # s
+        is_new = exposure + camera.delay > time - self._period + 1e-9
         random = np.random.default_rng([*self._stream, max(int(number), 0)])
-        if number < 0 or not new or random.random() < part.lost:
+        if number < 0 or not is_new or random.random() < camera.lost:
             return {}
-        positions = self._at(taken)
-        positions += random.normal(scale=part.noise, size=positions.shape)
-        if part.sees == "tip":
+        positions = self._positions_at(exposure)
+        positions += random.normal(scale=camera.noise, size=positions.shape)
+        if camera.sees == "tip":
             positions[:-1] = np.nan
-        return {"camera_positions": positions, "camera_age": np.asarray(time - taken)}
+        return {
+            "camera_positions": positions,
+            "camera_age": np.asarray(time - exposure),
+        }
 
-    def _at(self, time: float) -> Float[np.ndarray, "modules 3"]:
-        times, states = zip(*self._past, strict=True)
-        positions = np.array(states)[..., POSITION].reshape(len(times), -1)
-        return np.array([np.interp(time, times, row) for row in positions.T]).reshape(
-            -1, 3
-        )
+    def _positions_at(self, time: float) -> Float[np.ndarray, "modules 3"]:
+        times, states = zip(*self._history, strict=True)
+        columns = np.array(states)[..., POSITION].reshape(len(times), -1).T
+        values = [np.interp(time, times, column) for column in columns]
+        return np.array(values).reshape(-1, 3)
 
 
-class Currents:
-    """What motors' currents tell of tensions: with friction in their gears, and noise."""
+class MotorCurrents:
+    """Tensions estimated from motor currents, with gear friction and noise.
 
-    def __init__(self, motor: Motor, motors: np.ndarray, inward: float):
-        """Of motors that stand.
+    Attributes:
+        winding: direction of the last motion of every motor: 1 winds the cable in, -1
+            pays it out, 0 before the first motion; shape (modules, cables).
+    """
+
+    def __init__(self, motor: Motor, positions: np.ndarray, inward: float):
+        """Begin with motors at rest.
 
         Args:
             motor: the description.
-            motors: where they are, shape (modules, cables).
-            inward: sign of a motion that winds a cable up.
+            positions: of the motors, shape (modules, cables).
+            inward: sign of a motion that winds a cable in.
         """
         self._motor = motor
-        self._at = motors
+        self._positions = positions
         self._inward = inward
-        self.winding = np.zeros_like(motors)
+        self.winding = np.zeros_like(positions)
 
-    def move(self, motors: np.ndarray) -> None:
-        """Motors are there at the end of a step; which way they went is kept while they stand."""
-        way = np.sign(motors - self._at) * self._inward
-        self.winding = np.where(way == 0, self.winding, way)
-        self._at = motors
+    def move(self, positions: np.ndarray) -> None:
+        """Update the direction of motion with the positions at the end of a step."""
+        direction = np.sign(positions - self._positions) * self._inward
+        self.winding = np.where(direction == 0, self.winding, direction)
+        self._positions = positions
 
     def read(
         self, tensions: np.ndarray, noise: float, random: np.random.Generator
     ) -> np.ndarray:
-        """Tensions at the motors [N] as the currents tell them."""
-        gears = self.winding * self._motor.current_friction
-        return tensions + gears + random.normal(scale=noise, size=tensions.shape)
+        """Return the measured tensions at the motors [N]."""
+        gear_friction = self.winding * self._motor.current_friction
+        return (
+            tensions + gear_friction + random.normal(scale=noise, size=tensions.shape)
+        )
 
 
-class Beside:
-    """All of them, of one arm."""
+class ExtraSensors:
+    """All sensors of the table `[sensors]` of one arm."""
 
     def __init__(self, arm: ArmSpec, seed: int, opening: int):
-        """Anew at every opening."""
+        """Create the sensors of the arm; their biases differ at every opening."""
         sensors = arm.sensors
-        drawn = (seed, opening)
-        self._inertial = (
-            None if sensors.imu is None else InertialSensors(arm, sensors.imu, *drawn)
-        )
-        self._camera = (
-            None if sensors.camera is None else CameraView(arm, sensors.camera, *drawn)
-        )
-        self._flex = (
-            None if sensors.flex is None else FlexStrips(arm, sensors.flex, *drawn)
-        )
+        self._inertial = None
+        self._camera = None
+        self._flex = None
+        if sensors.imu is not None:
+            self._inertial = InertialSensors(arm, sensors.imu, seed, opening)
+        if sensors.camera is not None:
+            self._camera = CameraView(arm, sensors.camera, seed, opening)
+        if sensors.flex is not None:
+            self._flex = FlexStrips(arm, sensors.flex, seed, opening)
 
-    def begin(self, states: States) -> None:
-        """The arm rests, and the clock is at zero."""
+    def start(self, states: States) -> None:
+        """Begin a run: the arm rests, and the clock is at zero."""
         if self._camera is not None:
-            self._camera.begin(states)
+            self._camera.start(states)
 
-    def feel(self, moments: Float[np.ndarray, "moments numbers"]) -> None:
-        """What inertial sensors feel at every physics step since the last reading."""
+    def sample_inertial(self, values: Float[np.ndarray, "times n"]) -> None:
+        """Sample the inertial sensors; see `InertialSensors.sample`."""
         if self._inertial is not None:
-            self._inertial.feel(moments)
+            self._inertial.sample(values)
 
-    def look(self, time: float, seconds: float, states: States) -> None:
-        """Where the arm is now, so many seconds after the last time."""
+    def observe(self, time: float, seconds: float, states: States) -> None:
+        """Record the true states at `time`, `seconds` after the last call."""
         if self._camera is not None:
-            self._camera.look(time, states)
+            self._camera.observe(time, states)
         if self._flex is not None:
             self._flex.bend(states, seconds)
 
     def read(self, time: float) -> dict[str, np.ndarray]:
-        """In a reading."""
-        inertial = {} if self._inertial is None else self._inertial.read()
-        camera = {} if self._camera is None else self._camera.read(time)
-        return (
-            inertial | camera | ({} if self._flex is None else self._flex.read())
-        )
+        """Return the values of all sensors at `time` [s]."""
+        values: dict[str, np.ndarray] = {}
+        if self._inertial is not None:
+            values |= self._inertial.read()
+        if self._camera is not None:
+            values |= self._camera.read(time)
+        if self._flex is not None:
+            values |= self._flex.read()
+        return values

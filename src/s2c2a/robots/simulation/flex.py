@@ -1,4 +1,4 @@
-"""Flex sensors of the simulated arm: resistive strips along its modules, cheap ones."""
+"""Simulated flex sensors: low-cost resistive strips along the modules."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,64 +8,62 @@ from s2c2a.arm.sensors import Flex
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import States
 
-# streams of random numbers
-_STRIPS = 5
-_NOISE = 6
+# Random streams beside those of the robot and of the other sensors.
+_STRIP_STREAM = 5
+_NOISE_STREAM = 6
 MINUTE = 60.0  # s
 
 
 class FlexStrips:
-    """What strips along the modules say of how far they bend.
+    """Flex sensors with hysteresis, crosstalk, a nonlinear gain and a drifting bias.
 
-    A strip at angle a of a module with bend b is bent by u = b_x cos a + b_y sin a, and
-    takes in a little of other modules' bends. It says g v (1 + c v) + z, with a gain g
-    and a curve c of its own, a zero z that wanders, and v, which follows u with backlash,
-    for strips creep in what they are glued to.
+    A strip at angle a of a module with bend b is bent by u = b_x cos a + b_y sin a,
+    plus crosstalk from other modules. It measures g v (1 + c v) + z with its own gain g
+    and nonlinearity c, a drifting bias z, and v, which follows u with backlash because
+    the strip creeps in its glue.
     """
 
-    def __init__(self, arm: ArmSpec, part: Flex, seed: int, opening: int):
-        """The same strips at every opening; their zeros differ."""
-        shape = arm.module_count, len(part.angles_deg)
-        own = np.random.default_rng([part.strips, _STRIPS])
-        angles = np.deg2rad(part.angles_deg) + own.normal(
-            scale=np.deg2rad(part.angle_error_deg), size=shape
-        )
-        self._gains = 1.0 + own.normal(scale=part.gain_error, size=shape)
-        self._curves = own.normal(scale=part.nonlinearity, size=shape)
-        others = (
-            own.normal(scale=part.crosstalk, size=(*shape, arm.module_count))
-            * ~np.eye(shape[0], dtype=bool)[:, None]
-        )
-        shares = others + np.eye(shape[0])[:, None]  # (modules, strips, modules)
-        self._levers = (
-            shares[..., None]
-            * np.stack([np.cos(angles), np.sin(angles)], axis=-1)[:, :, None]
-        )
-        self._part = part
-        self._random = np.random.default_rng([seed, _NOISE, opening])
-        self._zeros = self._random.normal(scale=part.zero_error, size=shape)
-        self._followed = np.zeros(shape)
+    def __init__(self, arm: ArmSpec, flex: Flex, seed: int, opening: int):
+        """Create the strips, the same at every opening, and sample new biases."""
+        modules = arm.module_count
+        shape = (modules, len(flex.angles_deg))
+        random = np.random.default_rng([flex.strips, _STRIP_STREAM])
+        angle_errors = random.normal(scale=np.deg2rad(flex.angle_error_deg), size=shape)
+        angles = np.deg2rad(flex.angles_deg) + angle_errors
+        self._gains = 1.0 + random.normal(scale=flex.gain_error, size=shape)
+        self._nonlinearities = random.normal(scale=flex.nonlinearity, size=shape)
+        crosstalk = random.normal(scale=flex.crosstalk, size=(*shape, modules))
+        own_module = np.eye(modules)[:, None]
+        shares = crosstalk * (1.0 - own_module) + own_module
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        # (modules, strips, modules that bend them, 2)
+        self._bend_gains = shares[..., None] * directions[:, :, None]
+        self._flex = flex
+        self._random = np.random.default_rng([seed, _NOISE_STREAM, opening])
+        self._biases = self._random.normal(scale=flex.zero_error, size=shape)
+        self._strip_bends = np.zeros(shape)
         self._noise = np.zeros(shape)
 
     def bend(self, states: States, seconds: float) -> None:
-        """They are bent as the modules are now, so many seconds after the last time."""
-        part = self._part
-        bent = np.einsum("mskc,kc->ms", self._levers, _bends(states))
-        self._followed = np.clip(
-            self._followed, bent - part.hysteresis, bent + part.hysteresis
+        """Bend the strips with the modules, `seconds` after the last call."""
+        flex = self._flex
+        bends = np.einsum("mskc,kc->ms", self._bend_gains, _bends_from_states(states))
+        self._strip_bends = np.clip(
+            self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis
         )
-        drawn = self._random.normal(size=(2, *bent.shape))
-        self._zeros = self._zeros + part.drift * np.sqrt(seconds / MINUTE) * drawn[0]
-        self._noise = part.noise * drawn[1]
+        drift, noise = self._random.normal(size=(2, *bends.shape))
+        self._biases = self._biases + flex.drift * np.sqrt(seconds / MINUTE) * drift
+        self._noise = flex.noise * noise
 
     def read(self) -> dict[str, np.ndarray]:
-        """In a reading [rad, nominal]."""
-        said = self._gains * self._followed * (1.0 + self._curves * self._followed)
-        return {"flex": said + self._zeros + self._noise}
+        """Return the measured bends [rad, nominal]."""
+        bends = self._strip_bends
+        values = self._gains * bends * (1.0 + self._nonlinearities * bends)
+        return {"flex": values + self._biases + self._noise}
 
 
-def _bends(states: States) -> Float[np.ndarray, "modules 2"]:
+def _bends_from_states(states: States) -> Float[np.ndarray, "modules 2"]:
     configurations = configurations_from_states(states)
-    across = np.linalg.norm(configurations[:, :2], axis=-1, keepdims=True)
-    angles = np.arctan2(across, configurations[:, 2:])
-    return configurations[:, :2] * angles / np.maximum(across, np.finfo(float).tiny)
+    lateral = np.linalg.norm(configurations[:, :2], axis=-1, keepdims=True)
+    angles = np.arctan2(lateral, configurations[:, 2:])
+    return configurations[:, :2] * angles / np.maximum(lateral, np.finfo(float).tiny)

@@ -1,4 +1,4 @@
-"""Modules as the simulated arm really has them: what an arm file says, and its mismatch on top."""
+"""True parameters of the simulated modules: nominal values plus model mismatch."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,18 @@ from s2c2a.arm import ArmSpec, Module
 
 @dataclass(frozen=True)
 class MismatchedModule:
-    """One module, in the numbers that MuJoCo is given.
+    """True parameters of one module, in MuJoCo's terms.
 
     Attributes:
-        described: what the arm file says of it.
-        axes: of its hinges and its twist, one a row; bending about the second goes in
-            the stiff direction, (3, 3).
-        stiffnesses: about these axes [N m2].
+        nominal: the module as the arm file describes it.
+        axes: axes of its hinges and of its torsion, one a row, shape (3, 3); bending
+            about the second one goes in the stiff direction.
+        stiffnesses: about these axes [N m2], shape (3,).
         mass: [kg].
-        cables: where they are, module frame [m], shape (cables, 2).
+        cables: positions of the cables, module frame [m], shape (cables, 2).
     """
 
-    described: Module
+    nominal: Module
     axes: Float[np.ndarray, "3 3"]
     stiffnesses: Float[np.ndarray, "3"]
     mass: float
@@ -29,57 +29,62 @@ class MismatchedModule:
 
     @classmethod
     def of(cls, module: Module) -> "MismatchedModule":
-        """As its description and its mismatch say."""
+        """Apply the mismatch of a module to its nominal parameters."""
         mismatch = module.mismatch
-        ratio = np.sqrt(module.mismatch.stiffness_ratio)
-        stiffer = 1.0 + mismatch.stiffness_error
+        ratio = np.sqrt(mismatch.stiffness_ratio)
         bending = module.bending_stiffness
+        stiffnesses = np.array([bending / ratio, bending * ratio, module.gj])
         angles = np.deg2rad(np.add(module.cable_angles_deg, mismatch.angle_errors_deg))
-        radii = np.broadcast_to(
-            module.cable_radius * (1.0 + np.asarray(mismatch.radius_errors)),
-            angles.shape,
-        )
+        radii = module.cable_radius * (1.0 + np.asarray(mismatch.radius_errors))
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return cls(
-            described=module,
-            axes=_turned(np.deg2rad(mismatch.stiff_direction_deg)),
-            stiffnesses=stiffer
-            * np.array([bending / ratio, bending * ratio, module.gj]),
+            nominal=module,
+            axes=_axes_rotated_about_z(np.deg2rad(mismatch.stiff_direction_deg)),
+            stiffnesses=(1.0 + mismatch.stiffness_error) * stiffnesses,
             mass=module.mass * (1.0 + mismatch.mass_error),
-            cables=np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1),
+            cables=radii[..., None] * directions,
         )
 
-    def levers_about(
+    def cable_levers(
         self, axes: Float[np.ndarray, "3 3"]
     ) -> Float[np.ndarray, "cables 3"]:
-        """How much longer a cable gets with a turn about each of some axes [m]: the z of axis x place."""
+        """Return how much longer a cable gets per rotation about each axis [m/rad].
+
+        This is the z component of axis x position.
+        """
         x, y = self.cables.T
         return np.outer(y, axes[:, 0]) - np.outer(x, axes[:, 1])
 
     @property
-    def rest_turns(self) -> Float[np.ndarray, "3"]:
-        """Turn about each axis without any force [rad]."""
-        x, y = self.described.mismatch.rest_bend
-        return self.axes @ np.array([-y, x, 0.0])  # bending towards x turns about y
+    def rest_angles(self) -> Float[np.ndarray, "3"]:
+        """Rotation about each axis without any force [rad]."""
+        x, y = self.nominal.mismatch.rest_bend
+        return self.axes @ np.array([-y, x, 0.0])  # bending towards x rotates about y
 
-    def cubic(self, segments: int) -> Float[np.ndarray, "3"]:
-        """What a segment's stiffness about each axis grows by, over the square of its turn [N m/rad3]."""
-        mismatch = self.described.mismatch
-        full = np.deg2rad(self.described.bend_limit_deg) / segments
-        grows = mismatch.hardening * np.array([1.0, 1.0, 0.0]) / full**2
-        return grows * self.stiffnesses * segments / self.described.length
-
-
-def passed_shares(arm: ArmSpec, owner: int) -> dict[int, float]:
-    """Modules that the cables of one run through, and there at which part of their radius."""
-    coupling = 1.0 if arm.coupled_cables else arm.modules[owner].mismatch.coupling
-    return ({} if coupling is None else dict.fromkeys(range(owner), coupling)) | {
-        owner: 1.0
-    }
+    def cubic_stiffnesses(self, segments: int) -> Float[np.ndarray, "3"]:
+        """Return the cubic stiffness of a segment about each axis [N m/rad3]."""
+        hardening = self.nominal.mismatch.hardening * np.array([1.0, 1.0, 0.0])
+        full_angle = np.deg2rad(self.nominal.bend_limit_deg) / segments
+        growth = hardening / full_angle**2  # 1/rad2
+        return growth * self.stiffnesses * segments / self.nominal.length
 
 
-def _turned(angle: float) -> Float[np.ndarray, "3 3"]:
-    """The axes x, y, z turned about z."""
+def cable_routing(arm: ArmSpec, owner: int) -> dict[int, float]:
+    """Return the modules that the cables of module `owner` act on.
+
+    Returns:
+        Module -> radius of the cables there, as a share of their radius in `owner`.
+    """
+    coupling = arm.modules[owner].mismatch.coupling
+    if arm.coupled_cables:
+        coupling = 1.0
+    routing = {} if coupling is None else dict.fromkeys(range(owner), coupling)
+    routing[owner] = 1.0
+    return routing
+
+
+def _axes_rotated_about_z(angle: float) -> Float[np.ndarray, "3 3"]:
     cosine = np.cos(angle)
     sine = np.sin(angle)
-    # no negative zeros
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + 0.0
+    axes = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return axes + 0.0  # no negative zeros

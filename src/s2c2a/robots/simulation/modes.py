@@ -1,4 +1,4 @@
-"""How an arm swings: the frequency and damping of its first bending mode, at rest."""
+"""Modal analysis: frequency and damping ratio of the first bending mode at rest."""
 
 import mujoco
 import numpy as np
@@ -7,35 +7,42 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import ArmError
 from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
 
-GROWTH = 1e-6  # 1/s; what is less is rounding
+MAX_GROWTH_RATE = 1e-6  # 1/s; smaller rates are rounding errors
+MIN_FREQUENCY = 1e-3  # rad/s; slower modes do not oscillate
 
 
 def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
-    """Natural frequency [Hz] and damping ratio of the slowest bending mode about the straight arm.
+    """Return natural frequency [Hz] and damping ratio of the first bending mode.
 
-    From the eigenvalues of MuJoCo's linearized transition over one physics step.
-    Friction between motor and module is not part of it: the cables hold still.
+    They follow from the eigenvalues of MuJoCo's transition matrix over one physics
+    step, linearized about the straight arm. The motors hold still, so friction between
+    motor and module has no influence.
 
     Raises:
-        ArmError: the straight arm does not stay straight.
+        ArmError: the straight arm is not stable.
     """
     robot = SimulatedRobot(arm, fidelity)
     robot.open()
-    size = 2 * robot.model.nv + robot.model.na
-    transition = np.zeros((size, size))
-    mujoco.mjd_transitionFD(
-        robot.model, robot.data, 1e-6, True, transition, None, None, None
-    )
-    rates = (
-        np.log(np.linalg.eigvals(transition).astype(complex)) / robot.model.opt.timestep
-    )
-    if rates.real.max() > GROWTH:
+    transition = _linearize(robot.model, robot.data)
+    eigenvalues = np.linalg.eigvals(transition).astype(complex)
+    rates = np.log(eigenvalues) / robot.model.opt.timestep
+    growth = rates.real.max()
+    if growth > MAX_GROWTH_RATE:
         raise ArmError(
-            f"{arm.name} does not stand: off its axis it falls over (growing at {rates.real.max():.2g} /s); "
-            "stiffen the modules or their cables, make them lighter, or hang the arm"
+            f"{arm.name} is not stable upright: small bends grow at {growth:.2g} /s; "
+            "give the modules or their cables more stiffness or less mass, "
+            "or mount the arm hanging"
         )
-    swinging = rates[np.abs(rates.imag) > 1e-3]
-    slowest = (swinging if swinging.size else rates)[
-        np.argmin(np.abs(swinging if swinging.size else rates))
-    ]
-    return float(np.abs(slowest) / (2 * np.pi)), float(-slowest.real / np.abs(slowest))
+    oscillating = rates[np.abs(rates.imag) > MIN_FREQUENCY]
+    if oscillating.size:
+        rates = oscillating
+    slowest = rates[np.argmin(np.abs(rates))]
+    frequency = np.abs(slowest)  # rad/s
+    return float(frequency / (2 * np.pi)), float(-slowest.real / frequency)
+
+
+def _linearize(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    size = 2 * model.nv + model.na
+    transition = np.zeros((size, size))
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, transition, None, None, None)
+    return transition

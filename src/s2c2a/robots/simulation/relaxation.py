@@ -1,8 +1,8 @@
-"""A body that relaxes: Maxwell elements beside its springs, which slowly get used to a held shape.
+"""Stress relaxation of the modules: Maxwell elements parallel to the joint springs.
 
-A spring of stiffness k of which the parts s_i relax pulls with k (q - sum_i s_i z_i),
-where z_i follows the turn q with the time constant tau_i. That is the same spring about
-another rest, so MuJoCo needs no more than that rest, and it is slow enough to be moved
+A spring of stiffness k with relaxing shares s_i has the torque k (q - sum_i s_i z_i),
+where z_i follows the joint position q with the time constant tau_i. This is the same
+spring with another reference position. Relaxation is slow, so the reference moves only
 once a control step.
 """
 
@@ -14,40 +14,38 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
 from s2c2a.robots.simulation.chain import module_of_joint
 
-Turns = Float[np.ndarray, " joints"]
+JointPositions = Float[np.ndarray, " joints"]
 
 
 class Relaxation:
-    """What every joint of a body has got used to.
+    """Relaxation state of every joint.
 
     Attributes:
-        rests: of the joints that have got used to nothing [rad or m], shape (joints,).
-        used_to: turn away from there that each element has got used to, shape (joints,
+        references: spring references without relaxation [rad or m], shape (joints,).
+        relaxed: relaxed displacements z of the elements from there, shape (joints,
             elements).
     """
 
     def __init__(self, arm: ArmSpec, model: mujoco.MjModel):
-        modules = [
-            module_of_joint(model.joint(joint).name) for joint in range(model.njnt)
-        ]
-        self._parts = per_module(arm, "mismatch.relaxing")[modules]
-        self._times = per_module(arm, "mismatch.relaxation_times")[modules]
-        self.rests = model.qpos_spring.copy()
-        self.used_to = np.zeros_like(self._parts)
+        joints = range(model.njnt)
+        modules = [module_of_joint(model.joint(joint).name) for joint in joints]
+        self._shares = per_module(arm, "mismatch.relaxing")[modules]
+        self._time_constants = per_module(arm, "mismatch.relaxation_times")[modules]
+        self.references = model.qpos_spring.copy()
+        self.relaxed = np.zeros_like(self._shares)
 
     @property
-    def springs(self) -> Turns:
-        """Where the joints' springs pull to now [rad or m]."""
-        return self.rests + np.sum(self._parts * self.used_to, axis=-1)
+    def spring_references(self) -> JointPositions:
+        """Current references of the joint springs [rad or m]."""
+        return self.references + np.sum(self._shares * self.relaxed, axis=-1)
 
-    def advance(self, turns: Turns, seconds: float) -> None:
-        """Let time pass.
+    def advance(self, positions: JointPositions, seconds: float) -> None:
+        """Relax for some time.
 
         Args:
-            turns: mean turn of every joint meanwhile [rad or m].
-            seconds: how much.
+            positions: mean joint positions in this time [rad or m].
+            seconds: duration [s].
         """
-        shares = 1.0 - np.exp(-seconds / self._times)
-        self.used_to = self.used_to + shares * (
-            (turns - self.rests)[:, None] - self.used_to
-        )
+        shares = 1.0 - np.exp(-seconds / self._time_constants)
+        displacements = (positions - self.references)[:, None]
+        self.relaxed = self.relaxed + shares * (displacements - self.relaxed)

@@ -1,68 +1,68 @@
-"""MuJoCo, many physics steps at a time, and one state taken over by another model."""
+"""Batches of MuJoCo physics steps, and transfer of a state to another model."""
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 from mujoco.rollout import Rollout
 
-_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
-
-def stepped(
+def run_physics_steps(
     rollout: Rollout,
     model: mujoco.MjModel,
     data: mujoco.MjData,
     commands: Float[np.ndarray, "times cables"],
     wrenches: Float[np.ndarray, "bodies 6"] | None,
-) -> Float[np.ndarray, "times sensed"]:
-    """One physics step for every command: in one call, since Python between them costs as much as they do.
+) -> Float[np.ndarray, "times measurements"]:
+    """Run one physics step per command, in a single call.
+
+    A Python loop over the steps would take as long as the steps themselves.
 
     Args:
-        rollout: that does it.
-        model: the body.
-        data: its state, which moves on.
+        rollout: MuJoCo's rollout object.
+        model: the model.
+        data: its state; advances in place.
         commands: of the actuators.
-        wrenches: on the bodies all the while [N, N m], at their centers of mass; none
-            if None.
+        wrenches: constant wrenches on the bodies at their centers of mass [N, N m];
+            none if None.
 
     Returns:
-        What sensors say at the start of every step.
+        Sensor data at the start of every step.
     """
-    inputs = mujoco.mjtState.mjSTATE_CTRL
+    control = mujoco.mjtState.mjSTATE_CTRL
     values = commands
     if wrenches is not None:
-        inputs = inputs | mujoco.mjtState.mjSTATE_XFRC_APPLIED
-        values = np.hstack([commands, np.tile(wrenches.ravel(), (len(commands), 1))])
-    seen = np.empty((1, len(values), model.nsensordata))
+        control = control | mujoco.mjtState.mjSTATE_XFRC_APPLIED
+        constant = np.tile(wrenches.ravel(), (len(commands), 1))
+        values = np.hstack([commands, constant])
+    measurements = np.empty((1, len(values), model.nsensordata))
     rollout.rollout(
         [model],
         [data],
-        state_of(model, data, _PHYSICS)[None],
+        _get_state(model, data, mujoco.mjtState.mjSTATE_FULLPHYSICS)[None],
         values[None],
-        control_spec=int(inputs),
+        control_spec=int(control),
         nstep=len(values),
         skip_checks=True,
-        sensordata=seen if model.nsensordata else None,
+        sensordata=measurements if model.nsensordata else None,
     )
-    return seen[0]
+    return measurements[0]
 
 
-def state_of(
+def transfer_state(
+    model: mujoco.MjModel, data: mujoco.MjData, new_model: mujoco.MjModel
+) -> mujoco.MjData:
+    """Return data of a new model of the same structure in the state of another."""
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    new_data = mujoco.MjData(new_model)
+    mujoco.mj_setState(new_model, new_data, _get_state(model, data, kind), kind)
+    new_model.qpos_spring = model.qpos_spring
+    mujoco.mj_forward(new_model, new_data)
+    return new_data
+
+
+def _get_state(
     model: mujoco.MjModel, data: mujoco.MjData, kind: mujoco.mjtState
 ) -> np.ndarray:
-    """As one vector."""
     state = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
     return state
-
-
-def taken_over(
-    model: mujoco.MjModel, data: mujoco.MjData, new: mujoco.MjModel
-) -> mujoco.MjData:
-    """Data of a new model of the same form, which goes on where another is."""
-    kind = mujoco.mjtState.mjSTATE_INTEGRATION
-    going_on = mujoco.MjData(new)
-    mujoco.mj_setState(new, going_on, state_of(model, data, kind), kind)
-    new.qpos_spring = model.qpos_spring
-    mujoco.mj_forward(new, going_on)
-    return going_on

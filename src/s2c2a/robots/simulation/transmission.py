@@ -1,9 +1,9 @@
-"""From a command to what a module feels: motors with a lag, a speed limit and ticks; backlash, capstan friction, creep.
+"""Motors and cable transmission: lag, rate limit, backlash, capstan friction, creep.
 
-The motors chase a held command, so their path within a control step is monotone, and
-for monotone paths backlash is a clip. Creep can make the path turn; then backlash is followed
-from physics step to physics step. Friction that grows with speed is MuJoCo's: a damper
-beside the spring of each cable, which cannot push either.
+Motors approach a constant command, so their path within a control step is monotone,
+and for monotone paths backlash is a clip. Creep can reverse the path; with it, backlash
+is computed in every physics step. Viscous friction is a damper beside the spring of
+each cable in MuJoCo.
 """
 
 import numpy as np
@@ -15,164 +15,170 @@ from s2c2a.arm.geometry import per_cable, per_module
 CablePath = Float[np.ndarray, "times modules cables"]
 
 
-def motor_path(
+def compute_motor_path(
     position: Float[np.ndarray, "*cables"],
     command: Float[np.ndarray, "*cables"],
     times: np.ndarray,
     motor: Motor,
 ) -> Float[np.ndarray, "times *cables"]:
-    """Positions of motors that chase a held command: exact, so it does not depend on the physics step.
+    """Solve the motion of motors towards a constant command exactly.
+
+    A motor moves at its speed limit until its first-order lag is slower. The solution
+    is exact and does not depend on the physics step.
 
     Args:
-        position: where the motors are [m or N].
-        command: where they shall go [m or N].
-        times: when to say where they are [s], from now.
+        position: current positions [m or N].
+        command: commanded positions [m or N].
+        times: times of the path [s], from now.
         motor: lag and speed limit.
     """
-    gap = position - command
-    size = np.abs(gap)
-    later = times.reshape(-1, *[1] * gap.ndim)
-    limit = np.inf if motor.speed_limit is None else motor.speed_limit
+    error = position - command
+    distance = np.abs(error)
+    times = times.reshape(-1, *[1] * error.ndim)
+    speed = np.inf if motor.speed_limit is None else motor.speed_limit
     lag = motor.time_constant
-    # gap from which the lag, not the limit, rules
-    slow = np.minimum(size, limit * lag) if lag else np.zeros_like(size)
-    fast_time = (size - slow) / limit
-    left = np.where(
-        later < fast_time,
-        size - np.minimum(limit * later, size) if np.isfinite(limit) else 0.0,
-        0.0,
-    )
-    lagging = slow * np.exp(-np.maximum(later - fast_time, 0.0) / lag) if lag else 0.0
-    return command + np.sign(gap) * np.where(later < fast_time, left, lagging)
+    # Distance below which the lag is slower than the speed limit.
+    lag_distance = np.minimum(distance, speed * lag) if lag else np.zeros_like(distance)
+    limited_time = (distance - lag_distance) / speed
+    limited = np.zeros_like(distance)
+    if np.isfinite(speed):
+        limited = distance - np.minimum(speed * times, distance)
+    lagging = 0.0
+    if lag:
+        decay = np.exp(-np.maximum(times - limited_time, 0.0) / lag)
+        lagging = lag_distance * decay
+    remaining = np.where(times < limited_time, limited, lagging)
+    return command + np.sign(error) * remaining
 
 
 def tick_length(motor: Motor) -> float:
-    """Displacement of one encoder tick [m]."""
+    """Return the displacement of one encoder tick [m]."""
     return 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
 
 
-def encoder_reading(
+def read_encoders(
     position: Float[np.ndarray, "*cables"], motor: Motor, random: np.random.Generator
 ) -> Float[np.ndarray, "*cables"]:
-    """Displacement [m] as the encoders tell it: noise, then whole ticks."""
+    """Return measured displacements [m]: noise is added, then whole ticks remain."""
     tick = tick_length(motor)
     noise = random.normal(scale=motor.noise_ticks, size=position.shape)
     return tick * np.round(position / tick + noise)
 
 
 class CableTransmission:
-    """What is lost between motors and modules of one arm: drift, creep, backlash, friction.
+    """Losses between the motors and the modules of one arm.
+
+    The losses are drift, creep, backlash and capstan friction.
 
     Attributes:
         transmitted: displacement [m] or tension [N] at the modules, shape (modules,
             cables).
-        crept: what the material has got used to [m], shape (modules, cables).
+        crept: displacement lost to creep [m], shape (modules, cables).
     """
 
     def __init__(self, arm: ArmSpec, start: np.ndarray, aged: float = 0.0):
-        """At rest.
+        """Begin at rest.
 
         Args:
             arm: the description.
-            start: where the motors are [m or N], shape (modules, cables).
-            aged: how far the arm has gone on its way to the drift that its mismatch tell
-                of, from 0 to 1.
+            start: positions of the motors [m or N], shape (modules, cables).
+            aged: share of the drift in the arm's mismatch that has developed, 0 to 1.
         """
-        names = ("friction", "friction_angle_deg", "stiffness", "creep", "creep_time")
-        columns = (per_module(arm, f"cable.{name}")[:, None] for name in names)
-        (
-            self._friction,
-            tube_angle_deg,
-            self._stiffness,
-            self._creep,
-            self._creep_time,
-        ) = columns
-        self._backlash = per_cable(arm, "cable.backlash")
-        self._lost = aged * per_module(arm, "mismatch.drift")[:, None]
-        self._tension_driven = arm.actuation == "tension"
+        tube_angle_deg = per_module(arm, "cable.friction_angle_deg")[:, None]
         self._tube_angle = np.deg2rad(tube_angle_deg)
+        self._friction = per_module(arm, "cable.friction")[:, None]
+        self._stiffness = per_module(arm, "cable.stiffness")[:, None]
+        self._creep = per_module(arm, "cable.creep")[:, None]
+        self._creep_time = per_module(arm, "cable.creep_time")[:, None]
+        self._backlash = per_cable(arm, "cable.backlash")
+        self._drift = aged * per_module(arm, "mismatch.drift")[:, None]
+        self._tension_driven = arm.actuation == "tension"
         self._neutral = ArmGeometry.of(arm).action_neutral
         self.transmitted = start.copy()
         self.crept = np.zeros_like(start)
 
-    def pass_on(
+    def transmit(
         self,
         path: CablePath,
         times: np.ndarray,
         tensions: np.ndarray,
         bend_angles: np.ndarray,
     ) -> CablePath:
-        """What the modules feel while the motors go along `path`.
+        """Return the path at the modules for a path of the motors.
 
         Args:
             path: motor positions [m] or tensions [N] over one control step, shape
                 (times, modules, cables), monotone.
-            times: of the path [s], from the start of the step.
+            times: times of the path [s], from the start of the step.
             tensions: in the cables at the start of the step [N], shape (modules,
                 cables).
             bend_angles: of the modules at the start of the step [rad], shape
                 (modules,).
         """
-        if self._lost.any():
-            path = path - self._lost * (path - self._neutral)
-        if self._creep.any():
-            path = path - self._creep_along(path, times)
-        low, high = self._band(path, tensions, bend_angles)
-        felt = (
-            self._follow(low, high)
-            if self._creep.any()
-            else np.clip(self.transmitted, low, high)
-        )
-        self.transmitted = felt[-1]
-        return felt
+        if self._drift.any():
+            path = path - self._drift * (path - self._neutral)
+        creeps = self._creep.any()
+        if creeps:
+            path = path - self._update_creep(path, times)
+        low, high = self._friction_band(path, tensions, bend_angles)
+        if creeps:
+            transmitted = self._follow_band(low, high)
+        else:
+            transmitted = np.clip(self.transmitted, low, high)
+        self.transmitted = transmitted[-1]
+        return transmitted
 
-    def at_motors(
+    def motor_tensions(
         self, tensions: np.ndarray, bend_angles: np.ndarray, winding: np.ndarray
     ) -> np.ndarray:
-        """Tensions at the motors of a displacement arm [N]: capstan friction is added where they wind in.
+        """Return the tensions at the motors of a displacement arm [N].
+
+        Capstan friction raises them where a motor winds in and lowers them where it
+        pays out.
 
         Args:
             tensions: at the modules [N], shape (modules, cables).
             bend_angles: of the modules [rad], shape (modules,).
-            winding: 1 where a motor winds in or did so last, -1 where it pays out, 0
-                where it has not moved yet.
+            winding: last direction of every motor: 1 wound in, -1 paid out, 0 did not
+                move yet.
         """
-        return tensions * np.exp(winding * self._wrap(bend_angles))
+        return tensions * np.exp(winding * self._friction_exponent(bend_angles))
 
-    def _creep_along(self, path: CablePath, times: np.ndarray) -> CablePath:
-        """Let the material get used to the path, physics step by physics step; returns how far it has."""
-        share = 1.0 - np.exp(
-            -np.diff(times, prepend=0.0)[:, None, None] / self._creep_time
-        )
-        crept = np.empty_like(path)
+    def _update_creep(self, path: CablePath, times: np.ndarray) -> CablePath:
+        """Update the creep in every physics step; returns its path."""
+        durations = np.diff(times, prepend=0.0)[:, None, None]
+        shares = 1.0 - np.exp(-durations / self._creep_time)
+        creep_path = np.empty_like(path)
         for step, position in enumerate(path):
-            self.crept = self.crept + share[step] * (
-                self._creep * position - self.crept
-            )
-            crept[step] = self.crept
-        return crept
+            target = self._creep * position
+            self.crept = self.crept + shares[step] * (target - self.crept)
+            creep_path[step] = self.crept
+        return creep_path
 
-    def _follow(self, low: CablePath, high: CablePath) -> CablePath:
+    def _follow_band(self, low: CablePath, high: CablePath) -> CablePath:
         """Stay within a band that moves up and down."""
-        felt = np.empty_like(low)
-        last = self.transmitted
+        followed = np.empty_like(low)
+        position = self.transmitted
         for step in range(len(low)):
-            last = felt[step] = np.clip(last, low[step], high[step])
-        return felt
+            position = np.clip(position, low[step], high[step])
+            followed[step] = position
+        return followed
 
-    def _band(self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray):
-        """The band around the motors' motion in which the modules' side stays where it is."""
-        wrap = self._wrap(bend_angles)
+    def _friction_band(
+        self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray
+    ) -> tuple[CablePath, CablePath]:
+        """Return the band around the motors' path in which the modules' side sticks."""
+        exponent = self._friction_exponent(bend_angles)
         if self._tension_driven:
-            return path * np.exp(-wrap), path * np.exp(wrap)
-        width = self._backlash + tensions * np.expm1(wrap) / self._stiffness
+            return path * np.exp(-exponent), path * np.exp(exponent)
+        width = self._backlash + tensions * np.expm1(exponent) / self._stiffness
         return path - width, path + width
 
-    def _wrap(self, bend_angles: np.ndarray) -> np.ndarray:
-        """Friction coefficient times the angle of the tubes: their own, and that of the modules below."""
-        return self._friction * (self._tube_angle + _bend_below(bend_angles)[:, None])
+    def _friction_exponent(self, bend_angles: np.ndarray) -> np.ndarray:
+        """Return friction coefficient times wrap angle.
 
-
-def _bend_below(bend_angles: np.ndarray) -> np.ndarray:
-    """Sum of the bends of all modules below each one [rad]: their tubes run through those."""
-    return np.concatenate([[0.0], np.cumsum(bend_angles)[:-1]])
+        The wrap angle is that of the tube plus the bends of all modules below, which
+        the tube runs through.
+        """
+        bends_below = np.concatenate([[0.0], np.cumsum(bend_angles)[:-1]])
+        return self._friction * (self._tube_angle + bends_below[:, None])

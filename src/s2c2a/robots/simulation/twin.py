@@ -1,25 +1,32 @@
-"""A body that moves as another description says than the one that controllers are told."""
+"""Simulated mechanics that differ from the arm description of the controllers."""
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import S2C2AError
 
 
-def twin_of(arm: ArmSpec, file: str) -> ArmSpec:
-    """The description in a file, such as `s2c2a identify` writes, at the rate and with the sensors of an arm.
+def load_twin(arm: ArmSpec, file: str) -> ArmSpec:
+    """Load an arm file, with the control rate and the sensors of `arm`.
+
+    `s2c2a identify` writes such files.
 
     Raises:
-        S2C2AError: it is of another form.
+        S2C2AError: the two arms differ in modules, cables or actuation.
     """
     twin = load_arm(file)
-    forms = [(one.actuation, one.module_count, one.cable_count) for one in (arm, twin)]
-    if forms[0] != forms[1]:
-        said = [
-            f"{modules} modules of {cables} cables, driven by {how}"
-            for how, modules, cables in forms
-        ]
+    layout = _describe_layout(arm)
+    twin_layout = _describe_layout(twin)
+    if layout != twin_layout:
         raise S2C2AError(
-            f"{arm.name} has {said[0]}, its twin {file} has {said[1]}; both must be one arm"
+            f"{arm.name} has {layout}, its twin {file} has {twin_layout}; "
+            "both must be one arm"
         )
-    # physics steps divide the control period
-    as_driven = {"control_rate": arm.control_rate, "sensors": arm.sensors}
-    return twin.model_copy(update=as_driven)
+    # Physics steps divide the control period.
+    update = {"control_rate": arm.control_rate, "sensors": arm.sensors}
+    return twin.model_copy(update=update)
+
+
+def _describe_layout(arm: ArmSpec) -> str:
+    return (
+        f"{arm.module_count} modules of {arm.cable_count} cables "
+        f"with {arm.actuation} actuation"
+    )

@@ -1,6 +1,6 @@
-// The arm's surface: tubes through sections. Python (mesh.py) says what they are made of and how they follow the frames.
+// The arm's surface: tubes through sections. mesh.py defines the sections and how they follow the frames.
 
-// Where the sections are: each between the frame at its module's start and the one at its end.
+// Positions and axes of the sections, each between the frames at its module's start and end.
 function sectionsAt(frames, mesh) {
   return mesh.sections.map(([module, start, slope, end, endSlope, share, radius]) => {
     const [from, to] = [frames[module], frames[module + 1]];
@@ -38,7 +38,7 @@ function pushStrand(things, camera, light, sections, outline, rgb, lift) {
   }
 }
 
-// Everything of the arm for the painter.
+// All faces of the arm for the painter.
 function pushArm(things, camera, light, sections, mesh) {
   for (const { color, tubes, outlines, lift } of mesh.pieces) {
     for (const outline of outlines) {

@@ -42,7 +42,7 @@ class Chart {
         { x: this.x(time), y: EDGE.top },
         { x: this.x(time), y: this.y(0) },
       ],
-      stroke: "#17202b",
+      stroke: this.run.colors.ink,
       width: 1.2,
     });
     moments.forEach(({ error }, k) => {
@@ -56,9 +56,9 @@ class Chart {
     });
   }
 
-  // Where steps do not count in the mean.
+  // Shade the steps that the mean leaves out.
   shade(spans) {
-    this.context.fillStyle = "#e6eaf0";
+    this.context.fillStyle = this.run.colors.uncounted;
     for (const [start, end] of spans) {
       this.context.fillRect(this.x(start), EDGE.top, this.x(end) - this.x(start), this.y(0) - EDGE.top);
     }

@@ -1,4 +1,4 @@
-// Puts the page together: one state (time, chosen strategy, camera), drawn anew whenever it changes.
+// Assembles the page: one state (time, chosen strategy, camera), redrawn whenever it changes.
 
 const run = readRun(JSON.parse(byId("run").textContent));
 run.chosen = 0;
@@ -15,7 +15,7 @@ function choose(k) {
   redraw();
 }
 
-// Ask for one new picture, however much has changed.
+// Request one new frame, however many changes there are.
 function redraw() {
   if (waiting) return;
   waiting = true;
@@ -67,7 +67,7 @@ function addViews() {
   );
 }
 
-// Start at the second that the address names, else play, unless the user prefers less motion.
+// Start at the second in the address, else play, unless the user prefers reduced motion.
 function begin() {
   const named = /^#t=(\d+(?:\.\d+)?)$/.exec(location.hash);
   if (named) player.go(+named[1]);
@@ -88,7 +88,7 @@ addEventListener("keydown", (event) => {
 });
 addEventListener("resize", resize);
 addEventListener("click", (event) => {
-  // a button pressed with the mouse does not keep the space bar for itself
+  // a button clicked with the mouse must not capture the space bar
   if (event.detail) event.target.closest("button")?.blur();
 });
 resize();

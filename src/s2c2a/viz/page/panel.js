@@ -1,20 +1,20 @@
-// The words round the scene: strategies with their errors, legend, summary. Text from users is only ever set as text.
+// Text around the scene: strategies with their errors, legend, summary. User text is never set as HTML.
 
 const element = (name, options = {}, ...children) => {
-  const made = Object.assign(document.createElement(name), options);
-  made.append(...children);
-  return made;
+  const node = Object.assign(document.createElement(name), options);
+  node.append(...children);
+  return node;
 };
 const byId = (id) => document.getElementById(id);
-const inCentimetres = (error) => (error === null ? "–" : `${(100 * error).toFixed(2)} cm`);
+const inCentimeters = (error) => (error === null ? "–" : `${(100 * error).toFixed(2)} cm`);
 const inDegrees = (angle) => (angle === null ? "" : `axis ${((angle * 180) / Math.PI).toFixed(1)}°`);
 
 // A button for each strategy; pressing one shows its arm.
 class TraceList {
   constructor(run, choose) {
     this.rows = run.traces.map((trace, k) => {
-      const asked = trace.errors.some((error) => error !== null);
-      const none = asked ? "no step counts" : "no position is asked for";
+      const hasErrors = trace.errors.some((error) => error !== null);
+      const none = hasErrors ? "no step counts" : "no desired position";
       const where = trace.uncounted.length ? " outside the shade" : "";
       const parts = {
         mark: element("span", { className: "mark" }),
@@ -22,7 +22,7 @@ class TraceList {
         now: element("span", { className: "now" }),
         mean: element("span", {
           className: "mean",
-          textContent: trace.meanError === null ? none : `mean ${inCentimetres(trace.meanError)}${where}`,
+          textContent: trace.meanError === null ? none : `mean ${inCentimeters(trace.meanError)}${where}`,
         }),
         angle: element("span", { className: "angle" }),
       };
@@ -36,15 +36,15 @@ class TraceList {
       return { ...parts, button };
     });
     byId("traces").append(...this.rows.map((row) => row.button));
-    const asked = run.traces.some((trace) => trace.errors.some((error) => error !== null));
-    byId("errors-heading").textContent = !asked
+    const hasErrors = run.traces.some((trace) => trace.errors.some((error) => error !== null));
+    byId("errors-heading").textContent = !hasErrors
       ? "Runs"
       : `Error at the end of module ${run.traces[0].followed + 1} of ${run.arm.lengths.length}`;
   }
 
   show(moments, chosen) {
     this.rows.forEach((row, k) => {
-      row.now.textContent = inCentimetres(moments[k].error);
+      row.now.textContent = inCentimeters(moments[k].error);
       row.angle.textContent = inDegrees(moments[k].axisError);
       row.button.setAttribute("aria-checked", String(k === chosen));
     });
@@ -61,7 +61,7 @@ function writeSummary(run) {
     `${run.arm.name} · ${count} module${count === 1 ? "" : "s"} · ${run.end.toFixed(1)} s`;
 }
 
-// The legend names what is in the scene and nothing else.
+// The legend lists only what the scene shows.
 function writeKey(run, chosen) {
   const items = [],
     trace = run.traces[chosen];

@@ -1,4 +1,4 @@
-// Time: plays, pauses, steps and scrubs.
+// Playback: plays, pauses, steps and scrubs.
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const SHAPES = { play: "M8 5v14l11-7z", pause: "M6 5h4v14H6zM14 5h4v14h-4z" };
@@ -29,7 +29,7 @@ class Player {
     this.speedButtons.forEach((button, k) => button.setAttribute("aria-checked", String(SPEEDS[k] === speed)));
   }
 
-  // Go to a time; whoever asks for one wants to look at it, so the run stops there.
+  // Go to a time and pause there.
   go(time) {
     this.play(false);
     this.time = clamp(time, this.run.start, this.run.end);
@@ -51,7 +51,7 @@ class Player {
     this.changed();
   }
 
-  // Called with every frame while playing; `now` in milliseconds.
+  // Called in every frame while playing; `now` in milliseconds.
   advance(now) {
     if (!this.playing) return;
     if (this.last !== null) this.time += (Math.min(now - this.last, 250) / 1000) * this.speed;

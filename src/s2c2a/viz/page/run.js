@@ -1,4 +1,4 @@
-// The run: reads what replay.py wrote, and says where everything is at any time.
+// The run: reads the data of replay.py and interpolates it at any time.
 
 const PER_UNIT = 10000;
 const PER_ERROR = 1000000;
@@ -15,15 +15,15 @@ function readRun(data) {
 
 function readTrace(trace) {
   const small = (value) => (value === null ? null : value / PER_ERROR);
-  const overModules = (asked) =>
-    Object.entries(asked).map(([module, points]) => ({ module: +module, points: points.map(point) }));
+  const overModules = (goals) =>
+    Object.entries(goals).map(([module, points]) => ({ module: +module, points: points.map(point) }));
   return {
     ...trace,
     frames: trace.frames.map(readFrames),
     desired: overModules(trace.desired),
     axes: overModules(trace.axes),
     obstacles: trace.obstacles.map((step) =>
-      step.filter(isThere).map((o) => ({ center: point(o.slice(0, 3)), radius: o[3] / PER_UNIT })),
+      step.filter(isPresent).map((o) => ({ center: point(o.slice(0, 3)), radius: o[3] / PER_UNIT })),
     ),
     errors: trace.errors.map(small),
     axisErrors: trace.axisErrors.map(small),
@@ -31,12 +31,12 @@ function readTrace(trace) {
 }
 
 const point = (p) => (p === null ? null : scaled(p, 1 / PER_UNIT));
-const isThere = (obstacle) => obstacle.every((value) => value !== null) && obstacle[3] > 0;
+const isPresent = (obstacle) => obstacle.every((value) => value !== null) && obstacle[3] > 0;
 
 const BASE = { position: [0, 0, 0], x: [1, 0, 0], z: [0, 0, 1] };
 const frameOf = (position, x, z) => ({ position, x: unit(x), z: unit(z) });
 
-// Frames of the base and of every module's end at one step, or null where any of them was not seen.
+// Frames of the base and of every module end at one step, or null if any is unknown.
 function readFrames(row) {
   if (row === null) return null;
   const frames = [BASE];
@@ -58,7 +58,7 @@ function stepAt(times, time) {
   return { step: low, share: clamp((time - times[low]) / (times[high] - times[low]), 0, 1) };
 }
 
-// A value between two steps; the nearer one's where only one is known.
+// A value between two steps; that of the nearer step if one is unknown.
 function valueAt(values, { step, share }, mix) {
   const here = values[step],
     next = values[Math.min(step + 1, values.length - 1)];
@@ -68,20 +68,20 @@ function valueAt(values, { step, share }, mix) {
 
 const mixNumbers = (a, b, share) => a + (b - a) * share;
 const mixFrames = (a, b, share) =>
-  a.map((one, k) => frameOf(...["position", "x", "z"].map((name) => between(one[name], b[k][name], share))));
+  a.map((frame, k) => frameOf(...["position", "x", "z"].map((name) => between(frame[name], b[k][name], share))));
 const mixObstacles = (a, b, share) =>
   a.length !== b.length
     ? a
-    : a.map((one, k) => ({
-        center: between(one.center, b[k].center, share),
-        radius: mixNumbers(one.radius, b[k].radius, share),
+    : a.map((obstacle, k) => ({
+        center: between(obstacle.center, b[k].center, share),
+        radius: mixNumbers(obstacle.radius, b[k].radius, share),
       }));
 
-// Everything of one trace at one time.
+// Frames, goals, obstacles and errors of one trace at one time.
 function momentOf(trace, time) {
   const place = stepAt(trace.times, time);
-  const points = (asked) =>
-    asked
+  const points = (goals) =>
+    goals
       .map(({ module, points }) => ({ module, point: valueAt(points, place, between) }))
       .filter(({ point }) => point);
   return {

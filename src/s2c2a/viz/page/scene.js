@@ -8,7 +8,7 @@ class Scene {
     this.camera.look(this.viewOf("3D"));
   }
 
-  // Take the canvas's size, and frame the run unless the user has moved the camera.
+  // Read the canvas's size, and fit the run unless the user has moved the camera.
   resize() {
     this.camera.size = sizeCanvas(this.canvas, this.context);
     if (this.moved) this.camera.update();
@@ -23,7 +23,7 @@ class Scene {
     );
   }
 
-  // What hangs is seen from below.
+  // A hanging arm is shown from below.
   viewOf(view) {
     return this.run.surroundings.mounting.word === "hangs" && view === "3D" ? [VIEWS[view][0], -0.12] : VIEWS[view];
   }
@@ -110,10 +110,10 @@ function contentOf(run) {
 
 const arrowSize = (arm, module) => 0.5 * arm.lengths[module];
 
-// Where the arrows of desired axes end, over time, for each module asked.
+// Tips of the desired axes' arrows over time, for each module with a desired axis.
 function arrowTips(trace, arm) {
   return trace.axes.map(({ module, points }) => {
-    const desired = trace.desired.find((one) => one.module === module);
+    const desired = trace.desired.find((goal) => goal.module === module);
     return points.map((axis, k) => {
       const start = (desired && desired.points[k]) || (trace.frames[k] && trace.frames[k][module + 1].position);
       return axis && start && along(start, unit(axis), arrowSize(arm, module));
@@ -138,7 +138,7 @@ function paintSky(context, [width, height]) {
   context.fillRect(0, 0, width, height);
 }
 
-// Give a canvas as many pixels as it covers, and a context that counts CSS pixels; returns the size in those.
+// Match a canvas to the screen's pixels and its context to CSS pixels; returns the size in CSS pixels.
 function sizeCanvas(canvas, context) {
   const density = Math.min(devicePixelRatio || 1, 2);
   const [width, height] = [Math.max(canvas.clientWidth, 1), Math.max(canvas.clientHeight, 1)];

@@ -64,7 +64,7 @@ function paintBall(context, { place, radius, color }) {
 
 const PAINTERS = { face: paintFace, line: paintLine, ball: paintBall };
 
-// Paint a list of things, each with its kind and depth, the farthest first.
+// Paint a list of objects, each with its kind and depth, the farthest first.
 function paintByDepth(context, things) {
   things.sort((a, b) => b.depth - a.depth);
   for (const thing of things) PAINTERS[thing.kind](context, thing);

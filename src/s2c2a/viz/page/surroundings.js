@@ -1,24 +1,23 @@
-// What is round the arm: the plane it is mounted on, shadow, gravity, ghosts, paths, targets, obstacles.
+// Surroundings of the arm: ground plane, shadow, gravity, ghosts, paths, targets, obstacles.
 
 const RIM = Array.from({ length: 73 }, (_, k) => (k * Math.PI) / 36);
-const rimOf = (around, share = 1) =>
-  RIM.map((turn) => [...[Math.cos(turn), Math.sin(turn)].map((x) => share * around.radius * x), around.level]);
+const rimOf = ({ radius, level }, share = 1) =>
+  RIM.map((angle) => [...[Math.cos(angle), Math.sin(angle)].map((x) => share * radius * x), level]);
 
 function paintGround(context, camera, { surroundings, colors }) {
   const rim = rimOf(surroundings).map((p) => camera.project(p));
   tracePlaces(context, rim, true);
   context.fillStyle = "rgba(255,255,255,0.72)";
   context.fill();
-  for (const ends of surroundings.grid) {
-    const inMiddle = ends[0][0] === ends[1][0] ? ends[0][0] === 0 : ends[0][1] === 0;
-    const stroke = inMiddle ? colors.strong : colors.grid;
+  surroundings.grid.forEach((ends, k) => {
+    const stroke = surroundings.through_origin[k] ? colors.strong : colors.grid;
     paintLine(context, { places: ends.map((p) => camera.project(p)), stroke, width: 1 });
-  }
+  });
   paintLine(context, { places: rim, stroke: colors.grid, width: 1.2 });
-  for (const [name, p] of Object.entries(surroundings.names)) paintWord(context, camera.project(p), name);
+  for (const [name, p] of Object.entries(surroundings.names)) paintText(context, camera.project(p), name);
 }
 
-function paintWord(context, place, text) {
+function paintText(context, place, text) {
   context.font = "600 12px system-ui, sans-serif";
   context.fillStyle = "#7a8594";
   context.textAlign = "center";
@@ -28,10 +27,11 @@ function paintWord(context, place, text) {
 
 function paintGravity(context, camera, { surroundings: { arrow }, colors }) {
   if (!arrow) return;
-  const [tail, fall] = [arrow[0], subtract(arrow[1], arrow[0])];
-  paintArrow(context, camera, tail, unit(fall), length(fall), colors.ink, 2.4);
+  const tail = arrow[0];
+  const offset = subtract(arrow[1], tail);
+  paintArrow(context, camera, tail, unit(offset), length(offset), colors.ink, 2.4);
   const place = camera.project(tail);
-  paintWord(context, { ...place, y: place.y - 12 }, "gravity");
+  paintText(context, { ...place, y: place.y - 12 }, "gravity");
 }
 
 // The arm's shadow straight down on the plane.
@@ -43,7 +43,7 @@ function paintShadow(context, camera, body, level) {
   }
 }
 
-// Another strategy's arm: its outline on the screen, see-through.
+// Another strategy's arm: its outline on the screen, translucent.
 function paintGhost(context, camera, body, color) {
   const places = body.map(({ position, radius }) => ({ ...camera.project(position), radius }));
   const left = [],

@@ -1,0 +1,59 @@
+"""A state estimator of your own: bend biases from motion capture, by a slow integrator.
+
+    s2c2a run circle --recipe own_estimator.toml --weights mine.safetensors --payload 0.05
+
+own_estimator.toml is based on the recipe `best` and names this estimator. Its memory is
+in the estimate: the model's hysteresis and the bend biases.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+
+from s2c2a.compilation import compiled
+from s2c2a.estimation import Estimate, EstimatorOptions, StateEstimator
+from s2c2a.kinematics import bends_from_configurations, bends_from_states
+
+
+def update(configuration_map, model, share, inputs, measured, memory):
+    """One step in JAX: the configuration, and the memory after it."""
+    hysteresis, biases = memory
+    configuration = configuration_map(inputs)
+    predicted = bends_from_states(model.predict(configuration, hysteresis))
+    missing = bends_from_configurations(measured) - predicted
+    biases = biases + share * (missing - biases)
+    return configuration, (model.observe(configuration, hysteresis), biases)
+
+
+class SlowBiases(StateEstimator):
+    """Configurations from encoders, bend biases from motion capture."""
+
+    def __init__(self, configuration_map, model, share):
+        self.map = configuration_map
+        self.model = model
+        self.compiled_update = compiled(update, configuration_map, model, share)
+
+    @property
+    def sensors(self):
+        return (*self.map.sensors, "configurations")
+
+    def start(self, reading):
+        configuration = jnp.asarray(self.map.configurations(reading))
+        memory = (self.model.start(configuration), jnp.zeros((len(configuration), 2)))
+        return Estimate.of(configuration, memory=memory)
+
+    def update(self, estimate, reading, last_command):
+        inputs = self.map.inputs(reading)
+        measured = jnp.asarray(reading["configurations"], jnp.float32)
+        configuration, memory = self.compiled_update(inputs, measured, estimate.memory)
+        return Estimate.of(configuration, bend_biases=memory[1], memory=memory)
+
+
+@dataclass(frozen=True)
+class Integrator(EstimatorOptions):
+    """The share of the missing bends that is learned in every control step."""
+
+    share: float = 0.05
+
+    def build(self, arm, configuration_map, model, networks, settings):
+        return SlowBiases(configuration_map, model, self.share)

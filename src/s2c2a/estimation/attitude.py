@@ -1,0 +1,109 @@
+"""Attitude filters: the direction of gravity in the frames of inertial sensors."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.estimation.arrays import numbers_of_shape
+from s2c2a.runtime.readings import RepeatDetector
+from s2c2a.spaces import Reading
+
+MAX_ACCELERATION = 500.0  # m/s2; beyond any such sensor
+MAX_ANGULAR_VELOCITY = 100.0  # rad/s; the same
+ACCELERATION_TIME = 1.0  # s; time constant of the accelerometer correction (VQF tauAcc)
+SETTLING_TIME = 4.0  # s; of repeated first samples, until the filter has converged
+
+
+class Inclinometer:
+    """Direction of gravity at every module's end, by the filter VQF.
+
+    Laidig and Seel 2023, Information Fusion 91. The filter also estimates the gyroscope
+    biases.
+    """
+
+    def __init__(self, arm: ArmSpec):
+        """Prepare for the inertial sensors of an arm.
+
+        Raises:
+            S2C2AError: the package vqf is not installed.
+        """
+        try:
+            from vqf import VQF  # noqa: PLC0415  # an extra
+        except ImportError as error:
+            raise S2C2AError(
+                "inertial sensors need the package vqf; install it with `pip install "
+                "'s2c2a[sensors]'`, or remove [sensors.imu] from the arm file"
+            ) from error
+        self._filter_class = VQF
+        self._arm = arm
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the attitude."""
+        self._filters: list[Any] = []
+        self._inclinations: Float[np.ndarray, "modules 3"] | None = None
+        self._repeats = RepeatDetector()
+
+    def inclinations(self, reading: Reading) -> Float[np.ndarray, "modules 3"] | None:
+        """Unit vectors along gravity, each in its sensor's frame.
+
+        Returns:
+            None if the reading holds no usable samples; the last result if the samples
+            are those of the last reading.
+        """
+        shape = (None, self._arm.module_count, 3)
+        accelerations = numbers_of_shape(reading.get("accelerations"), shape)
+        velocities = numbers_of_shape(reading.get("angular_velocities"), shape)
+        if accelerations is None or velocities is None:
+            return None
+        if not _usable(accelerations, velocities):
+            return None  # the filter would never forget them
+        if not self._repeats.is_repeated("accelerations", accelerations):
+            self._inclinations = self._updated(accelerations, velocities)
+        return self._inclinations
+
+    def _updated(
+        self, accelerations: np.ndarray, velocities: np.ndarray
+    ) -> Float[np.ndarray, "modules 3"]:
+        if not self._filters:
+            self._start_filters(accelerations)
+        return np.stack(
+            [
+                _down(attitude_filter, accelerations[:, module], velocities[:, module])
+                for module, attitude_filter in enumerate(self._filters)
+            ]
+        )
+
+    def _start_filters(self, accelerations: np.ndarray) -> None:
+        """Let every filter converge on its first samples, repeated."""
+        period = self._arm.control_period / len(accelerations)
+        repeats = round(SETTLING_TIME / self._arm.control_period) * len(accelerations)
+        for module in range(accelerations.shape[1]):
+            attitude_filter = self._filter_class(period, tauAcc=ACCELERATION_TIME)
+            mean = accelerations[:, module].mean(axis=0)
+            steady = np.tile(mean, (repeats, 1))
+            _down(attitude_filter, steady, np.zeros_like(steady))
+            self._filters.append(attitude_filter)
+
+
+def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
+    if accelerations.shape != velocities.shape:
+        return False
+    in_range = np.abs(accelerations) < MAX_ACCELERATION
+    return bool(in_range.all() and (np.abs(velocities) < MAX_ANGULAR_VELOCITY).all())
+
+
+def _down(
+    attitude_filter: Any, accelerations: np.ndarray, velocities: np.ndarray
+) -> Float[np.ndarray, "3"]:
+    """Update a filter with samples; gravity's direction in the sensor's frame then."""
+    attitude_filter.updateBatch(
+        np.ascontiguousarray(velocities), np.ascontiguousarray(accelerations)
+    )
+    w, x, y, z = attitude_filter.getQuat6D()
+    return -np.array(
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    )

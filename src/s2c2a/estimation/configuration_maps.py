@@ -1,0 +1,191 @@
+"""Configuration maps: from measured values to configurations, without memory.
+
+NumPy turns into JAX here.
+"""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.kinematics import (
+    PCC,
+    configurations_from_bends,
+    configurations_from_states,
+)
+from s2c2a.plugins import resolve
+from s2c2a.spaces import Reading
+
+PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
+"""How the configurations of three modules mix in each other's sensors (Chen et al. 2025,
+eq. (11))."""
+
+Measured = Mapping[str, Array | np.ndarray]
+Configurations = Float[Array, "*batch modules 3"]
+
+
+class ConfigurationMap(eqx.Module):
+    """A map from measured values to configurations, at one moment or along a recording.
+
+    The arm file names it: `sensing = "encoders"`, or a class of your own such as
+    `sensing = "my_sensor.py:MyMap"`. Forward model and controller are trained on the
+    configurations that it gives.
+    """
+
+    @property
+    @abstractmethod
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that it needs."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, arm: ArmSpec) -> Self:
+        """Build the map of an arm."""
+
+    @abstractmethod
+    def __call__(self, measured: Measured) -> Configurations:
+        """Configurations, module frames, shape (*batch, modules, 3).
+
+        Args:
+            measured: sensor name -> values, of the sensor's shape after any batch; JAX
+                arrays, traced.
+        """
+
+    def configurations(self, reading: Reading) -> Float[np.ndarray, "*batch modules 3"]:
+        """Configurations of a reading, or of all readings of a recording.
+
+        Raises:
+            ReadingError: the reading lacks a sensor.
+        """
+        return np.asarray(self(self.inputs(reading)))
+
+    def inputs(self, reading: Reading) -> dict[str, np.ndarray]:
+        """The measured values that the map needs, in single precision.
+
+        Raises:
+            ReadingError: the reading lacks a sensor.
+        """
+        return {
+            name: np.asarray(_measured(reading, name), np.float32)
+            for name in self.sensors
+        }
+
+
+def _measured(reading: Reading, name: str) -> np.ndarray:
+    """Values of a sensor; configurations follow from true states where they are missing."""
+    if name == "configurations" and reading.get(name) is None:
+        return configurations_from_states(np.asarray(reading["states"], float))
+    return reading[name]
+
+
+class EncoderMap(ConfigurationMap):
+    """Configurations from cable displacements by PCC (Chen et al. 2025, eqs. (2), (3))."""
+
+    pcc: PCC
+    sensors = ("cables",)
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> Self:
+        """See `ConfigurationMap`: with the arm's nominal geometry."""
+        return cls(PCC.of(arm))
+
+    def __call__(self, measured: Measured) -> Configurations:
+        """See `ConfigurationMap`."""
+        return configurations_from_bends(self.pcc.bends(measured["cables"]))
+
+
+class TrueConfigurationMap(ConfigurationMap):
+    """The true configurations, from simulation or motion capture."""
+
+    sensors = ("configurations",)
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> Self:
+        """See `ConfigurationMap`."""
+        return cls()
+
+    def __call__(self, measured: Measured) -> Configurations:
+        """See `ConfigurationMap`."""
+        return jnp.asarray(measured["configurations"])
+
+
+class WrappedMap(ConfigurationMap):
+    """The configurations of another map, changed.
+
+    Attributes:
+        inner: the other map.
+    """
+
+    inner: ConfigurationMap
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """See `ConfigurationMap`."""
+        return self.inner.sensors
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> Self:
+        """Refuse: the map needs another one inside.
+
+        Raises:
+            S2C2AError: always.
+        """
+        raise S2C2AError(f"{cls.__name__} wraps another map; name that one")
+
+
+class CoupledMap(WrappedMap):
+    """Configurations mixed between modules, as by sensors that pass through all of them.
+
+    The mixed vectors are shorter than one.
+
+    Attributes:
+        coupling: shares of the modules in each sensor, shape (modules, modules).
+    """
+
+    coupling: Float[Array, "modules modules"]
+
+    def __call__(self, measured: Measured) -> Configurations:
+        """See `ConfigurationMap`."""
+        return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(measured))
+
+
+class UnitLengthMap(WrappedMap):
+    """Configurations scaled to unit length: two numbers a module, as in a bend."""
+
+    def __call__(self, measured: Measured) -> Configurations:
+        """See `ConfigurationMap`."""
+        configurations = self.inner(measured)
+        lengths = jnp.linalg.norm(configurations, axis=-1, keepdims=True)
+        return configurations / lengths
+
+
+CONFIGURATION_MAPS: dict[str, type[ConfigurationMap]] = {
+    "encoders": EncoderMap,
+    "true": TrueConfigurationMap,
+}
+"""Values of `sensing` in an arm file, beside maps of your own."""
+
+
+def configuration_map_for(arm: ArmSpec) -> ConfigurationMap:
+    """The configuration map of an arm: `sensing`, then `sensing_coupling` if given.
+
+    Raises:
+        S2C2AError: no map of this name.
+    """
+    kind = resolve("sensor", arm.sensing, CONFIGURATION_MAPS)
+    if not (isinstance(kind, type) and issubclass(kind, ConfigurationMap)):
+        raise S2C2AError(
+            f"sensing = '{arm.sensing}' is {kind!r}; name a subclass of "
+            "s2c2a.estimation.ConfigurationMap"
+        )
+    configuration_map = kind.of(arm)
+    if arm.sensing_coupling is None:
+        return configuration_map
+    coupling = jnp.asarray(arm.sensing_coupling, dtype=jnp.float32)
+    return CoupledMap(configuration_map, coupling)

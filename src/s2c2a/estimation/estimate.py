@@ -1,0 +1,78 @@
+"""The estimate of an arm's state, which planner and controller work with."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.models.disturbances import Disturbances
+
+
+class Estimate(NamedTuple):
+    """What a state estimator knows of its arm after a reading.
+
+    Attributes:
+        configuration: configuration of every module, module frame, shape (modules, 3).
+        disturbances: payload and bend biases; None if the estimator knows of none.
+        covariance: of the filter's state, if the estimator has one.
+        external_force: force at the tip that would cause the bend biases [N].
+        rejected: sensor name -> whether its measurements are rejected now.
+        memory: what the estimator carries to its next update.
+    """
+
+    configuration: Float[Array | np.ndarray, "modules 3"]
+    disturbances: Disturbances | None = None
+    covariance: Float[Array, "states states"] | None = None
+    external_force: Float[Array, ""] | None = None
+    rejected: Mapping[str, Array] = {}
+    memory: Any = ()
+
+    @classmethod
+    def of(
+        cls,
+        configuration: Float[Array | np.ndarray, "modules 3"],
+        payload: float | Array = 0.0,
+        bend_biases: Float[Array | np.ndarray, "modules 2"] | None = None,
+        memory: Any = (),
+    ) -> "Estimate":
+        """An estimate from plain numbers.
+
+        Args:
+            configuration: module frames, shape (modules, 3).
+            payload: mass at the tip [kg].
+            bend_biases: bends beside the predicted ones [rad]; zero if None.
+            memory: what the estimator carries to its next update.
+        """
+        if bend_biases is None:
+            bend_biases = np.zeros((len(configuration), 2), np.float32)
+        disturbances = Disturbances(
+            jnp.asarray(payload, jnp.float32), jnp.asarray(bend_biases, jnp.float32)
+        )
+        configuration = jnp.asarray(configuration, jnp.float32)
+        return cls(configuration, disturbances, memory=memory)
+
+    @property
+    def payload(self) -> float:
+        """Mass at the tip [kg]."""
+        return 0.0 if self.disturbances is None else float(self.disturbances.payload)
+
+    @property
+    def bend_biases(self) -> Float[np.ndarray, "modules 2"]:
+        """Bends beside the predicted ones [rad]."""
+        if self.disturbances is None:
+            return np.zeros((len(self.configuration), 2))
+        return np.asarray(self.disturbances.bend_biases, float)
+
+    def diagnostics(self) -> dict[str, np.ndarray]:
+        """Columns of an episode: payload, bend_biases, external_force, rejected.NAME."""
+        columns = {"sensed": np.asarray(self.configuration)}
+        if self.disturbances is not None:
+            columns["payload"] = np.asarray(self.payload)
+            columns["bend_biases"] = self.bend_biases
+        if self.external_force is not None:
+            columns["external_force"] = np.asarray(self.external_force, float)
+        for name, rejected in self.rejected.items():
+            columns[f"rejected.{name}"] = np.asarray(rejected, float)
+        return columns

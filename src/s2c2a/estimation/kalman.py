@@ -1,0 +1,69 @@
+"""The steps of a Kalman filter, as pure functions."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+
+def predict(
+    mean: Float[Array, " n"],
+    covariance: Float[Array, "n n"],
+    transition: Float[Array, "n n"],
+    process_noise: Float[Array, " n"],
+) -> Float[Array, "n n"]:
+    """Covariance after one step: F P F' + Q.
+
+    The mean is the caller's, whose motion may be nonlinear.
+
+    Args:
+        mean: of the state, for its size alone.
+        covariance: P.
+        transition: F, derivative of the motion by the state.
+        process_noise: diagonal of Q.
+    """
+    return transition @ covariance @ transition.T + jnp.diag(process_noise)
+
+
+def innovation_covariance(
+    covariance: Float[Array, "n n"],
+    jacobian: Float[Array, "values n"],
+    noise_std: Float[Array, " values"],
+) -> Float[Array, "values values"]:
+    """S = H P H' + R."""
+    return jacobian @ covariance @ jacobian.T + jnp.diag(noise_std**2)
+
+
+def update(
+    mean: Float[Array, " n"],
+    covariance: Float[Array, "n n"],
+    residual: Float[Array, " values"],
+    jacobian: Float[Array, "values n"],
+    innovation_cov: Float[Array, "values values"],
+) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    """Mean and covariance after a measurement, in Joseph's form.
+
+    K = P H' S^-1, x + K r, (I - K H) P (I - K H)' + K R K', with R = S - H P H'.
+
+    Joseph's form keeps the covariance positive semidefinite in single precision.
+
+    Args:
+        mean: x.
+        covariance: P.
+        residual: r, measured less predicted; zero where a value is missing.
+        jacobian: H; zero rows where a value is missing or rejected.
+        innovation_cov: S.
+    """
+    gain = jnp.linalg.solve(innovation_cov, jacobian @ covariance).T
+    remaining = jnp.eye(len(mean)) - gain @ jacobian
+    noise = innovation_cov - jacobian @ covariance @ jacobian.T
+    covariance = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
+    return mean + gain @ residual, covariance
+
+
+def normalized_innovation(
+    residual: Float[Array, " values"],
+    innovation_cov: Float[Array, "values values"],
+    is_present: Bool[Array, " values"],
+) -> Float[Array, ""]:
+    """Root mean square of the residuals in standard deviations of each."""
+    squared = jnp.sum(residual**2 / jnp.diag(innovation_cov))
+    return jnp.sqrt(squared / jnp.maximum(is_present.sum(), 1))

@@ -1,0 +1,291 @@
+"""The state estimator of the recipe `best`: encoders and a Kalman filter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.sensors import Sensors
+from s2c2a.compilation import compiled, select_if_finite
+from s2c2a.data import Recording
+from s2c2a.estimation.configuration_maps import ConfigurationMap
+from s2c2a.estimation.disturbance_filter import (
+    DisturbanceFilter,
+    FilterOptions,
+    FilterState,
+)
+from s2c2a.estimation.estimate import Estimate
+from s2c2a.estimation.estimator import (
+    EncoderEstimator,
+    EstimationSettings,
+    EstimatorOptions,
+    SensorProgress,
+    StateEstimator,
+)
+from s2c2a.estimation.measurements import MeasurementReader
+from s2c2a.estimation.modal_model import (
+    ModalFactors,
+    ModalTable,
+    identify_modal_factors,
+)
+from s2c2a.estimation.sensor_models import (
+    PREFIX,
+    Measurements,
+    SensorSamples,
+    sensor_models_of,
+    train_sensor,
+    untrained_sensors,
+)
+from s2c2a.kinematics import bends_from_states
+from s2c2a.models.forward_model import ForwardModel
+from s2c2a.spaces import Actions, Reading
+from s2c2a.training import Trained, TrainingData
+
+MODAL_MODEL = "modal_model"
+"""Name of the modal factors among the networks of a strategy."""
+
+
+class KalmanEstimator(StateEstimator):
+    """Configurations from encoders; payload and bend biases from all other sensors.
+
+    Attributes:
+        filter: the Kalman filter.
+    """
+
+    def __init__(
+        self,
+        arm: ArmSpec,
+        configuration_map: ConfigurationMap,
+        disturbance_filter: DisturbanceFilter,
+        payload: float = 0.0,
+    ):
+        """Compile when first used.
+
+        Args:
+            arm: with its sensors.
+            configuration_map: from encoders to configurations.
+            disturbance_filter: for its other sensors.
+            payload: known mass at the tip [kg].
+        """
+        self.filter = disturbance_filter
+        self._map = configuration_map
+        self._inputs = configuration_map.inputs
+        self._payload = np.float32(payload)
+        self._reader = MeasurementReader(arm, disturbance_filter.sensors)
+        self._names = tuple(sensor.name for sensor in disturbance_filter.sensors)
+        self._start = compiled(_start, configuration_map, disturbance_filter)
+        self._update = compiled(_update, configuration_map, disturbance_filter)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """See `StateEstimator`: other sensors may be missing at any time."""
+        return self._map.sensors
+
+    def start(self, reading: Reading) -> Estimate:
+        """See `StateEstimator`."""
+        self._reader.reset()
+        return self._named(self._start(self._inputs(reading), self._payload))
+
+    def update(
+        self, estimate: Estimate, reading: Reading, last_command: Actions
+    ) -> Estimate:
+        """See `StateEstimator`."""
+        measurements = self._reader.measurements(reading)
+        inputs = self._inputs(reading)
+        return self._named(self._update(estimate.memory, inputs, measurements))
+
+    def _named(self, result: tuple[Estimate, Array]) -> Estimate:
+        estimate, rejected = result
+        flags = dict(zip(self._names, np.asarray(rejected), strict=True))
+        return estimate._replace(rejected=flags)
+
+
+def _start(
+    configuration_map: ConfigurationMap,
+    disturbance_filter: DisturbanceFilter,
+    inputs: Mapping[str, Array],
+    payload: Float[Array, ""],
+) -> tuple[Estimate, Array]:
+    configuration = configuration_map(inputs)
+    state = disturbance_filter.start(configuration, payload)
+    return _estimate(disturbance_filter, configuration, state)
+
+
+def _update(
+    configuration_map: ConfigurationMap,
+    disturbance_filter: DisturbanceFilter,
+    last: FilterState,
+    inputs: Mapping[str, Array],
+    measurements: Measurements,
+) -> tuple[Estimate, Array]:
+    """One update; the last state stays where a result is not finite."""
+    configuration = configuration_map(inputs)
+    state = disturbance_filter.update(last, configuration, measurements)
+    return _estimate(disturbance_filter, configuration, select_if_finite(state, last))
+
+
+def _estimate(
+    disturbance_filter: DisturbanceFilter,
+    configuration: Float[Array, "modules 3"],
+    state: FilterState,
+) -> tuple[Estimate, Array]:
+    """The estimate, and which sensors are rejected."""
+    disturbances = disturbance_filter.disturbances(state)
+    biases = disturbances.bend_biases.reshape(-1)
+    estimate = Estimate(
+        configuration,
+        disturbances,
+        covariance=state.covariance,
+        external_force=disturbance_filter.external_force(biases),
+        memory=state,
+    )
+    return estimate, state.rejected_for > 0.0
+
+
+@dataclass(frozen=True)
+class KalmanFilter(EstimatorOptions):
+    """Options of the Kalman filter (`FilterOptions`).
+
+    Plans are made in what the encoders measure; every other sensor of the arm file shows
+    payload and bend biases. Without other sensors nothing is estimated.
+
+    Attributes:
+        initial_payload_std: of the payload at the start, in parts of the arm's mass.
+        initial_bias_std: of the bend biases at the start [rad].
+        payload_rate: standard deviation of the payload's change in one second, in parts
+            of the arm's mass.
+        bias_rate: the same of the bend biases [rad].
+        loaded_bias_rate: beside that, for an arm that carries its own mass [rad].
+        bias_memory: time in which bend biases fade that no sensor shows [s].
+        bend_noise: process noise of the bends in one second [rad].
+        rate_noise: process noise of the bend rates in one second [rad/s].
+        max_payload: largest estimate, in parts of the arm's mass.
+        max_bend_bias: largest estimate [rad].
+    """
+
+    initial_payload_std: float = 0.4
+    initial_bias_std: float = 0.02
+    payload_rate: float = 0.007
+    bias_rate: float = 0.003
+    loaded_bias_rate: float = 0.006
+    bias_memory: float = 5.0
+    bend_noise: float = 0.04
+    rate_noise: float = 1.0
+    max_payload: float = 3.0
+    max_bend_bias: float = 0.4
+
+    supports = frozenset(
+        {"known_payload", "disturbance_estimation", "max_compensated_force"}
+    )
+
+    def build(
+        self,
+        arm: ArmSpec,
+        configuration_map: ConfigurationMap,
+        model: ForwardModel,
+        networks: Mapping[str, Any],
+        settings: EstimationSettings,
+    ) -> StateEstimator:
+        """See `EstimatorOptions`: without other sensors, the encoders alone."""
+        sensors = sensor_models_of(arm, model, networks)
+        if not sensors:
+            return EncoderEstimator(configuration_map, settings.known_payload)
+        factors = networks.get(MODAL_MODEL, ModalFactors.nominal())
+        max_force = settings.max_compensated_force
+        disturbance_filter = DisturbanceFilter(
+            model=model,
+            modal_table=ModalTable.of(arm, factors),
+            sensors=sensors,
+            options=self.filter_options(),
+            mass=sum(module.mass for module in arm.modules),
+            period=arm.control_period,
+            estimates=settings.disturbance_estimation,
+            max_force=np.inf if max_force is None else max_force,
+        )
+        return KalmanEstimator(
+            arm, configuration_map, disturbance_filter, settings.known_payload
+        )
+
+    def filter_options(self) -> FilterOptions:
+        """The numbers of the filter."""
+        return FilterOptions(*(getattr(self, name) for name in FilterOptions._fields))
+
+    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
+        """See `EstimatorOptions`: the arm with its encoders alone."""
+        without_currents = {"current_noise": None, "current_friction": 0.0}
+        changes = {
+            "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
+            "sensors": Sensors(),
+            "motor": arm.motor.model_copy(update=without_currents),
+        }
+        return arm.model_copy(update=changes)
+
+    def training_arm(self, arm: ArmSpec) -> ArmSpec:
+        """See `EstimatorOptions`: with its encoders and the sensors that are learned."""
+        sensors = {"sensors": arm.sensors.learned}
+        return self.planning_arm(arm).model_copy(update=sensors)
+
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
+        """See `EstimatorOptions`: modal factors and sensor networks."""
+        return {MODAL_MODEL: ModalFactors.nominal()} | untrained_sensors(arm, key)
+
+    def train(
+        self, data: TrainingData, predicted_states: np.ndarray
+    ) -> dict[str, Trained]:
+        """See `EstimatorOptions`: the factors of the modal model."""
+        return {MODAL_MODEL: _trained_modal_model(data, predicted_states)}
+
+    def train_sensors(
+        self, recording: Recording, key: PRNGKeyArray, progress: SensorProgress
+    ) -> dict[str, Trained]:
+        """See `EstimatorOptions`."""
+        return train_sensors(recording, key, progress)
+
+
+def _trained_modal_model(
+    data: TrainingData, predicted_states: np.ndarray
+) -> Trained[ModalFactors]:
+    """Identified factors; the error is in percent of the fast error without them."""
+    equilibria = bends_from_states(jnp.asarray(predicted_states, jnp.float32))
+    bends = bends_from_states(jnp.asarray(data.states, jnp.float32))
+    factors, without, remaining = identify_modal_factors(
+        data.arm, np.asarray(equilibria), np.asarray(bends)
+    )
+    percent = 100.0 * remaining / without if without > 0 else 100.0
+    curve = np.array([[0.0, without, without], [1.0, remaining, remaining]], np.float32)
+    return Trained(factors, curve, (percent, 0.0))
+
+
+def train_sensors(
+    recording: Recording,
+    key: PRNGKeyArray,
+    progress: SensorProgress,
+) -> dict[str, Trained]:
+    """Train the networks of all learned sensors that the recording holds, by name.
+
+    Raises:
+        TrainingError: too few samples of a sensor.
+    """
+    states = jnp.asarray(recording.sensor("states"), jnp.float32)
+    bends = np.asarray(bends_from_states(states))
+    arm = recording.arm
+    trained = {}
+    for name, shape in arm.sensors.learned_shapes(arm.module_count).items():
+        if name not in recording.sensors:
+            continue
+        values = recording.sensor(name)
+        if values.shape[2:] != shape:
+            continue
+
+        def sensor_progress(
+            epoch: int, epochs: int, loss: float, name: str = name
+        ) -> None:
+            progress(name, epoch, epochs, loss)
+
+        samples = SensorSamples.of(bends, values, recording.lengths)
+        trained[f"{PREFIX}{name}"] = train_sensor(arm, samples, key, sensor_progress)
+    return trained

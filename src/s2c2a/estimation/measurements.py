@@ -1,0 +1,62 @@
+"""From readings to the measurements of a filter: missing, broken or repeated values become NaN."""
+
+from typing import Any
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.estimation.arrays import numbers_of_shape
+from s2c2a.estimation.attitude import Inclinometer
+from s2c2a.estimation.sensor_models import SensorModel
+from s2c2a.kinematics import configurations_from_states
+from s2c2a.runtime.readings import RepeatDetector
+from s2c2a.spaces import Reading
+
+
+class MeasurementReader:
+    """Takes from each reading what the sensor models need."""
+
+    def __init__(self, arm: ArmSpec, sensors: tuple[SensorModel, ...]):
+        """Prepare for the sensors of an arm."""
+        self._missing: dict[str, np.ndarray] = {}
+        for sensor in sensors:
+            self._missing |= sensor.missing()
+        needs_inclinations = "inclinations" in self._missing
+        self._inclinometer = Inclinometer(arm) if needs_inclinations else None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all readings: the arm was opened again."""
+        self._repeats = RepeatDetector()
+        if self._inclinometer is not None:
+            self._inclinometer.reset()
+
+    def measurements(self, reading: Reading) -> dict[str, np.ndarray]:
+        """Measured values in single precision, by name; NaN where they are missing."""
+        return {
+            name: self._measurement(name, missing, reading)
+            for name, missing in self._missing.items()
+        }
+
+    def _measurement(
+        self, name: str, missing: np.ndarray, reading: Reading
+    ) -> np.ndarray:
+        values = numbers_of_shape(self._values(name, reading), missing.shape)
+        if values is None:
+            return missing
+        with np.errstate(over="ignore"):  # a value too large for it becomes infinite
+            values = values.astype(np.float32)
+        # a single number, such as an age, may well repeat
+        if self._repeats.is_repeated(name, values) and values.ndim:
+            return missing
+        return values
+
+    def _values(self, name: str, reading: Reading) -> Any:
+        if name == "inclinations" and self._inclinometer is not None:
+            return self._inclinometer.inclinations(reading)
+        values = reading.get(name)
+        if name == "configurations" and values is None:
+            modules = len(self._missing[name])
+            states = numbers_of_shape(reading.get("states"), (modules, 6))
+            return None if states is None else configurations_from_states(states)
+        return values

@@ -1,0 +1,168 @@
+"""The interface of sensor models: what a sensor should measure, given how the arm bends."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import ClassVar, NamedTuple, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.models.forward_model import ForwardModel
+
+MAX_BEND_CHANGE = 0.14  # rad; in one control step, beyond it a measurement is wrong
+EMPTY = np.zeros(0, np.float32)
+Measurements = Mapping[str, Array]
+"""Sensor name -> measured values; NaN for what is missing."""
+
+
+class ExpectedState(NamedTuple):
+    """What the state estimator predicts before it uses a measurement.
+
+    Attributes:
+        bends: bends of the modules [rad], shape (modules, 2).
+        bend_biases: the part of them that is bend bias [rad], shape (modules, 2).
+        tensions: cable tensions in equilibrium without bend biases [N], shape (modules,
+            cables); NaN if the forward model does not know them.
+        past_bends: bends of the last control steps, newest first [rad], shape (steps,
+            modules, 2).
+        past_states: states of the same steps, shape (steps, modules, 6).
+        bias_change: change of the estimated disturbance bends since each of these steps
+            [rad], shape (steps, modules, 2).
+        lag: memory of the sensor's hysteresis (`SensorModel.initial_lag`).
+    """
+
+    bends: Float[Array, "modules 2"]
+    bend_biases: Float[Array, "modules 2"]
+    tensions: Float[Array, "modules cables"]
+    past_bends: Float[Array, "steps modules 2"]
+    past_states: Float[Array, "steps modules 6"]
+    bias_change: Float[Array, "steps modules 2"]
+    lag: Array | np.ndarray = EMPTY
+
+
+class Innovation(NamedTuple):
+    """A measurement less its prediction.
+
+    Attributes:
+        residual: measured less predicted values; not finite where a value is missing,
+            shape (values,).
+        jacobian: derivative of the prediction by the bends, shape (values, 2 modules).
+        std: standard deviation of the measurement noise, shape (values,).
+        max_residual: a larger residual is a fault of the sensor.
+        lag: memory of the sensor's hysteresis after this measurement.
+    """
+
+    residual: Float[Array, " values"]
+    jacobian: Float[Array, "values bends"]
+    std: Float[Array, " values"]
+    max_residual: float | Float[Array, ""] = np.inf
+    lag: Array | np.ndarray = EMPTY
+
+
+class BiasPrior(NamedTuple):
+    """Random walk of the sensor's biases, which the filter estimates.
+
+    Attributes:
+        initial_std: standard deviation when the arm is opened, shape (biases,); empty
+            for a sensor without bias.
+        drift: standard deviation of the change in one second, shape (biases,).
+    """
+
+    initial_std: Float[Array, " biases"]
+    drift: Float[Array, " biases"]
+
+    @classmethod
+    def none(cls) -> "BiasPrior":
+        """Of a sensor without bias."""
+        return cls(jnp.zeros(0), jnp.zeros(0))
+
+
+class SensorModel(eqx.Module):
+    """One sensor, or several of a kind.
+
+    Attributes:
+        name: of the sensor in recipes, arm files and diagnostics.
+        measures_equilibrium: whether its values are compared with the equilibrium that
+            the arm approaches, not with its vibration.
+        max_delay: oldest measurement that it uses [s].
+    """
+
+    name: ClassVar[str] = ""
+    measures_equilibrium: ClassVar[bool] = False
+    max_delay: ClassVar[float] = 0.0
+
+    @classmethod
+    def of(cls, arm: ArmSpec, model: ForwardModel) -> "Self | None":
+        """The model of this sensor on an arm; None if the arm does not have it."""
+        return None
+
+    @property
+    def bias_prior(self) -> BiasPrior:
+        """Biases of the sensor that the filter estimates."""
+        return BiasPrior.none()
+
+    def initial_lag(self, bends: Float[Array, "modules 2"]) -> Array | np.ndarray:
+        """Memory of the sensor's hysteresis at rest; empty if it has none."""
+        return EMPTY
+
+    @abstractmethod
+    def innovation(
+        self, measurements: Measurements, expected: ExpectedState
+    ) -> Innovation:
+        """Compare a measurement with its prediction."""
+
+    @abstractmethod
+    def missing(self) -> dict[str, np.ndarray]:
+        """NaN in the shape of every measured value, by its name in a reading."""
+
+
+class FormulaSensor(SensorModel):
+    """A sensor whose values follow from the bends by a formula.
+
+    Name it in the arm file: `[[sensors.raw]]`, `model = "my_sensor.py:MySensor"`. The
+    entry gives name and shape; the class gives formula and noise.
+
+    Attributes:
+        name: in readings.
+        shape: of one measurement.
+    """
+
+    name: str = eqx.field(static=True)  # type: ignore[misc]  # set by the arm file
+    shape: tuple[int, ...] = eqx.field(static=True)
+
+    @abstractmethod
+    def predicted(self, bends: Float[Array, "modules 2"]) -> Float[Array, "*shape"]:
+        """The values that the sensor measures at these bends, in JAX."""
+
+    @property
+    @abstractmethod
+    def std(self) -> float:
+        """Standard deviation of the measurement noise, in the sensor's unit."""
+
+    def innovation(
+        self, measurements: Measurements, expected: ExpectedState
+    ) -> Innovation:
+        """See `SensorModel`."""
+
+        def flat(bends: Float[Array, " bends"]) -> Float[Array, " values"]:
+            return self.predicted(bends.reshape(-1, 2)).reshape(-1)
+
+        predicted, jacobian = with_jacobian(flat, expected.bends)
+        residual = measurements[self.name].reshape(-1) - predicted
+        return Innovation(residual, jacobian, jnp.full(predicted.shape, self.std))
+
+    def missing(self) -> dict[str, np.ndarray]:
+        """See `SensorModel`."""
+        return {self.name: np.full(self.shape, np.nan, np.float32)}
+
+
+def with_jacobian(
+    predict: Callable[[Array], Array], bends: Float[Array, "modules 2"]
+) -> tuple[Float[Array, " values"], Float[Array, "values bends"]]:
+    """Predicted values and their derivative by the bends."""
+    flat = bends.reshape(-1)
+    return predict(flat), jax.jacfwd(predict)(flat)

@@ -1,0 +1,50 @@
+"""Bends of every module, from motion capture of all ends or from simulation."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.estimation.sensor_models.base import (
+    MAX_BEND_CHANGE,
+    ExpectedState,
+    Innovation,
+    Measurements,
+    SensorModel,
+)
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.models.forward_model import ForwardModel
+
+BEND_STD = 0.003  # rad
+
+
+class BendSensor(SensorModel):
+    """Measures the bends of all modules at the rate of the control loop.
+
+    Attributes:
+        modules: their number.
+    """
+
+    modules: int = eqx.field(static=True)
+    name = "bends"
+
+    @classmethod
+    def of(cls, arm: ArmSpec, model: ForwardModel) -> "BendSensor | None":
+        """See `SensorModel`."""
+        if arm.sensing == "true" or arm.sensors.bends:
+            return cls(arm.module_count)
+        return None
+
+    def innovation(
+        self, measurements: Measurements, expected: ExpectedState
+    ) -> Innovation:
+        """See `SensorModel`."""
+        measured = bends_from_configurations(measurements["configurations"])
+        residual = (measured - expected.bends).reshape(-1)
+        values = residual.size
+        std = jnp.full(values, BEND_STD)
+        return Innovation(residual, jnp.eye(values), std, MAX_BEND_CHANGE)
+
+    def missing(self) -> dict[str, np.ndarray]:
+        """See `SensorModel`."""
+        return {"configurations": np.full((self.modules, 3), np.nan, np.float32)}

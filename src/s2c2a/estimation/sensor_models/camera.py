@@ -1,0 +1,98 @@
+"""Positions of the modules' ends from a camera or motion capture."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.estimation.sensor_models.base import (
+    ExpectedState,
+    Innovation,
+    Measurements,
+    SensorModel,
+    with_jacobian,
+)
+from s2c2a.kinematics import bends_from_states
+from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.models.forward_model import ForwardModel
+
+POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
+NOMINAL_RATE = 5.0  # Hz; more frequent pictures weigh less each
+MAX_RESIDUAL = 0.5  # of the arm's length
+MAX_AGE = 0.7  # s; older pictures are not used
+
+
+class CameraSensor(SensorModel):
+    """Measures end positions, at a low rate, late, and with missing pictures.
+
+    Attributes:
+        lengths: of the modules [m].
+        period: of the control steps [s].
+        delay: age of a picture if the reading does not give it [s].
+        std: standard deviation of a position [m]; larger where many are measured often,
+            since they share their slow errors.
+    """
+
+    lengths: Float[Array, " modules"]
+    period: float = eqx.field(static=True)
+    delay: float = eqx.field(static=True)
+    std: float = eqx.field(static=True)
+    name = "camera"
+    measures_equilibrium = True
+    max_delay = MAX_AGE
+
+    @classmethod
+    def of(cls, arm: ArmSpec, model: ForwardModel) -> "CameraSensor | None":
+        """See `SensorModel`."""
+        camera = arm.sensors.camera
+        if camera is None:
+            return None
+        ends = arm.module_count if camera.sees == "ends" else 1
+        weight = ends * max(1.0, camera.rate / NOMINAL_RATE)
+        lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
+        std = POSITION_STD * weight**0.5
+        return cls(lengths, arm.control_period, camera.delay, std)
+
+    def innovation(
+        self, measurements: Measurements, expected: ExpectedState
+    ) -> Innovation:
+        """See `SensorModel`."""
+        age = jnp.nan_to_num(measurements["camera_age"], nan=self.delay)
+        steps = jnp.clip(age / self.period, 0.0, len(expected.past_bends) - 1.001)
+        bends = _interpolated(expected.past_bends, steps)
+        states = _interpolated(expected.past_states, steps)
+        bends = bends + _interpolated(expected.bias_change, steps)
+        arcs, jacobian = with_jacobian(self._end_positions, bends)
+        # where the forward model's ends differ from those of plain arcs
+        arcs_at_states = self._end_positions(bends_from_states(states).reshape(-1))
+        correction = states[:, :3].reshape(-1) - arcs_at_states
+        # a picture is read up to one control step after its age was taken
+        is_usable = (age >= 0.0) & (age <= self.max_delay + 1.01 * self.period)
+        residual = measurements["camera_positions"].reshape(-1) - arcs - correction
+        return Innovation(
+            jnp.where(is_usable, residual, jnp.nan),
+            jacobian,
+            jnp.full(arcs.shape, self.std),
+            MAX_RESIDUAL * jnp.sum(self.lengths),
+        )
+
+    def missing(self) -> dict[str, np.ndarray]:
+        """See `SensorModel`."""
+        return {
+            "camera_positions": np.full((len(self.lengths), 3), np.nan, np.float32),
+            "camera_age": np.full((), np.nan, np.float32),
+        }
+
+    def _end_positions(self, bends: Float[Array, " bends"]) -> Float[Array, " values"]:
+        states = states_from_bends(bends.reshape(-1, 2), self.lengths)
+        return states[:, :3].reshape(-1)
+
+
+def _interpolated(
+    history: Float[Array, "steps *shape"], steps: Float[Array, ""]
+) -> Float[Array, "*shape"]:
+    """The value of some, perhaps fractional, steps ago."""
+    newer = jnp.floor(steps).astype(int)
+    share = steps - newer
+    return (1.0 - share) * history[newer] + share * history[newer + 1]

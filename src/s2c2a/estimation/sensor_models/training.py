@@ -1,0 +1,291 @@
+"""Training of sensors without a formula, from a recording with true states."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import TrainingError
+from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
+from s2c2a.models.layers import Scaling
+from s2c2a.training.fit import Batch, FitOptions, Progress, fit, quiet
+from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error
+
+FIT = FitOptions(
+    learning_rate=3e-3,
+    batch_size=64,
+    max_epochs=40,
+    patience=40,
+    epochs_per_call=10,
+    decay=True,
+)
+BLOCK = 50  # samples in a row, of which every fifth block is held out
+BLOCKS_PER_TEST = 5
+# half-widths of the hysteresis that are tried, in parts of the half range of the values
+BACKLASHES = np.array(
+    [0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1]
+)
+SHORT_LAG = 5.0  # s; after which short-term errors are independent
+LONG_LAG = 25.0  # s; over which the drift of biases shows
+UNUSABLE = 1e9  # noise of a value that carries no information
+# smallest errors, in parts of the half range of the values
+MIN_NOISE = 0.005
+MIN_BIAS = 0.05
+MIN_DRIFT = 3e-3
+
+
+class SensorSamples(NamedTuple):
+    """Measurements of a sensor with the true bends, one row a sample.
+
+    Attributes:
+        bends: true bends [rad], shape (samples, n) with n = 2 modules.
+        values: in the sensor's unit, shape (samples, values); NaN where missing.
+        episode: of each sample, shape (samples,).
+        step: within its episode, shape (samples,).
+    """
+
+    bends: Float[np.ndarray, "samples bends"]
+    values: Float[np.ndarray, "samples values"]
+    episode: Int[np.ndarray, " samples"]
+    step: Int[np.ndarray, " samples"]
+
+    @classmethod
+    def of(
+        cls,
+        bends: Float[np.ndarray, "episodes steps modules 2"],
+        values: Float[np.ndarray, "episodes steps *shape"],
+        lengths: tuple[int, ...] | None = None,
+    ) -> "SensorSamples":
+        """All usable samples of whole episodes.
+
+        Args:
+            bends: true bends [rad].
+            values: of the sensor.
+            lengths: of the episodes; whole if None.
+        """
+        episodes, steps = bends.shape[:2]
+        episode, step = np.indices((episodes, steps)).reshape(2, -1)
+        flat_bends = bends.reshape(episodes * steps, -1).astype(np.float32)
+        flat_values = values.reshape(episodes * steps, -1).astype(np.float32)
+        ends = np.asarray(lengths or [steps] * episodes)
+        usable = step < ends[episode]
+        usable &= np.isfinite(flat_bends).all(axis=-1)
+        usable &= np.isfinite(flat_values).any(axis=-1)
+        return cls(
+            flat_bends[usable], flat_values[usable], episode[usable], step[usable]
+        )
+
+    def batch(self, scaling: Scaling, chosen: Bool[np.ndarray, " samples"]) -> Batch:
+        """Some of the samples, with scaled values."""
+        return {
+            "bends": jnp.asarray(self.bends[chosen]),
+            "episode": jnp.asarray(self.episode[chosen]),
+            "scaled": scaling.forward(jnp.asarray(self.values[chosen])),
+        }
+
+
+class BiasedNetwork(eqx.Module):
+    """A network with a bias per episode: biases differ whenever the arm is opened."""
+
+    network: SensorNetwork
+    biases: Float[Array, "episodes values"]
+
+    def scaled(self, batch: Batch) -> Float[Array, "samples values"]:
+        """Predicted values, scaled."""
+        predicted = jax.vmap(self.network.network)(batch["bends"])
+        return predicted + self.biases[batch["episode"]]
+
+
+def train_sensor(
+    arm: ArmSpec,
+    samples: SensorSamples,
+    key: PRNGKeyArray,
+    progress: Progress = quiet,
+) -> Trained[SensorNetwork]:
+    """Train the network of a sensor and measure its errors.
+
+    Args:
+        arm: that the sensor belongs to.
+        samples: of a recording.
+        key: of everything random.
+        progress: called with epoch, number of epochs, validation loss.
+
+    Raises:
+        TrainingError: too few samples.
+    """
+    held_out = samples.step // BLOCK % BLOCKS_PER_TEST == BLOCKS_PER_TEST - 1
+    if not held_out.any() or (~held_out).sum() < FIT.batch_size:
+        raise TrainingError(
+            f"{len(samples.step)} samples of a sensor are too few to learn from; "
+            "collect more"
+        )
+    network_key, fit_key = jax.random.split(key)
+    values = samples.values.shape[-1]
+    network = SensorNetwork.untrained(arm, values, network_key)
+    mean = np.nan_to_num(_mean(samples.values))
+    known = np.where(np.isfinite(samples.values), samples.values, mean)
+    scaling = Scaling.of(known)
+    biases = jnp.zeros((int(samples.episode.max()) + 1, values))
+    fitted = fit(
+        BiasedNetwork(network, biases),
+        _loss,
+        samples.batch(scaling, ~held_out),
+        samples.batch(scaling, held_out),
+        FIT,
+        fit_key,
+        progress,
+    )
+    network = eqx.tree_at(
+        lambda network: network.scaling, fitted.network.network, scaling
+    )
+    network, predicted = _with_errors(network, samples, arm.control_period)
+    percent = percent_error(
+        predicted[held_out], samples.values[held_out], full_ranges(samples.values)
+    )
+    return Trained(network, fitted.curve, percent)
+
+
+def _loss(model: BiasedNetwork, batch: Batch, key: PRNGKeyArray | None) -> Array:
+    return jnp.mean(known_error(model.scaled(batch), batch["scaled"]) ** 2)
+
+
+@eqx.filter_jit
+def _predict(
+    network: SensorNetwork, bends: Float[Array, "samples bends"]
+) -> Float[Array, "samples values"]:
+    return jax.vmap(network)(bends)
+
+
+def _with_errors(
+    network: SensorNetwork, samples: SensorSamples, period: float
+) -> tuple[SensorNetwork, Float[np.ndarray, "samples values"]]:
+    """The network with its hysteresis and errors, and its predictions with biases."""
+    half_range = np.asarray(network.scaling.half_range)
+    predicted = np.asarray(_predict(network, jnp.asarray(samples.bends)))
+    backlash = fit_backlash(samples, predicted, half_range)
+    lagging = with_backlash(samples, predicted, backlash)
+    biases = _episode_means(samples, samples.values - lagging)
+    explained = lagging + biases[samples.episode]
+    mean_bias = np.nan_to_num(_mean(biases))
+    errors = measure_errors(
+        samples,
+        samples.values - explained,
+        biases - mean_bias,
+        backlash,
+        half_range,
+        period,
+    )
+    center = network.scaling.center + jnp.asarray(mean_bias, jnp.float32)
+    scaling = Scaling(center, network.scaling.half_range)
+    return SensorNetwork(network.network, scaling, errors), explained
+
+
+def with_backlash(
+    samples: SensorSamples,
+    predicted: Float[np.ndarray, "samples values"],
+    half_widths: Float[np.ndarray, " values"],
+) -> Float[np.ndarray, "samples values"]:
+    """Predictions behind a play operator; every episode starts in its middle."""
+    lagging = predicted.copy()
+    continues = np.append(False, samples.episode[1:] == samples.episode[:-1])
+    low = predicted - half_widths
+    high = predicted + half_widths
+    for row in np.flatnonzero(continues):
+        lagging[row] = np.clip(lagging[row - 1], low[row], high[row])
+    return lagging
+
+
+def fit_backlash(
+    samples: SensorSamples,
+    predicted: Float[np.ndarray, "samples values"],
+    half_range: Float[np.ndarray, " values"],
+) -> Float[np.ndarray, " values"]:
+    """Half-widths with the smallest residual, of every value."""
+    candidates = np.outer(BACKLASHES, half_range)
+    residuals = []
+    for half_widths in candidates:
+        lagging = with_backlash(samples, predicted, half_widths)
+        residuals.append(_std_within_episodes(samples, samples.values - lagging))
+    best = np.argmin(residuals, axis=0)
+    return candidates[best, np.arange(len(half_range))]
+
+
+def measure_errors(
+    samples: SensorSamples,
+    residuals: Float[np.ndarray, "samples values"],
+    biases: Float[np.ndarray, "episodes values"],
+    backlash: Float[np.ndarray, " values"],
+    half_range: Float[np.ndarray, " values"],
+    period: float,
+) -> SensorErrors:
+    """Noise, bias and drift of what the network leaves unexplained.
+
+    Args:
+        samples: the recording.
+        residuals: without biases.
+        biases: of every episode; NaN where the sensor is missing.
+        backlash: half-widths of the hysteresis.
+        half_range: of the values.
+        period: between samples [s].
+    """
+    short = _change(samples, residuals, max(1, round(SHORT_LAG / period)))
+    long = _change(samples, residuals, max(1, round(LONG_LAG / period)))
+    variance = _std_within_episodes(samples, residuals) ** 2
+    noise = np.sqrt(np.fmin(short / 2.0, variance))
+    noise = np.fmax(noise, MIN_NOISE * half_range)
+    initial_bias = np.fmax(np.sqrt(_mean(biases**2)), MIN_BIAS * half_range)
+    drift = np.sqrt(np.maximum(long - short, 0.0) / (LONG_LAG - SHORT_LAG))
+    drift = np.fmax(drift, MIN_DRIFT * half_range)
+    noise = np.where(_varies(samples.values), noise, UNUSABLE)
+    return SensorErrors(
+        jnp.asarray(noise, jnp.float32),
+        jnp.asarray(initial_bias, jnp.float32),
+        jnp.asarray(drift, jnp.float32),
+        jnp.asarray(backlash, jnp.float32),
+    )
+
+
+def _varies(values: Float[np.ndarray, "samples values"]) -> Bool[np.ndarray, " values"]:
+    """Which values change at all."""
+    is_known = np.isfinite(values)
+    low = np.where(is_known, values, np.inf).min(axis=0)
+    high = np.where(is_known, values, -np.inf).max(axis=0)
+    return high > low
+
+
+def _change(
+    samples: SensorSamples, residuals: np.ndarray, lag: int
+) -> Float[np.ndarray, " values"]:
+    """Mean square of the change over a lag [samples]; NaN if no episode is as long."""
+    same_episode = samples.episode[lag:] == samples.episode[:-lag]
+    no_gap = samples.step[lag:] - samples.step[:-lag] == lag
+    changes = residuals[lag:] - residuals[:-lag]
+    return _mean(changes[same_episode & no_gap] ** 2)
+
+
+def _std_within_episodes(
+    samples: SensorSamples, residuals: np.ndarray
+) -> Float[np.ndarray, " values"]:
+    """Standard deviation about the mean of each episode."""
+    means = _episode_means(samples, residuals)[samples.episode]
+    return np.sqrt(_mean((residuals - means) ** 2))
+
+
+def _episode_means(
+    samples: SensorSamples, values: np.ndarray
+) -> Float[np.ndarray, "episodes values"]:
+    """Mean of every episode; NaN where values are missing."""
+    episodes = range(int(samples.episode.max()) + 1)
+    return np.stack([_mean(values[samples.episode == number]) for number in episodes])
+
+
+def _mean(values: np.ndarray) -> Float[np.ndarray, " values"]:
+    """Mean of the known values; NaN where none is known."""
+    is_known = np.isfinite(values)
+    counts = is_known.sum(axis=0).astype(float)
+    counts[counts == 0] = np.nan
+    return np.where(is_known, values, 0.0).sum(axis=0) / counts

@@ -1,0 +1,251 @@
+"""Arm file of an identified arm, with the uncertainty of each number as a comment."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import tomli_w
+from jaxtyping import Float
+from scipy.optimize import linear_sum_assignment
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import per_module
+from s2c2a.logs.cable_model import Parameters
+from s2c2a.logs.cable_search import Assignment
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.log_map import KnownArm, LogMap
+from s2c2a.logs.model_fit import CableFit
+
+MARGIN_DEG = 5.0  # of the bend limit above the largest bend in the log
+MIN_STEP = 1e-3  # rad; smaller changes are not steps
+# range of the step limit: a jump between random poses does not justify one step
+STEP_RANGE_DEG = (0.1, 20.0)
+MAX_BEND_DEG = 150.0
+MAX_ANGLE_ERROR_DEG = 60.0
+MIN_RADIUS = 0.0015  # m
+MAX_RADIUS = 0.3  # m
+DEFAULT_RADIUS = 0.01  # m
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Drives of the arm's cables.
+
+    Attributes:
+        drive: index of the drive on each cable, shape (modules, cables), sorted by
+            angle within a module.
+        factor: displacement [m], positive where the cable lengthens, or tension [N],
+            per unit of the column, shape (modules, cables).
+        angles_deg: angles of the cables, shape (modules, cables).
+        radii: cable radii [m], shape (modules,).
+        gains: gain of each cable over the mean of its module, shape (modules, cables).
+        turn: rotation about z from the identified base frame to that of the arm [rad].
+    """
+
+    drive: np.ndarray
+    factor: np.ndarray
+    angles_deg: np.ndarray
+    radii: np.ndarray
+    gains: np.ndarray
+    turn: float = 0.0
+
+
+def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Layout:
+    """Sort cables by module and angle; radii follow from the mean gain of a module.
+
+    Raises:
+        LogError: modules have different numbers of cables, or fewer than three.
+    """
+    wiring = fit.wiring
+    parameters = fit.parameters
+    modules = log_map.arm.modules
+    angles = np.rad2deg(parameters.angles[wiring.drive] + wiring.turn) % 360.0
+    owners = assignment.modules[wiring.drive]
+    counts = np.bincount(owners, minlength=modules)
+    if len(set(counts)) > 1 or counts[0] < 3:
+        raise LogError(
+            f"the modules would have {counts.tolist()} cables; each needs the same "
+            "number, and at least three"
+        )
+    # sorted by module, then by angle
+    order = np.lexsort((angles, owners)).reshape(modules, -1)
+    gains = np.exp(parameters.gain + parameters.gains)[wiring.drive][order]
+    mean = np.exp(np.log(gains).mean(axis=1))
+    unit = log_map.drives[0].unit
+    radius = log_map.arm.cable_radius
+    if radius or unit == "N":
+        radii = np.full(modules, radius or DEFAULT_RADIUS)
+    else:
+        radii = np.clip(1 / mean, MIN_RADIUS, MAX_RADIUS)
+    factor = wiring.sign[order] * (1.0 if unit == "N" else -1.0)
+    if unit == "free":
+        factor = factor * gains * radii[:, None]
+    return Layout(
+        wiring.drive[order], factor, angles[order], radii, gains / mean[:, None]
+    )
+
+
+def match_layout(layout: Layout, arm: ArmSpec, may_turn: bool) -> Layout:
+    """Reorder a layout to the cables of a stated arm.
+
+    Args:
+        layout: identified layout.
+        arm: stated arm.
+        may_turn: whether the base frame may be turned about z to fit the angles; false
+            where the map states x.
+
+    Raises:
+        LogError: the arm has other numbers of modules or cables, or other angles.
+    """
+    angles = per_module(arm, "cable_angles_deg")
+    if angles.shape != layout.angles_deg.shape:
+        raise LogError(
+            f"'{arm.name}' has (modules, cables) {angles.shape}; "
+            f"the map describes {layout.angles_deg.shape}"
+        )
+    turns = np.zeros(1)
+    if may_turn:
+        turns = (angles[0, 0] - layout.angles_deg[0]) % 360.0
+    matches = [_match_cables(layout.angles_deg + turn, angles) for turn in turns]
+    best = int(np.argmin([errors.var() for _, errors in matches]))
+    order, errors = matches[best]
+    offset = errors.mean() if may_turn else 0.0
+    worst = float(np.abs(errors - offset).max())
+    if worst > MAX_ANGLE_ERROR_DEG:
+        raise LogError(
+            f"cables of '{arm.name}' are up to {worst:.0f} deg from the identified "
+            "ones; check its angles"
+        )
+    names = ("drive", "factor", "gains", "angles_deg")
+    columns = {
+        name: np.take_along_axis(getattr(layout, name), order, 1) for name in names
+    }
+    return replace(layout, **columns, turn=float(np.deg2rad(turns[best] - offset)))
+
+
+def _match_cables(
+    identified: np.ndarray, stated: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Identified cable nearest to each stated one, and the errors [deg]."""
+    distance = 1 - np.cos(np.deg2rad(stated[:, :, None] - identified[:, None, :]))
+    order = np.array([linear_sum_assignment(module)[1] for module in distance])
+    errors = np.take_along_axis(identified, order, 1) - stated
+    return order, (errors + 180.0) % 360.0 - 180.0
+
+
+def format_arm(
+    fit: CableFit,
+    assignment: Assignment,
+    layout: Layout,
+    log_map: LogMap,
+    bends: Sequence[np.ndarray],
+    residual: float,
+) -> str:
+    """Text of the arm file: TOML with standard deviations as comments.
+
+    Args:
+        fit: fitted cable model.
+        assignment: modules and signs of the motors.
+        layout: drives of the arm's cables.
+        log_map: the map.
+        bends: bends of the model in each segment [rad], each of shape (rows, modules,
+            2).
+        residual: rms distance of the model's ends from the measured ones [m].
+    """
+    arm = log_map.arm
+    source = f" ({log_map.source.name})" if log_map.source.name else ""
+    lines = [
+        f"# Identified from a log{source}: the ends of the model are "
+        f"{1e3 * residual:.1f} mm (rms) from the measured ones.",
+        "# +- is one standard deviation: the scatter of stretches of the log, and the "
+        "model error.",
+        "# A guess is neither stated nor identified.",
+        f"name = {quote(arm.name)}",
+        f"description = {quote(arm.description or 'Identified from a log.')}",
+        f"actuation = {quote(log_map.actuation)}",
+        f"coupled_cables = {str(assignment.coupled).lower()}",
+        f"gravity_direction = {[float(value) for value in arm.gravity_direction]}",
+        f"control_rate = {float(arm.control_rate)}",
+        f"step_limit_deg = {_step_limit_deg(bends):.1f}"
+        "  # 99 of 100 steps of the log are shorter",
+    ]
+    limits = _quantile_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
+    for module in range(arm.modules):
+        lines += _module_lines(module, fit, layout, log_map)
+        lines += _property_lines(arm, float(limits[module]))
+    return "\n".join(lines) + "\n"
+
+
+def _step_limit_deg(bends: Sequence[np.ndarray]) -> float:
+    steps = np.concatenate([np.diff(segment, axis=0) for segment in bends])
+    is_step = np.linalg.norm(steps, axis=-1).max(axis=-1) > MIN_STEP
+    if is_step.any():
+        steps = steps[is_step]
+    return float(np.clip(_quantile_deg(steps, 0.99).max(), *STEP_RANGE_DEG))
+
+
+def _quantile_deg(
+    bends: Float[np.ndarray, "rows modules 2"], share: float
+) -> Float[np.ndarray, " modules"]:
+    """Quantile of the bends' size [deg]; larger ones are outliers."""
+    return np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), share, axis=0))
+
+
+def quote(text: str) -> str:
+    """TOML string."""
+    return tomli_w.dumps({"text": text}).removeprefix("text = ").strip()
+
+
+def _module_lines(
+    module: int, fit: CableFit, layout: Layout, log_map: LogMap
+) -> list[str]:
+    arm = log_map.arm
+    drives = layout.drive[module]
+    length = float(np.exp(fit.parameters.lengths[module]))
+    radius = layout.radii[module]
+    std = fit.std or Parameters(
+        *(np.full_like(value, np.nan) for value in fit.parameters)
+    )
+    gain_std = np.sqrt(std.gain**2 + np.mean(std.gains[drives] ** 2) / len(drives))
+    names = ", ".join(log_map.drives[drive].name for drive in drives)
+    gains = [
+        f"{gain:.3f} +- {error:.3f}"
+        for gain, error in zip(layout.gains[module], std.gains[drives], strict=True)
+    ]
+    length_origin = _origin(length * std.lengths[module], arm.lengths)
+    radius_origin = _origin(radius * gain_std, arm.cable_radius)
+    angles = _join(layout.angles_deg[module], 2)
+    angle_std = _join(np.rad2deg(std.angles[drives]), 1)
+    return [
+        "",
+        "[[modules]]",
+        f"length = {length:.5f}  # {length_origin}",
+        f"cable_radius = {radius:.5f}  # {radius_origin}",
+        f"cable_angles_deg = [{angles}]",
+        f"# angles +- {angle_std} deg",
+        f"# driven by {quote(names)[1:-1]}",
+        f"# gains over their mean: {', '.join(gains)}",
+    ]
+
+
+def _join(values: Iterable[float], digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values)
+
+
+def _property_lines(arm: KnownArm, limit: float) -> list[str]:
+    """Properties that a log does not show."""
+    lines = []
+    for key in ("mass", "bending_stiffness"):
+        origin = "stated" if key in arm.model_fields_set else "a guess"
+        lines.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
+    if arm.bend_limit_deg is not None:
+        lines.append(f"bend_limit_deg = {float(arm.bend_limit_deg)}  # stated")
+    else:
+        limit = float(np.clip(limit, 1.0, MAX_BEND_DEG))
+        margin = f"{MARGIN_DEG:.0f} above the largest in the log"
+        lines.append(f"bend_limit_deg = {limit:.1f}  # {margin}")
+    return lines
+
+
+def _origin(std: float, stated: object) -> str:
+    return f"+- {std:.5f}" if stated is None else "stated"

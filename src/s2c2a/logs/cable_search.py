@@ -1,0 +1,366 @@
+"""Search for modules, signs, and coupling of the cables.
+
+Linear regression of the motions gives first candidates; fits of the cable model compare
+them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm.spec import largest_gap_deg
+from s2c2a.logs.assignment import rank_assignments
+from s2c2a.logs.cable_model import Parameters, Wiring
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.log_map import Drive, LogMap
+from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
+
+STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
+MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
+# a trial with more than this ratio of costs after the first iterations is dropped
+DROP_RATIO = 1.3
+UNEVEN_DEG = 60.0  # a gap this much above an even one doubles the cost
+# signs are ambiguous above this ratio of costs: the model error exceeds the little that
+# slack cables show
+AMBIGUOUS_RATIO = 0.8
+IMPROVED_RATIO = 0.98  # a cost below this ratio is an improvement
+FIRST_ITERATIONS = 5
+TRIAL_ITERATIONS = 15
+MAX_GAP_DEG = 179.0
+# range of column values for which the effect on the cable is clear
+PULLING_RANGE = {
+    "pulls": (0.0, np.inf),
+    "releases": (-np.inf, 0.0),
+    "unknown": (-np.inf, np.inf),
+}
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Modules and signs of the motors.
+
+    Attributes:
+        modules: module at which each motor's cables end, shape (drives,).
+        signs: 1 where a larger number pulls, shape (drives,).
+        coupled: whether cables run through inner modules and bend them.
+    """
+
+    modules: np.ndarray
+    signs: np.ndarray
+    coupled: bool
+
+
+Trial = tuple[CableFit, Assignment]
+
+
+def build_wiring(assignment: Assignment, log_map: LogMap) -> Wiring:
+    """Wiring of all cables, in the order of the map."""
+    drives = []
+    turns = []
+    signs = []
+    for index, drive in enumerate(log_map.drives):
+        for cable in drive.cables:
+            drives.append(index)
+            turns.append(np.deg2rad(cable.turn_deg))
+            signs.append(assignment.signs[index] * cable.sign)
+    modules = np.arange(log_map.arm.modules)
+    owners = assignment.modules[drives][:, None]
+    reach = modules <= owners if assignment.coupled else modules == owners
+    return Wiring(
+        reach.astype(float), np.array(drives), np.array(turns), np.array(signs, float)
+    )
+
+
+def identify_cables(
+    observations: Observations, start: Parameters, log_map: LogMap, max_rows: int
+) -> tuple[CableFit, Assignment, list[str]]:
+    """Fit the cable model, and find the modules, signs, and coupling not in the map.
+
+    Args:
+        observations: rows of all sessions.
+        start: registered frame and lengths; its angles and gains are not used.
+        log_map: the map.
+        max_rows: number of rows that are fitted, evenly spread.
+
+    Returns:
+        The fit with standard deviations, its assignment, and what is ambiguous.
+
+    Raises:
+        LogError: no assignment gives every module cables that bend it in all
+            directions.
+    """
+    subset = _thin(observations, max_rows)
+    trials = list(_first_trials(observations, subset, start, log_map))
+    if not trials:
+        raise LogError(
+            f"{len(log_map.drives)} drives cannot form {log_map.arm.modules} modules: "
+            "each needs the same number of cables without a gap of "
+            f"{MAX_GAP_DEG:.0f} deg; state module and positive of each drive in the map"
+        )
+    trials.sort(key=lambda trial: trial[0].cost)
+    fits = [_refit(subset, fit, TRIAL_ITERATIONS) for fit, _ in trials[:MAX_CANDIDATES]]
+    best = int(np.argmin([fit.cost for fit in fits]))
+    fit, assignment = _exchange_motors(subset, fits[best], trials[best][1], log_map)
+    fit, assignment, ambiguities = _choose_signs(subset, fit, assignment, log_map)
+    fit = fit_parameters(subset, fit.parameters, fit.wiring, with_std=True)
+    return fit, assignment, ambiguities
+
+
+def _refit(observations: Observations, fit: CableFit, iterations: int) -> CableFit:
+    return fit_parameters(observations, fit.parameters, fit.wiring, iterations)
+
+
+def _first_trials(
+    observations: Observations,
+    subset: Observations,
+    start: Parameters,
+    log_map: LogMap,
+) -> Iterator[Trial]:
+    """Short fits of the most likely assignments."""
+    couplings = [False, True]
+    if log_map.arm.coupled_cables is not None:
+        couplings = [log_map.arm.coupled_cables]
+    tried = set()
+    columns = observations.columns
+    for effects in _estimate_effects(observations, log_map):
+        ranked = rank_assignments(effects, columns, log_map, MAX_CANDIDATES)
+        for modules, signs in ranked:
+            key = (modules.tobytes(), signs.tobytes())
+            if key in tried:
+                continue
+            tried.add(key)
+            for coupled in couplings:
+                assignment = Assignment(modules, signs, coupled)
+                first = _first_parameters(
+                    effects, assignment, start, log_map, _measured_ends(observations)
+                )
+                wiring = build_wiring(assignment, log_map)
+                fit = fit_parameters(subset, first, wiring, FIRST_ITERATIONS)
+                yield fit, assignment
+
+
+def _measured_ends(observations: Observations) -> np.ndarray:
+    """Modules whose ends are measured."""
+    return np.flatnonzero(np.isfinite(observations.states[..., 0]).any(axis=0))
+
+
+def _estimate_effects(
+    observations: Observations, log_map: LogMap
+) -> Iterator[Float[np.ndarray, "drives ends 2"]]:
+    """Effects of pulling alone, since slack cables have none, and of all motion."""
+    ranges = []
+    for drive in log_map.drives:
+        positive = drive.positive if len(drive.cables) == 1 else "unknown"
+        ranges.append(PULLING_RANGE[positive])
+    low, high = np.array(ranges).T
+    pulling = replace(observations, columns=np.clip(observations.columns, low, high))
+    yield _regress(pulling, differences=False)
+    if (np.isfinite(low) | np.isfinite(high)).all():
+        yield _regress(pulling, differences=True)
+    yield _regress(observations, differences=False)
+
+
+def _regress(
+    observations: Observations, differences: bool
+) -> Float[np.ndarray, "drives ends 2"]:
+    """Displacement of the ends across the arm per unit of each column.
+
+    Args:
+        observations: the rows.
+        differences: whether to regress steps between rows, not displacements.
+    """
+    columns = observations.columns
+    ends = _measured_ends(observations)
+    across = observations.states[:, ends, :3] @ observations.axes[:, :2]
+    displacements = across.reshape(len(across), -1)
+    if differences:
+        columns = np.diff(columns, axis=0)
+        displacements = np.diff(displacements, axis=0)
+    else:
+        columns = columns - columns.mean(axis=0)
+        displacements = displacements - np.nanmean(displacements, axis=0)
+    known = np.isfinite(displacements).all(axis=1)
+    slopes = _robust_slopes(columns[known], displacements[known])
+    return slopes.reshape(columns.shape[1], len(ends), 2)
+
+
+def _robust_slopes(
+    columns: np.ndarray, displacements: np.ndarray, iterations: int = 30
+) -> np.ndarray:
+    """Iteratively reweighted least squares; directions with little motion are zero."""
+    weights = np.ones(len(columns))
+    slopes = np.zeros((columns.shape[1], displacements.shape[1]))
+    size = columns.std(axis=0) + 1e-12
+    for _ in range(iterations):
+        root = np.sqrt(weights)[:, None]
+        solution = np.linalg.lstsq(
+            root * columns / size, root * displacements, rcond=0.03
+        )
+        slopes = solution[0] / size[:, None]
+        errors = np.linalg.norm(displacements - columns @ slopes, axis=1)
+        weights = 1.0 / np.maximum(1.0, errors / (np.median(errors) + 1e-9))
+    return slopes
+
+
+def _first_parameters(
+    effects: np.ndarray,
+    assignment: Assignment,
+    start: Parameters,
+    log_map: LogMap,
+    ends: np.ndarray,
+) -> Parameters:
+    """Angles from the direction of the tip's motion, the gain from its size."""
+    tip = effects[:, -1]
+    lengths = np.exp(start.lengths)
+    levers = [
+        _lever(lengths, module, ends[-1], assignment.coupled)
+        for module in assignment.modules
+    ]
+    pulls = assignment.signs[:, None] * tip
+    angles = np.arctan2(pulls[:, 1], pulls[:, 0])
+    for index, drive in enumerate(log_map.drives):
+        if drive.angle_deg is not None:
+            angles[index] = np.deg2rad(drive.angle_deg)
+    gains = np.linalg.norm(tip, axis=1) / np.array(levers)
+    gains = gains[gains > 0]
+    gain = np.log(np.median(gains) if len(gains) else 1.0)
+    return start._replace(angles=angles, gain=gain)
+
+
+def _lever(lengths: np.ndarray, module: int, end: int, coupled: bool) -> float:
+    """Displacement of an end across the arm per radian of a cable's pull [m]."""
+    module = min(module, end)
+    levers = [
+        lengths[inner] / 2 + lengths[inner + 1 : end + 1].sum()
+        for inner in range(end + 1)
+    ]
+    return float(np.mean(levers[: module + 1]) if coupled else levers[module])
+
+
+def _exchange_motors(
+    observations: Observations, fit: CableFit, assignment: Assignment, log_map: LogMap
+) -> Trial:
+    """Exchange two motors, or all motors of two modules, while the cost falls."""
+    improved = True
+    while improved:
+        improved = False
+        for modules in list(_exchanges(fit, assignment, log_map)):
+            trial = replace(assignment, modules=modules)
+            wiring = build_wiring(trial, log_map)
+            new = fit_parameters(observations, fit.parameters, wiring, FIRST_ITERATIONS)
+            if new.cost < DROP_RATIO * fit.cost:
+                new = _refit(observations, new, TRIAL_ITERATIONS)
+            if new.cost < IMPROVED_RATIO * fit.cost and _is_feasible(
+                new, trial, log_map
+            ):
+                fit = new
+                assignment = trial
+                improved = True
+                break
+    return fit, assignment
+
+
+def _exchanges(
+    fit: CableFit, assignment: Assignment, log_map: LogMap
+) -> Iterator[np.ndarray]:
+    """Modules after each possible exchange; motors with a stated module stay.
+
+    Neighboring modules come first, then pairs of motors of neighboring modules that
+    pull in similar directions.
+    """
+    modules = assignment.modules
+    angles = fit.parameters.angles
+    drives = log_map.drives
+    fixed = np.array([drive.module is not None for drive in drives])
+    for inner in range(log_map.arm.modules - 1):
+        exchanged = modules.copy()
+        exchanged[modules == inner] = inner + 1
+        exchanged[modules == inner + 1] = inner
+        if not fixed[modules != exchanged].any():
+            yield exchanged
+    for first, second in permutations(np.flatnonzero(~fixed), 2):
+        cables = len(drives[first].cables)
+        if modules[second] != modules[first] + 1:
+            continue
+        if len(drives[second].cables) != cables:
+            continue
+        if cables > 1 or np.cos(angles[first] - angles[second]) > 0.3:
+            exchanged = modules.copy()
+            exchanged[[first, second]] = modules[[second, first]]
+            yield exchanged
+
+
+def _thin(observations: Observations, max_rows: int) -> Observations:
+    """Evenly spread rows."""
+    count = len(observations.columns)
+    rows = np.linspace(0, count - 1, min(count, max_rows)).astype(int)
+    return replace(
+        observations,
+        columns=observations.columns[rows],
+        states=observations.states[rows],
+    )
+
+
+def _is_feasible(fit: CableFit, assignment: Assignment, log_map: LogMap) -> bool:
+    """Whether every module has cables without a gap of half a turn."""
+    for module in range(log_map.arm.modules):
+        angles = _cable_angles_deg(fit, assignment, module)
+        if not len(angles) or largest_gap_deg(angles) >= MAX_GAP_DEG:
+            return False
+    return True
+
+
+def _cable_angles_deg(fit: CableFit, assignment: Assignment, module: int) -> np.ndarray:
+    """Angles of a module's cables [deg], in the order of the map."""
+    wiring = fit.wiring
+    angles = np.rad2deg(fit.parameters.angles[wiring.drive] + wiring.turn)
+    return angles[assignment.modules[wiring.drive] == module]
+
+
+def _is_symmetric(drive: Drive) -> bool:
+    """Whether reversing a motor equals turning it by 180 deg, as for a cable pair."""
+    cables = {(round(cable.turn_deg) % 360, cable.sign) for cable in drive.cables}
+    return cables == {((turn + 180) % 360, -sign) for turn, sign in cables}
+
+
+def _choose_signs(
+    observations: Observations, fit: CableFit, assignment: Assignment, log_map: LogMap
+) -> tuple[CableFit, Assignment, list[str]]:
+    """Reverse the motors of modules with unknown signs where that lowers the cost."""
+    ambiguities = []
+    for module in range(log_map.arm.modules):
+        members = assignment.modules == module
+        drives = [log_map.drives[index] for index in np.flatnonzero(members)]
+        if any(drive.positive != "unknown" for drive in drives):
+            continue
+        if all(_is_symmetric(drive) for drive in drives):
+            continue
+        signs = np.where(members, -assignment.signs, assignment.signs)
+        trial = replace(assignment, signs=signs)
+        angles = fit.parameters.angles + np.pi * members
+        new = fit_parameters(
+            observations,
+            fit.parameters._replace(angles=angles),
+            build_wiring(trial, log_map),
+            TRIAL_ITERATIONS,
+        )
+        ratio = _sign_cost(new, trial, module) / _sign_cost(fit, assignment, module)
+        if AMBIGUOUS_RATIO < ratio < 1 / AMBIGUOUS_RATIO:
+            ambiguities.append(
+                f"module {module}: whether larger numbers pull or release "
+                "(both explain the log about equally well)"
+            )
+        if ratio < 1:
+            fit = new
+            assignment = trial
+    return fit, assignment, ambiguities
+
+
+def _sign_cost(fit: CableFit, assignment: Assignment, module: int) -> float:
+    """Cost of a fit, increased for uneven cables, which wrong signs cause."""
+    angles = _cable_angles_deg(fit, assignment, module)
+    excess = largest_gap_deg(angles) - 360 / len(angles)
+    return fit.cost * (1 + (excess / UNEVEN_DEG) ** 2)

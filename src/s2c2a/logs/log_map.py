@@ -1,0 +1,419 @@
+"""The map of a log: a TOML file that describes its columns, units, and frame."""
+
+import os
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from s2c2a.arm.spec import MAX_MODULES, NAME, Number
+from s2c2a.errors import S2C2AError
+from s2c2a.files import parse_toml, read_text
+from s2c2a.logs.errors import LogError
+from s2c2a.validation import explained
+
+MAX_TEXT = 300
+HEADING = "{count} error(s) in the map (drives, ends, and modules count from 0)"
+MAX_CABLES = 8 * MAX_MODULES
+Column = Annotated[str, Field(min_length=1, max_length=200)]
+Vector = tuple[Number, Number, Number]
+SignedAxis = Annotated[str, Field(pattern=r"^[+-]?[xyz]$")]
+ModuleIndex = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
+Text = Annotated[str, Field(max_length=MAX_TEXT)]
+ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
+
+
+class Frozen(BaseModel):
+    """Immutable table, validated when built."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Source(Frozen):
+    """Origin of a log; the recording keeps it."""
+
+    name: Text = Field(default="", description="robot and session")
+    address: Text = Field(default="", description="where the log is published")
+    commit: Text = Field(default="", description="version of the published log")
+    license: Text = Field(default="", description="license of the log")
+
+
+class Rows(Frozen):
+    """Timing of rows, and where episodes end."""
+
+    kind: Literal["timed", "steps"] = Field(
+        default="timed",
+        description="timed: samples, resampled to the control rate; "
+        "steps: settled poses, one control step each",
+    )
+    time: Column | None = Field(
+        default=None, description="time column; without it, rows follow at `rate`"
+    )
+    unit: Literal["s", "ms", "us", "ns", "min"] | Number = Field(
+        default="s", description="unit of the time column, or its length in seconds"
+    )
+    rate: Number | None = Field(
+        default=None,
+        gt=0,
+        le=1e5,
+        description="row rate of a log without a time column [Hz]",
+    )
+    longest_gap: Number | None = Field(
+        default=None,
+        gt=0,
+        le=1e6,
+        description="longest interval that is interpolated; a longer one ends an "
+        "episode; estimated by default [s]",
+    )
+    label: Column | None = Field(
+        default=None, description="text column whose changes end an episode"
+    )
+    commands: Literal["settled", "sent"] | None = Field(
+        default=None,
+        description='"settled": rows are measured after their command has settled, '
+        'the default of steps; "sent": before their command is sent, the default '
+        "of timed rows",
+    )
+    shortest: int = Field(
+        default=8,
+        ge=2,
+        le=100_000,
+        description="fewest steps of an episode; shorter ones are dropped",
+    )
+    first_row: int = Field(
+        default=0, ge=0, description="number of rows to skip at the beginning"
+    )
+    rows: int | None = Field(
+        default=None, ge=1, description="number of rows to read; all by default"
+    )
+    skip_lines: int = Field(
+        default=0, ge=0, le=1000, description="number of lines above the header"
+    )
+    broken_rows: Literal["refuse", "gap"] = Field(
+        default="refuse", description="whether an unreadable row is an error or a gap"
+    )
+
+    @property
+    def settled(self) -> bool:
+        """Whether rows are measured after their command has settled."""
+        if self.commands is None:
+            return self.kind == "steps"
+        return self.commands == "settled"
+
+    @model_validator(mode="after")
+    def _check_time(self):
+        if self.kind == "timed" and (self.time is None) == (self.rate is None):
+            raise ValueError(
+                "timed rows need either a column (time) or a rate; "
+                'add one of them, or set kind = "steps"'
+            )
+        return self
+
+
+class Join(Frozen):
+    """Files that form one session, with rows matched by a key."""
+
+    key: Column = Field(description="column that every file has")
+    files: int = Field(
+        default=2,
+        ge=2,
+        le=16,
+        description="number of files in a session, in the order of the command line",
+    )
+
+
+class DrivenCable(Frozen):
+    """Cable on a motor."""
+
+    turn_deg: Number = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="angle from the motor's direction to the cable [deg]",
+    )
+    sign: Literal[-1, 1] = Field(
+        default=1, description="-1 if the motor releases this cable while it pulls"
+    )
+
+
+class Drive(Frozen):
+    """Motor: its columns and its cables."""
+
+    commanded: Column | None = Field(
+        default=None, description="column of the commanded position or tension"
+    )
+    measured: Column | None = Field(
+        default=None, description="column of the measured position or tension"
+    )
+    unit: Literal["mm", "m", "ticks", "deg", "rad", "turns", "N", "free"] = Field(
+        description="unit of both columns; free: proportional to the bend, with a "
+        "factor that is estimated"
+    )
+    positive: Literal["pulls", "releases", "unknown"] = Field(
+        default="unknown",
+        description="effect of a larger number on the cable; estimated if unknown",
+    )
+    offset: Number = Field(
+        default=0.0, description="value of the columns at rest, in their unit"
+    )
+    module: ModuleIndex | None = Field(
+        default=None,
+        description="module at which the cables end, 0 at the base; estimated by "
+        "default",
+    )
+    angle_deg: Number | None = Field(
+        default=None,
+        ge=-3600,
+        le=3600,
+        description="angle of the motor's direction; estimated by default [deg]",
+    )
+    cables: tuple[DrivenCable, ...] = Field(
+        default=(DrivenCable(),),
+        min_length=1,
+        max_length=8,
+        description="cables on the motor: one, an antagonistic pair, or more",
+    )
+
+    @model_validator(mode="after")
+    def _check_column(self):
+        if self.commanded is None and self.measured is None:
+            raise ValueError("name a column: commanded, measured, or both")
+        return self
+
+    @property
+    def name(self) -> str:
+        """The measured column, or the commanded one if there is none."""
+        return self.measured or self.commanded or ""
+
+
+class End(Frozen):
+    """Tracked end of a module."""
+
+    module: ModuleIndex | None = Field(
+        default=None, description="module, 0 at the base; the last one by default"
+    )
+    position: tuple[Column, Column, Column] = Field(description="columns of x, y, z")
+    unit: Literal["mm", "cm", "m", "in"] = Field(description="unit of the position")
+    axis: tuple[Column, Column, Column] | None = Field(
+        default=None, description="columns of a vector along the arm"
+    )
+    quaternion: tuple[Column, Column, Column, Column] | None = Field(
+        default=None, description="columns of a unit quaternion"
+    )
+    order: Literal["xyzw", "wxyz"] | None = Field(
+        default=None, description="order of the quaternion's columns"
+    )
+    euler: tuple[Column, Column, Column] | None = Field(
+        default=None, description="columns of three Euler angles"
+    )
+    sequence: str | None = Field(
+        default=None,
+        pattern=r"^([xyz]{3}|[XYZ]{3})$",
+        description='axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic',
+    )
+    euler_unit: Literal["deg", "rad"] = Field(
+        default="deg", description="unit of the Euler angles"
+    )
+    along: str | Vector = Field(
+        default="z",
+        description="direction along the arm in the tracked frame: "
+        '"z", "-y", or a vector',
+    )
+
+    @model_validator(mode="after")
+    def _check_rotation(self):
+        names = ("axis", "quaternion", "euler")
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(
+                f"{' and '.join(given)} are given; give one of them, or none"
+            )
+        if (self.quaternion is None) != (self.order is None):
+            raise ValueError(
+                "quaternion and order belong together; give both, with "
+                'order = "xyzw" or "wxyz", or neither'
+            )
+        if (self.euler is None) != (self.sequence is None):
+            raise ValueError(
+                "euler and sequence belong together; give both, with a sequence such "
+                'as "xyz" (extrinsic) or "ZYX" (intrinsic), or neither'
+            )
+        return self
+
+
+class Frame(Frozen):
+    """Frame in which positions are measured."""
+
+    along: SignedAxis | Vector | None = Field(
+        default=None,
+        description="direction from the base to the tip of the straight arm: "
+        '"z", "-y", or a vector; estimated by default',
+    )
+    x: SignedAxis | Vector | None = Field(
+        default=None,
+        description="direction of the x axis of the base frame; an axis across the "
+        "arm by default",
+    )
+    base: Vector | None = Field(
+        default=None, description="position of the base; estimated by default [m]"
+    )
+
+
+class KnownArm(Frozen):
+    """Known properties of the arm; others are estimated or marked as guesses."""
+
+    name: str = Field(pattern=NAME, description="name of the arm")
+    description: str = Field("", description="description in one line")
+    modules: int = Field(ge=1, le=MAX_MODULES, description="number of modules")
+    control_rate: Number = Field(ge=0.5, le=1000, description="control rate [Hz]")
+    length: Number | None = Field(
+        None,
+        ge=0.005,
+        le=20,
+        description="length of the straight arm; estimated by default [m]",
+    )
+    lengths: tuple[Number, ...] | None = Field(
+        None, description="lengths of the modules from the base; equal by default [m]"
+    )
+    cable_radius: Number | None = Field(
+        None,
+        ge=0.0015,
+        le=0.3,
+        description="distance of the cables from the center line; estimated by "
+        "default [m]",
+    )
+    pulley_radius: Number | None = Field(
+        None,
+        ge=0.0005,
+        le=0.2,
+        description="radius of the motors' pulleys, for ticks and angles [m]",
+    )
+    ticks_per_turn: int = Field(
+        4096, ge=16, le=2**24, description="encoder ticks per turn"
+    )
+    gravity_direction: Vector = Field(
+        (0.0, 0.0, -1.0),
+        description="direction of gravity: [0, 0, -1] for an upright arm, "
+        "[0, 0, 1] for a hanging one",
+    )
+    coupled_cables: bool | None = Field(
+        None,
+        description="whether cables of outer modules pass through inner modules and "
+        "bend them; estimated by default",
+    )
+    mass: Number = Field(0.05, description="mass of a module [kg]")
+    bending_stiffness: Number = Field(0.1, description="EI of a module [N m2]")
+    bend_limit_deg: Number | None = Field(
+        None, ge=1, le=150, description="bend limit; from the log by default [deg]"
+    )
+
+    @model_validator(mode="after")
+    def _check_lengths(self):
+        if self.lengths is not None and len(self.lengths) != self.modules:
+            raise ValueError(
+                f"{len(self.lengths)} lengths for {self.modules} modules; "
+                "give one for each module"
+            )
+        if self.lengths is not None and self.length is not None:
+            raise ValueError("length and lengths are given; give one of them")
+        return self
+
+
+class LogMap(Frozen):
+    """Description of a log."""
+
+    source: Source = Source()
+    rows: Rows = Field(description="timing of rows, and where episodes end")
+    join: Join | None = None
+    arm: KnownArm
+    drives: tuple[Drive, ...] = Field(min_length=1, max_length=MAX_CABLES)
+    ends: tuple[End, ...] = Field(min_length=1, max_length=MAX_MODULES)
+    frame: Frame = Frame()
+
+    @model_validator(mode="after")
+    def _check_modules(self):
+        for key, entries in (("drives", self.drives), ("ends", self.ends)):
+            modules = [entry.module or 0 for entry in entries]
+            if max(modules) >= self.arm.modules:
+                raise ValueError(
+                    f"{key} name a module beyond the {self.arm.modules} of the arm; "
+                    "modules count from 0 at the base"
+                )
+        modules = self.end_modules
+        if len(set(modules)) < len(modules):
+            raise ValueError(f"ends are of modules {modules}; each module has one end")
+        return self
+
+    @model_validator(mode="after")
+    def _check_units(self):
+        units = {drive.unit for drive in self.drives}
+        if units.intersection(ROTATING_UNITS) and self.arm.pulley_radius is None:
+            raise ValueError(
+                "columns in ticks or angles need arm.pulley_radius; "
+                'add it, or set unit = "free" to have the factor estimated'
+            )
+        if "free" in units and self.arm.cable_radius is None:
+            raise ValueError(
+                'unit = "free" needs arm.cable_radius, on which the factor depends'
+            )
+        if "N" in units and len(units) > 1:
+            raise ValueError(
+                "some drives are in N and others are not; "
+                "an arm is driven by either tension or displacement"
+            )
+        return self
+
+    @property
+    def actuation(self) -> str:
+        """Actuation of the arm: "tension" or "displacement"."""
+        return "tension" if self.drives[0].unit == "N" else "displacement"
+
+    @property
+    def end_modules(self) -> list[int]:
+        """Modules whose ends are measured, in the order of `ends`."""
+        last = self.arm.modules - 1
+        return [last if end.module is None else end.module for end in self.ends]
+
+    @property
+    def number_columns(self) -> set[str]:
+        """Names of the numeric columns."""
+        columns = {self.rows.time, self.join.key if self.join else None}
+        for drive in self.drives:
+            columns |= {drive.commanded, drive.measured}
+        for end in self.ends:
+            for group in (end.position, end.axis, end.quaternion, end.euler):
+                columns.update(group or ())
+        return {column for column in columns if column is not None}
+
+    @property
+    def label_columns(self) -> set[str]:
+        """Names of the text columns."""
+        return {self.rows.label} if self.rows.label else set()
+
+
+_TABLES = (LogMap, Source, Rows, Join, Drive, DrivenCable, End, Frame, KnownArm)
+KEYS = tuple(name for table in _TABLES for name in table.model_fields)
+
+
+def load_map(path: str | os.PathLike) -> LogMap:
+    """Read a map.
+
+    Raises:
+        LogError: the file does not exist, is not valid TOML, has an unknown key, or has
+            a value out of range.
+    """
+    return map_from_toml(read_text(path, LogError), str(path))
+
+
+def map_from_toml(text: str, source: str = "map") -> LogMap:
+    """Parse and validate the text of a map; `source` names it in errors.
+
+    Raises:
+        LogError: the text is not valid TOML, has an unknown key, or has a value out of
+            range.
+    """
+    try:
+        return LogMap.model_validate(parse_toml(text))
+    except ValidationError as error:
+        raise LogError(explained(error, f"{source}: {HEADING}", KEYS)) from error
+    except S2C2AError as error:
+        raise LogError(f"{source}: {error}; correct that line") from error

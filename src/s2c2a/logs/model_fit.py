@@ -1,0 +1,212 @@
+"""Least-squares fit of the cable model, with a prior on each parameter.
+
+Residuals are relative to the length of the arm.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from s2c2a.logs.cable_model import (
+    Parameters,
+    Wiring,
+    equilibrium_bends,
+    states_in_base,
+    states_in_log,
+)
+
+MAX_ITERATIONS = 40
+BLOCKS = 20
+OUTLIER = 0.05  # relative residual from which the robust loss grows linearly
+WIDE = 1e3  # prior standard deviation of a free parameter
+# number of independent patterns in which the model error may repeat itself
+ERROR_PATTERNS = 36.0
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Data that the model has to explain.
+
+    Attributes:
+        columns: values of the drives, shape (rows, drives).
+        states: ends in the frame of the log [m, 1], shape (rows, modules, 6); NaN: not
+            measured.
+        axes: axes of the untilted base frame as columns, frame of the log.
+        tension: whether the drives are in units of tension.
+        prior_std: standard deviation of each parameter about its first guess, and of
+            the logarithm of the total length (`total`).
+        scale: length of the arm [m].
+    """
+
+    columns: Float[np.ndarray, "rows drives"]
+    states: Float[np.ndarray, "rows modules 6"]
+    axes: Float[np.ndarray, "3 3"]
+    tension: bool
+    prior_std: Mapping[str, float]
+    scale: float
+
+
+@dataclass(frozen=True)
+class CableFit:
+    """Fitted cable model.
+
+    Attributes:
+        parameters: the fitted parameters.
+        wiring: motors and routes of the cables.
+        cost: half the robust sum of squared residuals.
+        std: standard deviations of the parameters.
+    """
+
+    parameters: Parameters
+    wiring: Wiring
+    cost: float
+    std: Parameters | None = None
+
+
+def fit_parameters(
+    observations: Observations,
+    start: Parameters,
+    wiring: Wiring,
+    iterations: int = MAX_ITERATIONS,
+    with_std: bool = False,
+) -> CableFit:
+    """Fit the parameters to observations.
+
+    Args:
+        observations: the data.
+        start: first guess, and the mean of the prior.
+        wiring: motors and routes of the cables.
+        iterations: largest number of function evaluations.
+        with_std: whether to compute standard deviations.
+    """
+    std = None
+    with jax.enable_x64(True):
+        first = flatten(start)
+        prior_std = _prior_std(observations, start)
+        arguments = (
+            first,
+            _weights(observations),
+            observations.columns,
+            np.nan_to_num(observations.states),
+            observations.axes,
+            wiring,
+            start,
+            prior_std,
+            observations.prior_std.get("total", WIDE),
+            observations.tension,
+        )
+
+        def residuals(vector):
+            return np.asarray(_compiled_residuals(vector, *arguments))
+
+        def jacobian(vector):
+            return np.asarray(_compiled_jacobian(vector, *arguments))
+
+        result = least_squares(
+            residuals,
+            first,
+            jacobian,
+            loss="soft_l1",
+            f_scale=1.0,
+            max_nfev=iterations,
+            x_scale=np.minimum(prior_std, 1.0),
+        )
+        if with_std:
+            vector = _standard_deviations(
+                residuals(result.x), jacobian(result.x), len(observations.columns)
+            )
+            std = unflatten(vector, start)
+    return CableFit(unflatten(result.x, start), wiring, float(result.cost), std)
+
+
+def flatten(parameters: Parameters) -> np.ndarray:
+    """All parameters as one vector."""
+    return np.concatenate([np.ravel(value) for value in parameters]).astype(float)
+
+
+def unflatten(vector, like: Parameters) -> Parameters:
+    """Parameters from one vector, with the shapes of others."""
+    values = []
+    begin = 0
+    for value in like:
+        end = begin + np.size(value)
+        values.append(vector[begin:end].reshape(np.shape(value)))
+        begin = end
+    return Parameters(*values)
+
+
+def _prior_std(observations: Observations, start: Parameters) -> np.ndarray:
+    values = start._asdict()
+    std = observations.prior_std
+    return flatten(
+        Parameters(
+            *(np.full(np.shape(values[name]), std.get(name, WIDE)) for name in values)
+        )
+    )
+
+
+def _weights(observations: Observations) -> np.ndarray:
+    """Inverse scale of each residual; zero where nothing is measured.
+
+    An error of an axis counts like that of a point a module's length away.
+    """
+    modules = observations.states.shape[1]
+    size = np.repeat([observations.scale, modules], 3)
+    return np.isfinite(observations.states) / (OUTLIER * size)
+
+
+def _residuals(
+    vector, start, weights, columns, states, axes, wiring, like, std, total_std, tension
+):
+    parameters = unflatten(vector, like)
+    bends = equilibrium_bends(parameters, wiring, columns, tension)
+    predicted = states_in_log(parameters, states_in_base(parameters, bends), axes)
+    errors = weights * (predicted - states)
+    length = jnp.sum(jnp.exp(parameters.lengths))
+    start_length = jnp.sum(jnp.exp(unflatten(start, like).lengths))
+    stretch = jnp.log(length / start_length)[None]
+    return jnp.concatenate(
+        [errors.reshape(-1), (vector - start) / std, stretch / total_std]
+    )
+
+
+_compiled_residuals = partial(jax.jit, static_argnames="tension")(_residuals)
+_compiled_jacobian = partial(jax.jit, static_argnames="tension")(jax.jacfwd(_residuals))
+
+
+def predict_states(
+    parameters: Parameters, wiring: Wiring, columns: np.ndarray, tension: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bends [rad] and states [m, 1] of each row, base frame."""
+    with jax.enable_x64(True):
+        bends = equilibrium_bends(parameters, wiring, columns, tension)
+        return np.asarray(bends), np.asarray(states_in_base(parameters, bends))
+
+
+def _standard_deviations(
+    residuals: np.ndarray, jacobian: np.ndarray, rows: int
+) -> np.ndarray:
+    """Standard deviations of the parameters.
+
+    Residuals of nearby rows are correlated, so the scatter is that of blocks of rows.
+    The model error is not noise: it repeats in every block, and one of its patterns may
+    look like a change of a parameter.
+    """
+    numbers = jacobian.shape[1]
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    count = len(residuals) - numbers - 1  # without the prior
+    residuals = residuals[:count]
+    jacobian = jacobian[:count]
+    blocks = np.arange(rows).repeat(count // rows) * BLOCKS // rows
+    gradients = np.zeros((BLOCKS, numbers))
+    np.add.at(gradients, blocks, jacobian * residuals[:, None])
+    scatter = inverse @ (gradients.T @ gradients) @ inverse * BLOCKS / (BLOCKS - 1)
+    sensitivity = np.diag(inverse @ jacobian.T @ jacobian @ inverse)
+    model_error = residuals @ residuals * sensitivity / ERROR_PATTERNS
+    return np.sqrt(np.diag(scatter) + model_error)

@@ -1,0 +1,429 @@
+"""Import of logs: from files and a map to episodes and an arm file."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
+from s2c2a.data import Recording
+from s2c2a.episodes import Episode, save_episodes
+from s2c2a.files import write_atomically
+from s2c2a.logs.arm_file import Layout, build_layout, format_arm, match_layout
+from s2c2a.logs.cable_model import Parameters, tilt_rotation
+from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.model_fit import CableFit, Observations, predict_states
+from s2c2a.logs.registration import Registration, estimate_registration
+from s2c2a.logs.resampling import split_segments
+from s2c2a.logs.rig import (
+    KEY,
+    Rig,
+    SimilarRows,
+    check_arm,
+    find_similar_rows,
+    transform_states,
+)
+from s2c2a.logs.session import Session, build_session
+from s2c2a.logs.tables import ColumnRequest, read_table
+from s2c2a.spaces import POSITION
+
+MAX_FITTED = 200  # rows that are fitted, evenly spread
+# largest distance of an end from the base, in arm lengths, even if a camera has moved
+MAX_REACH = 10.0
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Segments of all sessions.
+
+    Attributes:
+        sessions: one session for each segment.
+        rows: number of rows that were read.
+        broken_rows: number of unreadable rows among them.
+    """
+
+    sessions: list[Session]
+    rows: int
+    broken_rows: int
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Result of an import.
+
+    Attributes:
+        arm: identified or stated arm.
+        text: text of its arm file, with the uncertainty of each number.
+        episodes: episodes, base frame.
+        rig: placement of cameras and motors.
+        layout: drives of the arm's cables.
+        fit: fitted cable model.
+        assignment: modules and signs of the motors.
+        residual: rms distance of the model's ends from the measured ones [m].
+        at_rest: whether every row is a pose at rest.
+        ambiguities: what the log does not determine.
+        broken_rows: number of unreadable rows.
+        rows: number of rows that were read.
+    """
+
+    arm: ArmSpec
+    text: str
+    episodes: tuple[Episode, ...]
+    rig: Rig
+    layout: Layout
+    fit: CableFit
+    assignment: Assignment
+    residual: float
+    at_rest: bool
+    ambiguities: tuple[str, ...]
+    broken_rows: int
+    rows: int
+
+
+def import_logs(
+    paths: Sequence[str | os.PathLike], log_map: LogMap, arm: ArmSpec | None = None
+) -> Imported:
+    """Read logs and identify the base frame and the cables.
+
+    Args:
+        paths: log files; each is a session, or as many as the map joins.
+        log_map: the map.
+        arm: arm to use instead of the identified one; its cables are matched with the
+            identified ones.
+
+    Raises:
+        LogError: a file cannot be used or has too little data, or the map describes
+            another arm.
+    """
+    if arm is not None:
+        check_arm(arm, log_map)
+    segments = _read_segments(paths, log_map)
+    registration = _register(segments.sessions, log_map)
+    observations = _observe(segments.sessions, registration, log_map)
+    fit, assignment, ambiguities = identify_cables(
+        observations, _start(registration, log_map), log_map, MAX_FITTED
+    )
+    layout = build_layout(fit, assignment, log_map)
+    bends, states = predict_states(
+        fit.parameters, fit.wiring, observations.columns, observations.tension
+    )
+    base = np.asarray(fit.parameters.base)
+    axes = (observations.axes @ np.asarray(tilt_rotation(fit.parameters.tilt))).T
+    errors = states - transform_states(observations.states, base, axes)
+    squares = np.sum(errors[..., POSITION] ** 2, axis=-1)
+    residual = float(np.sqrt(np.nanmean(squares)))
+    segment_bends = _split_rows(bends, segments.sessions)
+    text = format_arm(fit, assignment, layout, log_map, segment_bends, residual)
+    if arm is None:
+        arm = arm_from_toml(text, "the identified arm")
+    else:
+        text = arm_to_toml(arm)
+        layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
+    axes = _rotation_about_z(layout.turn) @ axes
+    rig = Rig.identified(log_map, layout.drive, layout.factor, base, axes)
+    return Imported(
+        arm,
+        text,
+        _build_episodes(segments.sessions, observations.states, arm, rig, log_map),
+        rig,
+        layout,
+        fit,
+        assignment,
+        residual,
+        _is_at_rest(log_map),
+        tuple(ambiguities),
+        segments.broken_rows,
+        segments.rows,
+    )
+
+
+@dataclass(frozen=True)
+class ImportedSession:
+    """Another session of an arm, imported with the rig of the first one.
+
+    Attributes:
+        episodes: episodes, base frame.
+        rig: rig of the first session.
+        similar: rows whose cables are most similar to those of the first session.
+        at_rest: whether every row is a pose at rest.
+        broken_rows: number of unreadable rows.
+        rows: number of rows that were read.
+    """
+
+    episodes: tuple[Episode, ...]
+    rig: Rig
+    similar: SimilarRows
+    at_rest: bool
+    broken_rows: int
+    rows: int
+
+
+def import_session(
+    paths: Sequence[str | os.PathLike], log_map: LogMap, first: Recording
+) -> ImportedSession:
+    """Read logs of another session, with cameras and motors as in the first import.
+
+    Args:
+        paths: log files; each is a session, or as many as the map joins.
+        log_map: the map, with the same drives.
+        first: recording of the first import.
+
+    Raises:
+        LogError: a file cannot be used, the recording is not imported from a log, or
+            the map describes another arm.
+    """
+    rig = Rig.of(first, log_map)
+    segments = _read_segments(paths, log_map)
+    states = _measured_states(segments.sessions, log_map)
+    episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
+    _check_reach(episodes, first.arm)
+    similar = find_similar_rows(
+        *_cables_and_tips(episodes), *_cables_and_tips(first.episodes)
+    )
+    return ImportedSession(
+        episodes,
+        rig,
+        similar,
+        _is_at_rest(log_map),
+        segments.broken_rows,
+        segments.rows,
+    )
+
+
+def _cables_and_tips(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:
+    cables = np.concatenate([episode.sensor("cables") for episode in episodes])
+    states = np.concatenate([episode.sensor("states") for episode in episodes])
+    return cables, states[:, -1, POSITION]
+
+
+def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
+    for episode in episodes:
+        positions = np.abs(episode.sensor("states")[..., POSITION])
+        reach = float(np.nanmax(positions, initial=0.0))
+        if reach > MAX_REACH * arm.length:
+            raise LogError(
+                f"ends are up to {reach:.3g} m from the base of an arm of "
+                f"{arm.length:.3g} m, in the frame of the first recording; correct "
+                "their unit in the map or, if cameras have moved, import the log "
+                "without --like"
+            )
+
+
+def save_imported(
+    imported: Imported | ImportedSession,
+    path: str | os.PathLike,
+    options: dict[str, Any],
+) -> Path | None:
+    """Write the recording, and the arm file of an identified arm.
+
+    Returns:
+        Path of the arm file, if there is one.
+
+    Raises:
+        S2C2AError: a file cannot be written.
+    """
+    options = options | {
+        "babbling": "imported log",
+        "body": "a log",
+        "episodes": len(imported.episodes),
+        "at_rest": imported.at_rest,
+        KEY: imported.rig.model_dump(),
+    }
+    if isinstance(imported, ImportedSession):
+        save_episodes(imported.episodes, path, options)
+        return None
+    options["residual_mm"] = round(1e3 * imported.residual, 2)
+    save_episodes(imported.episodes, path, options)
+    return write_atomically(imported.text, arm_file_of(path), LogError)
+
+
+def arm_file_of(path: str | os.PathLike) -> Path:
+    """Path of the arm file of a recording."""
+    return Path(path).with_suffix(".arm.toml")
+
+
+def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segments:
+    """Read sessions and split them into segments."""
+    sessions = _read_sessions(paths, log_map)
+    period = 1 / log_map.arm.control_rate
+    segments = []
+    for session in sessions:
+        segments += split_segments(session, log_map.rows, period)
+    if not segments:
+        raise LogError(
+            f"no episode is left: nowhere do {log_map.rows.shortest} steps follow each "
+            "other; check rows.longest_gap and rows.label"
+        )
+    rows = sum(len(session) for session in sessions)
+    broken_rows = sum(session.broken_rows for session in sessions)
+    return Segments(segments, rows, broken_rows)
+
+
+def _read_sessions(
+    paths: Sequence[str | os.PathLike], log_map: LogMap
+) -> list[Session]:
+    count = log_map.join.files if log_map.join else 1
+    if not paths or len(paths) % count:
+        raise LogError(
+            f"{len(paths)} files are given, and the map joins {count} to a session; "
+            "give a multiple of that"
+        )
+    request = ColumnRequest(
+        log_map.number_columns,
+        log_map.label_columns,
+        log_map.rows.skip_lines,
+        log_map.rows.broken_rows == "gap",
+    )
+    tables = [read_table(path, request) for path in paths]
+    return [
+        build_session(tables[begin : begin + count], log_map)
+        for begin in range(0, len(tables), count)
+    ]
+
+
+def _register(segments: Sequence[Session], log_map: LogMap) -> Registration:
+    """Estimate the base frame, and check the drives against the arm's length."""
+    positions = np.concatenate([segment.positions for segment in segments])
+    registration = estimate_registration(positions, log_map)
+    columns = np.concatenate([_effective(segment, log_map) for segment in segments])
+    _check_travel(columns, float(registration.lengths.sum()), log_map)
+    return registration
+
+
+def _check_travel(
+    columns: Float[np.ndarray, "rows drives"], length: float, log_map: LogMap
+) -> None:
+    """Refuse a drive that winds more cable than the arm is long: its unit is wrong."""
+    travel = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
+    for drive, distance in zip(log_map.drives, travel, strict=True):
+        if drive.unit not in ("free", "N") and distance > length:
+            raise LogError(
+                f"'{drive.name}' moves by {distance:.3g} m, and the arm is "
+                f"{length:.3g} m long; correct its unit in the map"
+            )
+
+
+def _observe(
+    segments: Sequence[Session], registration: Registration, log_map: LogMap
+) -> Observations:
+    return Observations(
+        np.concatenate([_effective(segment, log_map) for segment in segments]),
+        _measured_states(segments, log_map),
+        registration.axes,
+        log_map.actuation == "tension",
+        _prior_std(log_map),
+        float(registration.lengths.sum()),
+    )
+
+
+def _measured_states(
+    segments: Sequence[Session], log_map: LogMap
+) -> Float[np.ndarray, "rows modules 6"]:
+    """States [m, 1] in the frame of the log; NaN: not measured."""
+    ends = np.concatenate(
+        [
+            np.concatenate([segment.positions, segment.axes], axis=-1)
+            for segment in segments
+        ]
+    )
+    states = np.full((len(ends), log_map.arm.modules, 6), np.nan)
+    states[:, log_map.end_modules] = ends
+    return states
+
+
+def _effective(segment: Session, log_map: LogMap) -> Float[np.ndarray, "rows drives"]:
+    """Values of the drives while each row was measured."""
+    commands = segment.commands
+    if not log_map.rows.settled:
+        commands = np.concatenate([commands[:1], commands[:-1]])
+    return np.where(np.isfinite(segment.measured), segment.measured, commands)
+
+
+def _prior_std(log_map: LogMap) -> dict[str, float]:
+    """Standard deviation of each parameter about its first guess."""
+    arm = log_map.arm
+    return {
+        "angles": 2.0,
+        "gain": 3.0,
+        "gains": 0.3 if log_map.drives[0].unit == "free" else 0.1,
+        "offsets": 0.1,
+        "lengths": 0.2 if arm.lengths is None else 0.002,
+        "total": 0.2 if arm.length is None else 0.002,
+        "stiffness": 2.0,
+        "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
+        "tilt": 0.1,
+        "base": 0.1 if log_map.frame.base is None else 0.002,
+    }
+
+
+def _start(registration: Registration, log_map: LogMap) -> Parameters:
+    """First guess; angles and gains are replaced later."""
+    zeros = np.zeros(len(log_map.drives))
+    return Parameters(
+        angles=zeros,
+        gain=np.array(0.0),
+        gains=zeros,
+        offsets=zeros,
+        lengths=np.log(registration.lengths),
+        stiffness=np.array(np.log(STIFFNESS)),
+        gravity=np.array(0.0),
+        tilt=np.zeros(2),
+        base=registration.base,
+    )
+
+
+def _rotation_about_z(angle: float) -> Float[np.ndarray, "3 3"]:
+    """Rotation of a frame with its axes as rows."""
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _is_at_rest(log_map: LogMap) -> bool:
+    return log_map.rows.kind == "steps"
+
+
+def _build_episodes(
+    segments: Sequence[Session],
+    states: np.ndarray,
+    arm: ArmSpec,
+    rig: Rig,
+    log_map: LogMap,
+) -> tuple[Episode, ...]:
+    """Episodes from segments, with states in the frame of the log."""
+    split = _split_rows(rig.in_base(states), segments)
+    return tuple(
+        _build_episode(segment, rows, arm, rig, log_map)
+        for segment, rows in zip(segments, split, strict=True)
+    )
+
+
+def _split_rows(rows: np.ndarray, segments: Sequence[Session]) -> list[np.ndarray]:
+    return np.split(rows, np.cumsum([len(segment) for segment in segments])[:-1])
+
+
+def _build_episode(
+    segment: Session, states: np.ndarray, arm: ArmSpec, rig: Rig, log_map: LogMap
+) -> Episode:
+    """Episode of one segment, with states in the base frame.
+
+    An episode's action takes effect in the next row. Settled rows have their own
+    command, so commands are shifted by one row.
+    """
+    sent = segment.commands
+    if log_map.rows.settled:
+        sent = np.concatenate([sent[1:], sent[-1:]])
+    columns = {
+        "time": segment.time - segment.time[0],
+        "actions": rig.cables(sent),
+        "sensor.cables": rig.cables(_effective(segment, log_map)),
+        "sensor.states": states,
+    }
+    label = str(segment.labels[0])
+    return Episode(arm, columns, {"label": label} if label else {})

@@ -1,0 +1,157 @@
+"""First estimate of the base frame and the module lengths, from the tracked ends."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.session import unit_vector
+
+# share of the rows that show the arm straight: those with the tip furthest along it
+STRAIGHT_SHARE = 0.03
+# drop of the tip, times the length, over the square of its distance from the axis;
+# about the same whichever module bends
+ARC_DROP = 0.65
+MIN_ROWS = 10
+MIN_LENGTH = 0.005  # m
+MAX_LENGTH = 2.0  # m
+
+
+class Registration(NamedTuple):
+    """Base frame and module lengths.
+
+    Attributes:
+        axes: x, y, and z of the base frame as columns, frame of the log.
+        base: origin of the base frame [m], frame of the log.
+        lengths: lengths of the modules [m].
+    """
+
+    axes: Float[np.ndarray, "3 3"]
+    base: Float[np.ndarray, "3"]
+    lengths: Float[np.ndarray, " modules"]
+
+
+def estimate_registration(
+    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
+) -> Registration:
+    """Base frame as the map states it, completed from rest and motion of the ends.
+
+    Args:
+        positions: positions of the ends [m], frame of the log; NaN: not measured.
+        log_map: the map.
+
+    Raises:
+        LogError: the outermost end is measured in too few rows.
+    """
+    order = np.argsort(log_map.end_modules)
+    outer = max(log_map.end_modules)
+    tip = positions[:, order[-1]]
+    known = np.isfinite(tip).all(axis=1)
+    if known.sum() < MIN_ROWS:
+        raise LogError(
+            f"the end of module {outer} is measured in {known.sum()} rows; "
+            f"at least {MIN_ROWS} are needed"
+        )
+    if log_map.frame.along is None:
+        z = _estimate_z(positions[:, order], log_map)
+    else:
+        z = unit_vector(log_map.frame.along)
+    height = np.where(known, tip @ z, -np.inf)
+    is_straight = height >= np.quantile(height[known], 1 - STRAIGHT_SHARE)
+    rest = np.array(
+        [_median(positions[is_straight, end]) for end in range(positions.shape[1])]
+    )
+    lengths = _estimate_lengths(tip[known], rest, z, log_map)
+    if log_map.frame.base:
+        base = np.array(log_map.frame.base)
+    else:
+        base = rest[order[-1]] - lengths[: outer + 1].sum() * z
+    return Registration(_complete_axes(z, log_map), base, lengths)
+
+
+def _median(positions: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "3"]:
+    if not np.isfinite(positions).any():
+        return np.full(3, np.nan)
+    return np.nanmedian(positions, axis=0)
+
+
+def _estimate_z(
+    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
+) -> Float[np.ndarray, "3"]:
+    """Direction from the base, or the innermost end, to the tip.
+
+    A tip alone moves on a shell: z is normal to it and points away from its center.
+    """
+    tip = positions[:, -1][np.isfinite(positions[:, -1]).all(axis=1)]
+    if log_map.frame.base or positions.shape[1] > 1:
+        if log_map.frame.base:
+            inner = np.array(log_map.frame.base)
+        else:
+            inner = np.nanmedian(positions[:, 0], axis=0)
+        along = np.median(tip, axis=0) - inner
+        return along / np.linalg.norm(along)
+    centered = tip - tip.mean(axis=0)
+    z = np.linalg.svd(centered, full_matrices=False)[2][2]
+    height = centered @ z
+    distance = np.sum(centered**2, axis=1) - height**2
+    return -z if np.cov(height, distance)[0, 1] > 0 else z
+
+
+def _estimate_lengths(
+    tip: Float[np.ndarray, "rows 3"],
+    rest: Float[np.ndarray, "ends 3"],
+    z: Float[np.ndarray, "3"],
+    log_map: LogMap,
+) -> Float[np.ndarray, " modules"]:
+    """Stated lengths, or those of the ends at rest, or those of the tip's shell."""
+    arm = log_map.arm
+    ends = log_map.end_modules
+    if arm.lengths is not None:
+        return np.array(arm.lengths)
+    if arm.length is not None:
+        return np.full(arm.modules, arm.length / arm.modules)
+    if log_map.frame.base is not None:
+        heights = (rest - np.array(log_map.frame.base)) @ z
+        known = dict(zip(ends, heights, strict=True))
+        return _interpolate_lengths(known | {-1: 0.0}, arm.modules)
+    if len(rest) > 1:
+        return _interpolate_lengths(dict(zip(ends, rest @ z, strict=True)), arm.modules)
+    # one end: rest has one row
+    displacement = tip - rest[0]
+    drop = -displacement @ z
+    distance = np.sum(displacement**2, axis=1) - drop**2
+    is_far = distance >= np.quantile(distance, 0.5)
+    ratio = float(np.median(drop[is_far] / distance[is_far]))
+    length = ARC_DROP / max(ratio, 1e-3)
+    return np.full(arm.modules, length / (ends[0] + 1))
+
+
+def _interpolate_lengths(heights: dict[int, float], modules: int) -> np.ndarray:
+    """Lengths of modules from the heights of some ends.
+
+    Modules between two known ends are equally long; others get the mean length.
+    """
+    lengths = np.full(modules, np.nan)
+    for inner, outer in pairwise(sorted(heights)):
+        slope = (heights[outer] - heights[inner]) / (outer - inner)
+        lengths[inner + 1 : outer + 1] = slope
+    lengths[np.isnan(lengths)] = np.nanmean(lengths)
+    return np.clip(lengths, MIN_LENGTH, MAX_LENGTH)
+
+
+def _complete_axes(
+    z: Float[np.ndarray, "3"], log_map: LogMap
+) -> Float[np.ndarray, "3 3"]:
+    """Axes as columns: x as stated, or along the log's axis most across the arm."""
+    if log_map.frame.x is None:
+        across = np.eye(3)[int(np.argmin(np.abs(z)))]
+    else:
+        across = unit_vector(log_map.frame.x)
+    x = across - (across @ z) * z
+    if np.linalg.norm(x) < 0.1:
+        raise LogError("frame.x points along the arm; give a direction across it")
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)

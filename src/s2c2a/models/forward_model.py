@@ -1,0 +1,161 @@
+"""The interface of forward models (C2S), and the constant-curvature model."""
+
+from abc import abstractmethod
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.kinematics.bends import (
+    bends_from_configurations,
+    configurations_from_bends,
+)
+from s2c2a.kinematics.chain import states_from_configurations
+from s2c2a.models.disturbances import Disturbances
+
+Memory = Any  # a pytree of arrays; () for a model without memory
+
+
+class ForwardModel(eqx.Module):
+    """A differentiable map from configurations to states (C2S), perhaps with hysteresis.
+
+    The memory holds the hysteresis alone. Payload and bend biases are arguments: a state
+    estimator owns them.
+    """
+
+    @property
+    def takes_payload(self) -> bool:
+        """Whether predictions depend on the payload."""
+        return False
+
+    @abstractmethod
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+        """Memory of an arm at rest at its first sensed configuration."""
+
+    @abstractmethod
+    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+        """Memory after one more sensed configuration."""
+
+    def with_moments(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        before: Disturbances,
+    ) -> Disturbances:
+        """Disturbances with the moments of their payload at a configuration.
+
+        Call it once a control step. A model that ignores the payload returns zero
+        moments.
+
+        Args:
+            disturbances: payload and bend biases.
+            configurations: present configurations, module frames.
+            memory: of the hysteresis.
+            before: disturbances of the last control step, from which to iterate.
+        """
+        zeros = jnp.zeros_like(disturbances.bend_biases)
+        return disturbances._replace(moments=zeros, moments_per_kg=zeros)
+
+    @abstractmethod
+    def predict(
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """Predicted states [m, 1], base frame.
+
+        Args:
+            configurations: planned or sensed, module frames.
+            memory: of the hysteresis.
+            disturbances: with moments (`with_moments`); None as in the training data.
+        """
+
+    def tensions(
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules cables"]:
+        """Predicted cable tensions [N]; NaN if the model does not know them."""
+        return jnp.full((*configurations.shape[:-1], 1), jnp.nan)
+
+    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+        """Cable tension per stretch over the cable radius [N/rad]; None if unknown."""
+        return None
+
+    @abstractmethod
+    def for_planning(self) -> "ForwardModel":
+        """The same predictions with gradients for a planner.
+
+        They lead on where the true gradients are zero or jump.
+        """
+
+    def near(
+        self, configurations: Float[Array, "modules 3"], memory: Memory
+    ) -> "ForwardModel":
+        """A model for plans within one step of these configurations.
+
+        It may be cheaper. Where a control step is shorter than the arm's delay, it
+        predicts where the arm arrives.
+        """
+        return self
+
+    def predictive_std(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Float[Array, "*batch modules"]:
+        """Standard deviation of the predicted end points [m]; zero if unknown."""
+        return jnp.zeros(configurations.shape[:-1])
+
+    def extrapolation(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch"]:
+        """The part of it that is due to missing training data nearby [m]."""
+        return jnp.zeros(configurations.shape[:-2])
+
+
+class MemorylessModel(ForwardModel):
+    """A forward model without hysteresis, as in the paper."""
+
+    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+        """See `ForwardModel`."""
+        return ()
+
+    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+        """See `ForwardModel`."""
+        return memory
+
+    def for_planning(self) -> "MemorylessModel":
+        """See `ForwardModel`: without memory, the true gradients lead everywhere."""
+        return self
+
+
+class PCCForwardModel(MemorylessModel):
+    """The arm as constant-curvature arcs.
+
+    Attributes:
+        lengths: module lengths [m], shape (modules,).
+    """
+
+    lengths: Float[Array, " modules"]
+
+    @classmethod
+    def of(cls, arm: ArmSpec) -> "PCCForwardModel":
+        """The model with the arm's nominal lengths."""
+        return cls(jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32))
+
+    def predict(
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules 6"]:
+        """See `ForwardModel`: bend biases are added to the bends."""
+        if disturbances is not None:
+            bends = bends_from_configurations(configurations)
+            configurations = configurations_from_bends(bends + disturbances.bend_biases)
+        return states_from_configurations(configurations, self.lengths)

@@ -1,0 +1,165 @@
+"""Files of trained networks: what they hold. `checkpoint` defines their form."""
+
+import os
+from dataclasses import asdict, replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from pydantic import TypeAdapter
+
+import s2c2a
+from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
+from s2c2a.control.options import CONTROLLERS
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.estimation import MODAL_MODEL, EncoderOnly
+from s2c2a.estimation.sensor_models import PREFIX
+from s2c2a.models.registry import MODELS
+from s2c2a.strategies.checkpoint import (
+    SCHEMA,
+    Arrays,
+    Metadata,
+    damaged,
+    filled,
+    learned,
+    read,
+    write,
+)
+from s2c2a.strategies.options import StrategyOptions
+from s2c2a.strategies.recipe import Recipe, recipe_in
+from s2c2a.strategies.registry import STRATEGIES
+from s2c2a.strategies.trained import TrainedNetworks
+
+OPTIONAL = (MODAL_MODEL, PREFIX)
+"""Beginnings of the names of networks that a file may lack."""
+CURVE = "curve."
+
+
+def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
+    """Write trained networks; the file appears whole or not at all.
+
+    Raises:
+        S2C2AError: the file cannot be written.
+    """
+    recipe = networks.recipe
+    recipe = replace(
+        recipe,
+        # by class, wherever its file was
+        c2s=replace(recipe.c2s, model=MODELS.name_of(type(recipe.c2s))),
+        c2a=replace(recipe.c2a, model=CONTROLLERS.name_of(type(recipe.c2a))),
+        # whoever reads the file decides what may be imported
+        planner=replace(recipe.planner, own_code=True),
+    )
+    metadata = Metadata(
+        schema_version=SCHEMA,
+        version=s2c2a.__version__,
+        strategy=networks.strategy,
+        strategy_options=dict(networks.strategy_options),
+        arm=arm_to_toml(networks.arm),
+        recipe=asdict(recipe),
+        seed=networks.seed,
+        percent=networks.percent,
+    )
+    arrays = learned(networks.networks)
+    for name, curve in networks.curves.items():
+        arrays[f"{CURVE}{name}"] = np.asarray(curve)
+    write(path, metadata, arrays)
+
+
+def load_strategy(
+    path: str | os.PathLike, arm: ArmSpec | None = None
+) -> TrainedNetworks:
+    """Read trained networks, for an arm if one is given.
+
+    Classes of the user's own that the file names must be imported before
+    (`OptionsRegistry.named`); the file itself runs no code.
+
+    Raises:
+        StrategyError: no such file, damaged, of another schema, or trained for another
+            arm.
+    """
+    metadata, arrays = read(path)
+    trained_for = _arm(metadata, path)
+    if arm is not None and not arm.same_mechanics(trained_for):
+        raise StrategyError(
+            f"{path} was trained for '{trained_for.name}', which differs from "
+            f"'{arm.name}' in {', '.join(arm.differences(trained_for))}; train one for "
+            "this arm with `s2c2a train`"
+        )
+    with damaged(path):
+        recipe = _recipe(metadata.recipe)
+        kind = STRATEGIES.imported(metadata.strategy)
+        strategy = TypeAdapter(kind).validate_python(metadata.strategy_options)
+        blanks = _blanks(strategy, recipe, trained_for, metadata)
+        networks = filled(blanks, trained_for, arrays)
+        curves = _curves(arrays)
+        if not set(networks) == set(curves) == set(metadata.percent):
+            raise StrategyError("networks, curves and errors differ in their names")
+    return TrainedNetworks(
+        arm or trained_for,
+        recipe,
+        metadata.seed,
+        networks,
+        metadata.percent,
+        curves,
+        metadata.strategy,
+        metadata.strategy_options,
+    )
+
+
+def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
+    """The arm that networks were trained for.
+
+    Raises:
+        StrategyError: no such file, damaged, or of another schema.
+    """
+    return _arm(read(path)[0], path)
+
+
+def _blanks(
+    strategy: StrategyOptions, recipe: Recipe, arm: ArmSpec, metadata: Metadata
+) -> dict[str, Any]:
+    """Shapes of the networks that the file holds."""
+    shapes = eqx.filter_eval_shape(
+        lambda key: strategy.untrained(arm, recipe, key), jax.random.key(0)
+    )
+    return {
+        name: shape
+        for name, shape in shapes.items()
+        if name in metadata.percent or not name.startswith(OPTIONAL)
+    }
+
+
+def _recipe(table: dict[str, Any]) -> Recipe:
+    """The recipe of a file of unknown origin: it imports nothing."""
+    planner = table.get("planner")
+    if isinstance(planner, dict):
+        planner = planner | {"own_code": False}
+    table = table | {"planner": planner}
+    recipe = recipe_in(table, MODELS.imported, CONTROLLERS.imported)
+    try:
+        _ = recipe.estimator_options
+    except S2C2AError:  # the user's own: a recipe file has to name it again
+        return replace(recipe, estimator=EncoderOnly())
+    return recipe
+
+
+def _arm(metadata: Metadata, path: str | os.PathLike) -> ArmSpec:
+    with damaged(path):
+        return arm_from_toml(metadata.arm, f"arm in {path}")
+
+
+def _curves(arrays: Arrays) -> dict[str, np.ndarray]:
+    curves = {}
+    for name, curve in arrays.items():
+        if not name.startswith(CURVE):
+            continue
+        network = name.removeprefix(CURVE)
+        if curve.ndim != 2 or curve.shape[1] != 3 or not np.isfinite(curve).all():
+            raise StrategyError(
+                f"the curve of {network} has no rows of epoch, training and validation "
+                "loss"
+            )
+        curves[network] = curve
+    return curves

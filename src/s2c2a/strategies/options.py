@@ -1,0 +1,117 @@
+"""The interface of strategies that are chosen by name."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from jaxtyping import PRNGKeyArray
+from pydantic import ConfigDict
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions, Recording
+from s2c2a.errors import StrategyError
+from s2c2a.estimation import EstimationSettings
+from s2c2a.planning import Guard
+from s2c2a.runtime import Driver
+from s2c2a.strategies.recipe import Recipe
+from s2c2a.strategies.trained import TrainedNetworks
+
+NetworkProgress = Callable[[str, int, int, float], None]
+"""Called with network, epoch, number of epochs, validation loss."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run that strategies use.
+
+    Attributes:
+        guard: which points are kept out of obstacles.
+        estimation: what the user states about disturbances.
+    """
+
+    guard: Guard = "tip"
+    estimation: EstimationSettings = EstimationSettings()  # noqa: RUF009  # frozen
+
+
+@dataclass(frozen=True)
+class StrategyOptions(ABC):
+    """A strategy by name: what it needs, how it is trained, and how it is built.
+
+    Derive a frozen dataclass from it and name it: `--strategy my_strategy.py:Mine`, or
+    an entry point of `s2c2a.strategies`. A strategy without training implements `build`
+    alone.
+
+    Attributes:
+        name: in result rows and figures.
+        supports: which settings of a run it supports
+            (`EstimationSettings.check_supported`).
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+    name: ClassVar[str] = ""
+    supports: ClassVar[frozenset[str]] = frozenset()
+
+    def recipe(self, recipe: Recipe) -> Recipe:
+        """The recipe that it is trained by, given the one that the user chose."""
+        return recipe
+
+    def training_arm(self, arm: ArmSpec, recipe: Recipe) -> ArmSpec:
+        """The arm as its training sees it: by default as it is."""
+        return arm
+
+    def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions | None:
+        """The recording that it is trained on; None for a strategy without training."""
+        return None
+
+    def training_key(self, recipe: Recipe) -> Any:
+        """Everything beside the recording that training depends on.
+
+        Networks are trained anew where its text differs.
+        """
+        return repr(self)
+
+    def untrained(
+        self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
+    ) -> dict[str, Any]:
+        """Networks before training, pytrees by name; files are read into them."""
+        return {}
+
+    def train(
+        self,
+        recording: Recording,
+        recipe: Recipe,
+        seed: int,
+        progress: NetworkProgress = lambda *_: None,
+    ) -> TrainedNetworks:
+        """Train on a recording.
+
+        Args:
+            recording: of the arm.
+            recipe: how to train.
+            seed: of everything random.
+            progress: called with network, epoch, number of epochs, validation loss.
+
+        Raises:
+            RecordingError: the recording lacks what is needed.
+            TrainingError: too few samples, or the loss is not finite.
+        """
+        raise StrategyError(f"strategy '{self.name}' is not trained")
+
+    @abstractmethod
+    def build(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> Driver:
+        """Build the strategy for an arm.
+
+        Args:
+            arm: that it will drive.
+            recipe: how to plan.
+            trained: what `train` returned; None for a strategy without training.
+            run: options of the run.
+        """

@@ -1,0 +1,156 @@
+"""The comparisons of the paper without learning: PCC in planner and controller.
+
+They have no feedback.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import InversePCC
+from s2c2a.data import CollectOptions, Recording
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.estimation import EncoderEstimator, EncoderMap
+from s2c2a.kinematics import PCC, bends_from_states
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import Planner, PlannerOptions
+from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
+from s2c2a.strategies.recipe import Recipe
+from s2c2a.strategies.strategy import Strategy
+from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training import Trained
+from s2c2a.training.fit import Fixed
+
+GAINS = "gains"
+MIN_MOTION = 1e-6  # rad2; a module that moves less cannot be fitted
+
+
+@dataclass(frozen=True)
+class PlainPCC(StrategyOptions):
+    """PCC with the arm's nominal numbers."""
+
+    name = "pcc"
+
+    def build(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> Strategy:
+        """See `StrategyOptions`."""
+        return pcc_strategy(arm, replace(recipe.planner, guard=run.guard))
+
+
+class FittedGains(Fixed):
+    """Gains of the modules.
+
+    Attributes:
+        gains: true bend over the bend by the encoders, shape (modules,).
+    """
+
+    gains: Float[Array, " modules"]
+
+
+@dataclass(frozen=True)
+class FittedPCC(StrategyOptions):
+    """PCC with one gain per module, fitted to a recording."""
+
+    name = "pcc-fitted"
+
+    def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
+        """See `StrategyOptions`."""
+        return recipe.collect_options(seed)
+
+    def untrained(
+        self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
+    ) -> dict[str, Any]:
+        """See `StrategyOptions`."""
+        return {GAINS: FittedGains(jnp.ones(arm.module_count))}
+
+    def train(
+        self,
+        recording: Recording,
+        recipe: Recipe,
+        seed: int,
+        progress: NetworkProgress = lambda *_: None,
+    ) -> TrainedNetworks:
+        """See `StrategyOptions`."""
+        gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
+        result = Trained(gains, np.zeros((1, 3), np.float32), (0.0, 0.0))
+        trained = {GAINS: result}
+        return TrainedNetworks.of(recording.arm, recipe, seed, trained)
+
+    def build(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> Strategy:
+        """See `StrategyOptions`."""
+        if trained is None:
+            raise StrategyError(
+                "pcc-fitted needs gains that were fitted to a recording"
+            )
+        options = replace(recipe.planner, guard=run.guard)
+        gains = np.asarray(trained.networks[GAINS].gains, float)
+        return _pcc(self.name, arm, options, 1.0 / gains)
+
+
+def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
+    """PCC with the arm's nominal numbers."""
+    return _pcc("pcc", arm, options, np.ones(arm.module_count))
+
+
+def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
+    """PCC with one gain per module, fitted to a recording.
+
+    Raises:
+        RecordingError: see `fitted_gains`.
+    """
+    gains = 1.0 / fitted_gains(recording)
+    return _pcc("pcc-fitted", recording.arm, options, gains)
+
+
+def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
+    """True bend over the bend by the encoders, per module, by least squares.
+
+    Raises:
+        RecordingError: episodes or true states are missing, or a module did not move.
+    """
+    recording.check_complete()
+    cables = jnp.asarray(recording.sensor("cables"), dtype=jnp.float32)
+    sensed = np.asarray(PCC.of(recording.arm).bends(cables))
+    states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
+    true = np.asarray(bends_from_states(states))
+    all_but_modules = (0, 1, 3)
+    product = (true * sensed).sum(axis=all_but_modules)
+    squared = (sensed**2).sum(axis=all_but_modules)
+    is_usable = np.isfinite(product) & (product > MIN_MOTION) & (squared > MIN_MOTION)
+    if not is_usable.all():
+        raise RecordingError(
+            "gains cannot be fitted: the recording lacks true states, or a module did "
+            "not move"
+        )
+    return product / squared
+
+
+def _pcc(
+    name: str,
+    arm: ArmSpec,
+    options: PlannerOptions,
+    gains: Float[np.ndarray, " modules"],
+) -> Strategy:
+    pcc = PCC.of(arm)
+    return Strategy(
+        name,
+        arm,
+        EncoderEstimator(EncoderMap(pcc)),
+        Planner(arm, PCCForwardModel.of(arm), options),
+        InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)),
+    )

@@ -1,0 +1,31 @@
+"""Networks that come with the package."""
+
+from dataclasses import replace
+from importlib import resources
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import StrategyError
+from s2c2a.strategies.files import arm_of_strategy, load_strategy
+from s2c2a.strategies.recipe import recipe_named
+from s2c2a.strategies.s2c2a import WEIGHTS
+from s2c2a.strategies.trained import TrainedNetworks
+
+
+def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
+    """The networks that come with the package for an arm.
+
+    Raises:
+        StrategyError: there are none for this arm.
+    """
+    for file in sorted(WEIGHTS.iterdir(), key=lambda file: file.name):
+        if not file.name.endswith(".safetensors"):
+            continue
+        with resources.as_file(file) as path:
+            if arm_of_strategy(path).same_mechanics(arm):
+                networks = load_strategy(path)
+                recipe = recipe_named(networks.recipe.name)
+                return replace(networks, arm=arm, recipe=recipe)
+    raise StrategyError(
+        f"no trained networks come with the package for '{arm.name}'; collect data with "
+        "`s2c2a collect`, train with `s2c2a train`, and give the file with --weights"
+    )

@@ -1,0 +1,13 @@
+"""Array types that the drawing modules share."""
+
+import numpy as np
+from jaxtyping import Float
+
+Point = Float[np.ndarray, "3"]
+Points = Float[np.ndarray, "*batch 3"]
+PlanePoints = Float[np.ndarray, "*batch 2"]
+Spheres = Float[np.ndarray, "*batch 4"]
+"""Center and radius [m]."""
+Series = Float[np.ndarray, " time"]
+Goals = Float[np.ndarray, "time modules 3"]
+"""Desired position [m] or axis of every module, NaN where it has none."""

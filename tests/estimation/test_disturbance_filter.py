@@ -1,0 +1,116 @@
+"""The disturbance filter without a closed loop: found payloads, outliers, missing values."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.arm.sensors import Sensors
+from s2c2a.estimation import EstimationSettings
+from s2c2a.estimation.disturbance_filter import REJECTION_TIME
+from s2c2a.kinematics import bends_from_states, configurations_from_bends
+from s2c2a.strategies import estimator_of, shipped_networks
+
+ARM = load_arm("twin_arm").model_copy(update={"sensors": Sensors(bends=True)})
+BENDS = np.array([[0.35, 0.1], [0.3, 0.05], [0.25, 0.1]], np.float32)
+CONFIGURATION = np.asarray(configurations_from_bends(BENDS))
+PAYLOAD = 0.05
+MISSING = {"configurations": np.full((3, 3), np.nan, np.float32)}
+
+
+def filter_of(settings=EstimationSettings()):  # noqa: B008  # frozen
+    networks = replace(shipped_networks(ARM), arm=ARM)
+    return estimator_of(networks, settings).filter
+
+
+@pytest.fixture(scope="module")
+def disturbance_filter():
+    return filter_of()
+
+
+@pytest.fixture(scope="module")
+def update(disturbance_filter):
+    return eqx.filter_jit(disturbance_filter.update)
+
+
+def start(disturbance_filter, payload=0.0):
+    return disturbance_filter.start(jnp.asarray(CONFIGURATION), jnp.asarray(payload))
+
+
+def measured_at(disturbance_filter, payload, shift=0.0):
+    """What ideal sensors measure of an arm at rest with a payload."""
+    state = start(disturbance_filter, payload)
+    states = disturbance_filter.model.predict(
+        CONFIGURATION, state.hysteresis, state.moments
+    )
+    bends = bends_from_states(states) + shift
+    return {"configurations": np.asarray(configurations_from_bends(bends), np.float32)}
+
+
+def after(update, state, measurements, steps):
+    for _ in range(steps):
+        state = update(state, CONFIGURATION, measurements)
+    return state
+
+
+def test_a_constant_payload_is_found(disturbance_filter, update):
+    measured = measured_at(disturbance_filter, PAYLOAD)
+    state = after(update, start(disturbance_filter), measured, 100)
+    assert float(state.mean[0]) == pytest.approx(PAYLOAD, rel=0.2)
+    assert not np.any(state.rejected_for > 0.0)
+
+
+def test_no_payload_is_found_where_there_is_none(disturbance_filter, update):
+    measured = measured_at(disturbance_filter, 0.0)
+    state = after(update, start(disturbance_filter), measured, 50)
+    assert float(state.mean[0]) < 0.003
+
+
+def test_missing_measurements_leave_the_estimate_and_widen_it(
+    disturbance_filter, update
+):
+    measured = measured_at(disturbance_filter, PAYLOAD)
+    found = after(update, start(disturbance_filter), measured, 50)
+    blind = after(update, found, MISSING, 20)
+    assert float(blind.mean[0]) == pytest.approx(float(found.mean[0]), rel=1e-3)
+    assert float(blind.covariance[0, 0]) > float(found.covariance[0, 0])
+
+
+def test_an_outlier_is_rejected_for_a_while(disturbance_filter, update):
+    measured = measured_at(disturbance_filter, 0.0)
+    state = after(update, start(disturbance_filter), measured, 20)
+    shift = np.zeros((3, 2))
+    shift[0] = 0.3  # one module: no payload bends an arm so
+    wrong = update(state, CONFIGURATION, measured_at(disturbance_filter, 0.0, shift))
+    assert float(wrong.rejected_for[0]) == pytest.approx(REJECTION_TIME)
+    assert float(wrong.mean[0]) < 0.003
+    steps = round(REJECTION_TIME / ARM.control_period) + 12
+    assert float(after(update, wrong, measured, steps).rejected_for[0]) == 0.0
+
+
+def test_another_payload_is_not_taken_for_an_outlier(disturbance_filter, update):
+    state = start(disturbance_filter)
+    state = after(update, state, measured_at(disturbance_filter, 0.0), 30)
+    state = after(update, state, measured_at(disturbance_filter, PAYLOAD), 60)
+    assert float(state.rejected_for[0]) == 0.0
+    assert float(state.mean[0]) == pytest.approx(PAYLOAD, rel=0.3)
+
+
+def test_without_estimation_the_payload_stays_as_stated():
+    settings = EstimationSettings(0.03, disturbance_estimation=False)
+    fixed = filter_of(settings)
+    state = start(fixed, 0.03)
+    measured = measured_at(fixed, 0.1)
+    state = after(eqx.filter_jit(fixed.update), state, measured, 10)
+    assert float(state.mean[0]) == pytest.approx(0.03)
+
+
+def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update):
+    measured = measured_at(disturbance_filter, PAYLOAD)
+    state = after(update, start(disturbance_filter), measured, 200)
+    covariance = np.asarray(state.covariance, float)
+    np.testing.assert_array_equal(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-6

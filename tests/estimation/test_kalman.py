@@ -1,0 +1,110 @@
+"""The steps of the Kalman filter against direct computations."""
+
+import numpy as np
+import pytest
+
+from s2c2a.estimation import kalman
+
+F = np.array([[1.0, 0.1], [0.0, 0.95]])
+H = np.array([[1.0, 0.0]])
+Q = np.array([1e-4, 4e-3])
+R_STD = np.array([0.2])
+
+
+def step(mean, covariance, measurement, present=True):
+    """One predict and update of the linear system above."""
+    mean = F @ mean
+    covariance = kalman.predict(mean, covariance, F, Q)
+    residual = np.where(present, measurement - H @ mean, 0.0)
+    jacobian = np.where(present, H, 0.0)
+    innovation_cov = kalman.innovation_covariance(covariance, jacobian, R_STD)
+    updated = kalman.update(mean, covariance, residual, jacobian, innovation_cov)
+    return *(np.asarray(value, float) for value in updated), residual, innovation_cov
+
+
+def direct(mean, covariance, measurement):
+    """The same by the textbook's equations in double precision."""
+    mean = F @ mean
+    covariance = F @ covariance @ F.T + np.diag(Q)
+    innovation_cov = H @ covariance @ H.T + np.diag(R_STD**2)
+    gain = covariance @ H.T @ np.linalg.inv(innovation_cov)
+    mean = mean + gain @ (measurement - H @ mean)
+    return mean, (np.eye(2) - gain @ H) @ covariance
+
+
+def simulate(steps, seed=0):
+    """States and measurements of the linear system."""
+    random = np.random.default_rng(seed)
+    state = random.normal(size=2)
+    states = []
+    measurements = []
+    for _ in range(steps):
+        state = F @ state + random.normal(size=2) * np.sqrt(Q)
+        states.append(state)
+        measurements.append(H @ state + random.normal(size=1) * R_STD)
+    return np.array(states), np.array(measurements)
+
+
+def test_the_filter_is_the_textbooks():
+    mean, covariance = np.zeros(2), np.eye(2)
+    expected_mean, expected_covariance = np.zeros(2), np.eye(2)
+    for measurement in simulate(200)[1]:
+        mean, covariance, _, _ = step(mean, covariance, measurement)
+        expected_mean, expected_covariance = direct(
+            expected_mean, expected_covariance, measurement
+        )
+        np.testing.assert_allclose(mean, expected_mean, atol=2e-5)
+        np.testing.assert_allclose(covariance, expected_covariance, atol=2e-5)
+
+
+def test_innovations_are_white_and_as_large_as_predicted():
+    mean, covariance = np.zeros(2), np.eye(2)
+    normalized = []
+    for measurement in simulate(4000)[1]:
+        mean, covariance, residual, innovation_cov = step(mean, covariance, measurement)
+        normalized.append(residual[0] / np.sqrt(innovation_cov[0, 0]))
+    normalized = np.array(normalized[50:])
+    assert np.mean(normalized**2) == pytest.approx(1.0, abs=0.1)
+    assert abs(np.mean(normalized[1:] * normalized[:-1])) < 0.06
+
+
+def test_the_error_is_as_large_as_its_covariance():
+    states, measurements = simulate(4000)
+    mean, covariance = np.zeros(2), np.eye(2)
+    squared = []
+    for state, measurement in zip(states, measurements, strict=True):
+        mean, covariance, _, _ = step(mean, covariance, measurement)
+        error = state - mean
+        squared.append(error @ np.linalg.solve(covariance, error))
+    assert np.mean(squared[50:]) == pytest.approx(2.0, abs=0.3)  # two states
+
+
+def test_a_missing_measurement_changes_the_prediction_by_nothing():
+    mean, covariance = np.array([1.0, -0.5]), np.diag([0.5, 0.1])
+    updated, updated_cov, _, _ = step(mean, covariance, np.array([99.0]), present=False)
+    np.testing.assert_allclose(updated, F @ mean, rtol=1e-6)
+    np.testing.assert_allclose(
+        updated_cov, F @ covariance @ F.T + np.diag(Q), rtol=1e-5
+    )
+
+
+def test_the_covariance_stays_positive_in_single_precision():
+    """A very precise sensor on a very uncertain state: the short form would fail."""
+    covariance = np.diag([1e6, 1e6]).astype(np.float32)
+    mean = np.zeros(2, np.float32)
+    noise = np.array([1e-3], np.float32)
+    for _ in range(100):
+        innovation_cov = kalman.innovation_covariance(covariance, H, noise)
+        mean, covariance = kalman.update(
+            mean, covariance, np.zeros(1), H, innovation_cov
+        )
+        covariance = np.asarray(covariance)
+        assert np.linalg.eigvalsh((covariance + covariance.T) / 2).min() > -1e-3
+
+
+def test_innovations_are_normalized_by_their_own_standard_deviations():
+    residual = np.array([0.3, 4.0, 0.0])
+    covariance = np.diag([0.01, 4.0, 1.0])
+    present = np.array([True, True, False])
+    size = kalman.normalized_innovation(residual, covariance, present)
+    assert float(size) == pytest.approx(np.sqrt((3.0**2 + 2.0**2) / 2.0))

@@ -1,0 +1,87 @@
+"""The modal model against the simulated arm, over the payload, and identified again."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.estimation.modal_model import (
+    LinearizedArm,
+    ModalFactors,
+    ModalTable,
+    identify_modal_factors,
+    modal_step,
+    modes,
+    simulate,
+)
+from s2c2a.robots.simulation import SimulatedRobot
+
+PERIOD = 0.1
+TWIN = load_arm("twin_arm")
+
+
+def ringing_frequency(payload) -> float:
+    """Frequency of the simulated tip after a force on it is removed [Hz]."""
+    robot = SimulatedRobot(TWIN, payload=payload)
+    robot.open()
+    rest = robot.sensors["cables"].low * 0.0
+    robot.apply_force(np.array([0.1, 0.0, 0.0]))
+    for _ in range(40):
+        robot.step(rest)
+    robot.apply_force(np.zeros(3))
+    positions = []
+    for _ in range(500):
+        robot.advance(0.01)
+        positions.append(robot.states()[-1, 0])
+    signs = np.sign(np.array(positions) - np.mean(positions[-100:]))
+    crossings = np.flatnonzero(np.diff(signs))
+    return 0.5 / (np.diff(crossings[:8]).mean() * 0.01)
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.05, 0.1])
+def test_the_first_mode_is_that_of_the_simulated_arm(payload):
+    arm = LinearizedArm.of(TWIN).with_payload(payload)
+    step = modal_step(arm, ModalFactors.nominal(), PERIOD)
+    assert modes(step, PERIOD)[0, 0] == pytest.approx(
+        ringing_frequency(payload), rel=0.2
+    )
+
+
+def test_vibration_decays_to_the_equilibrium():
+    step = modal_step(LinearizedArm.of(TWIN), ModalFactors.nominal(), PERIOD)
+    equilibrium = np.full(6, 0.1)
+    state = np.zeros(12)
+    for _ in range(300):
+        state = step.transition @ state + step.input @ equilibrium
+    np.testing.assert_allclose(state, np.r_[equilibrium, np.zeros(6)], atol=1e-6)
+
+
+def test_factors_are_identified_again_from_a_simulation():
+    true = ModalFactors(jnp.asarray(0.7), jnp.asarray(1.2))
+    equilibria = np.random.default_rng(0).normal(0, 0.1, (3, 20, 6))
+    equilibria = np.repeat(equilibria, 10, axis=1)
+    bends = simulate(modal_step(LinearizedArm.of(TWIN), true, PERIOD), equilibria)
+    shape = (3, 200, 3, 2)
+    factors, without, remaining = identify_modal_factors(
+        TWIN, equilibria.reshape(shape), bends.reshape(shape)
+    )
+    assert float(factors.stiffness) == pytest.approx(0.7, rel=0.05)
+    assert float(factors.damping) == pytest.approx(1.2, rel=0.1)
+    assert remaining < 0.1 * without
+
+
+def test_unknown_bends_leave_the_nominal_factors():
+    unknown = np.full((2, 100, 3, 2), np.nan)
+    factors, *errors = identify_modal_factors(TWIN, np.zeros_like(unknown), unknown)
+    assert (float(factors.stiffness), *errors) == (1.0, 0.0, 0.0)
+
+
+def test_the_table_holds_the_modal_step_of_each_payload():
+    factors = ModalFactors.nominal()
+    table = ModalTable.of(TWIN, factors)
+    payload = table.payloads[2]
+    arm = LinearizedArm.of(TWIN).with_payload(float(payload))
+    transition, inputs = table.at(payload)
+    step = modal_step(arm, factors, TWIN.control_period)
+    np.testing.assert_allclose(transition, step.transition, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(inputs, step.input, rtol=1e-3, atol=1e-4)

@@ -1,0 +1,133 @@
+"""Unknown payloads, forces and faults in closed loop on the simulated arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.arm.sensors import Inertial, Sensors
+from s2c2a.errors import StrategyError
+from s2c2a.estimation import EstimationSettings
+from s2c2a.evaluation import position_errors, rollout
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Reading
+from s2c2a.strategies import recipe_named, s2c2a_strategy, shipped_networks
+from s2c2a.strategies.pcc import PlainPCC
+from s2c2a.tasks import circle
+
+TWIN = load_arm("twin_arm")
+WITH_IMU = TWIN.model_copy(update={"sensors": Sensors(imu=Inertial())})
+WITH_BENDS = TWIN.model_copy(update={"sensing": "true"})
+IMU_SENSORS = ("accelerations", "angular_velocities")
+FAULT_TIME = 8.0  # s
+PAYLOAD = 0.05  # kg
+
+
+class FailingRobot(SimulatedRobot):
+    """Its inertial sensors disappear, or repeat their last samples."""
+
+    fault = ""
+
+    def open(self) -> Reading:
+        self.last = {}
+        return super().open()
+
+    def read(self) -> Reading:
+        reading = super().read()
+        sensors = dict(reading.sensors)
+        if self.fault and reading.time > FAULT_TIME:
+            for name in IMU_SENSORS:
+                sensors[name] = self.last.setdefault(name, sensors[name])
+                if self.fault == "missing":
+                    del sensors[name]
+        return Reading(reading.time, sensors)
+
+
+def strategy_for(arm, **settings):
+    networks = replace(shipped_networks(TWIN), arm=arm)
+    return s2c2a_strategy(networks, settings=EstimationSettings(**settings))
+
+
+@pytest.fixture(scope="module")
+def strategy():
+    return strategy_for(WITH_IMU)
+
+
+def run(strategy, payload=0.0, fault="", events=""):
+    robot = FailingRobot(strategy.arm, payload=payload, events=events)
+    robot.fault = fault
+    task = circle(strategy.arm)
+    episode = rollout(robot, strategy, task)
+    errors = position_errors(episode.after("states"), task.desired_positions())
+    return episode, errors
+
+
+def test_inertial_sensors_show_the_payload(strategy):
+    episode, errors = run(strategy, PAYLOAD)
+    assert episode.ran("payload")[-1] == pytest.approx(PAYLOAD, rel=0.3)
+    assert errors.mean() < 0.8
+
+
+def test_without_a_payload_they_do_no_harm(strategy):
+    episode, errors = run(strategy)
+    assert episode.ran("payload")[60:].max() < 0.01
+    assert errors.mean() < 0.9  # their biases are half a degree
+
+
+@pytest.mark.parametrize("fault", ["missing", "frozen"])
+def test_the_estimate_stays_when_they_fail(strategy, fault):
+    episode, errors = run(strategy, PAYLOAD, fault)
+    assert episode.ran("payload")[-1] == pytest.approx(PAYLOAD, rel=0.3)
+    assert errors[100:].mean() < 1.2
+
+
+def test_a_payload_that_is_added_during_the_run_is_no_outlier(strategy):
+    episode, errors = run(strategy, events="4 payload 0.1")
+    assert not episode.ran("rejected.imu")[-100:].any()
+    assert episode.ran("payload")[-1] == pytest.approx(0.1, rel=0.3)
+    assert errors[-50:].mean() < 2.5
+
+
+def test_the_next_start_begins_without_an_estimate(strategy):
+    run(strategy, PAYLOAD)
+    episode, _ = run(strategy)
+    assert episode.ran("payload")[0] < PAYLOAD / 2
+
+
+def test_the_arm_yields_to_a_force_beyond_the_limit_and_returns():
+    yielding = strategy_for(WITH_BENDS, max_compensated_force=0.1)
+    episode, errors = run(yielding, events="4 force 0.5 0 0; 10 force 0 0 0")
+    assert errors[60:100].mean() > 5.0
+    assert episode.ran("external_force").max() < 0.11
+    assert errors[140:].mean() < 0.6
+
+
+def test_homing_errors_are_compensated():
+    _, errors = run(strategy_for(WITH_BENDS), events="2 homing_error 0.0005")
+    assert errors[-60:].mean() < 1.3  # 0.3 without the error, some 2 uncompensated
+
+
+def test_a_known_payload_needs_no_sensor():
+    episode, errors = run(strategy_for(TWIN, known_payload=PAYLOAD), PAYLOAD)
+    np.testing.assert_allclose(episode.ran("payload"), PAYLOAD, rtol=1e-6)
+    assert errors.mean() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "option"),
+    [
+        ({"known_payload": 0.05}, "--known-payload"),
+        ({"disturbance_estimation": False}, "--no-disturbance-estimation"),
+        ({"max_compensated_force": 1.0}, "--max-compensated-force"),
+    ],
+)
+def test_settings_that_a_strategy_ignores_are_refused(settings, option):
+    with pytest.raises(StrategyError, match=f"does not support {option}"):
+        EstimationSettings(**settings).check_supported(PlainPCC.supports, "pcc")
+
+
+def test_a_forward_model_that_ignores_payloads_refuses_them(tiny_networks):
+    assert tiny_networks.recipe.c2s.model == recipe_named("paper").c2s.model
+    with pytest.raises(StrategyError, match="ignores payloads"):
+        s2c2a_strategy(tiny_networks, settings=EstimationSettings(PAYLOAD))

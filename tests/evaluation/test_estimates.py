@@ -1,0 +1,58 @@
+"""Descriptions of state estimates, for a step and for a run."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.episodes import Episode
+from s2c2a.evaluation import describe_estimates, describe_step_estimates
+
+
+def make_episode(**columns):
+    bend_biases = np.zeros((4, 3, 2))
+    bend_biases[2, 1, 0] = np.deg2rad(1.5)
+    estimates = {
+        "payload": np.full(4, 0.052),
+        "bend_biases": bend_biases,
+        "external_force": np.array([0.0, 0.1, 0.3, 0.2]),
+    }
+    steps = {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))}
+    return Episode(load_arm("twin_arm"), steps | estimates | columns)
+
+
+def test_a_run_is_described_by_payload_largest_bend_bias_force_and_rejected_sensors():
+    rejected = {
+        "rejected.imu": np.array([0.0, 1.0, 1.0, 0.0]),
+        "rejected.flex": np.zeros(4),
+    }
+    assert describe_estimates(make_episode(**rejected)) == (
+        "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N); "
+        "rejected: imu 50 % of the steps"
+    )
+
+
+def test_a_run_without_rejected_sensors_is_described_by_its_estimates_alone():
+    text = describe_estimates(make_episode(**{"rejected.imu": np.zeros(4)}))
+    assert text == "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N)"
+
+
+def test_a_run_without_an_estimator_has_no_description():
+    assert describe_estimates(make_episode()) == ""
+
+
+@pytest.mark.parametrize(
+    ("is_rejected", "ending"), [(0.0, ""), (1.0, "; **rejected: imu**")]
+)
+def test_a_step_is_described_likewise(is_rejected, ending):
+    diagnostics = {
+        "payload": np.array(0.048),
+        "bend_biases": np.deg2rad([[0.3, 0.4], [1.2, 0.0]]),
+        "external_force": np.array(0.31),
+        "rejected.imu": np.array(is_rejected),
+    }
+    text = "payload 48 g, largest bend bias 1.2 deg (external force 0.3 N)"
+    assert describe_step_estimates(diagnostics) == text + ending
+
+
+def test_a_step_without_an_estimator_has_no_description():
+    assert describe_step_estimates({"payload": np.array(0.0)}) == ""

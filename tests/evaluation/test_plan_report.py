@@ -1,0 +1,57 @@
+"""Descriptions of the steps in which planning was difficult."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.episodes import Episode
+from s2c2a.evaluation import describe_plans
+
+TWIN = load_arm("twin_arm")
+
+
+def make_episode(**columns):
+    steps = {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))}
+    return Episode(TWIN, steps | columns)
+
+
+@pytest.mark.parametrize(
+    ("columns", "text"),
+    [
+        ({}, ""),
+        ({"outcome": np.zeros(4)}, ""),
+        (
+            {"outcome": np.array([0.0, 2.0, 2.0, np.nan])},
+            "the planner restarted from another shape in 2 of 4 steps",
+        ),
+        (
+            {"outcome": np.array([1, 3, 4, 4])},
+            "the planner kept the last plan in 1 of 4 steps, "
+            "the planner used the fallback search in 1 of 4 steps, "
+            "the planner was stuck in 2 of 4 steps",
+        ),
+        (
+            {"extrapolation": np.array([0.0, 0.005, 0.007, np.nan])},
+            "the plan left the range of the training data in 1 of 4 steps",
+        ),
+    ],
+)
+def test_steps_are_counted_by_outcome_and_extrapolation(columns, text):
+    assert describe_plans(make_episode(**columns)) == text
+
+
+def test_plans_that_the_step_limit_holds_back_are_counted():
+    """Two whole steps, the second of which misses the target, and a shorter one."""
+    angles = np.deg2rad([0.0, 4.0, 8.0, 11.0])[:, None]
+    planned = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=-1)
+    planned = planned.repeat(3, axis=1)
+    predicted = np.zeros((4, 3, 6))
+    desired = np.full((4, 3, 3), np.nan)
+    desired[:, -1] = [[0.02, 0, 0], [0, 0, 0], [0, 0.02, 0], [0.02, 0, 0]]
+    episode = make_episode(
+        planned=planned, predicted=predicted, desired_positions=desired
+    )
+    assert describe_plans(episode) == (
+        "the step limit of 4 deg held the plan back (a slower --pace avoids that) "
+        "in 1 of 4 steps"
+    )

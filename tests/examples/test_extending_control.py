@@ -1,0 +1,101 @@
+"""Own estimators, sensors with a formula, controllers and strategies, by command line."""
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from s2c2a.cli.main import main
+from s2c2a.strategies import load_strategy
+
+EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
+WEIGHTS = resources.files("s2c2a.strategies") / "weights" / "twin_arm.safetensors"
+
+
+@pytest.fixture(scope="module")
+def waypoints(tmp_path_factory) -> Path:
+    """A path of three seconds."""
+    path = tmp_path_factory.mktemp("task") / "short.csv"
+    path.write_text("time,x,y,z\n0,0,0,0.6\n3,0.08,0.0,0.58\n")
+    return path
+
+
+def errors_of(folder: Path) -> dict[str, float]:
+    """Mean position error [cm] of every strategy."""
+    rows = json.loads((folder / "results.json").read_text())
+    return {row["strategy"]: row["mean"] for row in rows if row["metric"] == "position"}
+
+
+def run(task: Path, out: Path, *options: str) -> dict[str, float]:
+    main(["run", str(task), "--out", str(out), *options])
+    return errors_of(out)
+
+
+def test_an_own_estimator_is_named_by_a_recipe(waypoints, tmp_path):
+    recipe = EXTENDING / "own_estimator.toml"
+    options = ("--weights", str(WEIGHTS), "--recipe", str(recipe))
+    errors = run(waypoints, tmp_path / "run", *options)
+    assert errors["s2c2a"] < 3.0
+
+
+def test_a_sensor_with_a_formula_is_named_by_the_arm_file(waypoints, tmp_path):
+    arm = tmp_path / "string_arm.toml"
+    main(["arm", "copy", "twin_arm", str(arm)])
+    file = EXTENDING / "own_raw_sensor.py"
+    entry = {"name": "strings", "shape": [3, 2], "model": f"{file}:Strings"}
+    text = arm.read_text()
+    place = text.index("[[modules]]")
+    table = tomli_w.dumps({"sensors": {"raw": [entry]}})
+    arm.write_text(f"{text[:place]}{table}\n{text[place:]}")
+    options = ("--arm", str(arm), "--weights", str(WEIGHTS), "--payload", "0.05")
+    robot = ("--robot", f"{file}:StringArm", "--robot-option", "payload=0.05")
+    errors = run(waypoints, tmp_path / "run", *options[:4], *robot)
+    assert errors["s2c2a"] < 3.0
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("data") / "mine.episodes"
+    main(["collect", "--episodes", "3", "--samples", "60", "--out", str(path)])
+    return path
+
+
+def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_path):
+    recipe = tmp_path / "quick.toml"
+    own = f"{EXTENDING / 'own_controller.py'}:LinearOptions"
+    quick = {"learning_rate": 1e-2, "max_epochs": 4, "epochs_per_call": 4}
+    table = {"based_on": "best", "c2a": {"model": own}, "c2s_fit": quick}
+    recipe.write_text(tomli_w.dumps(table))
+    weights = tmp_path / "mine.safetensors"
+    main(["train", str(recording), "--recipe", str(recipe), "--out", str(weights)])
+    options = ("--weights", str(weights), "--controller", own)
+    assert run(waypoints, tmp_path / "run", *options)["s2c2a"] < 10.0
+
+
+def test_an_own_strategy_is_trained_and_compared_in_one_table(
+    recording, waypoints, tmp_path
+):
+    own = f"{EXTENDING / 'own_strategy.py'}:ResolvedRate"
+    weights = tmp_path / "own.safetensors"
+    main(["train", str(recording), "--strategy", own, "--out", str(weights)])
+    assert load_strategy(weights).strategy == own.replace(
+        str(EXTENDING) + "/", ""
+    ).replace(".py", "")
+    errors = run(
+        waypoints,
+        tmp_path / "run",
+        *("--strategy", "pcc", own, "--weights", str(weights)),
+    )
+    assert set(errors) == {"pcc", own}
+    assert errors[own] < 10.0
+
+
+def test_pcc_with_fitted_gains_is_trained_from_a_recording(
+    recording, waypoints, tmp_path
+):
+    weights = tmp_path / "fitted.safetensors"
+    main(["train", str(recording), "--strategy", "pcc-fitted", "--out", str(weights)])
+    options = ("--strategy", "pcc-fitted", "--weights", str(weights))
+    assert run(waypoints, tmp_path / "run", *options)["pcc-fitted"] < 10.0

@@ -1,0 +1,99 @@
+"""Cables of simulated arms are identified from logs with shuffled, reversed columns."""
+
+import numpy as np
+import pytest
+from simulated_logs import record, write_log  # type: ignore[import-not-found]
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.data import load_recording
+from s2c2a.episodes import load_episodes
+from s2c2a.logs import (
+    import_logs,
+    import_session,
+    map_from_toml,
+    model_fit,
+    save_imported,
+)
+
+
+def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:
+    modules = [
+        module.model_copy(update={"cable_angles_deg": module_angles})
+        for module, module_angles in zip(arm.modules, angles, strict=False)
+    ]
+    return arm.model_copy(update={"name": name, "modules": tuple(modules)})
+
+
+TWIN = load_arm("twin_arm")
+OTHER = with_angles(TWIN, "other", [(20.0, 140.0, 260.0), (75.0, 200.0, 310.0)])
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Motor babbling of both arms."""
+    folder = tmp_path_factory.mktemp("recordings")
+    return {
+        arm.name: record(folder / f"{arm.name}.episodes", arm, 200)
+        for arm in (TWIN, OTHER)
+    }
+
+
+@pytest.mark.parametrize(("name", "tip_only"), [("other", True), ("twin_arm", False)])
+def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
+    recordings, tmp_path, name, tip_only, monkeypatch
+):
+    log = write_log(tmp_path, recordings[name], tip_only)
+    imported = import_logs([log.path], map_from_toml(log.map))
+    arm: ArmSpec = log.arm
+    modules = log.order // arm.cable_count
+    all_angles = np.concatenate([module.cable_angles_deg for module in arm.modules])
+    angles = all_angles[log.order]
+    np.testing.assert_array_equal(imported.assignment.modules, modules)
+    # a positive displacement releases the cable
+    is_reversed = imported.assignment.signs == log.signs
+    ambiguous = {int(text.split()[1].strip(":")) for text in imported.ambiguities}
+    assert set(modules[is_reversed]) <= ambiguous
+    # all cables of a module, or none
+    assert all(len(set(is_reversed[modules == module])) == 1 for module in modules)
+    identified = np.rad2deg(imported.fit.parameters.angles) + 180 * is_reversed
+    errors = (identified - angles + 180) % 360 - 180
+    assert np.abs(errors).max() < 15
+    # at most 5.2 deg in the recording
+    assert 2.0 < imported.arm.step_limit_deg < 12.0
+    assert imported.fit.std is not None
+    std = np.rad2deg(imported.fit.std.angles)
+    assert std.max() < 30
+    assert (np.abs(errors) < 4 * std).all()
+    # the scatter of stretches alone
+    monkeypatch.setattr(model_fit, "ERROR_PATTERNS", np.inf)
+    scatter = import_logs([log.path], map_from_toml(log.map)).fit.std
+    assert scatter is not None
+    assert np.rad2deg(scatter.angles).max() < 15
+
+
+def test_a_recording_returns_in_the_base_frame_of_a_stated_arm(recordings, tmp_path):
+    recording = recordings["other"]
+    log = write_log(tmp_path, recording, tip_only=False, signs_stated=True)
+    imported = import_logs([log.path], map_from_toml(log.map), OTHER)
+    path = tmp_path / "back.episodes"
+    save_imported(imported, path, {"license": "none"})
+    back = load_recording(path)
+    assert back.arm == OTHER
+    assert len(back.episodes) == 2
+    for episode, original in zip(back.episodes, recording.episodes, strict=True):
+        np.testing.assert_allclose(episode["actions"], original["actions"], atol=1e-6)
+        np.testing.assert_allclose(
+            episode.sensor("cables"), original.sensor("cables"), atol=1e-6
+        )
+        states = episode.sensor("states")
+        errors = states[..., :3] - original.sensor("states")[..., :3]
+        assert np.sqrt(np.mean(np.sum(errors**2, axis=-1))) < 0.03
+        assert np.isnan(states[..., 3:]).all()
+    assert load_episodes(path)[1]["license"] == "none"
+    # the same log as another session
+    session = import_session([log.path], map_from_toml(log.map), back)
+    for episode, original in zip(session.episodes, back.episodes, strict=True):
+        for name in ("actions", "sensor.cables", "sensor.states"):
+            np.testing.assert_allclose(episode[name], original[name], atol=1e-7)
+    assert np.abs(session.similar.displacement).max() < 1e-7
+    assert session.similar.cables.max() < 1e-7

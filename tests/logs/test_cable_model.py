@@ -1,0 +1,78 @@
+"""Equilibrium of the cable model in cases solved by hand."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.logs.cable_model import (
+    Parameters,
+    Wiring,
+    equilibrium_bends,
+    gravity_matrix,
+    tilt_rotation,
+)
+from s2c2a.logs.model_fit import flatten, unflatten
+
+STIFFNESS = 0.5
+ANGLES = np.deg2rad([0.0, 120.0, 240.0])
+WIRING = Wiring(np.ones((3, 1)), np.arange(3), np.zeros(3), np.ones(3))
+PARAMETERS = Parameters(
+    angles=ANGLES,
+    gain=np.array(0.0),
+    gains=np.zeros(3),
+    offsets=np.zeros(3),
+    lengths=np.log([0.1]),
+    stiffness=np.array(np.log(STIFFNESS)),
+    gravity=np.array(0.0),
+    tilt=np.zeros(2),
+    base=np.zeros(3),
+)
+
+
+@pytest.fixture(autouse=True)
+def double_precision():
+    with jax.enable_x64(True):
+        yield
+
+
+def test_one_taut_cable_bends_against_the_stiffness_of_the_arm():
+    # (stiffness + 1) bend = pull, because the other two cables are slack
+    columns = np.array([[0.3, -1.0, -1.0]])
+    bends = equilibrium_bends(PARAMETERS, WIRING, columns, tension=False)
+    np.testing.assert_allclose(bends[0, 0], [0.3 / (1 + STIFFNESS), 0], atol=1e-12)
+
+
+def test_tensions_bend_against_the_stiffness_of_the_arm_alone():
+    columns = np.array([[0.3, 0.0, 0.0]])
+    bends = equilibrium_bends(PARAMETERS, WIRING, columns, tension=True)
+    np.testing.assert_allclose(bends[0, 0], [0.3 / STIFFNESS, 0], atol=1e-12)
+
+
+def test_gradients_equal_finite_differences():
+    columns = np.array([[0.3, -0.1, -0.2]])
+
+    def bend(gain):
+        parameters = PARAMETERS._replace(gain=gain)
+        return equilibrium_bends(parameters, WIRING, columns, tension=False)[0, 0, 0]
+
+    difference = float(bend(1e-6) - bend(-1e-6)) / 2e-6
+    assert float(jax.grad(bend)(0.0)) == pytest.approx(difference, rel=1e-6)
+
+
+def test_gravity_is_symmetric_and_strongest_on_the_innermost_module():
+    matrix = gravity_matrix(3)
+    np.testing.assert_allclose(matrix, matrix.T)
+    assert matrix[0, 0] == matrix.max() == 1.0
+
+
+def test_a_small_tilt_is_a_rotation_about_x_and_y():
+    rotation = tilt_rotation(jnp.array([1e-4, 2e-4]))
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(rotation[:, 2], [2e-4, -1e-4, 1.0], atol=1e-7)
+
+
+def test_parameters_survive_flattening():
+    back = unflatten(flatten(PARAMETERS), PARAMETERS)
+    for value, original in zip(back, PARAMETERS, strict=True):
+        np.testing.assert_array_equal(value, original)

@@ -1,0 +1,100 @@
+"""Validation of maps: errors name the key."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from s2c2a.logs import map_from_toml
+from s2c2a.logs.errors import LogError
+
+VALID = """
+[rows]
+kind = "steps"
+[arm]
+name = "mine"
+modules = 1
+control_rate = 10
+[[drives]]
+commanded = "m1"
+unit = "mm"
+[[ends]]
+position = ["x", "y", "z"]
+unit = "mm"
+"""
+
+
+def test_a_short_map_is_enough():
+    log_map = map_from_toml(VALID)
+    assert log_map.end_modules == [0]
+    assert log_map.number_columns == {"m1", "x", "y", "z"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'commanded = "m1"',
+            'comanded = "m1"',
+            "drives.0.comanded: no such key; did you mean commanded",
+        ),
+        ('commanded = "m1"', "", "drives.0: name a column"),
+        ('unit = "mm"\n[[ends', 'unit = "ticks"\n[[ends', "arm.pulley_radius"),
+        ('unit = "mm"\n[[ends', 'unit = "free"\n[[ends', "arm.cable_radius"),
+        ('kind = "steps"', 'kind = "timed"', "rows: timed rows need"),
+        ("modules = 1", "modules = 99", "arm.modules"),
+        ('position = ["x", "y", "z"]', 'position = ["x", "y"]', "ends.0.position"),
+        (
+            'position = ["x"',
+            'quaternion = ["a", "b", "c", "d"]\nposition = ["x"',
+            "order",
+        ),
+        ('position = ["x"', 'euler = ["a", "b", "c"]\nposition = ["x"', "sequence"),
+        (
+            'position = ["x"',
+            'euler = ["a", "b", "c"]\nsequence = "xYz"\nposition = ["x"',
+            "ends.0.sequence",
+        ),
+        ('position = ["x"', 'module = 1\nposition = ["x"', "ends name a module beyond"),
+        ("control_rate = 10", "", "arm.control_rate: this key is missing"),
+        ("control_rate = 10", "control_rate = 10\nlength = nan", "arm.length"),
+        (
+            "[[ends]]",
+            "[frame]\nalong = 3\n[[ends]]",
+            "frame.along: write text, in quotes, or write a list, in brackets (got 3",
+        ),
+        ("[[ends]]", "[frame]\nstr = 3\n[[ends]]", "frame.str: no such key"),
+        ("[rows]", "[rows", "not valid TOML"),
+    ],
+)
+def test_an_error_names_its_key(old, new, message):
+    assert old in VALID
+    with pytest.raises(LogError, match=re.escape(message)):
+        map_from_toml(VALID.replace(old, new, 1))
+
+
+def test_two_ends_of_one_module_are_refused():
+    end = '[[ends]]\nposition = ["u", "v", "w"]\nunit = "m"\n'
+    with pytest.raises(LogError, match="one end"):
+        map_from_toml(VALID + end)
+
+
+def test_the_documented_map_fits_the_documented_log():
+    page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(
+        encoding="utf-8"
+    )
+    log = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)[0]
+    text = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0]
+    assert map_from_toml(text).number_columns <= set(log.splitlines()[0].split(";"))
+
+
+def test_errors_are_plain_language():
+    text = VALID.replace("modules = ", "modules = 'three' # ").replace(
+        "control_rate = ", "control_rate = -"
+    )
+    with pytest.raises(LogError) as caught:
+        map_from_toml(text)
+    message = str(caught.value)
+    assert "arm.modules: write a whole number (got 'three')" in message
+    assert "arm.control_rate: write 0.5 or more" in message
+    assert "Input" not in message
