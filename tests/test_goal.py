@@ -6,7 +6,7 @@ from s2c2a.goals import MAX_OBSTACLES
 from s2c2a.planning import Goal
 
 
-def test_a_new_goal_asks_for_nothing_but_little_change():
+def test_a_new_goal_has_only_a_cost_of_change():
     goal = Goal.of(3, change_weight=0.7)
     assert not goal.position_weights.any()
     assert not goal.axis_weights.any()
@@ -14,7 +14,7 @@ def test_a_new_goal_asks_for_nothing_but_little_change():
     assert goal.change_weight == np.float32(0.7)
 
 
-def test_a_position_is_asked_of_the_tip_unless_a_module_is_named():
+def test_a_position_applies_to_the_tip_unless_a_module_is_given():
     goal = (
         Goal.of(3)
         .with_position([0.1, 0.2, 0.5])
@@ -32,7 +32,7 @@ def test_an_axis_of_any_length_becomes_a_direction():
     np.testing.assert_array_equal(goal.axis_weights, [0, 1.5])
 
 
-def test_obstacles_fill_the_first_places_and_replace_the_last_ones():
+def test_obstacles_fill_the_first_rows_and_replace_earlier_ones():
     goal = (
         Goal.of(3)
         .with_obstacles(np.ones((3, 3)), [0.1, 0.2, 0.3])
@@ -65,7 +65,7 @@ def test_goals_of_one_arm_never_change_their_shapes_or_types():
 
 
 @pytest.mark.parametrize("empty", [[], np.zeros((0, 3))])
-def test_obstacles_can_be_taken_away(empty):
+def test_obstacles_can_be_removed(empty):
     goal = Goal.of(3).with_obstacles([[0, 0, 0.5]], [0.1]).with_obstacles(empty, [])
     assert not goal.thresholds.any()
 
@@ -123,7 +123,7 @@ def test_an_axis_of_no_length_is_refused():
         Goal.of(3).with_axis([0.0, 0.0, 0.0])
 
 
-def test_more_obstacles_than_there_is_room_for_are_refused():
+def test_too_many_obstacles_are_rejected():
     with pytest.raises(TargetError, match="n at most 64"):
         Goal.of(3).with_obstacles(np.zeros((65, 3)), np.ones(65))
 

@@ -58,17 +58,15 @@ class Stage(IntEnum):
 
     def __str__(self) -> str:
         """Return the stage as text for users."""
-        return _STAGE_TEXTS[self]
-
-
-_STAGE_TEXTS = {
-    Stage.IDLE: "at rest",
-    Stage.START: "starting",
-    Stage.RUN: "running",
-    Stage.HOLD: "holding",
-    Stage.RELEASE: "going to rest",
-    Stage.FAULT: "stopped by a fault",
-}
+        texts = (
+            "at rest",
+            "starting",
+            "running",
+            "holding",
+            "going to rest",
+            "stopped by a fault",
+        )
+        return texts[self]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ SIMULATED = tomllib.loads(arm_to_toml(load_arm("simulated_arm")))
 
 
 def with_value(description: dict, path: str, value) -> str:
-    """The arm file of a description with one value put at a dotted path, which may be new."""
+    """Return an arm file with one value set at a dotted path, which may be new."""
     changed = copy.deepcopy(description)
     *parents, key = [int(part) if part.isdigit() else part for part in path.split(".")]
     place = changed
@@ -99,7 +99,7 @@ def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
     ],
 )
 @pytest.mark.parametrize("value", ["0.2", "many", True])
-def test_text_and_truth_are_no_numbers(path, value):
+def test_text_and_booleans_are_not_numbers(path, value):
     fault = fault_in(with_value(TWIN, path, value))
     assert f"  {path}: " in fault
     assert "a number is needed" in fault
@@ -159,7 +159,7 @@ def test_a_tension_arm_needs_its_tension_range():
 
 
 @pytest.mark.parametrize(("key", "value"), [("backlash", 0.001), ("creep", 0.2)])
-def test_a_tension_arm_has_neither_play_nor_creep(key, value):
+def test_a_tension_arm_has_neither_backlash_nor_creep(key, value):
     fault = fault_in(with_value(SIMULATED, "modules.2.cable", {key: value}))
     assert "modules.2.cable has backlash or creep" in fault
 

@@ -147,7 +147,7 @@ def test_a_file_is_overwritten_when_asked(tmp_path):
     assert load_arm(path) == load_arm("twin_arm")
 
 
-def test_a_place_that_cannot_be_written_to_is_named_and_a_folder_that_lacks_is_made(
+def test_an_unwritable_path_is_named_and_missing_folders_are_created(
     tmp_path,
 ):
     (tmp_path / "file").write_text("no folder")
@@ -191,7 +191,7 @@ def test_an_empty_file_says_what_is_missing():
     )
 
 
-def test_arms_that_differ_in_name_alone_are_the_same_body():
+def test_arms_that_differ_in_name_only_have_the_same_mechanics():
     arm = load_arm("twin_arm")
     renamed = arm.model_copy(update={"name": "other", "description": "copied"})
     assert renamed != arm
@@ -199,7 +199,7 @@ def test_arms_that_differ_in_name_alone_are_the_same_body():
     assert renamed.differences(arm) == []
 
 
-def test_arms_say_in_which_keys_they_differ():
+def test_differences_lists_the_keys_that_differ():
     arm = load_arm("twin_arm")
     other = arm.model_copy(update={"control_rate": 20.0, "modules": arm.modules[:2]})
     assert not arm.same_mechanics(other)

@@ -44,7 +44,7 @@ def arm_of(angles, actuation="displacement", tension_range=15.0) -> ArmSpec:
         ((720, 0, 0), 360),
     ],
 )
-def test_the_largest_gap_is_found_across_the_turn(angles, gap):
+def test_the_largest_gap_can_cross_zero_degrees(angles, gap):
     assert largest_gap_deg(angles) == pytest.approx(gap)
 
 
@@ -83,8 +83,8 @@ def test_evenly_spread_cables_pull_alike_at_rest(cables):
     np.testing.assert_allclose(balanced_pull(matrix), 1.0, atol=1e-12)
 
 
-def test_three_cables_pull_at_rest_as_the_law_of_sines_says():
-    """Three pulls in balance are to each other as the sines of the angles between the other two."""
+def test_three_cables_at_rest_follow_the_law_of_sines():
+    """Balanced tensions are proportional to the sines of the opposite angles."""
     pulls = balanced_pull(cable_matrix(np.deg2rad([0.0, 90.0, 225.0])))
     sines = np.sin(np.deg2rad([135.0, 135.0, 90.0]))
     np.testing.assert_allclose(pulls / pulls[0], sines / sines[0], rtol=1e-12)
@@ -107,7 +107,7 @@ def test_a_tension_arm_rests_at_its_pretension_and_moves_by_its_tension_range():
     np.testing.assert_allclose(geometry.action_scale, [-15.0])
 
 
-def test_a_tension_is_never_asked_to_push():
+def test_tension_limits_are_never_negative():
     geometry = ArmGeometry.of(
         arm_of((0, 90, 180, 270), actuation="tension", tension_range=50.0)
     )
@@ -129,14 +129,14 @@ def test_full_bend_in_any_direction_is_within_the_limits(angles, direction):
 
 @settings(deadline=None)
 @given(layouts())
-def test_bend_matrices_undo_cable_matrices(angles):
+def test_bend_matrices_invert_cable_matrices(angles):
     geometry = ArmGeometry.of(arm_of(angles))
     np.testing.assert_allclose(
         geometry.bend_matrices[0] @ geometry.cable_matrices[0], np.eye(2), atol=1e-9
     )
 
 
-def test_an_arm_counts_and_measures_itself():
+def test_module_count_cable_count_and_length_follow_the_description():
     arm = load_arm("twin_arm")
     assert (arm.module_count, arm.cable_count) == (3, 3)
     assert arm.length == pytest.approx(0.6)

@@ -1,4 +1,4 @@
-"""What can stand in an arm file is said in full, and as the description has it."""
+"""The table of arm file keys matches the description and is complete."""
 
 import tomllib
 from pathlib import Path
@@ -12,7 +12,7 @@ def by_name() -> dict:
     return {(key.table, key.name): key for key in file_keys()}
 
 
-def test_every_key_of_a_whole_file_is_explained():
+def test_every_key_of_a_complete_file_is_documented():
     written = tomllib.loads(arm_to_toml(load_arm("twin_arm")))
     module = written["modules"][0]
     tables = {
@@ -30,7 +30,7 @@ def test_every_key_of_a_whole_file_is_explained():
     assert all(key.meaning and key.allowed for key in file_keys())
 
 
-def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
+def test_documented_ranges_and_defaults_match_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
     assert keys["[[modules]]", "cable_angles_deg"][2:4] == (
@@ -48,7 +48,7 @@ def test_ranges_and_what_holds_otherwise_are_those_of_the_description():
     assert keys["", "coupled_cables"][2:4] == ("true or false", "false")
 
 
-def test_the_docs_say_the_same():
+def test_the_docs_contain_the_table_of_keys():
     assert (
         (ROOT / "docs" / "arm-file.md")
         .read_text(encoding="utf-8")

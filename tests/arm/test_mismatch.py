@@ -1,4 +1,4 @@
-"""Mismatch in arm files: what is refused, and that arms without them are written as they always were."""
+"""Model mismatch in arm files: validation, and omission of defaults."""
 
 import tomllib
 
@@ -33,7 +33,7 @@ def with_line(preset: str, table: str, line: str) -> str:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_an_arm_without_flaws_is_written_without_a_word_of_them(name):
+def test_an_arm_file_without_mismatch_omits_the_table(name):
     """Recordings hold this text, and what is kept is found by it."""
     written = tomllib.loads(arm_to_toml(load_arm(name)))
     tables = [
@@ -44,7 +44,7 @@ def test_an_arm_without_flaws_is_written_without_a_word_of_them(name):
     assert not NEW & set().union(*tables)
 
 
-def test_flaws_come_back_as_they_were_written(make_arm):
+def test_mismatch_survives_a_file(make_arm):
     module = {
         "cable": {
             "backlash": (0.001, 0.0, 0.0005),
@@ -87,7 +87,7 @@ def test_flaws_come_back_as_they_were_written(make_arm):
         ("couplin = 0.1", "did you mean coupling?"),
     ],
 )
-def test_impossible_flaws_are_refused(line, said):
+def test_invalid_mismatch_is_rejected(line, said):
     with pytest.raises(ArmError, match="fault") as caught:
         arm_from_toml(
             arm_to_toml(load_arm("twin_arm")) + f"\n[modules.mismatch]\n{line}\n"
@@ -102,12 +102,12 @@ def test_impossible_flaws_are_refused(line, said):
         ("[motor]", "homing_error = 0.001", "needs no homing"),
     ],
 )
-def test_a_tension_arm_takes_no_flaws_of_displacement(table, line, said):
+def test_a_tension_arm_rejects_displacement_parameters(table, line, said):
     with pytest.raises(ArmError, match=said):
         arm_from_toml(with_line("simulated_arm", table, line))
 
 
-def test_cables_travel_as_far_as_the_file_says_whatever_the_bend_limit(make_arm):
+def test_cable_travel_is_independent_of_the_bend_limit(make_arm):
     plain, further = (
         ArmGeometry.of(make_arm(module={"cable": {"travel": way}}))
         for way in (None, 0.04)
@@ -119,7 +119,7 @@ def test_cables_travel_as_far_as_the_file_says_whatever_the_bend_limit(make_arm)
     assert np.abs(further.actions_at(straight_on)).max() == pytest.approx(0.04)
 
 
-def test_commands_move_as_fast_however_far_cables_travel(make_arm):
+def test_cable_travel_does_not_change_the_speed_of_commands(make_arm):
     steps = []
     for way in (None, 0.04):
         limits = CommandLimits.of(make_arm(module={"cable": {"travel": way}}))

@@ -1,4 +1,4 @@
-"""Arms drawn at a strength: how large their mismatch are, that they are told nowhere, and what the body makes of them."""
+"""Randomized arms: size of the mismatch, and its effect on the simulation only."""
 
 import numpy as np
 import pytest
@@ -36,14 +36,16 @@ def values(key: str, strength: float) -> np.ndarray:
         ("rest_bend_deg", 2.0, 4.0),
     ],
 )
-def test_flaws_fill_their_range_in_proportion_to_the_strength(key, low, high, strength):
+def test_mismatch_fills_its_range_in_proportion_to_the_strength(
+    key, low, high, strength
+):
     drawn = values(key, strength) / strength
     margin = 0.1 * (high - low)
     assert low * (1 + 1e-3 * np.sign(-low)) <= drawn.min() <= low + margin
     assert high - margin <= drawn.max() <= high * (1 + 1e-3)
 
 
-def test_what_is_one_number_for_all_is_that_number():
+def test_fixed_parameters_have_their_value():
     arm = randomized_arm(TWIN, 2, 1.0)
     for key, value in (
         ("coupling", 0.25),
@@ -60,7 +62,7 @@ def test_what_is_one_number_for_all_is_that_number():
     )
 
 
-def test_play_is_each_cables_own_and_gives_way_to_the_bases_with_the_strength():
+def test_backlash_differs_between_cables_and_replaces_the_bases_with_the_strength():
     half, whole = (
         per_cable(randomized_arm(TWIN, 4, strength), "cable.backlash")
         for strength in (0.5, 1.0)
@@ -74,7 +76,7 @@ def test_play_is_each_cables_own_and_gives_way_to_the_bases_with_the_strength():
 
 
 def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend():
-    """One cable a module: its moment over its radius. Those of outer modules run through inner ones."""
+    """Expected tension: one cable a module, also through proximal modules."""
     shares = []
     for seed in range(DRAWN):
         arm = randomized_arm(TWIN, seed, 1.0)
@@ -84,7 +86,7 @@ def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend()
     assert np.max(shares) == pytest.approx(0.04, abs=0.001)
 
 
-def test_the_simulated_body_shortens_so_far_too():
+def test_the_simulated_arm_shortens_as_computed():
     arm = randomized_arm(TWIN, 1, 1.0)
     outer = arm.modules[-1]
     lasting = outer.model_copy(
@@ -104,32 +106,32 @@ def test_the_simulated_body_shortens_so_far_too():
     assert 0.015 < desired < 0.045
 
 
-def test_nobody_is_told_of_what_is_drawn():
+def test_nominal_geometry_does_not_contain_the_mismatch():
     drawn = ArmGeometry.of(randomized_arm(TWIN, 6, 1.0))
     for name, value in vars(ArmGeometry.of(TWIN)).items():
         np.testing.assert_array_equal(value, getattr(drawn, name))
 
 
-def test_the_same_seed_draws_the_same_arm_and_another_another():
+def test_the_arm_depends_on_the_seed_only():
     assert randomized_arm(TWIN, 8, 0.7) == randomized_arm(TWIN, 8, 0.7)
     assert not randomized_arm(TWIN, 8, 0.7).same_mechanics(randomized_arm(TWIN, 9, 0.7))
 
 
-def test_without_strength_it_is_the_base():
+def test_strength_zero_gives_the_base():
     assert randomized_arm(TWIN, 5, 0.0).same_mechanics(TWIN)
 
 
 @pytest.mark.parametrize(
     ("seed", "strength"), [(-1, 1.0), (0, -0.1), (0, 2.1), (0, float("nan"))]
 )
-def test_an_impossible_draw_is_refused(seed, strength):
+def test_invalid_seeds_and_strengths_are_rejected(seed, strength):
     with pytest.raises(ArmError, match="strength"):
         randomized_arm(TWIN, seed, strength)
 
 
 @pytest.mark.parametrize("base", ["twin_arm", "simulated_arm", "twin_both"])
 @pytest.mark.parametrize("seed", range(3))
-def test_drawn_arms_stand(base, seed):
+def test_randomized_arms_are_stable(base, seed):
     frequency, _ = first_mode(randomized_arm(load_arm(base), seed, 1.0))
     assert frequency > 0.2
 
@@ -141,7 +143,7 @@ def test_an_arm_of_other_modules_and_cables_can_be_the_base(make_arm):
     assert first_mode(drawn)[0] > 0.2
 
 
-def test_the_command_writes_what_is_drawn(tmp_path, capsys):
+def test_the_command_writes_the_sampled_arm(tmp_path, capsys):
     main(
         [
             "arm",

@@ -32,7 +32,7 @@ def made(twin):
     return make
 
 
-def test_an_episode_tells_its_length_its_sensors_and_its_columns(made):
+def test_an_episode_has_a_length_sensors_and_columns(made):
     episode = made(sensor__states=np.zeros((STEPS, 3, 6)))
     assert len(episode) == STEPS
     assert episode.sensors == ["cables", "states"]
@@ -40,7 +40,7 @@ def test_an_episode_tells_its_length_its_sensors_and_its_columns(made):
     assert episode.get("planned") is None
 
 
-def test_what_is_not_there_is_told_with_what_is(made):
+def test_a_missing_column_is_reported_with_the_existing_ones(made):
     with pytest.raises(
         RecordingError, match=r"no 'sensor.flex'; it has time, actions, sensor.cables"
     ):
@@ -105,7 +105,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("changes", "said"), REFUSED.values(), ids=REFUSED)
-def test_what_is_no_episode_is_refused_in_words(made, changes, said):
+def test_invalid_episodes_are_rejected_with_a_message(made, changes, said):
     with pytest.raises(RecordingError, match=said):
         made(**changes)
 
@@ -115,12 +115,12 @@ def test_hundreds_of_columns_are_refused(made):
         made(**{f"column{number}": TIME for number in range(300)})
 
 
-def test_sensors_of_a_bodys_own_may_have_any_shape_and_hold_nan(made):
+def test_other_sensors_may_have_any_shape_and_hold_nan(made):
     episode = made(sensor__flex=np.full((STEPS, 2, 5, 7), np.nan), sensor__warmth=TIME)
     assert episode.sensor("flex").shape == (STEPS, 2, 5, 7)
 
 
-def test_columns_cannot_be_changed_and_the_callers_own_can(made):
+def test_columns_are_read_only_and_the_callers_arrays_are_not(made):
     mine = np.zeros((STEPS, 3, 3))
     episode = made(planned=mine)
     with pytest.raises(ValueError, match="read-only"):
@@ -133,7 +133,7 @@ STAGES = np.array(
 )
 
 
-def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_one_step_later(
+def test_a_run_is_its_run_and_hold_stages_and_results_are_one_step_later(
     made,
 ):
     states = np.zeros((STEPS, 3, 6))
@@ -145,7 +145,7 @@ def test_a_run_is_where_the_arm_was_driven_or_held_and_what_came_of_it_is_read_o
     np.testing.assert_allclose(episode.ran("time"), [0.1, 0.2, 0.3])
 
 
-def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_after_it(
+def test_without_stages_all_steps_are_the_run_and_the_last_has_no_result(
     made,
 ):
     episode = made()
@@ -154,7 +154,7 @@ def test_without_stages_every_step_is_of_the_run_and_the_last_one_has_nothing_af
         episode.after("cables")
 
 
-def test_more_can_be_said_of_how_it_came_about_and_the_first_one_stays_as_it_was(made):
+def test_with_options_adds_options_to_a_copy(made):
     first = made({"seed": 1})
     second = first.with_options(task="circle", seed=2)
     assert (first.options, second.options) == (
@@ -163,9 +163,7 @@ def test_more_can_be_said_of_how_it_came_about_and_the_first_one_stays_as_it_was
     )
 
 
-def test_episodes_are_stacked_shorter_ones_staying_at_their_last_row_and_rows_of_other_shapes_refused(
-    made, twin
-):
+def test_stacking_repeats_last_rows_and_rejects_different_shapes(made, twin):
     short = Episode(
         twin,
         {

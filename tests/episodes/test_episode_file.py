@@ -1,4 +1,4 @@
-"""Files of episodes: back bit for bit, whole whatever is cut off, and refused where one byte is not as it was."""
+"""Files of episodes: exact round trips, truncation and damage."""
 
 import errno
 import json
@@ -67,7 +67,7 @@ def grown(twin, tmp_path, three):
     return path
 
 
-def test_what_was_written_is_read_back_bit_for_bit(tmp_path, three):
+def test_episodes_survive_a_file_bit_for_bit(tmp_path, three):
     save_episodes(three, tmp_path / "three.episodes", OPTIONS)
     found, options = load_episodes(tmp_path / "three.episodes")
     assert options == OPTIONS
@@ -75,7 +75,7 @@ def test_what_was_written_is_read_back_bit_for_bit(tmp_path, three):
         assert_same(one, other)
 
 
-def test_a_file_that_grew_holds_the_same(grown, three):
+def test_an_appended_file_has_the_same_content(grown, three):
     found, options = load_episodes(grown)
     assert options == OPTIONS
     for one, other in zip(found, three, strict=True):
@@ -105,8 +105,8 @@ NUMBERS = st.sampled_from(KINDS).flatmap(
 
 @settings(deadline=None, max_examples=40, suppress_health_check=list(HealthCheck))
 @given(NUMBERS)
-def test_numbers_of_every_kind_come_back_as_they_were(twin, tmp_path, values):
-    """NaN, infinities, tiny ones, the largest integers; from machines of either byte order."""
+def test_values_of_every_type_survive_a_file(twin, tmp_path, values):
+    """NaN, infinities, subnormal numbers, the largest integers, both byte orders."""
     columns = {
         "time": np.arange(STEPS) * 0.1,
         "actions": np.zeros((STEPS, 3, 3)),
@@ -118,7 +118,7 @@ def test_numbers_of_every_kind_come_back_as_they_were(twin, tmp_path, values):
     assert found.tobytes() == values.astype(found.dtype).tobytes()
 
 
-def test_columns_that_are_views_of_others_are_written_as_they_look(twin, tmp_path):
+def test_columns_that_are_views_survive_a_file(twin, tmp_path):
     grid = np.arange(2.0 * STEPS * 9).reshape(9, STEPS * 2)
     columns = {
         "time": np.arange(STEPS) * 0.1,
@@ -132,7 +132,7 @@ def test_columns_that_are_views_of_others_are_written_as_they_look(twin, tmp_pat
     )
 
 
-def test_an_episode_of_any_length_even_none_comes_back(twin, tmp_path):
+def test_an_episode_of_any_length_survives_a_file(twin, tmp_path):
     for steps in (0, 1, 500):
         save_episodes([random_episode(twin, steps=steps)], tmp_path / "one.episodes")
         assert len(load_episodes(tmp_path / "one.episodes")[0][0]) == steps
@@ -141,9 +141,7 @@ def test_an_episode_of_any_length_even_none_comes_back(twin, tmp_path):
 @pytest.mark.parametrize(
     "value", [float("nan"), float("inf"), {"deep": [float("-inf")]}]
 )
-def test_options_that_are_no_finite_numbers_are_refused_before_anything_is_written(
-    twin, tmp_path, value
-):
+def test_options_that_are_not_finite_are_rejected_before_writing(twin, tmp_path, value):
     episode = random_episode(twin).with_options(value=value)
     with pytest.raises(RecordingError, match=r"options .* cannot be kept"):
         save_episodes([episode], tmp_path / "one.episodes")
@@ -174,7 +172,7 @@ def last_block(path):
     return path.read_bytes().rindex(blocks.WORD)
 
 
-def test_cut_off_at_any_byte_of_the_last_episode_a_file_is_gone_on_with(grown, three):
+def test_a_file_truncated_in_its_last_episode_can_be_continued(grown, three):
     whole = grown.read_bytes()
     for end in range(last_block(grown), len(whole)):
         grown.write_bytes(whole[:end])
@@ -186,7 +184,7 @@ def test_cut_off_at_any_byte_of_the_last_episode_a_file_is_gone_on_with(grown, t
         assert grown.read_bytes() == whole
 
 
-def test_cut_off_in_its_beginning_a_file_is_refused(grown):
+def test_a_file_truncated_in_its_header_is_rejected(grown):
     whole = grown.read_bytes()
     beginning = whole.index(blocks.WORD, 1)
     for end in range(beginning):
@@ -199,9 +197,7 @@ def test_cut_off_in_its_beginning_a_file_is_refused(grown):
         load_episodes(grown)
 
 
-def test_a_file_that_is_whole_from_the_beginning_is_refused_when_it_is_cut_off(
-    tmp_path, three
-):
+def test_a_truncated_file_with_a_known_count_is_rejected(tmp_path, three):
     path = save_episodes(three, tmp_path / "three.episodes")
     whole = path.read_bytes()
     for end in (last_block(path), last_block(path) + 5, len(whole) - 1):
@@ -211,7 +207,7 @@ def test_a_file_that_is_whole_from_the_beginning_is_refused_when_it_is_cut_off(
 
 
 def flips(path):
-    """A few hundred places of a file: all of its beginning and of the beginnings of its blocks, and some between."""
+    """Sample byte positions: the starts of file and blocks, and some between."""
     whole = path.read_bytes()
     starts = [at for at in range(len(whole)) if whole.startswith(blocks.WORD, at)]
     places = set(range(starts[1])) | {
@@ -224,7 +220,7 @@ def flips(path):
 
 
 @pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
-def test_one_byte_that_is_not_as_it_was_is_told_wherever_it_is(grown, mask):
+def test_one_changed_byte_anywhere_is_detected(grown, mask):
     whole = grown.read_bytes()
     for place in flips(grown):
         grown.write_bytes(
@@ -234,7 +230,7 @@ def test_one_byte_that_is_not_as_it_was_is_told_wherever_it_is(grown, mask):
             load_episodes(grown)
 
 
-def test_episodes_that_were_moved_doubled_or_taken_out_are_told(grown):
+def test_moved_duplicated_and_removed_episodes_are_detected(grown):
     whole, word = grown.read_bytes(), blocks.WORD
     starts = [at for at in range(len(whole)) if whole.startswith(word, at)] + [
         len(whole)
@@ -246,7 +242,7 @@ def test_episodes_that_were_moved_doubled_or_taken_out_are_told(grown):
             load_episodes(grown)
 
 
-def test_a_writer_refuses_what_is_damaged_before_the_last_episode_and_leaves_it_alone(
+def test_a_writer_rejects_a_file_damaged_before_its_last_episode(
     grown,
 ):
     whole, last = grown.read_bytes(), last_block(grown)
@@ -258,7 +254,7 @@ def test_a_writer_refuses_what_is_damaged_before_the_last_episode_and_leaves_it_
         assert grown.read_bytes() == damaged
 
 
-def test_after_a_power_failure_a_last_episode_of_zeros_is_passed_over(grown, three):
+def test_a_last_episode_of_zeros_is_skipped(grown, three):
     """The length had been written, the content had not."""
     whole, last = grown.read_bytes(), last_block(grown)
     content = last + blocks.START
@@ -272,7 +268,7 @@ def test_after_a_power_failure_a_last_episode_of_zeros_is_passed_over(grown, thr
 
 
 @pytest.mark.parametrize("more", [b"\0", b"S", b"S2C2", b"more and more", bytes(1000)])
-def test_what_was_put_behind_the_last_episode_is_no_episode(tmp_path, three, more):
+def test_data_behind_the_last_episode_is_detected(tmp_path, three, more):
     path = save_episodes(three, tmp_path / "three.episodes")
     path.write_bytes(path.read_bytes() + more)
     try:
@@ -282,7 +278,7 @@ def test_what_was_put_behind_the_last_episode_is_no_episode(tmp_path, three, mor
     assert blocks.WORD.startswith(more)
 
 
-def test_two_writers_are_one_too_many(grown, twin):
+def test_a_second_writer_is_rejected(grown, twin):
     writer = EpisodeWriter(grown)
     with pytest.raises(RecordingError, match="in use by another process"):
         EpisodeWriter(grown)
@@ -305,9 +301,7 @@ def test_each_episode_is_in_the_file_as_soon_as_it_is_added(twin, tmp_path, thre
     writer.close()
 
 
-def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(
-    grown, three, monkeypatch
-):
+def test_a_full_disk_leaves_earlier_episodes_intact(grown, three, monkeypatch):
     whole, write = grown.read_bytes(), episode_file.write_block
 
     def full(file, content, before):
@@ -325,7 +319,7 @@ def test_an_episode_that_the_disk_had_no_room_for_leaves_the_others_whole(
     assert len(load_episodes(grown)[0]) == 4
 
 
-def test_a_file_of_version_0_1_is_told_in_one_sentence(tmp_path):
+def test_a_file_of_version_0_1_is_rejected_with_advice(tmp_path):
     (tmp_path / "old.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
     with pytest.raises(
         DamagedRecordingError,
@@ -372,9 +366,7 @@ HEADS = {
 
 
 @pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
-def test_a_beginning_that_says_nonsense_is_refused_though_its_checksum_is_right(
-    tmp_path, head
-):
+def test_an_invalid_header_with_a_valid_checksum_is_rejected(tmp_path, head):
     written(tmp_path / "odd.episodes", head)
     with pytest.raises(DamagedRecordingError):
         load_episodes(tmp_path / "odd.episodes")
@@ -406,9 +398,7 @@ EPISODES = {
 
 
 @pytest.mark.parametrize("content", EPISODES.values(), ids=EPISODES)
-def test_an_episode_that_is_none_is_refused_though_its_checksum_is_right(
-    twin, tmp_path, content
-):
+def test_an_invalid_episode_with_a_valid_checksum_is_rejected(twin, tmp_path, content):
     written(
         tmp_path / "odd.episodes", episode_file._pack_header(twin, {}, None), content
     )

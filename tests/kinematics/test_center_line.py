@@ -29,7 +29,7 @@ def random_bends(*shape):
     return np.random.default_rng(0).uniform(-0.6, 0.6, (*shape, 2))
 
 
-def test_five_points_a_module_are_watched():
+def test_the_center_line_has_five_points_a_module():
     assert CENTER_LINE_POINTS == 5
     assert line_of(random_bends(3), [0.2] * 3).shape == (15, 3)
 
@@ -42,7 +42,7 @@ def test_a_straight_arm_has_its_points_evenly_on_the_axis():
 
 @pytest.mark.parametrize("direction", [0.0, 1.0, 2.5, -2.0])
 @pytest.mark.parametrize("angle_deg", [1, 25, 50])
-def test_a_module_of_twenty_centimetres_is_met_to_a_millimetre_up_to_fifty_degrees(
+def test_the_error_of_a_module_of_20_cm_is_below_1_mm_up_to_50_degrees(
     angle_deg, direction
 ):
     angle = np.deg2rad(angle_deg)
@@ -52,8 +52,8 @@ def test_a_module_of_twenty_centimetres_is_met_to_a_millimetre_up_to_fifty_degre
     assert apart[-1] < 1e-7
 
 
-def test_the_miss_grows_with_the_third_power_of_the_bend():
-    """Half the angle, an eighth of the miss, nearly: it is the cubic's and not a slip's."""
+def test_the_error_grows_with_the_third_power_of_the_bend():
+    """Half the angle gives about an eighth of the error, as expected of a cubic."""
     misses = [
         np.abs(line_of([[angle, 0]], [0.2]) - arc(angle, 0, 0.2)).max()
         for angle in (0.4, 0.8)
@@ -71,8 +71,8 @@ def test_equal_bends_are_points_of_one_big_arc():
     np.testing.assert_allclose(line_of([[0.3, 0.0]] * 3, [0.2] * 3), exact, atol=1e-4)
 
 
-def test_an_upper_module_bends_in_the_frame_of_the_lower_ones_end():
-    """A quarter turn towards x first, so that the second module's arc begins along x and rises into -z."""
+def test_a_distal_module_bends_in_the_frame_of_the_proximal_end():
+    """After a quarter turn towards x, the second arc begins along x."""
     quarter = np.pi / 2
     start = 0.2 / quarter * np.array([1.0, 0.0, 1.0])
     exact = arc(0.5, 0.0, 0.2)

@@ -108,7 +108,7 @@ def test_opposite_bends_of_two_modules_make_an_s_that_ends_upright():
 
 @quick
 @given(bend_rows())
-def test_states_agree_with_a_walk_in_short_straight_pieces(bends):
+def test_states_agree_with_a_polygon_of_short_pieces(bends):
     np.testing.assert_allclose(
         states_from_bends(in_single(bends), in_single(LENGTHS)),
         slow_states(bends, LENGTHS),
@@ -171,7 +171,7 @@ def test_a_batch_of_arms_is_its_members_one_by_one(batch):
 
 
 @pytest.mark.parametrize("modules", [1, 12])
-def test_short_and_long_arms_keep_their_digits(modules):
+def test_short_and_long_arms_keep_their_precision(modules):
     bends = in_single(np.random.default_rng(0).uniform(-0.5, 0.5, (50, modules, 2)))
     lengths = np.full(modules, 0.1)
     states = states_from_bends(bends, in_single(lengths))
@@ -183,7 +183,7 @@ def test_short_and_long_arms_keep_their_digits(modules):
     )
 
 
-def test_the_forward_model_knows_the_lengths_of_its_arm_and_remembers_nothing():
+def test_the_pcc_forward_model_uses_the_lengths_and_has_no_memory():
     model = PCCForwardModel.of(load_arm("twin_arm"))
     predict = eqx.filter_jit(model.predict)
     memory = model.start(jnp.zeros((3, 3)))

@@ -60,7 +60,7 @@ def module_of(angles, radius=RADIUS) -> Module:
 
 
 def arm_of(angles, actuation="displacement") -> ArmSpec:
-    """One module, soft enough that no tension reaches its limit within the full bend."""
+    """One module, so soft that no tension reaches its limit within the full bend."""
     return ArmSpec(name="arm", actuation=actuation, modules=(module_of(angles),))
 
 
@@ -153,7 +153,7 @@ def test_tensions_hold_the_module_against_its_stiffness(
 
 @quick
 @given(st.integers(3, 8), st.floats(-180, 180), kinds)
-def test_common_motion_of_evenly_spread_cables_drops_out(cables, offset, actuation):
+def test_common_motion_of_evenly_spread_cables_has_no_effect(cables, offset, actuation):
     arm = arm_of(even(cables, offset), actuation)
     actions = actions_for(arm, [[0.3, -0.4]])
     common = {"displacement": 0.005, "tension": 5.0}[actuation]
@@ -164,7 +164,7 @@ def test_common_motion_of_evenly_spread_cables_drops_out(cables, offset, actuati
 
 @quick
 @given(layouts(), st.floats(0, 100), directions, kinds)
-def test_actions_for_the_wildest_bend_stay_within_the_limits(
+def test_actions_for_any_bend_stay_within_the_limits(
     angles, angle, direction, actuation
 ):
     arm = arm_of(angles, actuation)

@@ -1,4 +1,4 @@
-"""Actions at the door: clipped where they are too large, refused where they are no actions."""
+"""Checked actions: clipped to the limits, rejected if invalid."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("action", REFUSED.values(), ids=REFUSED)
-def test_what_is_no_action_is_refused_and_nothing_moves(action, twin):
+def test_an_invalid_action_is_rejected_and_nothing_moves(action, twin):
     robot = SimulatedRobot(twin)
     robot.open()
     robot.step(np.array([[-0.01, 0.005, 0.005]] * 3))
@@ -78,7 +78,7 @@ def test_what_is_no_action_is_refused_and_nothing_moves(action, twin):
         np.testing.assert_array_equal(now, was)
 
 
-def test_a_refused_action_leaves_no_trace_in_what_follows(twin):
+def test_a_rejected_action_has_no_later_effect(twin):
     action = np.array([[-0.01, 0.005, 0.005]] * 3)
     tips = []
     for refused in (action[:, :2], None):
@@ -90,6 +90,6 @@ def test_a_refused_action_leaves_no_trace_in_what_follows(twin):
     np.testing.assert_array_equal(*tips)
 
 
-def test_the_message_says_what_was_got_and_what_is_allowed(twin):
+def test_the_message_names_the_given_and_the_expected_shape(twin):
     with pytest.raises(ActionError, match=r"\(2, 3\).*\(3, 3\)"):
         SimulatedRobot(twin).send(np.zeros((2, 3)))

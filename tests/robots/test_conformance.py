@@ -1,4 +1,4 @@
-"""The check of a body's promises: it passes bodies that keep them and names the promise that another breaks."""
+"""The conformance test passes valid robots and names the violation of others."""
 
 import time
 from dataclasses import replace
@@ -14,8 +14,8 @@ from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 from s2c2a.spaces import Reading, Sensor
 
 
-class _Faulty(SimulatedRobot):
-    """A robot that keeps every promise, to be broken in one place; it counts how often it was closed."""
+class _CountingRobot(SimulatedRobot):
+    """A conforming robot that counts calls of close(); subclasses violate one rule."""
 
     closed = 0
 
@@ -23,8 +23,8 @@ class _Faulty(SimulatedRobot):
         self.closed += 1
 
 
-def _saying(reading, **sensors):
-    """The reading with other numbers of some sensors; None leaves one out."""
+def _replace_sensors(reading, **sensors):
+    """Return the reading with other values of some sensors; None removes one."""
     said = {**reading.sensors, **sensors}
     return replace(
         reading,
@@ -32,35 +32,37 @@ def _saying(reading, **sensors):
     )
 
 
-class _ReadsTooManyCables(_Faulty):
+class _ReadsTooManyCables(_CountingRobot):
     def read(self):
-        return _saying(
+        return _replace_sensors(
             super().read(),
             cables=np.zeros((self.arm.module_count, self.arm.cable_count + 1)),
         )
 
 
-class _ReadsNaN(_Faulty):
+class _ReadsNaN(_CountingRobot):
     def read(self):
-        return _saying(
+        return _replace_sensors(
             super().read(),
             cables=np.full((self.arm.module_count, self.arm.cable_count), np.nan),
         )
 
 
-class _ReadsStatesWithoutAxes(_Faulty):
+class _ReadsStatesWithoutAxes(_CountingRobot):
     def read(self):
-        return _saying(super().read(), states=super().states()[:, :3])
+        return _replace_sensors(super().read(), states=super().states()[:, :3])
 
 
-class _ReadsLongAxes(_Faulty):
+class _ReadsLongAxes(_CountingRobot):
     def read(self):
-        return _saying(super().read(), states=2.0 * super().states())
+        return _replace_sensors(super().read(), states=2.0 * super().states())
 
 
-class _ReadsFlatConfigurations(_Faulty):
+class _ReadsFlatConfigurations(_CountingRobot):
     def read(self):
-        return _saying(super().read(), configurations=super().configurations().ravel())
+        return _replace_sensors(
+            super().read(), configurations=super().configurations().ravel()
+        )
 
 
 class _DeclaresFlatConfigurations(_ReadsFlatConfigurations):
@@ -69,23 +71,23 @@ class _DeclaresFlatConfigurations(_ReadsFlatConfigurations):
         return super().sensors | {"configurations": Sensor((9,), "1")}
 
 
-class _KeepsItsStatesToItself(_Faulty):
+class _OmitsStates(_CountingRobot):
     def read(self):
-        return _saying(super().read(), states=None)
+        return _replace_sensors(super().read(), states=None)
 
 
-class _SaysWhatItDoesNotDeclare(_Faulty):
+class _ReadsUndeclaredSensor(_CountingRobot):
     def read(self):
-        return _saying(super().read(), flex=np.zeros(3))
+        return _replace_sensors(super().read(), flex=np.zeros(3))
 
 
-class _DeclaresNothing(_Faulty):
+class _DeclaresNothing(_CountingRobot):
     @property
     def sensors(self):
         return {}
 
 
-class _ReadsBeyondItsOwnRange(_Faulty):
+class _ReadsBeyondItsOwnRange(_CountingRobot):
     @property
     def sensors(self):
         return super().sensors | {
@@ -93,49 +95,49 @@ class _ReadsBeyondItsOwnRange(_Faulty):
         }
 
 
-class _ReportsAnotherAction(_Faulty):
+class _SendReturnsAnotherAction(_CountingRobot):
     def send(self, action):
         return super().send(action) + 0.001
 
 
-class _ReportsNothing(_Faulty):
+class _SendReturnsNothing(_CountingRobot):
     def send(self, action):
         super().send(action)
 
 
-class _ClockStandsStill(_Faulty):
+class _ClockStops(_CountingRobot):
     def read(self):
         return replace(super().read(), time=0.0)
 
 
-class _ClockRuns(_Faulty):
+class _ClockRuns(_CountingRobot):
     def read(self):
         reading = super().read()
         return replace(reading, time=10.0 * reading.time)
 
 
-class _LetsTimePassInSend(_Faulty):
+class _AdvancesInSend(_CountingRobot):
     def send(self, action):
         sent = super().send(action)
         self.advance(self.arm.control_period)
         return sent
 
 
-class _DoesNotMove(_Faulty):
+class _DoesNotMove(_CountingRobot):
     def advance(self, seconds):
         self._motors = self._command = self._geometry.action_neutral
         super().advance(seconds)
 
 
-class _PullsTheOtherWay(_Faulty):
+class _MovesInTheWrongDirection(_CountingRobot):
     def send(self, action):
         sent = checked_action(action, self._geometry)
         super().send(2 * self._geometry.action_neutral - sent)
         return sent
 
 
-class _CablesAreCrossed(_Faulty):
-    """The first cable's motor is the second's: sensors and motors agree, and the arm bends elsewhere."""
+class _CablesAreCrossed(_CountingRobot):
+    """Cables are permuted: sensors and motors agree, but the arm bends elsewhere."""
 
     def send(self, action):
         sent = super().send(action)
@@ -144,30 +146,30 @@ class _CablesAreCrossed(_Faulty):
 
     def read(self):
         reading = super().read()
-        return _saying(reading, cables=np.roll(reading["cables"], -1, axis=-1))
+        return _replace_sensors(reading, cables=np.roll(reading["cables"], -1, axis=-1))
 
 
-class _TellsTheActionThatWasAsked(_Faulty):
-    """It moves as it should, and its limits are never told."""
+class _ReturnsTheRequestedAction(_CountingRobot):
+    """It clips actions but returns the unclipped ones."""
 
     def send(self, action):
         super().send(action)
         return np.array(action, dtype=float)
 
 
-class _TakesNaN(_Faulty):
+class _AcceptsNaN(_CountingRobot):
     def send(self, action):
         return super().send(np.nan_to_num(action))
 
 
-class _TakesAnyShape(_Faulty):
+class _AcceptsAnyShape(_CountingRobot):
     def send(self, action):
         return super().send(
             np.resize(action, (self.arm.module_count, self.arm.cable_count))
         )
 
 
-class _RefusesInItsOwnWords(_Faulty):
+class _RaisesValueError(_CountingRobot):
     def send(self, action):
         values = np.asarray(action)
         if values.ndim != 2 or not np.isfinite(values).all():
@@ -182,42 +184,42 @@ FAULTS = {
     _ReadsLongAxes: "axes in 'states' have lengths",
     _ReadsFlatConfigurations: "'configurations' has shape",
     _DeclaresFlatConfigurations: "'configurations' must have shape",
-    _KeepsItsStatesToItself: r"readings lack \['states'\]",
-    _SaysWhatItDoesNotDeclare: r"hold \['flex'\], unlike its `sensors`",
+    _OmitsStates: r"readings lack \['states'\]",
+    _ReadsUndeclaredSensor: r"hold \['flex'\], unlike its `sensors`",
     _DeclaresNothing: "declares no sensors by name",
     _ReadsBeyondItsOwnRange: "'states' is outside its declared low and high",
-    _ReportsAnotherAction: "returned another",
-    _ReportsNothing: "send",
-    _ClockStandsStill: "its clock advanced by 0.000 s",
+    _SendReturnsAnotherAction: "returned another",
+    _SendReturnsNothing: "send",
+    _ClockStops: "its clock advanced by 0.000 s",
     _ClockRuns: "its clock advanced by 2.000 s",
-    _LetsTimePassInSend: "time passes in send",
+    _AdvancesInSend: "time passes in send",
     _DoesNotMove: "wrong sign, or nothing moves",
-    _PullsTheOtherWay: "'cables' moved -1.. %",
+    _MovesInTheWrongDirection: "'cables' moved -1.. %",
     _CablesAreCrossed: r"commanded towards \+x, the tip moved",
-    _TellsTheActionThatWasAsked: "did not limit a far too large action",
-    _TakesNaN: "accepted NaN",
-    _TakesAnyShape: "wrong shape",
-    _RefusesInItsOwnWords: "ActionError",
+    _ReturnsTheRequestedAction: "did not limit a far too large action",
+    _AcceptsNaN: "accepted NaN",
+    _AcceptsAnyShape: "wrong shape",
+    _RaisesValueError: "ActionError",
 }
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 @pytest.mark.parametrize("preset", ["twin", "simulated"])
-def test_the_presets_keep_every_promise_in_every_fidelity(preset, fidelity, request):
+def test_the_presets_conform_in_every_fidelity(preset, fidelity, request):
     check_robot(SimulatedRobot(request.getfixturevalue(preset), fidelity))
 
 
 @pytest.mark.parametrize(
     ("kind", "fault"), FAULTS.items(), ids=[kind.__name__ for kind in FAULTS]
 )
-def test_a_robot_that_breaks_a_promise_is_named_and_closed(kind, fault, twin):
+def test_a_violation_is_named_and_the_robot_closed(kind, fault, twin):
     robot = kind(twin)
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
     assert robot.closed == 2  # before it was opened, and after the fault
 
 
-def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
+def test_a_robot_that_rounds_to_encoder_ticks_conforms(twin):
     class Rounding(SimulatedRobot):
         def send(self, action):
             return 1e-4 * np.round(super().send(action) / 1e-4)
@@ -225,7 +227,7 @@ def test_a_robot_that_rounds_to_its_encoders_ticks_is_fine(twin):
     check_robot(Rounding(twin))
 
 
-def test_a_camera_that_has_no_picture_in_most_readings_is_fine(twin):
+def test_a_camera_without_an_image_in_most_readings_conforms(twin):
     check_robot(
         SimulatedRobot(
             twin.model_copy(
@@ -235,14 +237,14 @@ def test_a_camera_that_has_no_picture_in_most_readings_is_fine(twin):
     )
 
 
-def test_a_robot_that_nothing_watches_is_fine(twin):
+def test_a_robot_without_ground_truth_conforms(twin):
     class Unwatched(SimulatedRobot):
         @property
         def sensors(self):
             return {"cables": super().sensors["cables"]}
 
         def read(self):
-            return _saying(super().read(), states=None, configurations=None)
+            return _replace_sensors(super().read(), states=None, configurations=None)
 
     check_robot(Unwatched(twin))
 
@@ -263,8 +265,8 @@ def test_the_check_is_gentle(twin):
     assert np.max(np.abs(moves) / geometry.action_high) == pytest.approx(0.05)
 
 
-class _Metal(Robot):
-    """An arm that takes the wall's time, whose cables are at once where they are sent; to be broken in one place."""
+class _WallClockRobot(Robot):
+    """A conforming wall-clock robot with ideal motors; subclasses violate one rule."""
 
     def __init__(self, arm):
         self.arm, self.geometry = arm, ArmGeometry.of(arm)
@@ -289,29 +291,29 @@ class _Metal(Robot):
         self.closed += 1
 
 
-class _BlocksInSend(_Metal):
+class _BlocksInSend(_WallClockRobot):
     def send(self, action):
         sent = super().send(action)
         time.sleep(self.arm.control_period)
         return sent
 
 
-class _BlocksInRead(_Metal):
+class _BlocksInRead(_WallClockRobot):
     def read(self):
         time.sleep(self.arm.control_period)
         return super().read()
 
 
-class _WallStands(_Metal):
+class _WallClockStops(_WallClockRobot):
     def read(self):
         return Reading(0.0, {"cables": self.at})
 
 
-def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_much(
+def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(
     make_arm, monkeypatch
 ):
     monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)
-    robot = _Metal(make_arm(1, control_rate=100.0))
+    robot = _WallClockRobot(make_arm(1, control_rate=100.0))
     kept = check_robot(robot)
     assert "send() and read() return at once" in kept
     assert any("limits are not tested on a real robot" in one for one in kept)
@@ -323,10 +325,10 @@ def test_a_body_on_the_walls_time_keeps_its_promises_and_is_not_asked_for_too_mu
     [
         (_BlocksInSend, r"send\(\) or read\(\) took .* ms: they must not wait"),
         (_BlocksInRead, r"send\(\) or read\(\) took .* ms: they must not wait"),
-        (_WallStands, r"its clock advanced by 0.000 s"),
+        (_WallClockStops, r"its clock advanced by 0.000 s"),
     ],
 )
-def test_a_body_on_the_walls_time_that_breaks_a_promise_is_named_and_closed(
+def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
     kind, fault, make_arm, monkeypatch
 ):
     monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)

@@ -1,4 +1,4 @@
-"""Bodies by name: those of the package, in a file of one's own, and what is said where there is none."""
+"""Robot classes by name: in the package, in a user's file, and unknown ones."""
 
 import pickle
 from functools import partial
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from nowhere import Nothing
 
 
-class CustomComponent(SimulatedRobot):
-    def __init__(self, arm, port: str = "/dev/null", baud: int = 9600, slow: bool = False, gain: float = 1.0,
+class Own(SimulatedRobot):
+    def __init__(self, arm, port: str = "/dev/null", baud: int = 9600,
+                 slow: bool = False, gain: float = 1.0,
                  grip: Literal["soft", "hard"] = "soft", anything=None, seed: int = 0):
         super().__init__(arm, seed=seed)
         self.given = port, baud, slow, gain, grip, anything, seed
@@ -49,7 +50,7 @@ class Refusing(SimulatedRobot):
 
 
 def maker(arm):
-    return CustomComponent(arm)
+    return Own(arm)
 
 
 number = 7
@@ -58,14 +59,14 @@ number = 7
 
 @pytest.fixture
 def own(tmp_path, monkeypatch):
-    """The beginning of names in that file."""
+    """Return the prefix of class names in a file of robots."""
     path = tmp_path / f"bodies_{tmp_path.name}.py"
     path.write_text(OWN)
     monkeypatch.setattr("sys.path", [str(tmp_path), *__import__("sys").path])
     return f"{path}:"
 
 
-def test_the_packages_own_body_is_found_by_its_short_name():
+def test_the_simulated_robot_has_a_short_name():
     assert robot_class("sim") is SimulatedRobot
     assert RobotFactory().simulated
     assert (str(RobotFactory()), str(RobotFactory.simulation())) == (
@@ -74,9 +75,7 @@ def test_the_packages_own_body_is_found_by_its_short_name():
     )
 
 
-def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for(
-    own, twin
-):
+def test_options_of_a_robot_in_a_file_are_converted_to_their_types(own, twin):
     options = {
         "port": "/dev/ttyUSB0",
         "baud": "115200",
@@ -90,9 +89,7 @@ def test_a_body_in_a_file_is_made_with_the_options_in_the_kinds_that_it_asks_for
     assert robot.arm is twin
 
 
-def test_what_is_offered_is_given_where_it_is_taken_and_what_was_chosen_counts_more(
-    own, twin
-):
+def test_defaults_apply_if_accepted_and_options_override_them(own, twin):
     assert (
         RobotFactory(f"{own}Own", ()).make(twin, seed=5, temperature=3).given[-1] == 5
     )
@@ -134,20 +131,22 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("name", "options", "said"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_made_is_refused_in_words(own, twin, name, options, said):
-    with pytest.raises(S2C2AError, match=said):
+@pytest.mark.parametrize(("name", "options", "message"), REFUSED.values(), ids=REFUSED)
+def test_invalid_robots_and_options_are_rejected_with_a_message(
+    own, twin, name, options, message
+):
+    with pytest.raises(S2C2AError, match=message):
         RobotFactory(f"{own}{name}", tuple(options.items())).make(twin)
 
 
-def test_options_whose_kind_cannot_be_told_are_given_as_they_were_written(own, twin):
+def test_options_without_a_known_type_stay_text(own, twin):
     assert (
         RobotFactory(f"{own}Odd", (("what", "3"), ("where", "4"))).make(twin).arm
         is twin
     )
 
 
-def test_what_a_body_raises_itself_is_not_hidden(own, twin):
+def test_an_error_of_the_robot_class_is_reported(own, twin):
     with pytest.raises(
         S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"
     ):
@@ -155,11 +154,12 @@ def test_what_a_body_raises_itself_is_not_hidden(own, twin):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         (
             "twin",
-            r"no robot 'twin'; choose one of sim, or give your own as module:Name or file.py:Name",
+            "no robot 'twin'; choose one of sim, "
+            "or give your own as module:Name or file.py:Name",
         ),
         ("nowhere_at_all:Arm", "cannot be loaded: ModuleNotFoundError"),
         ("nowhere.py:Arm", "there is no file nowhere.py"),
@@ -167,18 +167,18 @@ def test_what_a_body_raises_itself_is_not_hidden(own, twin):
         ("", "no robot ''"),
     ],
 )
-def test_a_name_that_stands_for_nothing_is_told(name, said):
-    with pytest.raises(S2C2AError, match=said):
+def test_an_unknown_name_is_rejected(name, message):
+    with pytest.raises(S2C2AError, match=message):
         robot_class(name)
 
 
-def test_a_file_that_cannot_be_imported_is_told_with_what_it_raised(tmp_path):
+def test_a_file_that_cannot_be_imported_is_reported_with_its_error(tmp_path):
     (tmp_path / "broken_body.py").write_text("1 / 0")
     with pytest.raises(S2C2AError, match="ZeroDivisionError: division by zero"):
         robot_class(f"{tmp_path}/broken_body.py:Arm")
 
 
-def test_a_body_of_another_package_is_found_by_its_entry_point(monkeypatch):
+def test_a_robot_of_another_package_is_found_by_its_entry_point(monkeypatch):
     class Point:
         name = "theirs"
 
@@ -194,7 +194,7 @@ def test_a_body_of_another_package_is_found_by_its_entry_point(monkeypatch):
         robot_class("others")
 
 
-def test_an_entry_point_that_fails_is_told_by_its_name(monkeypatch):
+def test_a_failing_entry_point_is_reported_by_name(monkeypatch):
     class Point:
         def load(self):
             raise ImportError("libmotor.so is missing")
@@ -202,31 +202,34 @@ def test_an_entry_point_that_fails_is_told_by_its_name(monkeypatch):
     monkeypatch.setattr("s2c2a.plugins.entry_points", lambda group, name: [Point()])
     with pytest.raises(
         S2C2AError,
-        match=r"the robot 'theirs' cannot be loaded: ImportError: libmotor\.so is missing",
+        match=(
+            "the robot 'theirs' cannot be loaded: "
+            r"ImportError: libmotor\.so is missing"
+        ),
     ):
         robot_class("theirs")
 
 
-def test_options_are_read_as_a_user_writes_them():
+def test_options_are_parsed_from_key_value_texts():
     given = options_from(["port=/dev/ttyUSB0", "note=a=b", "empty="])
     assert given == (("port", "/dev/ttyUSB0"), ("note", "a=b"), ("empty", ""))
     assert options_from([]) == ()
 
 
 @pytest.mark.parametrize(
-    ("texts", "said"),
+    ("texts", "message"),
     [
         (["port"], "'port' is not a robot option"),
         (["a=1", "a=2"], "appears twice"),
         (["=3"], "'=3' is not a robot option"),
     ],
 )
-def test_options_that_are_none_are_refused(texts, said):
-    with pytest.raises(S2C2AError, match=said):
+def test_invalid_option_texts_are_rejected(texts, message):
+    with pytest.raises(S2C2AError, match=message):
         options_from(texts)
 
 
-def test_a_body_travels_to_other_processes(twin):
+def test_a_robot_factory_can_be_pickled(twin):
     make = pickle.loads(
         pickle.dumps(partial(RobotFactory.simulation().make, twin, seed=3))
     )

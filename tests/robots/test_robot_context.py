@@ -1,4 +1,4 @@
-"""A robot as a context manager: entering opens it, leaving closes it, whatever happens between."""
+"""A robot as a context manager: entering opens it, leaving always closes it."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def test_entering_opens_and_leaving_closes():
     assert robot.notes == ["open", "read", "close"]
 
 
-def test_an_error_inside_closes_the_robot_and_goes_on():
+def test_an_error_inside_closes_the_robot_and_propagates():
     robot = _Noted()
     with pytest.raises(S2C2AError, match="inside"), robot:
         raise S2C2AError("inside")
@@ -55,7 +55,7 @@ def test_a_robot_that_fails_while_opening_is_closed_too():
     assert robot.notes == ["open", "close"]
 
 
-def test_a_body_that_does_not_do_everything_cannot_be_built():
+def test_an_incomplete_robot_cannot_be_created():
     class Half(Robot):
         def open(self):
             """Nothing."""

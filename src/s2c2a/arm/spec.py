@@ -13,7 +13,10 @@ from s2c2a.arm.sensors import Sensors
 MAX_MODULES = 20
 GRAVITY = 9.81  # m/s2
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
-SENSING = r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
+SENSING = (
+    r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}"
+    r"|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
+)
 
 
 class Cable(Frozen):
@@ -282,9 +285,8 @@ class ArmSpec(Frozen):
         if norm != 0 and abs(norm - 1) > 1e-3:
             raise ValueError(
                 f"gravity_direction {list(self.gravity_direction)} has length "
-                f"{norm:.3g}; give a unit vector in the base frame ([0, 0, -1] upright, "
-                f""
-                "[0, 0, 1] hanging) or [0, 0, 0] for no gravity"
+                f"{norm:.3g}; give a unit vector in the base frame "
+                "([0, 0, -1] upright, [0, 0, 1] hanging) or [0, 0, 0] for no gravity"
             )
 
     def _check_coupling(self):

@@ -22,26 +22,26 @@ class Episode:
     A quantity that was not measured, desired or planned has no column. These columns
     have the same meaning in every episode:
 
-    | column              | meaning                                         | row shape         |
-    | ------------------- | ----------------------------------------------- | ----------------- |
-    | `time`              | time of the reading since opening [s]           |                   |
-    | `actions`           | actions sent [m or N]                           | (modules, cables) |
-    | `sensor.NAME`       | values of a sensor (`spaces.Reading`)           | the sensor's      |
-    | `stage`             | number of the stage (`spaces.Stage`)            |                   |
-    | `sensed`, `planned` | configurations                                  | (modules, 3)      |
-    | `predicted`         | predicted states of the plan [m, 1]             | (modules, 6)      |
-    | `predictive_std`    | predictive standard deviation of ends [m]       | (modules,)        |
-    | `extrapolation`     | part of it that is due to extrapolation [m]     |                   |
-    | `rescued`           | fallback that replaced the plan, zero if none   |                   |
-    | `standing`          | one if the plan stopped above the lowest cost   |                  |
-    | `load`              | estimated payload at the tip [kg]               |                   |
-    | `bend_biases`       | estimated bend biases [rad]                     | (modules, 2)      |
-    | `push`              | external force at the tip from them [N]         |                  |
-    | `rejected.NAME`     | one if a sensor was rejected                    |                   |
-    | `desired_positions` | base frame [m]; NaN without a target            | (modules, 3)      |
-    | `desired_axes`      | base frame [1]; NaN without a target            | (modules, 3)      |
-    | `obstacles`         | centers and thresholds [m]; 0: unused           | (obstacles, 4)    |
-    | `tick_time`         | duration of sensing, planning and sending [s]   |                   |
+    | column              | meaning                               | row shape         |
+    | ------------------- | ------------------------------------- | ----------------- |
+    | `time`              | time of the reading since opening [s] |                   |
+    | `actions`           | actions sent [m or N]                 | (modules, cables) |
+    | `sensor.NAME`       | values of a sensor (`spaces.Reading`) | the sensor's      |
+    | `stage`             | number of the stage (`spaces.Stage`)  |                   |
+    | `sensed`, `planned` | configurations                        | (modules, 3)      |
+    | `predicted`         | predicted states of the plan [m, 1]   | (modules, 6)      |
+    | `predictive_std`    | predictive std. deviation of ends [m] | (modules,)        |
+    | `extrapolation`     | part of it due to extrapolation [m]   |                   |
+    | `rescued`           | fallback that replaced the plan, or 0 |                   |
+    | `standing`          | 1 if stopped before the lowest cost   |                   |
+    | `payload`           | estimated payload at the tip [kg]     |                   |
+    | `bend_biases`       | estimated bend biases [rad]           | (modules, 2)      |
+    | `external_force`    | external force that explains them [N] |                   |
+    | `rejected.NAME`     | one if a sensor was rejected          |                   |
+    | `desired_positions` | base frame [m]; NaN without a target  | (modules, 3)      |
+    | `desired_axes`      | base frame [1]; NaN without a target  | (modules, 3)      |
+    | `obstacles`         | centers and thresholds [m]; 0: unused | (obstacles, 4)    |
+    | `tick_time`         | time to sense, plan and send [s]      |                   |
 
     Attributes:
         arm: description of the arm.
@@ -205,9 +205,9 @@ def _standard_row_shapes(
         "extrapolation": (),
         "rescued": (),
         "standing": (),
-        "load": (),
+        "payload": (),
         "bend_biases": (modules, 2),
-        "push": (),
+        "external_force": (),
         "planned": vectors,
         "desired_positions": vectors,
         "desired_axes": vectors,

@@ -5,7 +5,6 @@ NumPy turns into JAX here.
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -45,7 +44,7 @@ class ConfigurationMap(eqx.Module):
 
     @classmethod
     @abstractmethod
-    def of(cls, arm: ArmSpec) -> Self:
+    def of(cls, arm: ArmSpec) -> "ConfigurationMap":
         """Build the map of an arm."""
 
     @abstractmethod
@@ -91,7 +90,7 @@ class EncoderMap(ConfigurationMap):
     sensors = ("cables",)
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> Self:
+    def of(cls, arm: ArmSpec) -> "ConfigurationMap":
         """See `ConfigurationMap`: with the arm's nominal geometry."""
         return cls(PCC.of(arm))
 
@@ -106,7 +105,7 @@ class TrueConfigurationMap(ConfigurationMap):
     sensors = ("configurations",)
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> Self:
+    def of(cls, arm: ArmSpec) -> "ConfigurationMap":
         """See `ConfigurationMap`."""
         return cls()
 
@@ -130,7 +129,7 @@ class WrappedMap(ConfigurationMap):
         return self.inner.sensors
 
     @classmethod
-    def of(cls, arm: ArmSpec) -> Self:
+    def of(cls, arm: ArmSpec) -> "ConfigurationMap":
         """Refuse: the map needs another one inside.
 
         Raises:

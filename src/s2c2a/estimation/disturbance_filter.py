@@ -169,7 +169,7 @@ class DisturbanceFilter(eqx.Module):
         none = Disturbances.none(len(configuration))
         known = none._replace(payload=payload)
 
-        def iterate(_: int, before: Disturbances) -> Disturbances:
+        def iterate(_: Array, before: Disturbances) -> Disturbances:
             return self.model.with_moments(known, configuration, hysteresis, before)
 
         return jax.lax.fori_loop(0, START_ITERATIONS, iterate, known)

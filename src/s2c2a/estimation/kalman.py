@@ -1,14 +1,15 @@
 """The steps of a Kalman filter, as pure functions."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 
 def predict(
-    mean: Float[Array, " n"],
-    covariance: Float[Array, "n n"],
-    transition: Float[Array, "n n"],
-    process_noise: Float[Array, " n"],
+    mean: Float[Array | np.ndarray, " n"],
+    covariance: Float[Array | np.ndarray, "n n"],
+    transition: Float[Array | np.ndarray, "n n"],
+    process_noise: Float[Array | np.ndarray, " n"],
 ) -> Float[Array, "n n"]:
     """Covariance after one step: F P F' + Q.
 
@@ -24,20 +25,20 @@ def predict(
 
 
 def innovation_covariance(
-    covariance: Float[Array, "n n"],
-    jacobian: Float[Array, "values n"],
-    noise_std: Float[Array, " values"],
+    covariance: Float[Array | np.ndarray, "n n"],
+    jacobian: Float[Array | np.ndarray, "values n"],
+    noise_std: Float[Array | np.ndarray, " values"],
 ) -> Float[Array, "values values"]:
     """S = H P H' + R."""
     return jacobian @ covariance @ jacobian.T + jnp.diag(noise_std**2)
 
 
 def update(
-    mean: Float[Array, " n"],
-    covariance: Float[Array, "n n"],
-    residual: Float[Array, " values"],
-    jacobian: Float[Array, "values n"],
-    innovation_cov: Float[Array, "values values"],
+    mean: Float[Array | np.ndarray, " n"],
+    covariance: Float[Array | np.ndarray, "n n"],
+    residual: Float[Array | np.ndarray, " values"],
+    jacobian: Float[Array | np.ndarray, "values n"],
+    innovation_cov: Float[Array | np.ndarray, "values values"],
 ) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
     """Mean and covariance after a measurement, in Joseph's form.
 
@@ -60,9 +61,9 @@ def update(
 
 
 def normalized_innovation(
-    residual: Float[Array, " values"],
-    innovation_cov: Float[Array, "values values"],
-    is_present: Bool[Array, " values"],
+    residual: Float[Array | np.ndarray, " values"],
+    innovation_cov: Float[Array | np.ndarray, "values values"],
+    is_present: Bool[Array | np.ndarray, " values"],
 ) -> Float[Array, ""]:
     """Root mean square of the residuals in standard deviations of each."""
     squared = jnp.sum(residual**2 / jnp.diag(innovation_cov))

@@ -17,6 +17,7 @@ from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Point, point
+from s2c2a.live.scene import REACH_TOLERANCE
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
@@ -24,7 +25,6 @@ from s2c2a.spaces import Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
-MIN_GAP = 0.005  # m; a target closer to the reach than that counts as reachable
 STOP_TIMEOUT = 1.5  # s, below the 2 s that the Stop button waits
 PREPARING = "preparing the arm; the first start compiles for up to half a minute"
 MODEL_DRAWN = "no measured states: the arm is drawn as its model predicts"
@@ -267,7 +267,7 @@ class LivePage(Window):
             f"clearance {100 * clearance:.1f} cm": np.isfinite(clearance),
             "task finished" if latest.finished else step: latest.task_steps,
             "recording": self._recorder.running,
-            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > MIN_GAP,
+            f"**{100 * self._gap:.1f} cm out of reach**": self._gap > REACH_TOLERANCE,
             MODEL_DRAWN: not measured,
             f"**{latest.fault}**": latest.fault,
         }

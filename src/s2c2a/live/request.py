@@ -214,9 +214,10 @@ def fault_sliders(limits: RequestLimits, coupled: bool) -> tuple[RequestSlider, 
         RequestSlider(
             "Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000
         ),
-        RequestSlider("Force x [N]", -push, push, push / 20, "push", 0),
-        RequestSlider("Force y [N]", -push, push, push / 20, "push", 1),
-        RequestSlider("Force z [N]", -push, push, push / 20, "push", 2),
+        *(
+            RequestSlider(f"Force {axis} [N]", -push, push, push / 20, "push", element)
+            for element, axis in enumerate("xyz")
+        ),
         RequestSlider(
             "Sensor noise [%]", 0.0, 100 * limits.noise, 0.1, "noise", scale=100
         ),

@@ -1,4 +1,4 @@
-"""Shapes at rest that can be worked out by hand: bends under tension and stretch, beams under gravity and pushes."""
+"""Static shapes with analytical solutions: bends by cables, beams under loads."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_lengthened_cables_hang_slack_and_leave_the_module_to_its_own_stiffness(
 
 
 @pytest.mark.parametrize("preset", ["twin", "simulated"])
-def test_no_tension_is_ever_negative_whatever_is_sent(preset, fidelity, request):
+def test_no_action_causes_a_negative_tension(preset, fidelity, request):
     arm = request.getfixturevalue(preset)
     geometry, random = ArmGeometry.of(arm), np.random.default_rng(0)
     robot = SimulatedRobot(arm, fidelity)
@@ -126,7 +126,9 @@ def test_a_pull_on_the_last_module_bends_lower_ones_only_where_cables_are_couple
     np.testing.assert_allclose(bends(coupled), [[angle, 0]] * 3, atol=0.04 * angle)
 
 
-def test_a_light_push_bends_a_weightless_module_like_a_clamped_beam(make_arm, fidelity):
+def test_a_small_force_bends_a_weightless_module_like_a_clamped_beam(
+    make_arm, fidelity
+):
     """F L^3 / (3 EI) (1 - 1 / (4 n^2)) for n hinges in the middle of their segments."""
     arm = make_arm(1, 3, {"tension_range": 20.0, "bending_stiffness": 1.0}, **PULL)
     force, segments = np.array([0.1, 0.2, 0.0]), FIDELITIES[fidelity].segments
@@ -136,7 +138,7 @@ def test_a_light_push_bends_a_weightless_module_like_a_clamped_beam(make_arm, fi
 
 
 def test_weight_bends_a_lying_module_like_a_clamped_beam(make_arm, fidelity):
-    """W L^4 / (8 EI) (1 - 1 / (2 n^2)) downward, and a payload adds P L^3 / (3 EI) (1 - 1 / (4 n^2))."""
+    """W L^4 / (8 EI) (1 - 1 / 2n^2); a payload adds P L^3 / (3 EI) (1 - 1 / 4n^2)."""
     lying = {"actuation": "tension", "gravity_direction": (0.0, 1.0, 0.0)}
     arm = make_arm(1, 3, {"tension_range": 20.0, "bending_stiffness": 10.0}, **lying)
     segments = FIDELITIES[fidelity].segments
@@ -183,7 +185,7 @@ def test_both_fidelities_agree_on_the_same_bent_arm(simulated):
 
 
 def test_the_accurate_chain_agrees_with_the_rod(make_arm):
-    """Two ways to the same statics: a chain of hinges at rest, and shooting along the rod."""
+    """Compare a chain of hinges with shooting along a rod."""
     arm = make_arm(
         actuation="tension", module={"tension_range": 20.0, "bending_stiffness": 0.3}
     )

@@ -37,7 +37,7 @@ def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
 def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(
     preset, fidelity, closeness, request
 ):
-    """By 120 or 90 deg, nearly: two hinges in a row are not quite a ball joint. At rest: twist swings longest."""
+    """Nearly by 120 or 90 deg: two hinges in series are not quite a ball joint."""
     arm = request.getfixturevalue(preset)
     action = action_for(arm, [[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
     here, next_ = (
@@ -51,8 +51,8 @@ def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_mirrored_actions_lead_to_mirrored_states(preset, request):
-    """Mirrored in the plane of the first cable, where the layout is its own mirror image."""
+def test_mirrored_actions_give_mirrored_states(preset, request):
+    """Mirror in the plane of the first cable, in which the layout is symmetric."""
     arm = request.getfixturevalue(preset)
     shares = np.array([[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
     here, mirrored = (
@@ -97,7 +97,7 @@ def pushed_aside(robot, distance: float) -> np.ndarray:
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(
+def test_a_straight_arm_returns_from_two_centimeters_off_axis(
     preset, fidelity, request
 ):
     arm = request.getfixturevalue(preset)
@@ -112,8 +112,8 @@ def test_a_straight_arm_stands_released_two_centimetres_off_axis_it_comes_back(
     assert np.linalg.norm(back - rest) < 0.001
 
 
-def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
-    """The check above can tell: a standing column of 0.6 m and 0.225 kg buckles below about EI = 0.1 N m2."""
+def test_an_arm_below_its_buckling_stiffness_does_not_return(make_arm):
+    """An upright column of 0.6 m and 0.225 kg buckles below about EI = 0.1 N m2."""
     arm = make_arm(
         actuation="tension", module={"tension_range": 1.0, "bending_stiffness": 0.03}
     )
@@ -127,8 +127,10 @@ def test_an_arm_too_soft_to_stand_does_not_come_back(make_arm):
 
 @pytest.mark.parametrize("direction", [[1, 0, 0], [0, -1, 0], [0.6, 0.8, 0]])
 @pytest.mark.parametrize(("preset", "aligned"), [("twin", 0.9), ("simulated", 0.999)])
-def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, request):
-    """The twin's cables pull back on one side only, so it gives way a little towards its slack ones."""
+def test_a_force_at_the_tip_moves_it_along_the_force(
+    preset, aligned, direction, request
+):
+    """Only taut cables resist, so the tip also moves a little towards slack ones."""
     arm = request.getfixturevalue(preset)
     with SimulatedRobot(arm) as robot:
         robot.apply_force(0.05 * np.array(direction))
@@ -138,7 +140,7 @@ def test_a_push_at_the_tip_moves_it_along_the_push(preset, aligned, direction, r
     assert moved @ direction > max(0.003, aligned * np.linalg.norm(moved))
 
 
-def test_opening_again_ends_a_push(twin):
+def test_opening_again_removes_the_force(twin):
     robot = SimulatedRobot(twin)
     robot.open()
     robot.apply_force([0.2, 0, 0])

@@ -1,4 +1,4 @@
-"""Play, capstan friction and creep between motors and modules: loops worked by hand, limits, time constants."""
+"""Backlash, capstan friction and creep: hysteresis loops, limits, time constants."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def drive(
     bends=STRAIGHT,
     start=0.0,
 ):
-    """What the first cable's module feels after each straight path of the motors from target to target."""
+    """Return the first cable's displacement at the module after each target."""
     felt, position = [], start
     times = period * np.arange(1, steps + 1) / steps
     for target in targets:
@@ -55,13 +55,13 @@ def drive(
     return np.array(felt)
 
 
-def test_a_cable_without_losses_passes_everything_on(transmission):
+def test_a_cable_without_losses_transmits_all_motion(transmission):
     targets = [0.003, -0.002, 0.0, 0.001]
     np.testing.assert_allclose(drive(transmission(), targets), targets)
 
 
-def test_play_makes_a_loop_twice_its_half_width_wide(transmission):
-    """Half-width 1 mm, worked by hand: up, back through the dead band, down, back up."""
+def test_backlash_makes_a_loop_twice_its_half_width_wide(transmission):
+    """Half-width 1 mm, by hand: up, back through the dead band, down, up again."""
     targets = 1e-3 * np.array(
         [0.5, 1.0, 5.0, 4.0, 3.0, 2.0, -5.0, -4.0, -3.0, -2.0, 5.0, 0.0]
     )
@@ -83,7 +83,7 @@ def test_going_up_and_down_through_the_same_point_differs_by_the_loops_width(
 
 
 @pytest.mark.parametrize("steps", [1, 7, 50])
-def test_play_does_not_depend_on_the_physics_step(transmission, steps):
+def test_backlash_does_not_depend_on_the_physics_step(transmission, steps):
     targets = np.random.default_rng(3).uniform(-4e-3, 4e-3, 40)
     coarse, fine = (
         drive(transmission(backlash=1e-3), targets, count) for count in (steps, 20)
@@ -91,14 +91,14 @@ def test_play_does_not_depend_on_the_physics_step(transmission, steps):
     np.testing.assert_allclose(coarse, fine, atol=1e-15)
 
 
-def test_play_of_the_whole_path_is_the_play_of_its_pieces(transmission):
+def test_backlash_of_a_path_is_that_of_its_pieces(transmission):
     whole, pieces = transmission(backlash=1e-3), transmission(backlash=1e-3)
     drive(whole, [6e-3, -2e-3])
     drive(pieces, [1e-3, 2.5e-3, 6e-3, 5e-3, 1e-3, -2e-3])
     np.testing.assert_allclose(whole.transmitted, pieces.transmitted, atol=1e-15)
 
 
-def test_the_felt_path_never_leaves_the_band_around_the_motors(transmission):
+def test_the_transmitted_path_stays_within_the_band_around_the_motors(transmission):
     random, losing = np.random.default_rng(0), transmission(backlash=1e-3)
     targets = random.uniform(-5e-3, 5e-3, 60)
     assert np.max(np.abs(drive(losing, targets) - targets)) == pytest.approx(
@@ -154,8 +154,10 @@ def test_the_capstan_band_grows_with_the_bends_below_and_no_others(make_arm):
     np.testing.assert_allclose(0.05 - felt[0], np.repeat(expected[:, None], 3, axis=1))
 
 
-def test_friction_on_a_tension_arm_passes_on_its_part_both_ways(tension_transmission):
-    """Pulling, e^(-mu angle) arrives; letting go, e^(+mu angle) stays; between the two nothing moves."""
+def test_capstan_friction_of_a_tension_arm_acts_in_both_directions(
+    tension_transmission,
+):
+    """The output is e^(-mu angle) in pulling and e^(+mu angle) in releasing."""
     part = np.exp(-0.25 * np.pi / 2)
     losing = tension_transmission(friction=0.25, friction_angle_deg=90.0)
     felt = drive(losing, [30.0, 30.0 * part**1.5, 30.0 * part**3, 0.0], start=10.0)
@@ -164,8 +166,8 @@ def test_friction_on_a_tension_arm_passes_on_its_part_both_ways(tension_transmis
     )
 
 
-def test_creep_takes_back_its_part_of_a_long_held_motion(transmission):
-    """During a ramp of T it takes back c (1 - (tau / T) (1 - e^(-T / tau))), in the end c."""
+def test_creep_takes_back_its_share_of_a_held_motion(transmission):
+    """After a ramp of time T: c (1 - (tau / T) (1 - e^(-T / tau))); finally c."""
     felt = drive(transmission(creep=0.3, creep_time=2.0), [0.01] * 400)
     during_ramp = 1 - 20 * (1 - np.exp(-0.05))
     assert 0.01 - felt[0] == pytest.approx(0.3 * 0.01 * during_ramp, rel=0.06)
@@ -174,13 +176,13 @@ def test_creep_takes_back_its_part_of_a_long_held_motion(transmission):
 
 
 def test_creep_has_its_time_constant(transmission):
-    """A held motion has lost all but 1/e of what creep will take after one creep time."""
+    """After one time constant, 1/e of the creep is still to come."""
     creeping = transmission(creep=0.4, creep_time=3.0)
     felt = drive(creeping, [0.01] * 30, start=0.01)
     assert felt[-1] == pytest.approx(0.01 - 0.4 * 0.01 * (1 - np.exp(-1)))
 
 
-def test_creep_does_not_depend_on_how_time_is_cut(transmission):
+def test_creep_does_not_depend_on_the_time_steps(transmission):
     coarse, fine = (transmission(creep=0.4, creep_time=3.0) for _ in range(2))
     drive(coarse, [0.01] * 10, period=0.1, start=0.01)
     drive(fine, [0.01] * 100, period=0.01, start=0.01)
@@ -194,11 +196,10 @@ def test_after_a_release_creep_recovers(transmission):
     assert felt[-1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_play_keeps_what_creep_takes_back_within_its_band(transmission):
-    """The motor is at 10 mm early in the step and stays; creep then takes less than the band: nothing moves back.
+def test_backlash_absorbs_creep_within_its_band(transmission):
+    """The motor moves 10 mm and stops; creep then stays within the backlash band.
 
-    Creep makes the path turn back within a step, so backlash is no longer a clip of where
-    the step began.
+    Creep reverses the path within a step, so backlash is not a clip of its start.
     """
     times = 0.005 * np.arange(1, 21)
     out = np.where(times <= 0.01, times / 0.01, 1.0)[:, None, None] * np.full(

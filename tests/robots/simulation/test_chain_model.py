@@ -71,7 +71,7 @@ def test_everything_but_the_clamped_half_segment_has_its_mass(built, fidelity):
 
 
 def test_the_moment_of_inertia_about_the_base_is_that_of_the_rods(built, fidelity):
-    """Sum over modules of m/L (z1^3 - z0^3)/3 + m r^2/4, less the half segment that is clamped."""
+    """Sum of m/L (z1^3 - z0^3)/3 + m r^2/4, less the clamped half segment."""
     model, data = built
     across = model.body_inertia[:, 0] + model.body_mass * data.xipos[:, 2] ** 2
     start, expected = 0.0, 0.0
@@ -101,7 +101,7 @@ def test_a_payload_adds_its_mass_at_the_tip(uneven, fidelity):
     assert loaded.body_ipos[tip, 2] == pytest.approx(moment / loaded.body_mass[tip])
 
 
-def test_every_segment_has_one_hinge_for_each_way_it_gives(built, fidelity):
+def test_every_segment_has_one_hinge_for_each_axis(built, fidelity):
     assert (
         built[0].njnt
         == built[0].nv
@@ -144,7 +144,9 @@ def test_hinge_stiffness_is_rigidity_over_segment_length(uneven, axis):
 
 
 @pytest.mark.parametrize(("modules", "cables"), [(1, 5), (3, 4), (6, 8)])
-def test_every_cable_is_one_tendon_with_one_pull(make_arm, fidelity, modules, cables):
+def test_every_cable_is_one_tendon_with_one_actuator(
+    make_arm, fidelity, modules, cables
+):
     model = build_model(make_arm(modules, cables), fidelity)
     assert model.ntendon == model.nu == modules * cables
 
@@ -208,7 +210,7 @@ def with_cables_of(arm, stiffness):
     ("stiffness", "integrator"),
     [(4500.0, "IMPLICITFAST"), (3e4, "DISCRETE"), (1e6, "DISCRETE")],
 )
-def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(
+def test_only_soft_springs_are_explicit_and_the_arm_is_stable_with_any(
     twin, stiffness, integrator
 ):
     arm = with_cables_of(twin, stiffness)
@@ -226,8 +228,8 @@ def test_only_soft_springs_are_explicit_and_the_arm_stays_whole_with_any(
     assert np.isfinite(robot.states()).all()
 
 
-def test_the_physics_step_follows_a_payload_that_changes_the_kind_of_springs(twin):
-    """A mass at the tip slows the quickest swing just enough; a control step stays as long as it was."""
+def test_a_new_payload_can_change_integrator_and_physics_step(twin):
+    """A payload lowers the highest frequency enough; the control period stays."""
     robot = SimulatedRobot(with_cables_of(twin, 15e3), "accurate")
     neutral = ArmGeometry.of(twin).action_neutral
     robot.open()
@@ -248,6 +250,6 @@ def test_gravity_points_where_the_arm_file_says(make_arm, direction):
     np.testing.assert_allclose(model.opt.gravity, 9.81 * np.array(direction))
 
 
-def test_an_unknown_fidelity_is_refused_with_the_known_ones_listed(twin):
+def test_an_unknown_fidelity_is_rejected_with_the_choices(twin):
     with pytest.raises(S2C2AError, match=r"'superb'.*fast, accurate"):
         SimulatedRobot(twin, "superb")

@@ -1,4 +1,4 @@
-"""What comes about while the simulated arm works comes about then, and an opening begins anew."""
+"""Events of the simulated robot: time, effect, validation, and reset by opening."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ BENT = 0.3
 
 
 def tips(robot, steps=12) -> np.ndarray:
-    """Of an arm that bends, and holds that."""
+    """Return the tip positions of an arm that bends and holds."""
     robot.open()
     action = robot._geometry.actions_at(np.full((3, 2), BENT))
     return np.array(
@@ -23,7 +23,7 @@ def tips(robot, steps=12) -> np.ndarray:
 @pytest.mark.parametrize(
     "kind", ["payload 0.1", "force 0.5 0 0", "homing_error 0.002", "stiffness_loss 0.9"]
 )
-def test_it_comes_about_in_its_time_and_not_before(twin, kind):
+def test_an_event_acts_at_its_time_and_not_before(twin, kind):
     calm, troubled = (
         tips(SimulatedRobot(twin)),
         tips(SimulatedRobot(twin, events=f"0.5 {kind}")),
@@ -32,14 +32,14 @@ def test_it_comes_about_in_its_time_and_not_before(twin, kind):
     assert np.linalg.norm(calm[-1] - troubled[-1]) > 1e-3
 
 
-def test_an_opening_begins_anew(twin):
+def test_opening_again_undoes_all_events(twin):
     robot = SimulatedRobot(
         twin, events="0.5 payload 0.1; 0.5 stiffness_loss 0.5; 0.6 force 0.2 0 0"
     )
     np.testing.assert_array_equal(tips(robot), tips(robot))
 
 
-def test_a_blind_arm_says_what_its_motors_say(twin):
+def test_sensor_loss_leaves_encoders_and_ground_truth(twin):
     arm = twin.model_copy(
         update={
             "sensors": Sensors(
@@ -74,12 +74,12 @@ def test_a_blind_arm_says_what_its_motors_say(twin):
         "8 payload x",
     ],
 )
-def test_what_cannot_happen_is_refused_at_the_door(twin, text):
+def test_invalid_events_are_rejected(twin, text):
     with pytest.raises(S2C2AError, match="is not an event; write a time"):
         SimulatedRobot(twin, events=text)
 
 
-def test_they_come_in_order():
+def test_events_are_sorted_by_time():
     assert [one.time for one in parse_events("12 sensor_loss;" + EXAMPLE)] == [
         8.0,
         10.0,

@@ -1,4 +1,4 @@
-"""What the simulated body is and its description does not say: each mismatch alone, with the answer worked by hand."""
+"""Model mismatch of the simulation: each parameter against an analytical result."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def fidelity(request):
 
 @pytest.fixture
 def pulled_arm(make_arm):
-    """Builds a weightless arm of four cables a module driven by tension, with mismatch; `modules` of them."""
+    """Return a builder of weightless tension arms of four cables with mismatch."""
 
     def make(modules: int = 1, pretension: float = 0.0, **mismatch):
         module = {
@@ -58,9 +58,7 @@ def bend_of(tension: float, stiffness: float = EI, radius: float = RADIUS) -> fl
     return tension * radius * LENGTH / stiffness
 
 
-def test_cables_off_their_angles_and_radii_bend_where_and_as_far_as_they_really_are(
-    pulled_arm, fidelity
-):
+def test_cables_act_at_their_true_angles_and_radii(pulled_arm, fidelity):
     mismatch = {
         "angle_errors_deg": (7.0, 0.0, 0.0, 0.0),
         "radius_errors": (0.1, 0.0, 0.0, 0.0),
@@ -101,7 +99,7 @@ def test_coupling_at_the_whole_radius_is_that_of_coupled_cables(pulled_arm, fide
 
 
 def test_a_straight_arm_with_coupling_has_cables_of_no_tension(make_arm, fidelity):
-    """A cable that steps outward where it enters its own module is as long at rest as its spring has it."""
+    """The rest length includes the step outward where a cable enters its own module."""
     arm = make_arm(
         module={"mismatch": Mismatch(coupling=0.25)}, gravity_direction=(0.0, 0.0, 0.0)
     )
@@ -127,10 +125,8 @@ def test_bends_along_and_across_the_stiff_direction_differ_by_the_ratio(
     assert np.sqrt(across * along) == pytest.approx(bend_of(8.0), rel=0.01)
 
 
-def test_a_module_is_stiffer_at_full_bend_by_the_share_that_is_said(
-    pulled_arm, fidelity
-):
-    """The moment that bends a linear module by full bend times 1.2 bends this one fully."""
+def test_hardening_is_the_stiffness_increase_at_full_bend(pulled_arm, fidelity):
+    """1.2 times the moment of a linear module at full bend bends this one fully."""
     arm = pulled_arm(hardening=0.2)
     full = ArmGeometry.of(arm).bend_limits[0]
     tension = 1.2 * full * EI / (RADIUS * LENGTH)
@@ -138,7 +134,7 @@ def test_a_module_is_stiffer_at_full_bend_by_the_share_that_is_said(
     assert np.linalg.norm(bend) == pytest.approx(full, rel=0.015)
 
 
-def test_a_module_that_is_stiffer_and_heavier_than_described_bends_less_and_weighs_more(
+def test_stiffness_and_mass_errors_change_bend_and_mass(
     pulled_arm,
 ):
     arm = pulled_arm(stiffness_error=0.25, mass_error=0.1)
@@ -148,10 +144,8 @@ def test_a_module_that_is_stiffer_and_heavier_than_described_bends_less_and_weig
     np.testing.assert_allclose(robot.model.body_mass[1:], 1.1 * plain[1:])
 
 
-def test_a_held_bend_grows_by_what_relaxes_with_the_time_constants_that_are_said(
-    pulled_arm, fidelity
-):
-    """Creep compliance of two Maxwell elements beside a spring: poles between the time constants, worked out here."""
+def test_a_held_bend_creeps_as_the_maxwell_elements_predict(pulled_arm, fidelity):
+    """Compare with the creep compliance of two Maxwell elements beside a spring."""
     parts, times = np.array([0.1, 0.2]), np.array([1.0, 8.0])
     steady, arm = (
         pulled_arm(**mismatch)
@@ -181,7 +175,7 @@ def test_a_held_bend_grows_by_what_relaxes_with_the_time_constants_that_are_said
     assert 1 + parts @ rest == pytest.approx(1 / 0.7)
 
 
-def test_a_body_that_relaxed_recovers_at_its_next_opening(pulled_arm):
+def test_a_relaxed_arm_recovers_at_its_next_opening(pulled_arm):
     robot = settled(
         pulled_arm(relaxing=(0.3, 0.3)), [[10.0, 0.0, 0.0, 0.0]], seconds=10.0
     )
@@ -189,7 +183,7 @@ def test_a_body_that_relaxed_recovers_at_its_next_opening(pulled_arm):
     np.testing.assert_allclose(bends(robot), 0, atol=1e-6)
 
 
-def test_a_new_payload_does_not_undo_what_a_body_got_used_to(pulled_arm):
+def test_a_new_payload_keeps_the_relaxation(pulled_arm):
     robot = settled(
         pulled_arm(relaxing=(0.3, 0.3)), [[10.0, 0.0, 0.0, 0.0]], seconds=20.0
     )
@@ -226,7 +220,7 @@ def test_all_cables_through_a_module_shorten_it_and_those_in_tubes_do_not(
 def test_a_cable_that_runs_through_a_shortened_module_gets_shorter_with_it(
     make_arm, fidelity
 ):
-    """The outer module's held cables go slack by what the inner one's shorten it, and pull no more."""
+    """The proximal module shortens, so the distal module's cables go slack."""
     arm = make_arm(
         modules=2,
         gravity_direction=(0.0, 0.0, 0.0),
@@ -244,7 +238,7 @@ def test_a_cable_that_runs_through_a_shortened_module_gets_shorter_with_it(
     )
 
 
-def test_without_a_force_a_module_is_bent_as_it_is_at_rest(pulled_arm, fidelity):
+def test_without_force_a_module_has_its_rest_bend(pulled_arm, fidelity):
     mismatch = {
         "rest_bend_deg": 6.0,
         "rest_azimuth_deg": 40.0,
@@ -256,7 +250,7 @@ def test_without_a_force_a_module_is_bent_as_it_is_at_rest(pulled_arm, fidelity)
     assert np.rad2deg(np.arctan2(bend[1], bend[0])) == pytest.approx(40.0, abs=0.5)
 
 
-def test_what_controllers_are_told_knows_nothing_of_mismatch(make_arm):
+def test_nominal_geometry_is_independent_of_the_mismatch(make_arm):
     mismatch = Mismatch(
         angle_errors_deg=5.0,
         radius_errors=0.1,
@@ -275,7 +269,7 @@ def test_what_controllers_are_told_knows_nothing_of_mismatch(make_arm):
     assert PCC.of(plain).bends(actions).shape == (3, 2)
 
 
-def test_an_arm_without_flaws_has_no_more_joints_than_before(twin, fidelity):
+def test_an_arm_without_mismatch_has_no_additional_joints(twin, fidelity):
     model = SimulatedRobot(twin, fidelity).model
     hinges = FIDELITIES[fidelity].segments * (3 if FIDELITIES[fidelity].torsion else 2)
     assert model.njnt == model.nv == 3 * hinges
@@ -283,8 +277,8 @@ def test_an_arm_without_flaws_has_no_more_joints_than_before(twin, fidelity):
     assert not model.jnt_stiffnesspoly.any()
 
 
-def test_a_body_with_every_flaw_settles(twin, fidelity):
-    """At twice the full strength of `s2c2a arm random`; what is drawn is tested there."""
+def test_an_arm_with_all_mismatch_settles(twin, fidelity):
+    """Twice the mismatch of `s2c2a arm random` at strength 1."""
     mismatch = {
         "angle_errors_deg": (10.0, -10.0, 8.0),
         "radius_errors": (0.12, -0.12, 0.1),

@@ -1,4 +1,4 @@
-"""What is lost between motors and modules beside backlash, capstan friction and creep, and what motors say of it."""
+"""Backlash a cable, homing errors, viscous friction, drift, and motor currents."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def held(arm, action, steps=60, fidelity="fast", **options) -> SimulatedRobot:
     return robot
 
 
-def test_every_cable_has_a_play_of_its_own(make_arm):
+def test_every_cable_has_its_own_backlash(make_arm):
     losing = CableTransmission(
         make_arm(modules=1, module={"cable": Cable(backlash=(0.0, 1e-3, 2e-3))}),
         NOTHING,
@@ -48,7 +48,7 @@ def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_
     assert np.abs(said).max() <= tick_length(arm.motor)
 
 
-def test_homing_errors_bend_the_arm_at_rest_and_are_anew_at_every_opening(make_arm):
+def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):
     robot = SimulatedRobot(
         make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS), seed=5
     )
@@ -64,7 +64,7 @@ def test_homing_errors_bend_the_arm_at_rest_and_are_anew_at_every_opening(make_a
 def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
     make_arm, fidelity
 ):
-    """Opposite cables wound at a speed v: two dampers c r^2 beside two springs k r^2, and the module's EI / L.
+    """Two dampers c r^2 beside two springs k r^2, and the module's EI / L.
 
     So the module lags by a time tau = 2 c r^2 / (2 k r^2 + EI / L) more than without
     friction.
@@ -92,7 +92,7 @@ def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
     assert lengths[1] - lengths[0] == pytest.approx(behind, rel=0.05)
 
 
-def test_viscous_friction_takes_from_the_tension_of_a_moving_tension_arm(
+def test_viscous_friction_reduces_the_tension_of_a_moving_tension_arm(
     make_arm, fidelity
 ):
     """However slow it makes the module, it bends as far in the end."""
@@ -108,7 +108,7 @@ def test_viscous_friction_takes_from_the_tension_of_a_moving_tension_arm(
     assert halfway[1] < 0.8 * halfway[0]
 
 
-def test_a_cable_that_nobody_pulls_resists_being_drawn_out_and_does_not_push(
+def test_a_cable_without_tension_resists_extension_and_does_not_push(
     make_arm, fidelity
 ):
     module = {"tension_range": 20.0, "cable": Cable(viscous_friction=300.0)}
@@ -127,9 +127,7 @@ def test_a_cable_that_nobody_pulls_resists_being_drawn_out_and_does_not_push(
     np.testing.assert_allclose(robot.tensions()[0, 1:], 0.0, atol=1e-9)
 
 
-def test_an_aged_arm_loses_the_share_of_its_motors_motion_that_it_drifts_by(
-    make_arm, fidelity
-):
+def test_an_aged_arm_loses_the_drift_share_of_motor_motion(make_arm, fidelity):
     arm = make_arm(
         module={"mismatch": Mismatch(drift=0.1), "pretension": 5.0}, **WEIGHTLESS
     )
@@ -157,18 +155,18 @@ def test_drift_leaves_the_tensions_at_rest_alone(make_arm):
 
 
 @pytest.mark.parametrize("aged", [-0.1, 1.1])
-def test_an_age_that_cannot_be_is_refused(make_arm, aged):
+def test_an_invalid_age_is_rejected(make_arm, aged):
     with pytest.raises(S2C2AError, match="aged"):
         SimulatedRobot(make_arm(), aged=aged)
 
 
-def test_only_an_arm_whose_file_says_so_tells_tensions_by_currents(make_arm):
+def test_tensions_need_current_noise_in_the_arm_file(make_arm):
     assert "tensions" not in SimulatedRobot(make_arm()).sensors
     robot = SimulatedRobot(make_arm(motor=Motor(current_noise=0.1)))
     assert robot.open()["tensions"].shape == robot.sensors["tensions"].shape == (3, 3)
 
 
-def test_currents_tell_the_tension_and_the_gears_friction_on_top_while_winding_in(
+def test_currents_add_gear_friction_while_winding_in(
     make_arm,
 ):
     module = {
@@ -187,14 +185,14 @@ def test_currents_tell_the_tension_and_the_gears_friction_on_top_while_winding_i
     )
 
 
-def test_the_noise_of_the_currents_is_as_large_as_said(make_arm):
+def test_current_noise_has_the_stated_size(make_arm):
     robot = SimulatedRobot(make_arm(motor=Motor(current_noise=0.4)), seed=3)
     robot.open()
     said = np.array([robot.read()["tensions"] for _ in range(300)])
     assert said.std(axis=0).mean() == pytest.approx(0.4, rel=0.05)
 
 
-def test_a_tension_arms_currents_tell_what_its_motors_pull(make_arm):
+def test_currents_of_a_tension_arm_measure_its_motors(make_arm):
     arm = make_arm(
         actuation="tension",
         motor=Motor(current_noise=0.0, current_friction=0.5),

@@ -41,7 +41,7 @@ def test_motors_agree_with_brute_force_integration(motor):
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
-def test_going_on_from_halfway_leads_to_the_same_place(motor):
+def test_a_path_in_two_parts_has_the_same_end(motor):
     whole = compute_motor_path(STARTS, COMMANDS, TIMES, motor)
     halfway = whole[9]
     np.testing.assert_allclose(
@@ -50,7 +50,7 @@ def test_going_on_from_halfway_leads_to_the_same_place(motor):
 
 
 @pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
-def test_motors_neither_overshoot_nor_turn_back(motor):
+def test_motor_paths_are_monotone(motor):
     gaps = (COMMANDS - compute_motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
         COMMANDS - STARTS
     )
@@ -58,7 +58,7 @@ def test_motors_neither_overshoot_nor_turn_back(motor):
     assert np.diff(gaps, axis=0).max() <= 1e-15
 
 
-def test_after_one_time_constant_the_gap_is_down_to_one_in_e():
+def test_after_one_time_constant_the_error_is_one_over_e():
     position = compute_motor_path(
         np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)
     )
@@ -86,14 +86,14 @@ def test_encoders_count_whole_ticks():
     assert len(np.unique(np.round(ticks))) > 100
 
 
-def test_without_noise_a_reading_is_off_by_half_a_tick_at_most():
+def test_without_noise_the_error_is_at_most_half_a_tick():
     motor, positions = Motor(noise_ticks=0.0), np.linspace(-0.02, 0.02, 999)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
     errors = read_encoders(positions, motor, np.random.default_rng(0)) - positions
     assert 0.4 * tick < np.max(np.abs(errors)) <= 0.5 * tick * (1 + 1e-6)
 
 
-def test_encoder_noise_has_the_stated_width():
+def test_encoder_noise_has_the_stated_size():
     motor = Motor(noise_ticks=20.0)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
     readings = read_encoders(np.zeros(20000), motor, np.random.default_rng(0)) / tick
@@ -101,7 +101,7 @@ def test_encoder_noise_has_the_stated_width():
     assert readings.mean() == pytest.approx(0.0, abs=0.6)
 
 
-def test_a_robot_reads_what_its_lagging_motors_did_not_what_was_sent(make_arm):
+def test_encoders_measure_the_lagging_motors_and_not_the_command(make_arm):
     motor = Motor(time_constant=0.1, noise_ticks=0.0, ticks_per_turn=2**20)
     action = 0.01 * np.array([[-1, 0.5, 0.5]])
     with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:

@@ -1,4 +1,4 @@
-"""The simulated robot: its clock, seeds, noise, limits, and what happens when the physics breaks down."""
+"""The simulated robot: clock, seeds, noise, limits, and divergence."""
 
 import numpy as np
 import pytest
@@ -98,8 +98,8 @@ def test_an_arm_has_settled_for_a_second_when_it_opens(make_arm, rate):
     np.testing.assert_allclose(robot.states(), opened, atol=1e-6)
 
 
-def test_readings_know_the_true_configuration_of_each_module_in_its_own_frame(make_arm):
-    """Only the middle module is bent, so the last one is straight in its own frame and leans in the base frame."""
+def test_readings_contain_true_configurations_in_module_frames(make_arm):
+    """Only the middle module is bent: the last one is straight in its own frame."""
     arm = make_arm(module={"cable": Cable(stiffness=1e5)}, gravity_direction=(0, 0, 0))
     with SimulatedRobot(arm) as robot:
         for _ in range(20):
@@ -114,7 +114,7 @@ def test_readings_know_the_true_configuration_of_each_module_in_its_own_frame(ma
     )
 
 
-def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
+def test_backlash_leaves_a_bend_after_a_round_trip(make_arm):
     bends = []
     for backlash in (0.0, 0.001):
         arm = make_arm(
@@ -132,7 +132,7 @@ def test_play_leaves_a_bend_behind_after_a_round_trip(make_arm):
     assert bends[1] > 0.01
 
 
-def test_creep_lets_a_held_bend_go_back(make_arm):
+def test_creep_reduces_a_held_bend(make_arm):
     arm = make_arm(
         1, 3, {"cable": Cable(creep=0.3, creep_time=1.0)}, gravity_direction=(0, 0, 0)
     )
@@ -146,20 +146,20 @@ def test_creep_lets_a_held_bend_go_back(make_arm):
 
 
 @pytest.mark.parametrize("payload", [np.nan, np.inf, -0.1, 51.0])
-def test_an_impossible_payload_is_refused(twin, payload):
+def test_an_invalid_payload_is_rejected(twin, payload):
     with pytest.raises(S2C2AError, match="payload"):
         SimulatedRobot(twin, payload=payload)
 
 
 @pytest.mark.parametrize("force", [[0, 0], [np.nan, 0, 0], [[0, 0, 1]], 3.0])
-def test_an_invalid_force_is_refused(twin, force):
+def test_an_invalid_force_is_rejected(twin, force):
     with pytest.raises(S2C2AError, match="a force is three finite"):
         SimulatedRobot(twin).apply_force(force)
 
 
 @pytest.fixture
 def broken(twin, tmp_path, monkeypatch):
-    """A robot whose hinges were set spinning after three good steps, and its last good states."""
+    """Return a robot that diverges after three steps, and its last valid states."""
     # MuJoCo writes its warnings to a file in the working folder
     monkeypatch.chdir(tmp_path)
     robot = SimulatedRobot(twin)
@@ -169,7 +169,7 @@ def broken(twin, tmp_path, monkeypatch):
     return robot, good
 
 
-def test_a_blow_up_is_reported_with_its_step_and_the_last_good_states(broken):
+def test_divergence_is_reported_with_its_step_and_the_last_valid_states(broken):
     robot, good = broken
     with pytest.raises(SimulationError, match=r"twin_arm.*step 4") as caught:
         robot.step(np.zeros((3, 3)))
@@ -177,7 +177,7 @@ def test_a_blow_up_is_reported_with_its_step_and_the_last_good_states(broken):
     np.testing.assert_array_equal(caught.value.last_states, good)
 
 
-def test_after_a_blow_up_every_step_says_so_until_the_robot_is_opened_again(broken):
+def test_a_diverged_robot_raises_until_it_is_opened_again(broken):
     robot, good = broken
     for _ in range(3):
         with pytest.raises(SimulationError) as caught:
@@ -188,7 +188,7 @@ def test_after_a_blow_up_every_step_says_so_until_the_robot_is_opened_again(brok
     assert np.isfinite(robot.read()["states"]).all()
 
 
-def test_after_a_blow_up_no_reading_holds_nan(broken):
+def test_a_diverged_robot_returns_no_nan(broken):
     robot, good = broken
     with pytest.raises(SimulationError):
         robot.step(np.zeros((3, 3)))
@@ -197,7 +197,7 @@ def test_after_a_blow_up_no_reading_holds_nan(broken):
     np.testing.assert_array_equal(caught.value.last_states, good)
 
 
-def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(
+def test_a_jittered_start_is_straight_except_for_hysteresis(
     make_arm,
 ):
     opened = {}
@@ -223,7 +223,7 @@ def test_a_jittered_start_is_at_rest_and_straight_but_for_what_hysteresis_keeps(
     assert np.linalg.norm(opened[0.001, 0] - opened[0.001, 1]) > 1e-3
 
 
-def test_an_arm_too_soft_for_its_cables_blows_up_loudly(
+def test_an_arm_too_soft_for_its_cables_raises_an_error(
     make_arm, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -240,8 +240,8 @@ def test_an_arm_too_soft_for_its_cables_blows_up_loudly(
     assert np.isfinite(caught.value.last_states).all()
 
 
-def test_a_stiff_light_arm_does_not_blow_up(make_arm):
-    """Stiff and light is what explicit springs cannot take (findings: 'Stiff light chains explode')."""
+def test_a_stiff_light_arm_is_stable(make_arm):
+    """Explicit springs are unstable for stiff, light chains."""
     stiff = {"mass": 0.0005, "bending_stiffness": 50.0, "damping_time": 0.005}
     readings = driven(SimulatedRobot(make_arm(6, 4, stiff)), steps=20)
     assert np.isfinite(column(readings, "states")).all()
@@ -257,7 +257,7 @@ def test_a_reading_is_a_value_that_later_steps_do_not_change(twin):
         np.testing.assert_array_equal(reading[name], kept[name])
 
 
-def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
+def test_a_new_payload_causes_no_jump(twin):
     robot, loaded = SimulatedRobot(twin), SimulatedRobot(twin, payload=0.1)
     action = np.tile([0.01, -0.005, -0.005], (3, 1))
     robot.open()
@@ -275,7 +275,7 @@ def test_a_payload_is_hung_on_while_the_arm_moves_without_a_jump(twin):
         robot.set_payload(-1.0)
 
 
-def test_it_moves_as_its_twin_and_is_spoken_to_as_the_arm(twin, tmp_path):
+def test_the_twin_moves_and_the_arm_file_describes_it(twin, tmp_path):
     heavy = [
         module.model_copy(update={"mass": 3 * module.mass}) for module in twin.modules
     ]

@@ -37,19 +37,19 @@ def both(request):
     )
 
 
-def test_watching_changes_nothing(both):
+def test_recording_the_center_line_changes_nothing(both):
     """The watched robot has sensors, the other has none."""
     (_, watched), (_, unwatched) = both
     for one, other in zip(watched, unwatched, strict=True):
         np.testing.assert_array_equal(one["states"], other["states"])
 
 
-def test_an_unwatched_robot_tells_no_center_line(both):
+def test_a_robot_without_recording_has_no_center_line(both):
     _, (_, readings) = both
     assert [reading.get("center_line") for reading in readings] == [None] * (STEPS + 1)
 
 
-def test_a_watched_robot_tells_five_points_a_module_at_every_physics_step(both):
+def test_the_center_line_has_five_points_a_module_at_every_physics_step(both):
     """At the start of every physics step, and at the end of the last."""
     (robot, readings), _ = both
     moments = round(0.1 / robot.model.opt.timestep) + 1
@@ -58,7 +58,7 @@ def test_a_watched_robot_tells_five_points_a_module_at_every_physics_step(both):
     ] * (STEPS + 1)
 
 
-def test_the_newest_moment_ends_at_the_ends_that_states_tell(both):
+def test_the_newest_sample_ends_at_the_module_ends_of_the_states(both):
     (_, readings), _ = both
     for reading in readings:
         newest = reading["center_line"][-1]
@@ -66,7 +66,7 @@ def test_the_newest_moment_ends_at_the_ends_that_states_tell(both):
         np.testing.assert_allclose(newest[4::5], reading["states"][:, :3], atol=1e-12)
 
 
-def test_the_oldest_moment_is_the_newest_of_the_reading_before(both):
+def test_the_oldest_sample_is_the_newest_of_the_previous_reading(both):
     (_, readings), _ = both
     for before, after in pairwise(readings):
         np.testing.assert_allclose(
@@ -74,7 +74,7 @@ def test_the_oldest_moment_is_the_newest_of_the_reading_before(both):
         )
 
 
-def test_the_arm_moves_from_moment_to_moment_and_never_jumps(both):
+def test_the_center_line_moves_between_samples_without_jumps(both):
     (_, readings), _ = both
     tips = np.concatenate([reading["center_line"][:-1, -1] for reading in readings[1:]])
     moves = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
@@ -94,7 +94,7 @@ def test_points_come_from_base_to_tip_a_fifth_of_a_module_apart(both):
         )
 
 
-def test_watching_changes_no_bit_of_the_physics(both):
+def test_recording_the_center_line_keeps_the_physics_identical(both):
     (watched, seen), (unwatched, unseen) = both
     np.testing.assert_array_equal(watched.data.qpos, unwatched.data.qpos)
     np.testing.assert_array_equal(watched.data.qvel, unwatched.data.qvel)
@@ -105,7 +105,7 @@ def test_watching_changes_no_bit_of_the_physics(both):
         )
 
 
-def test_the_center_line_from_states_is_near_the_watched_one(both):
+def test_the_center_line_from_states_is_near_the_recorded_one(both):
     """Two ways to the same line, on arms in motion."""
     (robot, readings), _ = both
     lengths = ArmGeometry.of(robot.arm).lengths.astype(np.float32)
@@ -114,7 +114,7 @@ def test_the_center_line_from_states_is_near_the_watched_one(both):
         np.testing.assert_allclose(guessed, reading["center_line"][-1], atol=0.005)
 
 
-def test_an_arm_of_another_size_is_watched_all_the_same(make_arm):
+def test_the_center_line_of_an_arm_of_another_size_is_recorded(make_arm):
     with SimulatedRobot(
         make_arm(5, 4, {"bending_stiffness": 0.5}), watched=True
     ) as robot:

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -96,7 +96,7 @@ class SensorModel(eqx.Module):
     max_delay: ClassVar[float] = 0.0
 
     @classmethod
-    def of(cls, arm: ArmSpec, model: ForwardModel) -> "Self | None":
+    def of(cls, arm: ArmSpec, model: ForwardModel) -> "SensorModel | None":
         """The model of this sensor on an arm; None if the arm does not have it."""
         return None
 

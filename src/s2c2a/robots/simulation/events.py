@@ -1,35 +1,28 @@
 """Scheduled disturbances and faults of a simulated robot."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from operator import attrgetter
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from s2c2a.errors import S2C2AError
 
+if TYPE_CHECKING:
+    from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
+
 EXAMPLE = "8 payload 0.05; 10 force 0.3 0 0; 12 force 0 0 0"
 MAX_PAYLOAD = 50.0  # kg
 
 
-class EventKind(NamedTuple):
-    """Parameters of one kind of event.
-
-    Attributes:
-        value_count: how many numbers the event needs.
-        unit: their unit and meaning, as the error message shows it.
-    """
-
-    value_count: int
-    unit: str
-
-
 KINDS = {
-    "payload": EventKind(1, "kg"),
-    "force": EventKind(3, "N, x y z at the tip"),
-    "homing_error": EventKind(1, "m"),
-    "stiffness_loss": EventKind(1, "share of the stiffness of a cable"),
-    "sensor_loss": EventKind(0, ""),
+    "payload": 1,  # kg
+    "force": 3,  # N; x, y, z at the tip
+    "homing_error": 1,  # m
+    "stiffness_loss": 1,  # share of the stiffness of a cable
+    "sensor_loss": 0,
 }
+"""Kinds of events, and how many numbers each needs."""
 
 
 class Event(NamedTuple):
@@ -46,25 +39,6 @@ class Event(NamedTuple):
     values: tuple[float, ...]
 
 
-class EventTarget(Protocol):
-    """A robot to which events can be applied; see `SimulatedRobot`."""
-
-    def set_payload(self, payload: float) -> None:
-        """Replace the mass at the tip [kg]."""
-
-    def apply_force(self, force: np.ndarray) -> None:
-        """Apply an external force at the tip [N], base frame."""
-
-    def add_homing_error(self, size: float) -> None:
-        """Shift the zeros of the motors [m]."""
-
-    def reduce_cable_stiffness(self, share: float) -> None:
-        """Reduce the stiffness of the first cable by a share."""
-
-    def lose_sensors(self) -> None:
-        """Remove all sensors but the encoders."""
-
-
 def parse_events(texts: str | Sequence[str]) -> tuple[Event, ...]:
     """Parse events such as `EXAMPLE`, sorted by time.
 
@@ -76,11 +50,7 @@ def parse_events(texts: str | Sequence[str]) -> tuple[Event, ...]:
     """
     joined = texts if isinstance(texts, str) else ";".join(texts)
     events = [_parse_event(text) for text in joined.split(";") if text.strip()]
-    return tuple(sorted(events, key=_event_time))
-
-
-def _event_time(event: Event) -> float:
-    return event.time
+    return tuple(sorted(events, key=attrgetter("time")))
 
 
 def _parse_event(text: str) -> Event:
@@ -95,8 +65,7 @@ def _parse_event(text: str) -> Event:
 
 
 def _is_valid(event: Event) -> bool:
-    kind = KINDS.get(event.kind)
-    if kind is None or len(event.values) != kind.value_count:
+    if len(event.values) != KINDS.get(event.kind):
         return False
     if event.time < 0 or not np.isfinite([event.time, *event.values]).all():
         return False
@@ -108,10 +77,7 @@ def _is_valid(event: Event) -> bool:
 
 
 def _invalid_event(text: str) -> S2C2AError:
-    kinds = []
-    for name, kind in KINDS.items():
-        unit = f" [{kind.unit}]" if kind.unit else ""
-        kinds.append(f"{name} ({kind.value_count} numbers{unit})")
+    kinds = [f"{kind} ({count} numbers)" for kind, count in KINDS.items()]
     return S2C2AError(
         f"'{text.strip()}' is not an event; write a time [s], a kind and its numbers: "
         f'{", ".join(kinds)}; for example "{EXAMPLE}"'
@@ -125,13 +91,13 @@ class EventSchedule:
         """Begin with all events, sorted by time."""
         self._pending = list(events)
 
-    def apply_until(self, time: float, robot: EventTarget) -> None:
+    def apply_until(self, time: float, robot: "SimulatedRobot") -> None:
         """Apply all events that are due at `time` [s]."""
         while self._pending and self._pending[0].time <= time + 1e-9:
             _apply_event(self._pending.pop(0), robot)
 
 
-def _apply_event(event: Event, robot: EventTarget) -> None:
+def _apply_event(event: Event, robot: "SimulatedRobot") -> None:
     methods: dict[str, Callable[..., None]] = {
         "payload": robot.set_payload,
         "homing_error": robot.add_homing_error,

@@ -23,7 +23,11 @@ def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
     """
     robot = SimulatedRobot(arm, fidelity)
     robot.open()
-    transition = _linearize(robot.model, robot.data)
+    size = 2 * robot.model.nv + robot.model.na
+    transition = np.zeros((size, size))
+    mujoco.mjd_transitionFD(
+        robot.model, robot.data, 1e-6, True, transition, None, None, None
+    )
     eigenvalues = np.linalg.eigvals(transition).astype(complex)
     rates = np.log(eigenvalues) / robot.model.opt.timestep
     growth = rates.real.max()
@@ -39,10 +43,3 @@ def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
     slowest = rates[np.argmin(np.abs(rates))]
     frequency = np.abs(slowest)  # rad/s
     return float(frequency / (2 * np.pi)), float(-slowest.real / frequency)
-
-
-def _linearize(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    size = 2 * model.nv + model.na
-    transition = np.zeros((size, size))
-    mujoco.mjd_transitionFD(model, data, 1e-6, True, transition, None, None, None)
-    return transition
