@@ -279,10 +279,10 @@ class SumAndRange(FromArm):
             geometry.action_low,
             geometry.action_high,
         )
-        return cls(
-            *(jnp.asarray(array, dtype=jnp.float32) for array in arrays),
-            evenly_three=arm.cable_count == 3 and evenly_spaced,
-        )
+        converted = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
+        matrices, inverses, neutral, unit, low, high = converted
+        even = arm.cable_count == 3 and evenly_spaced
+        return cls(matrices, inverses, neutral, unit, low, high, even)
 
     def __call__(
         self, raw: Float[Array, "*batch modules cables"]
@@ -323,9 +323,10 @@ class SumAndRange(FromArm):
         def normalize(samples: Samples) -> Samples:
             actions = jnp.asarray(samples.inputs["actions"])
             past = self.normalized(jnp.moveaxis(actions, ages, 0))
-            past = np.asarray(jnp.moveaxis(past, 0, ages))
+            past = jnp.moveaxis(past, 0, ages)
+            inputs = samples.inputs | {"actions": np.asarray(past)}
             targets = self.normalized(jnp.asarray(samples.targets))
-            return Samples(samples.inputs | {"actions": past}, np.asarray(targets))
+            return Samples(inputs, np.asarray(targets))
 
         return Split(
             normalize(split.training),
