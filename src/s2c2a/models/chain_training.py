@@ -144,10 +144,9 @@ class ChainOptions(ForwardOptions):
             return chain
         if not chain.statics:
             raise TrainingError(
-                f"networks of {old.module_count} modules do not fit '{new.name}' with "
-                f"{new.module_count}; the module count may change only with motor "
-                "encoders and displacement actuation; collect data and train without "
-                "--from"
+                f"networks of {old.module_count} modules do not fit '{new.name}' of "
+                f"{new.module_count}; other counts need motor encoders and "
+                "displacement actuation; collect data and train without --from"
             )
 
         def with_network_of(model: ChainC2S) -> ChainC2S:
