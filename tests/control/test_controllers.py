@@ -1,3 +1,5 @@
+"""Inverse PCC by hand, and the history of the network controller."""
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -28,10 +30,8 @@ def an_arm(actuation, turns_deg, cables) -> ArmSpec:
     return ArmSpec(name="arm", actuation=actuation, modules=tuple(modules))
 
 
-TWIN, SIMULATED = (
-    an_arm("displacement", (0.0, 60.0, 0.0), 3),
-    an_arm("tension", (0.0, 0.0, 0.0), 4),
-)
+TWIN = an_arm("displacement", (0.0, 60.0, 0.0), 3)
+SIMULATED = an_arm("tension", (0.0, 0.0, 0.0), 4)
 start = eqx.filter_jit(lambda controller, sensed: controller.start(sensed))
 act = eqx.filter_jit(lambda controller, *inputs: controller.act(*inputs))
 
@@ -58,8 +58,8 @@ def network_controller(arm, seed=0):
     )
 
 
-def shouting(arm, towards):
-    """A controller whose network always says the same, very loudly."""
+def saturated(arm, towards):
+    """A controller whose network has one constant, very large output."""
     controller = network_controller(arm)
     return eqx.tree_at(
         lambda c: c.network.network.bias_head, controller, 100.0 * jnp.asarray(towards)
@@ -70,8 +70,8 @@ def drive(controller, sensed, desired):
     """Actions and memories over the steps, the first memory first."""
     memory = start(controller, sensed[0])
     actions, memories = [], [memory]
-    for one, aim in zip(sensed, desired, strict=True):
-        action, memory = act(controller, aim, one, memory)
+    for current, target in zip(sensed, desired, strict=True):
+        action, memory = act(controller, target, current, memory)
         actions.append(np.asarray(action))
         memories.append(memory)
     return actions, memories
@@ -100,7 +100,8 @@ def test_inverse_pcc_moves_cables_as_worked_by_hand():
 
 
 def test_inverse_pcc_multiplies_each_module_by_its_gain():
-    bends, gains = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)], (1.1, 0.9, 1.5)
+    bends = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)]
+    gains = (1.1, 0.9, 1.5)
     action, _ = act(inverse_pcc(TWIN, gains), BENT, STRAIGHT, ())
     np.testing.assert_allclose(
         action, displacements_by_hand(bends, [0, np.pi / 3, 0], gains), atol=1e-7
@@ -146,7 +147,7 @@ def test_the_history_starts_filled_with_the_first_values(arm):
     np.testing.assert_array_equal(memory.actions, np.zeros((3, 5, arm.cable_count)))
 
 
-def test_the_history_shifts_youngest_first():
+def test_the_history_holds_the_latest_first():
     random = np.random.default_rng(0)
     sensed, desired = random.normal(size=(2, 7, 3, 3)).astype(np.float32)
     controller = network_controller(TWIN)
@@ -181,30 +182,30 @@ def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_befo
     controller = network_controller(TWIN)
     actions, memories = drive(controller, sensed, desired)
     configurations = np.stack([sensed[3], sensed[2], sensed[1], sensed[0]], axis=1)
-    said = eqx.filter_jit(controller.network)(
+    normalized = eqx.filter_jit(controller.network)(
         desired[3], History(jnp.asarray(configurations), memories[3].actions)
     )
     np.testing.assert_allclose(
-        controller.network.sum_and_range.actions(said), actions[3], atol=1e-7
+        controller.network.sum_and_range.actions(normalized), actions[3], atol=1e-7
     )
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
 def test_normalized_actions_in_the_history_stay_in_range(arm):
-    loud = shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
+    controller = saturated(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
     _, memories = drive(
-        loud, np.repeat(STRAIGHT[None], 3, axis=0), np.repeat(BENT[None], 3, axis=0)
+        controller,
+        np.repeat(STRAIGHT[None], 3, axis=0),
+        np.repeat(BENT[None], 3, axis=0),
     )
     assert np.abs(memories[-1].actions).max() <= 1 + 1e-6
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])
-def test_actions_of_the_loudest_network_stay_within_the_limits_of_the_arm(arm):
-    loud, geometry = (
-        shouting(arm, [1.0] + [-1.0] * (arm.cable_count - 1)),
-        ArmGeometry.of(arm),
-    )
-    action, _ = act(loud, BENT, STRAIGHT, start(loud, STRAIGHT))
+def test_actions_of_a_saturated_network_stay_within_the_limits_of_the_arm(arm):
+    controller = saturated(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
+    geometry = ArmGeometry.of(arm)
+    action, _ = act(controller, BENT, STRAIGHT, start(controller, STRAIGHT))
     assert (np.asarray(action) >= geometry.action_low - 1e-6).all()
     assert (np.asarray(action) <= geometry.action_high + 1e-6).all()
 

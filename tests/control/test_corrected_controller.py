@@ -1,4 +1,4 @@
-"""An integral correction around another controller: what it adds, how much, and when nothing."""
+"""Integral feedback around another controller: convergence, limit and memory."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,9 +23,14 @@ def axes(bends):
 
 
 def drive(controller, plant, desired, steps, first=STRAIGHT):
-    """Bends of a plant, bends of the cables -> bends, and offsets, over the steps; `desired` says what of a step."""
-    bends, memory = np.asarray(first), controller.start(axes(first))
-    reached, offsets = [], []
+    """Bends and integrals over the steps.
+
+    `plant` maps bends of the cables to bends, `desired` maps a step to bends.
+    """
+    bends = np.asarray(first)
+    memory = controller.start(axes(first))
+    reached = []
+    offsets = []
     for step in range(steps):
         action, memory = act(controller, axes(desired(step)), axes(bends), memory)
         bends = plant(np.asarray(MAP.bends(action)))
@@ -34,14 +39,14 @@ def drive(controller, plant, desired, steps, first=STRAIGHT):
     return np.array(reached), np.array(offsets)
 
 
-def held(step):
+def constant(step):
     return DESIRED
 
 
 def test_a_constant_offset_is_integrated_away():
     """The error shrinks by 1 - gain in a step."""
     reached, offsets = drive(
-        CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, held, 60
+        CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, constant, 60
     )
     np.testing.assert_allclose(reached[0] - DESIRED, OFFSET, atol=1e-5)
     np.testing.assert_allclose(reached[10] - DESIRED, 0.8**10 * OFFSET, atol=1e-4)
@@ -51,28 +56,28 @@ def test_a_constant_offset_is_integrated_away():
 
 def test_without_a_correction_the_offset_stays():
     reached, _ = drive(
-        CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, held, 20
+        CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, constant, 20
     )
     np.testing.assert_allclose(
         reached, np.tile(DESIRED + OFFSET, (20, 1, 1)), atol=1e-5
     )
 
 
-def test_a_gain_that_is_too_small_in_the_plant_is_made_up_for():
+def test_a_low_gain_of_the_plant_is_compensated():
     reached, _ = drive(
         CorrectedController(INNER, 0.2, largest=0.3),
         lambda bends: 0.8 * bends,
-        held,
+        constant,
         80,
     )
     np.testing.assert_allclose(reached[-1], DESIRED, atol=1e-3)
 
 
 @pytest.mark.parametrize("largest", [0.1, 0.02])
-def test_an_offset_never_grows_longer_than_its_bound(largest):
+def test_the_integral_never_exceeds_its_limit(largest):
     """A plant that does not move at all."""
     controller = CorrectedController(INNER, 0.5, largest)
-    _, offsets = drive(controller, lambda bends: np.zeros_like(bends), held, 50)
+    _, offsets = drive(controller, lambda bends: np.zeros_like(bends), constant, 50)
     lengths = np.linalg.norm(offsets, axis=-1)
     assert lengths.max() <= largest + 1e-6
     np.testing.assert_allclose(lengths[-1], largest, atol=1e-6)
@@ -80,7 +85,7 @@ def test_an_offset_never_grows_longer_than_its_bound(largest):
     np.testing.assert_allclose(offsets[-1], largest * directions, atol=1e-5)
 
 
-def test_an_offset_at_its_bound_comes_back_as_soon_as_the_error_turns():
+def test_an_integral_at_its_limit_falls_as_soon_as_the_error_changes_sign():
     controller = CorrectedController(INNER, 0.2)
     memory = controller.start(axes(STRAIGHT))
     for _ in range(50):
@@ -92,9 +97,10 @@ def test_an_offset_at_its_bound_comes_back_as_soon_as_the_error_turns():
     ).all()
 
 
-def test_without_an_error_it_acts_as_the_controller_inside():
-    """A plant that does what is desired, along a way."""
-    controller, sensed = CorrectedController(INNER, 0.2), STRAIGHT
+def test_without_an_error_the_action_is_that_of_the_inner_controller():
+    """A plant that follows exactly, along a path."""
+    controller = CorrectedController(INNER, 0.2)
+    sensed = STRAIGHT
     memory = controller.start(axes(sensed))
     for share in np.linspace(0.1, 1.0, 10):
         desired = share * DESIRED
@@ -105,15 +111,15 @@ def test_without_an_error_it_acts_as_the_controller_inside():
         sensed = desired
 
 
-def test_at_the_start_there_is_no_error_wherever_the_arm_stands():
+def test_the_initial_error_is_zero_at_any_configuration():
     controller = CorrectedController(INNER, 0.2)
     bent = axes(DESIRED + 0.3)
     _, memory = act(controller, axes(DESIRED), bent, controller.start(bent))
     np.testing.assert_allclose(memory.offset, 0.0, atol=1e-6)
 
 
-def test_an_error_is_told_by_what_was_desired_a_step_before():
-    """Desired now, sensed next: a plan that moves on is not taken for an error."""
+def test_the_error_uses_the_desired_bends_of_the_last_step():
+    """A plan that moves on causes no error."""
     reached, offsets = drive(
         CorrectedController(INNER, 0.2),
         lambda bends: bends,
@@ -124,7 +130,7 @@ def test_an_error_is_told_by_what_was_desired_a_step_before():
     np.testing.assert_allclose(reached[-1], 0.95 * DESIRED, atol=1e-5)
 
 
-def test_the_memory_of_the_controller_inside_travels_along():
+def test_the_memory_of_the_inner_controller_is_kept():
     class Counter(InversePCC):
         def start(self, sensed):
             return jnp.zeros(())

@@ -1,4 +1,4 @@
-"""Training the chain with memory, on an arm made of arcs whose cables have play and give way."""
+"""Training of the chain on synthetic arcs with backlash and elastic cables."""
 
 from dataclasses import replace
 
@@ -18,7 +18,8 @@ from s2c2a.strategies import TrainedNetworks, load_strategy, recipe_named, save_
 from s2c2a.training import FitOptions, TrainingData
 
 EPISODES, SAMPLES = 6, 200
-GAIN, PLAY = 0.8, 0.06
+GAIN = 0.8
+PLAY = 0.06
 SIZE = ChainOptions(
     hidden=8, depth=1, play_widths=(0.03, 0.05, 0.07), creep_times=(2.0,)
 )
@@ -36,8 +37,9 @@ as_seen = jax.jit(
 
 
 def synthetic(arm, seed=0, samples=SAMPLES, episodes=EPISODES):
-    """Sensed configurations that wander, and the states of arcs that follow with play and give way."""
-    geometry, random = ArmGeometry.of(arm), np.random.default_rng(seed)
+    """Random sensed configurations, and states of arcs with backlash and a gain."""
+    geometry = ArmGeometry.of(arm)
+    random = np.random.default_rng(seed)
     goals = random.uniform(
         -0.5, 0.5, (episodes, samples // 10 + 1, arm.module_count, 2)
     )
@@ -60,7 +62,7 @@ def synthetic(arm, seed=0, samples=SAMPLES, episodes=EPISODES):
 
 
 def of(arm, sensed, states) -> TrainingData:
-    """What the chain learns from; it takes no actions."""
+    """Training data without actions, since the chain uses none."""
     return TrainingData(
         arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), states
     )
@@ -76,7 +78,7 @@ def trained(make_arm):
     return train(make_arm(2))
 
 
-def test_play_and_give_are_learned_far_better_than_without_a_memory(trained, make_arm):
+def test_memory_reduces_the_error_on_backlash(trained, make_arm):
     without = train(make_arm(2), MEMORYLESS)
     assert trained.percent[0] < 0.5 * without.percent[0]
     assert trained.percent[0] < 1.0
@@ -88,7 +90,8 @@ def test_the_loss_falls_and_every_epoch_has_a_row(trained):
 
 
 def test_the_same_key_trains_the_same_model_and_another_key_another(trained, make_arm):
-    again, other = train(make_arm(2)), train(make_arm(2), seed=1)
+    again = train(make_arm(2))
+    other = train(make_arm(2), seed=1)
     np.testing.assert_array_equal(again.curve, trained.curve)
     assert again.percent == trained.percent
     for one, two in zip(
@@ -101,8 +104,9 @@ def test_the_same_key_trains_the_same_model_and_another_key_another(trained, mak
 def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
     trained, make_arm
 ):
-    """Sample by sample through the first two episodes' training stretches."""
-    model, (sensed, states) = trained.network, synthetic(make_arm(2))
+    """Sample by sample in the training parts of the first two episodes."""
+    model = trained.network
+    sensed, states = synthetic(make_arm(2))
     inputs = (
         samples_along(model, of(make_arm(2), sensed, states))
         .training.inputs["configurations"]
@@ -121,8 +125,9 @@ def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
 
 
 def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
-    """The held-out error, found anew by remembering along whole episodes."""
-    model, (sensed, states) = trained.network, synthetic(make_arm(2))
+    """The test error, computed again along whole episodes."""
+    model = trained.network
+    sensed, states = synthetic(make_arm(2))
 
     def step(memory, now):
         return jax.vmap(model.observe)(now, memory), jax.vmap(model.predict)(
@@ -160,7 +165,7 @@ def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
     assert model.percent[0] < 4.0
 
 
-def test_weights_of_plays_and_the_motor_never_turn_negative(trained):
+def test_trained_weights_of_plays_are_never_negative(trained):
     hysteresis = trained.network.hysteresis
     assert (np.asarray(jax.nn.softplus(hysteresis.play_weights)) >= 0).all()
     np.testing.assert_array_equal(
@@ -168,7 +173,7 @@ def test_weights_of_plays_and_the_motor_never_turn_negative(trained):
     )
 
 
-def test_too_few_samples_are_refused(make_arm):
+def test_too_few_samples_are_rejected(make_arm):
     sensed, states = synthetic(make_arm(1), samples=60, episodes=1)
     with pytest.raises(TrainingError, match="42 training samples"):
         SIZE.train(of(make_arm(1), sensed, states), FitOptions(), jax.random.key(0))
@@ -177,7 +182,8 @@ def test_too_few_samples_are_refused(make_arm):
 @pytest.fixture(scope="module")
 def networks(trained, make_arm):
     """A strategy whose forward model is the trained chain."""
-    arm, c2a = make_arm(2), BiLSTMController(layers=1, hidden=8)
+    arm = make_arm(2)
+    c2a = BiLSTMController(layers=1, hidden=8)
     recipe = replace(
         recipe_named("best"),
         name="small",
@@ -199,8 +205,9 @@ def file(networks, tmp_path):
     return tmp_path / "chain.safetensors"
 
 
-def test_saved_and_loaded_it_predicts_alike_to_the_last_bit(file, networks):
-    loaded, (sensed, _) = load_strategy(file, networks.arm), synthetic(networks.arm)
+def test_a_loaded_model_predicts_bitwise_the_same(file, networks):
+    loaded = load_strategy(file, networks.arm)
+    sensed, _ = synthetic(networks.arm)
     assert loaded.recipe == networks.recipe
     for before, after in zip(
         jax.tree.leaves(networks.c2s), jax.tree.leaves(loaded.c2s), strict=True
@@ -228,9 +235,7 @@ def test_saved_and_loaded_it_predicts_alike_to_the_last_bit(file, networks):
         {"heads": 2},
     ],
 )
-def test_a_file_of_a_size_that_cannot_be_or_that_its_arrays_do_not_have_is_refused(
-    file, forged, damage
-):
+def test_a_file_with_an_invalid_or_wrong_size_is_rejected(file, forged, damage):
     def change(metadata, arrays):
         metadata["recipe"]["c2s"] |= damage
 

@@ -1,4 +1,4 @@
-"""Plays, filters and their weights: worked by hand for one cable, laws for many."""
+"""Play operators and filters: worked by hand for one cable, laws for many."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,7 +10,8 @@ import pytest
 
 from s2c2a.models.cables import Hysteresis, Operators
 
-WIDTHS, SHARES = (0.5, 1.0), (0.1, 0.4)
+WIDTHS = (0.5, 1.0)
+SHARES = (0.1, 0.4)
 
 
 def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
@@ -60,7 +61,7 @@ def test_a_play_follows_the_sequence_worked_by_hand():
     )
 
 
-def test_a_play_does_not_mind_how_fast_it_is_driven():
+def test_a_play_is_independent_of_the_rate():
     turns = [0.0, 2.0, -1.0, 0.7]
     slow = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(turns)])
     hysteresis = a_hysteresis()
@@ -84,8 +85,9 @@ def test_a_play_is_never_further_from_its_input_than_its_width():
 
 
 def test_a_filter_approaches_a_held_step_as_the_exponential():
-    """Share 1 - exp(-period / tau) in a step: after t the answer is 1 - exp(-t / tau), exactly."""
-    period, times = 0.1, np.array([0.5, 3.0])
+    """With share 1 - exp(-period / tau), the response is 1 - exp(-t / tau), exactly."""
+    period = 0.1
+    times = np.array([0.5, 3.0])
     hysteresis = a_hysteresis(shares=1 - np.exp(-period / times))
     crept = np.array(
         [memory.crept[0, :, 0] for memory in along(hysteresis, [0.0] + [1.0] * 30)]
@@ -103,20 +105,18 @@ def test_inputs_are_displacement_plays_last_displacement_and_filters_in_this_ord
     )
 
 
-def test_what_is_transmitted_is_the_weighted_sum():
+def test_transmitted_displacements_are_weighted_sums():
     hysteresis = a_hysteresis(modules=2)
     inputs = walk(2, 2, 6, 3)
-    raw, creep = (
-        np.asarray(hysteresis.play_weights),
-        np.asarray(hysteresis.creep_weights),
-    )
+    raw = np.asarray(hysteresis.play_weights)
+    creep = np.asarray(hysteresis.creep_weights)
     weights = np.concatenate([np.log1p(np.exp(raw)), creep], axis=1)
     expected = (weights * np.asarray(inputs)).sum(axis=-2)
     np.testing.assert_allclose(hysteresis.transmitted(inputs), expected, atol=1e-5)
 
 
-def test_plays_never_weigh_against_the_motor_whatever_was_learned():
-    """Of inputs that are one where the play is and zero elsewhere, the weight comes out."""
+def test_weights_of_plays_are_never_negative():
+    """Unit inputs of single play operators return their weights."""
     hysteresis = a_hysteresis()
     low = replace(
         hysteresis, play_weights=jnp.array([[-50.0, -5.0, 0.0, 5.0]])[..., None]
@@ -160,7 +160,7 @@ def test_a_batch_is_its_members_one_by_one():
     np.testing.assert_allclose(together, alone, atol=1e-6)
 
 
-def test_without_plays_and_filters_only_the_last_two_displacements_are_left():
+def test_without_plays_and_filters_the_last_two_displacements_remain():
     hysteresis = a_hysteresis(widths=(), shares=())
     inputs = hysteresis.inputs(
         jnp.array([[2.0, 3.0]]), hysteresis.start(jnp.array([[0.0, 1.0]]))

@@ -1,4 +1,4 @@
-"""The LSTM along time: against a second one in float64, and what it may and may not change."""
+"""The LSTM over time, against a second implementation in float64."""
 
 import equinox as eqx
 import jax
@@ -12,7 +12,8 @@ from s2c2a.models.actions import TipHistory
 from s2c2a.models.layers import LSTM, Scaling
 from s2c2a.training.fit import held
 
-TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
+TWIN = load_arm("twin_arm")
+SIMULATED = load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
 
 
@@ -47,20 +48,24 @@ def sigmoid(x):
 
 
 def slow_lstm(network, inputs):
-    """A second LSTM, moment by moment and gate by gate, in float64; the oldest moment first."""
+    """A second LSTM in float64, step by step and gate by gate, oldest step first."""
     values = [np.asarray(moment, np.float64) for moment in inputs]
     for layer in network.layers:
         into, back, bias = (
             np.asarray(w, np.float64)
             for w in (layer.weight_input, layer.weight_hidden, layer.bias)
         )
-        hidden, cell, outputs = np.zeros(len(back)), np.zeros(len(back)), []
+        hidden = np.zeros(len(back))
+        cell = np.zeros(len(back))
+        outputs = []
         for moment in values:
-            take, keep, candidate, show = np.split(
+            input_gate, forget_gate, candidate, output_gate = np.split(
                 moment @ into + hidden @ back + bias, 4
             )
-            cell = sigmoid(keep) * cell + sigmoid(take) * np.tanh(candidate)
-            hidden = sigmoid(show) * np.tanh(cell)
+            cell = sigmoid(forget_gate) * cell + sigmoid(input_gate) * np.tanh(
+                candidate
+            )
+            hidden = sigmoid(output_gate) * np.tanh(cell)
             outputs.append(hidden)
         values = outputs
     return values[-1] @ np.asarray(network.weight_head, np.float64) + np.asarray(
@@ -78,7 +83,7 @@ def test_an_lstm_agrees_with_a_second_one_for_any_depth_and_time(layers, moments
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_an_lstm_is_its_members_one_by_one(batch):
+def test_a_batch_through_an_lstm_equals_single_calls(batch):
     network, inputs = an_lstm(), numbers(1, *batch, 5, 4)
     together = run(network, inputs)
     assert together.shape == (*batch, 5)
@@ -87,7 +92,7 @@ def test_a_batch_through_an_lstm_is_its_members_one_by_one(batch):
 
 
 @pytest.mark.parametrize("moment", range(5))
-def test_an_lstm_hears_every_moment(moment):
+def test_an_lstm_uses_every_time_step(moment):
     network, inputs = an_lstm(), numbers(2, 5, 4)
     other = inputs.copy()
     other[moment] += 1.0
@@ -126,7 +131,7 @@ def equation_10(raw):
 
 
 def bend_plane(raw):
-    """Four cables at 0, 90, 180, 270 deg: opposite cables share half their difference, squashed onto the disc."""
+    """Four even cables: opposite ones share half their difference, squashed."""
     across = np.stack([raw[:, 2] - raw[:, 0], raw[:, 3] - raw[:, 1]], axis=-1) / 2
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     x, y = (across * np.tanh(length) / length).T
@@ -137,8 +142,10 @@ def bend_plane(raw):
     ("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)]
 )
 def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
-    """The layout spelt out: at each moment the tip then, the action before, the target."""
-    model, desired, history = a_tip_lstm(arm, layers=2), numbers(9, 3), a_history(arm)
+    """Features of each time step: the tip, the action before, the target."""
+    model = a_tip_lstm(arm, layers=2)
+    desired = numbers(9, 3)
+    history = a_history(arm)
     center, half = (
         np.asarray(part)
         for part in (model.position_scaling.center, model.position_scaling.half_range)
@@ -158,12 +165,10 @@ def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_a_tip_lstm_is_its_members_one_by_one(batch):
-    model, desired, history = (
-        a_tip_lstm(TWIN),
-        numbers(10, *batch, 3),
-        a_history(TWIN, *batch),
-    )
+def test_a_batch_through_a_tip_lstm_equals_single_calls(batch):
+    model = a_tip_lstm(TWIN)
+    desired = numbers(10, *batch, 3)
+    history = a_history(TWIN, *batch)
     together = run(model, desired, history)
     assert together.shape == (*batch, 3, 3)
     members = zip(
@@ -187,12 +192,10 @@ def test_a_tip_lstm_takes_any_module_and_cable_count(make_arm, modules, cables):
     assert np.isfinite(actions).all()
 
 
-def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one_passes_them():
-    model, desired, history = (
-        a_tip_lstm(SIMULATED),
-        numbers(12, 50, 3),
-        a_history(SIMULATED, 50),
-    )
+def test_large_outputs_of_a_tip_lstm_are_limited_to_the_range_of_the_arm():
+    model = a_tip_lstm(SIMULATED)
+    desired = numbers(12, 50, 3)
+    history = a_history(SIMULATED, 50)
     loud = eqx.tree_at(
         lambda m: m.network.weight_head, model, 100 * model.network.weight_head
     )
@@ -208,7 +211,9 @@ def test_a_loud_tip_lstm_stays_within_the_arms_limits_and_only_the_unlimited_one
 
 
 def test_training_cannot_move_the_scalings_of_a_tip_lstm():
-    model, desired, history = a_tip_lstm(TWIN), numbers(13, 3), a_history(TWIN)
+    model = a_tip_lstm(TWIN)
+    desired = numbers(13, 3)
+    history = a_history(TWIN)
     gradient = eqx.filter_jit(
         eqx.filter_grad(lambda m: jnp.sum(held(m)(desired, history) ** 2))
     )(model)

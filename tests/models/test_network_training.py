@@ -16,7 +16,7 @@ FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 
 @pytest.fixture(scope="module")
-def seen(recording) -> TrainingData:
+def training_data(recording) -> TrainingData:
     sensed = configuration_map_for(recording.arm).configurations(recording.readings())
     return TrainingData(
         recording.arm, sensed, recording.actions, recording.sensor("states")
@@ -24,13 +24,15 @@ def seen(recording) -> TrainingData:
 
 
 @pytest.fixture(scope="module")
-def forward_split(seen):
-    return forward_samples(seen.sensed, seen.states)
+def forward_split(training_data):
+    return forward_samples(training_data.sensed, training_data.states)
 
 
 @pytest.fixture(scope="module")
-def control_split(seen):
-    return controller_samples(seen.sensed, seen.actions, np.zeros((3, 3)))
+def control_split(training_data):
+    return controller_samples(
+        training_data.sensed, training_data.actions, np.zeros((3, 3))
+    )
 
 
 def test_training_lowers_both_losses_of_both_networks(tiny_networks):
@@ -56,7 +58,7 @@ def test_the_forward_models_percent_is_that_of_its_predictions(
     assert 0.5 < percent.mean() < 40
 
 
-def answers(c2a, samples) -> np.ndarray:
+def predict_actions(c2a, samples) -> np.ndarray:
     """Normalized actions of a controller, without noise on its history."""
     past = np.moveaxis(
         np.asarray(
@@ -74,8 +76,9 @@ def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
     tiny_networks, control_split
 ):
     """Whatever scaling the network uses: computed here from meters."""
-    held_out, c2a = control_split.test, tiny_networks.c2a
-    predicted = np.asarray(c2a.sum_and_range.actions(answers(c2a, held_out)))
+    held_out = control_split.test
+    c2a = tiny_networks.c2a
+    predicted = np.asarray(c2a.sum_and_range.actions(predict_actions(c2a, held_out)))
     parts = (control_split.training, control_split.validation, control_split.test)
     ranges = np.ptp(np.concatenate([part.targets for part in parts]), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
@@ -85,7 +88,7 @@ def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
     assert 0.5 < percent.mean() < 25
 
 
-def test_training_leaves_the_scalings_as_the_data_set_them(
+def test_training_does_not_change_the_scalings(
     tiny_networks, forward_split, control_split
 ):
     configurations = forward_split.training.inputs["configurations"].reshape(-1, 3)
@@ -113,47 +116,57 @@ def test_training_leaves_the_scalings_as_the_data_set_them(
 
 def test_positions_share_one_scale_half_the_widest_extent():
     states = np.zeros((2, 2, 6), np.float32)
-    states[0, 0, :3], states[1, 1, :3], states[:, :, 5] = (
-        [-0.1, 0.0, 0.2],
-        [0.5, 0.3, 0.6],
-        1.0,
-    )
+    states[0, 0, :3] = [-0.1, 0.0, 0.2]
+    states[1, 1, :3] = [0.5, 0.3, 0.6]
+    states[:, :, 5] = 1.0
     scaling = state_scaling(states)
     np.testing.assert_allclose(scaling.half_range, [0.3, 0.3, 0.3, 1, 1, 1])
     np.testing.assert_allclose(scaling.center, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
 
 
 def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
-    seen, control_split, tiny_recipe
+    training_data, control_split, tiny_recipe
 ):
-    """Weights that do not move: against losses computed here without noise, only those of training can differ."""
-    noisy = tiny_recipe.c2a.train(seen, 30.0, FROZEN, KEY)
+    """With frozen weights, only the training loss differs from one without noise."""
+    noisy = tiny_recipe.c2a.train(training_data, 30.0, FROZEN, KEY)
     layer = noisy.network.sum_and_range
-    calm = [
+    losses = [
         np.mean(
-            (answers(noisy.network, samples) - layer.normalized(samples.targets)) ** 2
+            (
+                predict_actions(noisy.network, samples)
+                - layer.normalized(samples.targets)
+            )
+            ** 2
         )
         for samples in (control_split.training, control_split.validation)
     ]
-    assert np.all(np.abs(noisy.curve[:, 1] - calm[0]) > 0.05 * calm[0])
-    np.testing.assert_allclose(noisy.curve[:, 2], calm[1], rtol=1e-4)
+    assert np.all(np.abs(noisy.curve[:, 1] - losses[0]) > 0.05 * losses[0])
+    np.testing.assert_allclose(noisy.curve[:, 2], losses[1], rtol=1e-4)
 
 
 def test_the_same_key_trains_the_same_network_and_another_key_another(
-    tiny_networks, tiny_recipe, seen
+    tiny_networks, tiny_recipe, training_data
 ):
     key = jax.random.split(jax.random.key(7))[0]
     again, other = (
-        tiny_recipe.c2s.train(seen, tiny_recipe.c2s_fit, k) for k in (key, KEY)
+        tiny_recipe.c2s.train(training_data, tiny_recipe.c2s_fit, k) for k in (key, KEY)
     )
     np.testing.assert_array_equal(again.curve, tiny_networks.curves["C2S"])
     assert again.percent == tiny_networks.percent["C2S"]
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)
 
 
-def test_too_few_samples_are_refused(seen, tiny_recipe):
+def test_too_few_samples_are_rejected(training_data, tiny_recipe):
     few = TrainingData(
-        seen.arm, *(part[:1, :60] for part in (seen.sensed, seen.actions, seen.states))
+        training_data.arm,
+        *(
+            part[:1, :60]
+            for part in (
+                training_data.sensed,
+                training_data.actions,
+                training_data.states,
+            )
+        ),
     )
     with pytest.raises(TrainingError, match="42 training samples"):
         tiny_recipe.c2s.train(few, FitOptions(), KEY)

@@ -1,3 +1,5 @@
+"""C2S, C2A and their biLSTM, against second implementations in float64."""
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,8 @@ from s2c2a.models.actions import module_labels
 from s2c2a.models.layers import BiLSTM, Scaling
 from s2c2a.training.fit import held
 
-TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
+TWIN = load_arm("twin_arm")
+SIMULATED = load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
 predict = eqx.filter_jit(
     lambda model, configurations: model.predict(configurations, ())
@@ -111,7 +114,7 @@ def test_a_bilstm_agrees_with_a_second_one_for_any_depth(layers):
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_a_bilstm_is_its_members_one_by_one(batch):
+def test_a_batch_through_a_bilstm_equals_single_calls(batch):
     network, inputs = a_bilstm(), numbers(2, *batch, 3, 3)
     together = run(network, inputs)
     assert together.shape == (*batch, 3, 5)
@@ -120,7 +123,7 @@ def test_a_batch_through_a_bilstm_is_its_members_one_by_one(batch):
 
 
 @pytest.mark.parametrize("changed", [0, 2])
-def test_every_module_sees_the_whole_row(changed):
+def test_every_output_depends_on_every_module(changed):
     network, inputs = a_bilstm(), numbers(3, 3, 3)
     other = inputs.copy()
     other[changed] += 1.0
@@ -176,7 +179,7 @@ def test_c2s_takes_any_module_count_and_batch(modules):
     )
 
 
-def test_c2s_remembers_nothing():
+def test_c2s_has_no_memory():
     model = a_c2s()
     assert model.observe(jnp.zeros((3, 3)), model.start(jnp.zeros((3, 3)))) == ()
 
@@ -196,7 +199,7 @@ def test_module_labels_follow_the_formula_as_printed(modules):
 
 
 def slow_c2a(model, desired, history, last_layer):
-    """Eq. (8) with the layout spelt out: desired; C_t to C_t-3; A_t-1 to A_t-5; label."""
+    """Eq. (8), features in order: desired; C_t to C_t-3; A_t-1 to A_t-5; label."""
     scaling = model.configuration_scaling
     center, half = np.asarray(scaling.center), np.asarray(scaling.half_range)
     rows = []
@@ -220,7 +223,7 @@ def equation_10(raw):
 
 
 def bend_plane(raw):
-    """Four cables at 0, 90, 180, 270 deg: opposite cables share half their difference, squashed onto the disc."""
+    """Four even cables: opposite ones share half their difference, squashed."""
     across = np.stack([raw[:, 2] - raw[:, 0], raw[:, 3] - raw[:, 1]], axis=-1) / 2
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     x, y = (across * np.tanh(length) / length).T
@@ -239,7 +242,7 @@ def test_c2a_agrees_with_a_second_forward_pass(arm, last_layer):
 
 
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_c2a_is_its_members_one_by_one(batch):
+def test_a_batch_through_c2a_equals_single_calls(batch):
     model, desired, history = (
         a_c2a(TWIN),
         numbers(11, *batch, 3, 3),
@@ -269,7 +272,8 @@ def test_c2a_takes_any_module_count(modules):
 
 
 def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
-    model, desired = a_c2a(TWIN), numbers(15, 2, 3)
+    model = a_c2a(TWIN)
+    desired = numbers(15, 2, 3)
     short = TWIN.model_copy(update={"modules": TWIN.modules[1:]})
     moved = model.for_arm(short)
     assert moved.network is model.network
@@ -279,7 +283,9 @@ def test_c2a_keeps_its_weights_on_an_arm_of_another_module_count():
 
 
 def test_training_cannot_move_the_scalings():
-    model, desired, history = a_c2a(TWIN), numbers(13, 3, 3), a_history(3)
+    model = a_c2a(TWIN)
+    desired = numbers(13, 3, 3)
+    history = a_history(3)
     gradient = eqx.filter_jit(
         eqx.filter_grad(lambda m: jnp.sum(held(m)(desired, history) ** 2))
     )(model)
@@ -289,7 +295,8 @@ def test_training_cannot_move_the_scalings():
 
 
 def test_training_cannot_move_the_scalings_of_c2s():
-    model, configurations = a_c2s(), numbers(14, 3, 3)
+    model = a_c2s()
+    configurations = numbers(14, 3, 3)
     gradient = eqx.filter_jit(
         eqx.filter_grad(lambda m: jnp.sum(held(m).predict(configurations, ()) ** 2))
     )(model)

@@ -1,3 +1,5 @@
+"""Scaling of features to [-1, 1]."""
+
 import numpy as np
 
 from s2c2a.models.layers import Scaling
@@ -5,7 +7,7 @@ from s2c2a.models.layers import Scaling
 VALUES = np.random.default_rng(0).uniform(-3, 7, (4, 5, 3)) * [1.0, 10.0, 0.01]
 
 
-def test_scaling_just_fits_the_values_it_was_made_of():
+def test_scaling_maps_its_values_to_the_full_range():
     scaled = np.asarray(Scaling.of(VALUES).forward(VALUES.astype(np.float32))).reshape(
         -1, 3
     )

@@ -1,4 +1,4 @@
-"""Where a module with cables that only pull comes to rest: by hand for one, by minimization for many."""
+"""Static equilibrium with cables that only pull: by hand, and by minimization."""
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ def at_rest(
 
 
 def random_cases(seed, count, cables):
-    """One module each: cables nearly where one bend wants them, as on an arm, and a moment."""
+    """Single modules whose cables nearly agree on one bend, with a moment."""
     random = np.random.default_rng(seed)
     angles = random.uniform(0, 6, (count, 1)) + 2 * np.pi * np.arange(cables) / cables
     matrices = cable_matrix(angles + random.normal(0, 0.1, (count, cables)))
@@ -60,7 +60,7 @@ def min_energy(displacements, moment, matrix, stiffness, tautness):
 
 
 def test_one_taut_cable_bends_as_two_springs_in_a_row_do():
-    """B_1 = (-1, 0): at displacement -0.5 it stretches until beta_x = kappa 0.5 / (1 + kappa)."""
+    """B_1 = (-1, 0): at displacement -0.5, beta_x = kappa 0.5 / (1 + kappa)."""
     np.testing.assert_allclose(
         at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]]), [[0.4, 0.0]], atol=1e-6
     )
@@ -72,7 +72,7 @@ def test_across_its_cable_a_module_gives_way_to_the_moment_alone():
     )
 
 
-def test_what_a_cable_is_taut_by_at_rest_is_pulled_further():
+def test_pretension_adds_to_the_displacement():
     np.testing.assert_allclose(
         at_rest([[-0.5, FAR, FAR]], [[0.0, 0.0]], tautness=[0.25]),
         [[0.6, 0.0]],
@@ -116,15 +116,15 @@ def test_forces_are_in_balance_in_thousands_of_cases(cables):
         np.einsum("mnk,mk->mn", matrices, bends) - displacements + tautness[:, None],
         0.0,
     )
-    left_over = (
+    residual = (
         bends
         + stiffness[:, None] * np.einsum("mnk,mn->mk", matrices, stretched)
         - moments
     )
-    assert np.abs(left_over).max() < 1e-3
+    assert np.abs(residual).max() < 1e-3
 
 
-def test_engaged_slopes_leave_the_values_as_they_are():
+def test_engaged_gradients_do_not_change_the_values():
     cases = random_cases(1, 100, 3)
     np.testing.assert_allclose(
         at_rest(*cases, engaged=True), at_rest(*cases), atol=1e-6
@@ -133,30 +133,29 @@ def test_engaged_slopes_leave_the_values_as_they_are():
 
 def slopes(displacements, engaged):
     """d beta / d displacements of one module, shape (2, cables)."""
-    arrays = (
+    constants = [
         jnp.asarray(values, dtype=jnp.float32)
         for values in ([[0.0, 0.0]], THREE, [4.0], [0.0])
-    )
-    rest_of_it = tuple(arrays)
+    ]
     values = jnp.asarray(displacements, dtype=jnp.float32)
     return np.asarray(
-        jax.jacrev(lambda d: bend_at_rest(d[None], *rest_of_it, engaged=engaged)[0])(
+        jax.jacrev(lambda d: bend_at_rest(d[None], *constants, engaged=engaged)[0])(
             values
         )
     )
 
 
-def test_a_slack_cable_has_no_slope_unless_engaged():
-    true, engaged = (slopes([-0.5, FAR, FAR], flag) for flag in (False, True))
+def test_a_slack_cable_has_no_gradient_unless_engaged():
+    true = slopes([-0.5, FAR, FAR], engaged=False)
+    engaged = slopes([-0.5, FAR, FAR], engaged=True)
     np.testing.assert_allclose(true, [[-0.8, 0, 0], [0, 0, 0]], atol=1e-6)
-    every = 4.0 * THREE[0].T / (1 + 1.5 * 4.0)
-    np.testing.assert_allclose(engaged, every, atol=1e-6)
+    all_taut = 4.0 * THREE[0].T / (1 + 1.5 * 4.0)
+    np.testing.assert_allclose(engaged, all_taut, atol=1e-6)
 
 
 def test_slopes_agree_with_finite_differences_away_from_kinks():
-    """One taut cable and one slack one, far from where they change places, by all of what is learned or planned."""
-    displacements, moments = np.array([[-0.5, 0.9, 0.9]]), np.array([[0.1, 0.05]])
-    given = (displacements, moments, np.array([3.0]), np.array([0.05]))
+    """For one taut and two slack cables, far from any change of contact."""
+    inputs = [[[-0.5, 0.9, 0.9]], [[0.1, 0.05]], [3.0], [0.05]]
 
     @jax.jit
     def total(displacements, moments, stiffness, tautness):
@@ -166,22 +165,17 @@ def test_slopes_agree_with_finite_differences_away_from_kinks():
         return jnp.sum(bends * jnp.array([1.0, 0.7]))
 
     with jax.enable_x64(True):
-        arrays = [jnp.asarray(value) for value in given]
+        arrays = [jnp.asarray(value) for value in inputs]
         gradients = jax.grad(total, argnums=(0, 1, 2, 3))(*arrays)
         for place, gradient in enumerate(gradients):
             for entry in np.ndindex(gradient.shape):
-                up, down = (
-                    total(
-                        *(
-                            a.at[entry].add(shift) if n == place else a
-                            for n, a in enumerate(arrays)
-                        )
-                    )
-                    for shift in (1e-5, -1e-5)
-                )
-                assert float(gradient[entry]) == pytest.approx(
-                    float(up - down) / 2e-5, abs=1e-6
-                )
+                values = []
+                for shift in (1e-5, -1e-5):
+                    shifted = list(arrays)
+                    shifted[place] = arrays[place].at[entry].add(shift)
+                    values.append(float(total(*shifted)))
+                slope = (values[0] - values[1]) / 2e-5
+                assert float(gradient[entry]) == pytest.approx(slope, abs=1e-6)
 
 
 def test_a_batch_is_its_members_one_by_one():

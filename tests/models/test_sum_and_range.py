@@ -41,7 +41,7 @@ def arm_of(angles, actuation="displacement") -> ArmSpec:
 
 
 def applied(angles, raw):
-    """What the layer of one module of these cables makes of raw outputs, in float64."""
+    """Normalized actions of one module with these cables, in float64."""
     raw = np.resize(np.asarray(raw, np.float32), (1, len(angles)))
     return np.asarray(_apply(SumAndRange.of(arm_of(angles)), raw), np.float64)[0]
 
@@ -106,10 +106,10 @@ def test_actions_of_three_even_cables_stay_in_range_at_any_offset(offset, raw):
 
 @quick
 @given(st.floats(-180, 180), st.floats(0, 1), directions)
-def test_three_even_cables_can_say_every_bend_up_to_the_full_one(
+def test_three_even_cables_reach_every_bend_up_to_the_full_one(
     offset, share, direction
 ):
-    """Eq. (10) undone by hand: tanh t = 4 A / 3 + c with c in the middle of what is left."""
+    """Inverse of eq. (10): tanh t = 4 A / 3 + c, with c in the middle of its range."""
     angles = even(3, offset)
     desired = (
         cable_matrix(angles)
@@ -125,7 +125,7 @@ def test_three_even_cables_can_say_every_bend_up_to_the_full_one(
 
 @quick
 @given(layouts(), st.floats(1e-6, 1), directions)
-def test_any_cables_can_say_every_bend_up_to_the_full_one(angles, share, direction):
+def test_any_cables_reach_every_bend_up_to_the_full_one(angles, share, direction):
     matrix, towards = (
         cable_matrix(angles),
         np.array([np.cos(direction), np.sin(direction)]),
@@ -200,7 +200,7 @@ def test_actions_come_back_from_their_normalization(actuation):
 
 
 @pytest.mark.parametrize("cables", [3, 5])
-def test_a_batch_through_the_layer_is_its_members_one_by_one(cables):
+def test_a_batch_through_the_layer_equals_single_calls(cables):
     layer = SumAndRange.of(arm_of(even(cables)))
     raw = np.random.default_rng(1).normal(size=(2, 3, 1, cables)).astype(np.float32)
     alone = [_apply(layer, one) for one in raw.reshape(-1, 1, cables)]
@@ -209,7 +209,7 @@ def test_a_batch_through_the_layer_is_its_members_one_by_one(cables):
     )
 
 
-def test_limited_actions_are_what_the_arm_will_be_sent():
+def test_limited_actions_are_within_the_range_of_the_arm():
     """With 12 N around 20 N a normalized 1 is 15 N, so 0.8 is the limit."""
     layer = SumAndRange.of(arm_of(even(4), "tension"))
     limited = layer.limited(np.array([[1.0, -1.0, 0.5, -0.79]], np.float32))

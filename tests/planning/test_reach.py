@@ -37,7 +37,7 @@ def test_below_the_end_of_one_straight_module_the_gap_is_the_way_down(make_arm):
 
 
 def test_a_module_stops_at_its_bend_limit(make_arm):
-    """At 90 deg the end is one radius L / (pi / 2) up and aside; 60 deg stops before."""
+    """At 90 deg the end is a radius L / (pi / 2) up and aside; 60 deg stops before."""
     point = 0.2 / (np.pi / 2) * np.array([[1.0, 0.0, 1.0]])
     stopped = 0.2 / (np.pi / 3) * np.array([[0.5, 0.0, 0.75**0.5]])
     loose = make_arm(1, module={"bend_limit_deg": 90.0})

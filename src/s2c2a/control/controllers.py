@@ -1,4 +1,4 @@
-"""Controllers: the learned C2A with its history, and inverse PCC."""
+"""Controllers from configurations to actions: learned C2A, inverse PCC, integrator."""
 
 from abc import abstractmethod
 from typing import Any, NamedTuple
@@ -20,11 +20,11 @@ Memory = Any  # a pytree of arrays
 
 
 class Controller(eqx.Module):
-    """A map from the desired and the sensed configuration to an action, with a memory of its own."""
+    """Maps desired and sensed configurations to an action; its state is explicit."""
 
     @abstractmethod
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        """Memory at rest."""
+        """Memory of an arm at rest."""
 
     @abstractmethod
     def act(
@@ -33,27 +33,35 @@ class Controller(eqx.Module):
         sensed: Float[Array, "modules 3"],
         memory: Memory,
     ):
-        """The action [m or N], shape (modules, cables), and the memory after it."""
+        """The next action.
+
+        Args:
+            desired: configurations, shape (modules, 3), module frames.
+            sensed: configurations, shape (modules, 3), module frames.
+            memory: after the last action.
+
+        Returns:
+            The action [m or N], shape (modules, cables), and the next memory.
+        """
 
     @abstractmethod
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
-        """Memory after an action [m or N] was sent in place of the last one, which a limit did not allow."""
+        """Memory after a limit replaced the last action by this one [m or N]."""
 
 
 class InversePCC(Controller):
-    """Cables by inverse PCC: the comparison of the paper. No feedback.
+    """Inverse PCC without feedback, the baseline of the paper.
 
     Attributes:
-        pcc: the arm's map, with nominal numbers.
-        gains: what each module's bend is multiplied by; ones for the plain map, shape
-            (modules,).
+        pcc: piecewise constant curvature map with nominal parameters.
+        gains: factor of each module's bend; ones for the plain map, shape (modules,).
     """
 
     pcc: PCC
     gains: Float[Array, " modules"]
 
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        """Nothing to remember."""
+        """There is no memory."""
         return ()
 
     def act(
@@ -63,22 +71,24 @@ class InversePCC(Controller):
         memory: Memory,
     ):
         """See `Controller`."""
-        return self.pcc.actions(
-            bends_from_configurations(desired) * self.gains[:, None]
-        ), memory
+        bends = bends_from_configurations(desired) * self.gains[:, None]
+        return self.pcc.actions(bends), memory
 
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
-        """Nothing to remember."""
+        """There is no memory."""
         return memory
 
 
 class NetworkController(Controller):
-    """C2A and its history (Chen et al. 2025, eq. (8)). At the start the first values fill the history."""
+    """C2A with its history (Chen et al. 2025, eq. (8)).
+
+    The first sensed configurations and the neutral action fill the initial history.
+    """
 
     network: C2A
 
     def start(self, sensed: Float[Array, "modules 3"]) -> History:
-        """A history of rest."""
+        """The history of an arm at rest."""
         modules, cables = self.network.sum_and_range.neutral.shape
         sensed_before = jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1)
         return History(sensed_before, jnp.zeros((modules, ACTION_HISTORY, cables)))
@@ -96,21 +106,18 @@ class NetworkController(Controller):
         return self.network.sum_and_range.actions(action), next_history
 
     def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
-        """The history holds what was really sent."""
-        return memory._replace(
-            actions=memory.actions.at[:, 0].set(
-                self.network.sum_and_range.normalized(action)
-            )
-        )
+        """The history with the action that was sent."""
+        normalized = self.network.sum_and_range.normalized(action)
+        return memory._replace(actions=memory.actions.at[:, 0].set(normalized))
 
 
 class CorrectedMemory(NamedTuple):
-    """What an integral correction carries.
+    """Memory of a controller with integral correction.
 
     Attributes:
-        inner: memory of the controller that is corrected.
-        desired: bends desired in the last step [rad], shape (modules, 2).
-        offset: added to what is desired [rad], shape (modules, 2).
+        inner: memory of the inner controller.
+        desired: desired bends of the last step [rad], shape (modules, 2).
+        offset: integral added to the desired bends [rad], shape (modules, 2).
     """
 
     inner: Memory
@@ -119,12 +126,12 @@ class CorrectedMemory(NamedTuple):
 
 
 class CorrectedController(Controller):
-    """Another controller, whose lasting errors are integrated and added to what is desired of it.
+    """A controller with integral feedback on the bend error.
 
     Attributes:
-        inner: the controller.
-        gain: part of an error that is added in every step.
-        largest: length at which a module's offset stops growing [rad].
+        inner: the controller; the integral is added to its desired bends.
+        gain: share of the error added in every step.
+        largest: limit of the integral of each module [rad], against windup.
     """
 
     inner: Controller
@@ -132,7 +139,7 @@ class CorrectedController(Controller):
     largest: float = 0.1
 
     def start(self, sensed: Float[Array, "modules 3"]) -> CorrectedMemory:
-        """At rest nothing is to be corrected."""
+        """The integral is zero."""
         bends = bends_from_configurations(sensed)
         return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
 
@@ -143,12 +150,11 @@ class CorrectedController(Controller):
         memory: CorrectedMemory,
     ):
         """See `Controller`."""
-        missed = memory.desired - bends_from_configurations(sensed)
-        offset = limit_lengths(memory.offset + self.gain * missed, self.largest)
+        error = memory.desired - bends_from_configurations(sensed)
+        offset = limit_lengths(memory.offset + self.gain * error, self.largest)
         bends = bends_from_configurations(desired)
-        action, inner = self.inner.act(
-            configurations_from_bends(bends + offset), sensed, memory.inner
-        )
+        corrected = configurations_from_bends(bends + offset)
+        action, inner = self.inner.act(corrected, sensed, memory.inner)
         return action, CorrectedMemory(inner, bends, offset)
 
     def sent(
@@ -162,4 +168,5 @@ def _push(
     history: Float[Array, "modules ages features"],
     newest: Float[Array, "modules features"],
 ) -> Array:
+    """The history with the newest row first and without the oldest."""
     return jnp.concatenate([newest[:, None], history[:, :-1]], axis=1)

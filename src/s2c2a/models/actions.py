@@ -1,6 +1,6 @@
-"""Networks that say actions: C2A, the learned configuration controller, and the LSTM that the paper compares with.
+"""Networks for actions: the C2A controller, and the LSTM of the paper's comparison.
 
-The LSTM's sequence is time, and it goes from tip positions straight to actions.
+The LSTM maps a sequence of tip positions over time directly to actions.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ Actions = Float[Array, "*batch modules cables"]
 
 
 class History(NamedTuple):
-    """What the controller remembers, youngest first.
+    """Inputs of the controller from the past, latest first.
 
     Attributes:
         configurations: C_t to C_{t-3} as sensed, shape (*batch, modules, 4, 3).
@@ -37,8 +37,13 @@ class History(NamedTuple):
 
 
 def module_labels(modules: int) -> Float[Array, " modules"]:
-    """n_m = 2 (m - 1) / (n_sum - 1) - 1 (Chen et al. 2025, eq. (9)); zero for a single module."""
-    return jnp.linspace(-1.0, 1.0, modules) if modules > 1 else jnp.zeros(1)
+    """Labels n_m = 2 (m - 1) / (n_sum - 1) - 1; zero for a single module.
+
+    Chen et al. 2025, eq. (9).
+    """
+    if modules == 1:
+        return jnp.zeros(1)
+    return jnp.linspace(-1.0, 1.0, modules)
 
 
 class C2A(eqx.Module):
@@ -55,23 +60,29 @@ class C2A(eqx.Module):
     sum_and_range: SumAndRange
 
     def for_arm(self, arm: ArmSpec) -> "C2A":
-        """The same weights for another arm with as many cables a module; the module count may differ."""
+        """The same weights for another arm with as many cables in each module.
+
+        The module count may differ.
+        """
         return replace(self, sum_and_range=SumAndRange.of(arm))
 
     def __call__(
         self, desired: Float[Array, "*batch modules 3"], history: History
     ) -> Actions:
-        """Normalized actions, within the arm's limits, that shall lead to the desired configurations in one step."""
+        """Normalized actions that reach the desired configurations in one step.
+
+        They are within the limits of the arm.
+        """
         batch = desired.shape[:-1]
-        parts = [
-            self.configuration_scaling.forward(desired),
-            self.configuration_scaling.forward(history.configurations).reshape(
-                *batch, -1
-            ),
+        scaling = self.configuration_scaling
+        labels = module_labels(batch[-1])[:, None]
+        features = [
+            scaling.forward(desired),
+            scaling.forward(history.configurations).reshape(*batch, -1),
             history.actions.reshape(*batch, -1),
-            jnp.broadcast_to(module_labels(batch[-1])[:, None], (*batch, 1)),
+            jnp.broadcast_to(labels, (*batch, 1)),
         ]
-        raw = self.network(jnp.concatenate(parts, axis=-1))
+        raw = self.network(jnp.concatenate(features, axis=-1))
         return self.sum_and_range.limited(self.sum_and_range(raw))
 
 
@@ -93,13 +104,12 @@ class C2AOptions(Size):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[C2A]:
-        """Train on what led from one sensed configuration to the next.
+        """Train on pairs of successive sensed configurations.
 
         Args:
-            data: to learn from.
-            history_noise: standard deviation of the noise on past actions in training,
-                normalized.
-            fit: how to train.
+            data: recorded episodes.
+            history_noise: standard deviation of noise on past actions, normalized.
+            fit: options of the training.
             key: for weights, order and noise.
             progress: called with epoch, number of epochs, validation loss.
 
@@ -117,17 +127,17 @@ class C2AOptions(Size):
         model = replace(
             self.untrained(data.arm, network_key), configuration_scaling=scaling
         )
-        return _trained(
-            model, _configurations_in, split, -2, history_noise, fit, fit_key, progress
+        return _train(
+            model, _predict_c2a, split, -2, history_noise, fit, fit_key, progress
         )
 
 
-def _configurations_in(model: C2A, batch: Batch) -> Array:
+def _predict_c2a(model: C2A, batch: Batch) -> Array:
     return model(batch["desired"], History(batch["configurations"], batch["actions"]))
 
 
 class TipHistory(NamedTuple):
-    """What the LSTM remembers, oldest first.
+    """Inputs of the LSTM from the past, oldest first.
 
     Attributes:
         positions: tip positions p_{t-4} to p_t [m], base frame, shape (*batch, 5, 3).
@@ -139,10 +149,10 @@ class TipHistory(NamedTuple):
 
 
 class TipLSTM(eqx.Module):
-    """The LSTM of the comparison (Chen et al. 2025, sec. IV-A2), with its scaling: from tip positions to actions.
+    """LSTM from tip positions to actions (Chen et al. 2025, sec. IV-A2).
 
-    Every moment's features are the tip position then, the action taken just before, and
-    the desired tip position.
+    The features of each time step are the tip position, the action before it, and the
+    desired tip position.
 
     Attributes:
         network: the LSTM.
@@ -157,38 +167,41 @@ class TipLSTM(eqx.Module):
     def __call__(
         self, desired: Float[Array, "*batch 3"], history: TipHistory
     ) -> Actions:
-        """Normalized actions, within the arm's limits, that shall lead the tip to the desired position in one step."""
+        """Normalized actions that bring the tip to the desired position in one step.
+
+        They are within the limits of the arm.
+        """
         return self.sum_and_range.limited(self.unlimited(desired, history))
 
     def unlimited(
         self, desired: Float[Array, "*batch 3"], history: TipHistory
     ) -> Actions:
-        """The same on the bend directions, before the arm's limits cut anything off."""
+        """The same actions before they are limited."""
         scaling = self.position_scaling
         layer = self.sum_and_range
-        moments = history.positions.shape[:-1]
-        target = jnp.broadcast_to(
-            scaling.forward(desired)[..., None, :], history.positions.shape
-        )
-        parts = [
-            scaling.forward(history.positions),
-            history.actions.reshape(*moments, -1),
-            target,
+        positions = history.positions
+        target = scaling.forward(desired)[..., None, :]
+        features = [
+            scaling.forward(positions),
+            history.actions.reshape(*positions.shape[:-1], -1),
+            jnp.broadcast_to(target, positions.shape),
         ]
-        raw = self.network(jnp.concatenate(parts, axis=-1))
+        raw = self.network(jnp.concatenate(features, axis=-1))
         # (*batch, modules, cables)
         return layer(raw.reshape(*desired.shape[:-1], *layer.neutral.shape))
 
 
 @dataclass(frozen=True)
 class LSTMOptions(Size):
-    """The LSTM and how it is trained; the defaults are the best in closed loop on the circle with `simulated_arm`.
+    """Options of the LSTM and its training.
+
+    The defaults are the best in closed loop on `circle` with `simulated_arm`.
 
     Attributes:
         layers: of the network.
         hidden: hidden states of each layer.
-        fit: how it is trained.
-        history_noise: on past actions in training, normalized.
+        fit: options of the training.
+        history_noise: standard deviation of noise on past actions, normalized.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -199,7 +212,7 @@ class LSTMOptions(Size):
     history_noise: float = 0.2
 
     def __post_init__(self):
-        """Refuse what cannot be built or trained."""
+        """Check the limits of all options."""
         super().__post_init__()
         check_limits(self, history_noise=(0, 1000))
 
@@ -217,12 +230,12 @@ class LSTMOptions(Size):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[TipLSTM]:
-        """Train on what led from one tip position to the next.
+        """Train on pairs of successive tip positions.
 
         Args:
-            arm: whose cables they are.
+            arm: of the recording.
             tips: true tip positions [m], base frame.
-            actions: as really sent [m or N].
+            actions: as sent [m or N].
             key: for weights, order and noise.
             progress: called with epoch, number of epochs, validation loss.
 
@@ -233,48 +246,53 @@ class LSTMOptions(Size):
         split = lstm_samples(tips, actions, ArmGeometry.of(arm).action_neutral)
         scaling = Scaling.of(split.training.inputs["desired"])
         model = replace(self.untrained(arm, network_key), position_scaling=scaling)
-        return _trained(
-            model, _tips_in, split, 1, self.history_noise, self.fit, fit_key, progress
+        return _train(
+            model,
+            _predict_lstm,
+            split,
+            1,
+            self.history_noise,
+            self.fit,
+            fit_key,
+            progress,
         )
 
 
-def _tips_in(model: TipLSTM, batch: Batch) -> Array:
+def _predict_lstm(model: TipLSTM, batch: Batch) -> Array:
     return model(batch["desired"], TipHistory(batch["positions"], batch["actions"]))
 
 
-Learner = TypeVar("Learner", C2A, TipLSTM)
+Network = TypeVar("Network", C2A, TipLSTM)
 
 
-def _trained(
-    model: Learner,
-    answer: Callable[[Learner, Batch], Array],
+def _train(
+    model: Network,
+    predict: Callable[[Network, Batch], Array],
     split: Split,
     ages: int,
     noise: float,
     fit,
     key,
     progress,
-) -> Trained[Learner]:
-    """Trained to say what was done, with noise on its past actions, which grow older along the axis `ages`."""
+) -> Trained[Network]:
+    """Train on recorded actions; past ones, with time axis `ages`, get noise."""
     scaled = model.sum_and_range.scaled(split, ages)
 
-    def loss(model: Learner, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        return jnp.mean(
-            (answer(model, _with_noise(batch, noise, key)) - batch["targets"]) ** 2
-        )
+    def loss(model: Network, batch: Batch, key: PRNGKeyArray | None) -> Array:
+        actions = predict(model, _with_noise(batch, noise, key))
+        return jnp.mean((actions - batch["targets"]) ** 2)
 
-    return train(model, loss, answer, scaled, fit, key, progress)
+    return train(model, loss, predict, scaled, fit, key, progress)
 
 
-def _with_noise(batch: Batch, deviation: float, key: PRNGKeyArray | None) -> Batch:
-    """The batch with noise on its past actions; without, when validating.
+def _with_noise(batch: Batch, std: float, key: PRNGKeyArray | None) -> Batch:
+    """The batch with noise on its past actions in training.
 
-    A network that sees its own past unspoilt learns to repeat it, and diverges in
-    closed loop (docs/deviations.md).
+    Without noise the network learns to repeat its past actions, and diverges in closed
+    loop (docs/deviations.md).
     """
     if key is None:
         return batch
-    return batch | {
-        "actions": batch["actions"]
-        + deviation * jax.random.normal(key, batch["actions"].shape)
-    }
+    actions = batch["actions"]
+    noise = std * jax.random.normal(key, actions.shape)
+    return batch | {"actions": actions + noise}

@@ -1,4 +1,4 @@
-"""What a forward model is made of, as recipes say it, and the paper's: C2S, a biLSTM from configurations to states."""
+"""Options of forward models, and the paper's C2S: configurations to states."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
@@ -22,14 +22,14 @@ from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 @dataclass(frozen=True)
 class ForwardOptions(ABC):
-    """The numbers of a forward model, and how a model comes of them.
+    """Options of a forward model; they build and train it.
 
-    A frozen dataclass below this one is all that a model of one's own needs. A recipe
-    file names it, and gives its numbers: `[c2s]`, `model = "my_model.py:MyOptions"`,
-    and a line for each (docs/extending.md).
+    A custom model needs one frozen dataclass that derives from this class. A recipe
+    file names it and sets its fields: `[c2s]`, `model = "my_model.py:MyOptions"`, and
+    one line for each field (docs/extending.md).
 
     Attributes:
-        model: the name by which recipes find this class.
+        model: name of this class in recipes.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -40,17 +40,17 @@ class ForwardOptions(ABC):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ForwardModel:
         """The model before training.
 
-        Files are read into it: options and arm alone decide how many arrays it has, and
-        their shapes.
+        Weights are loaded from files into it: options and arm alone determine the
+        number of arrays and their shapes.
         """
 
     def answers(
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """States that a model of these options says along whole episodes, from what was sensed [m, 1], base frame."""
+        """Predicted states along whole episodes [m, 1], base frame."""
 
         @eqx.filter_jit
-        def along(
+        def predict(
             model: ForwardModel, sensed: Float[Array, "samples modules 3"]
         ) -> Array:
             def step(memory, now):
@@ -58,9 +58,8 @@ class ForwardOptions(ABC):
 
             return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
 
-        return np.stack(
-            [along(model, jnp.asarray(sensed, jnp.float32)) for sensed in data.sensed]
-        )
+        episodes = jnp.asarray(data.sensed, jnp.float32)
+        return np.stack([predict(model, sensed) for sensed in episodes])
 
     @abstractmethod
     def train(
@@ -70,16 +69,16 @@ class ForwardOptions(ABC):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[ForwardModel]:
-        """The model trained.
+        """Train the model.
 
         Args:
-            data: to learn from.
-            fit: how to train.
-            key: of everything random.
-            progress: called with epoch, number of epochs, validation loss.
+            data: recorded episodes.
+            fit: options of the training.
+            key: of all random numbers.
+            progress: called with epoch, maximum number of epochs and validation loss.
 
         Raises:
-            TrainingError: too few samples, or the loss is not finite.
+            TrainingError: there are too few samples, or the loss is not finite.
         """
 
     def carried(
@@ -90,17 +89,17 @@ class ForwardOptions(ABC):
         babbling: CollectOptions,
         key: PRNGKeyArray,
     ) -> ForwardModel:
-        """What another arm of the same make begins with.
+        """The initial model of another arm of the same make.
 
         Args:
             model: trained.
-            old: for which arm.
-            new: the arm that begins.
-            babbling: how its data would be collected.
-            key: of everything random.
+            old: its arm.
+            new: the other arm.
+            babbling: options of the data collection of the other arm.
+            key: of all random numbers.
 
         Raises:
-            TrainingError: such models begin from nothing.
+            TrainingError: this kind of model cannot be transferred.
         """
         raise TrainingError(
             f"forward models '{self.model}' begin from nothing; train without --from"
@@ -114,7 +113,7 @@ class ForwardOptions(ABC):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[ForwardModel]:
-        """A model that began elsewhere, trained; see `train`."""
+        """Continue the training of a transferred model; see `train`."""
         raise TrainingError(
             f"forward models '{self.model}' begin from nothing; train without --from"
         )
@@ -124,7 +123,8 @@ class C2S(MemorylessModel):
     """NN_C2S of the paper (Chen et al. 2025, fig. 5A), with its scaling.
 
     Example:
-        >>> model = C2SOptions(layers=4, hidden=64).untrained(load_arm("twin_arm"), jax.random.key(0))
+        >>> options = C2SOptions(layers=4, hidden=64)
+        >>> model = options.untrained(load_arm("twin_arm"), jax.random.key(0))
         >>> model.predict(jnp.zeros((3, 3)), memory=()).shape
         (3, 6)
     """
@@ -140,9 +140,8 @@ class C2S(MemorylessModel):
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
         """See `ForwardModel`: disturbances are ignored."""
-        return self.state_scaling.back(
-            self.network(self.configuration_scaling.forward(configurations))
-        )
+        outputs = self.network(self.configuration_scaling.forward(configurations))
+        return self.state_scaling.back(outputs)
 
 
 @dataclass(frozen=True)
@@ -166,7 +165,7 @@ class C2SOptions(Size, ForwardOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[C2S]:
-        """See `ForwardOptions`; each sample by itself."""
+        """See `ForwardOptions`; on single samples."""
         network_key, fit_key = jax.random.split(key)
         split = forward_samples(data.sensed, data.states, data.lengths)
         model = replace(
@@ -174,34 +173,29 @@ class C2SOptions(Size, ForwardOptions):
             configuration_scaling=Scaling.of(split.training.inputs["configurations"]),
             state_scaling=state_scaling(split.training.targets),
         )
-        return train(model, _loss, _answer, split, fit, fit_key, progress)
+        return train(model, _loss, _predict, split, fit, fit_key, progress)
 
 
-def _answer(model: C2S, batch: Batch) -> Array:
+def _predict(model: C2S, batch: Batch) -> Array:
     return model.predict(batch["configurations"], ())
 
 
 def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-    return jnp.mean(
-        (
-            known_error(_answer(model, batch), batch["targets"])
-            / model.state_scaling.half_range
-        )
-        ** 2
-    )
+    error = known_error(_predict(model, batch), batch["targets"])
+    return jnp.mean((error / model.state_scaling.half_range) ** 2)
 
 
 def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
-    """Positions about their center by half their widest extent, axes as they are.
+    """Scaling of positions by half their widest extent; axes are unchanged.
 
     x, y and z have one scale [m], so that spheres stay spheres.
     """
     positions = states[..., :3].reshape(-1, 3)
     low = np.nanmin(positions, axis=0)
     high = np.nanmax(positions, axis=0)
-    center = (low + high) / 2
-    half = [float((high - low).max() / 2)] * 3 + [1.0] * 3
+    center = [*(low + high) / 2, 0.0, 0.0, 0.0]
+    half_width = float((high - low).max() / 2)
+    half_range = [half_width, half_width, half_width, 1.0, 1.0, 1.0]
     return Scaling(
-        jnp.array([*center, 0.0, 0.0, 0.0], dtype=jnp.float32),
-        jnp.array(half, dtype=jnp.float32),
+        jnp.array(center, dtype=jnp.float32), jnp.array(half_range, dtype=jnp.float32)
     )

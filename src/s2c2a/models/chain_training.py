@@ -1,8 +1,7 @@
-"""Options and training of the chain: hysteresis by least squares, then everything."""
+"""Options and training of the chain: hysteresis by least squares, then all together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
 from typing import Any
 
 import equinox as eqx
@@ -21,36 +20,36 @@ from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium
-from s2c2a.models.transfer import babbled, carried_over, under_weights
+from s2c2a.models.transfer import babbled, transfer_chain, under_weights
 from s2c2a.models.trunk import Trunk
 from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 NO_WEIGHT = -7.0  # before a softplus
-LENGTH_UNIT = 0.4  # of the arm's length; scale of position errors
-AXIS_WEIGHT = 0.3  # of squared axis errors, relative to positions
-DELAY = 0.1  # s; time constant of the filter that stands for delay
-MAX_CREEP = 0.5  # of a filter's weight before training
+LENGTH_UNIT = 0.4  # of the arm's length: a position error of one
+AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
+DELAY = 0.1  # s; time constant of the delay filter
+MAX_CREEP = 0.5  # largest initial weight of a creep filter
 PULL = 3e-3
-"""Penalty of squared changes from the start, when training continues from another arm."""
+"""Weight of the squared change of parameters when training continues another model."""
 REHEARSED = FitOptions(
     learning_rate=2e-3, max_epochs=20, patience=20, epochs_per_call=10, decay=True
 )
-"""Training of a new network on the effect of weights."""
+"""Pretraining of a new network on the effect of gravity."""
 
 
 @dataclass(frozen=True)
 class ChainOptions(ForwardOptions):
-    """Options of the chain model.
+    """Options of the chain, the forward model of the `best` recipe.
 
     Attributes:
-        hidden: units of each hidden layer of its network.
+        hidden: units of each hidden layer of the network.
         depth: number of hidden layers.
         play_widths: half-widths of the play operators, in parts of the cable radius
             [rad]; empty for no backlash.
-        creep_times: time constants of filters [s].
-        statics: whether to model that cables only pull and stretch, if the sensors are
-            encoders.
+        creep_times: time constants of the creep filters [s].
+        statics: whether to model elastic cables that only pull, where the sensors are
+            motor encoders; otherwise the network learns their effect.
     """
 
     hidden: int = 64
@@ -71,7 +70,7 @@ class ChainOptions(ForwardOptions):
     model: str = field(default="chain", kw_only=True)
 
     def __post_init__(self):
-        """Refuse impossible numbers."""
+        """Check the limits of all options."""
         check_limits(
             self,
             hidden=(1, 4096),
@@ -81,35 +80,17 @@ class ChainOptions(ForwardOptions):
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
-        """See `ForwardOptions`: no hysteresis, and a network with outputs near zero."""
+        """The initial chain: no hysteresis, and a network with outputs near zero."""
         modules = arm.module_count
-        # at longer control periods, the last reading stands for the delay
-        delays = (DELAY,) if arm.control_period < DELAY else ()
-        taken = [
-            1.0 - np.exp(-arm.control_period / time)
-            for time in (*delays, *self.creep_times)
-        ]
-        widths, shares = (
-            jnp.asarray(part, dtype=jnp.float32).reshape(-1)
-            for part in (self.play_widths, taken)
-        )
-        shape = modules, len(self.play_widths) + 2, arm.cable_count
-        play_weights = jnp.full(shape, NO_WEIGHT).at[:, 0].set(np.log(np.expm1(1.0)))
-        statics = bool(self.statics) and _is_felt_through_cables(arm)
-        creep_weights = jnp.zeros((modules, len(shares), shape[-1]))
-        hysteresis = Hysteresis(
-            Operators(widths, shares), play_weights, creep_weights, len(delays)
-        )
-        network = self._quiet_network(
-            modules * (2 + arm.cable_count if statics else 2), OUTPUTS * modules, key
-        )
-        equilibrium = Equilibrium.untrained(modules, len(shares))
+        hysteresis = self._initial_hysteresis(arm)
+        statics = bool(self.statics) and _senses_pulling_cables(arm)
+        features = 2 + arm.cable_count if statics else 2
         return ChainC2S(
             Trunk.of(arm),
             hysteresis,
-            equilibrium,
+            Equilibrium.untrained(modules, len(hysteresis.operators.shares)),
             jnp.eye(2 * modules),
-            network,
+            self._initial_network(modules * features, OUTPUTS * modules, key),
             statics,
         )
 
@@ -120,17 +101,17 @@ class ChainOptions(ForwardOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[ChainC2S]:
-        """See `ForwardOptions`; on whole episodes, each from rest, since the model remembers.
+        """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
-        Hysteresis is first fitted by linear least squares with weights that are not
-        negative, then everything together.
+        Linear least squares with nonnegative weights fit the hysteresis first, then all
+        parameters are trained together.
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
         samples = samples_along(model, data).training
         if np.isfinite(samples.targets).all():
             model = _with_fitted_hysteresis(model, samples)
-        return _trained(model, data, lambda model: model, fit, fit_key, progress)
+        return _train(model, data, fit, fit_key, progress)
 
     def go_on(  # type: ignore[override]
         self,
@@ -140,8 +121,11 @@ class ChainOptions(ForwardOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[ChainC2S]:
-        """See `ForwardOptions`: everything together, pulled towards where it began: few samples tell little of it."""
-        return _trained(model, data, lambda model: model, fit, key, progress, PULL)
+        """See `ForwardOptions`: trains all parameters with a penalty on their change.
+
+        Few samples do not determine all parameters.
+        """
+        return _train(model, data, fit, key, progress, PULL)
 
     def carried(  # type: ignore[override]
         self,
@@ -151,87 +135,106 @@ class ChainOptions(ForwardOptions):
         babbling: CollectOptions,
         key: PRNGKeyArray,
     ) -> ChainC2S:
-        """See `ForwardOptions`: module by module; of another count the network learns anew, what weights do."""
-        chain = carried_over(model, old, ChainOptions.untrained(self, new, key), new)
+        """See `ForwardOptions`: module by module.
+
+        For another module count, a new network is pretrained on the effect of gravity.
+        """
+        chain = transfer_chain(model, old, ChainOptions.untrained(self, new, key), new)
         if old.module_count == new.module_count:
             return chain
         if not chain.statics:
             raise TrainingError(
-                f"networks of {old.module_count} modules were given for '{new.name}' of {new.module_count}; other "
-                "counts carry over where encoders tell of cables that motors move; collect, and train without --from"
+                f"networks of {old.module_count} modules do not fit '{new.name}' of "
+                f"{new.module_count}; other counts need motor encoders and "
+                "displacement actuation; collect data and train without --from"
             )
+
+        def with_network_of(model: ChainC2S) -> ChainC2S:
+            return replace(chain, network=model.network)
+
         data = babbled(new, babbling)
-        part = attrgetter("network")
-        states = [
-            np.asarray(under_weights(chain, jnp.asarray(one)))
-            for one in inputs_along(chain, data)
-        ]
-        weighed = replace(data, states=np.stack(states))
-        return _trained(
-            chain,
-            weighed,
-            lambda m: eqx.tree_at(part, chain, m.network),
-            REHEARSED,
-            key,
-            quiet,
+        states = []
+        for inputs in inputs_along(chain, data):
+            states.append(np.asarray(under_weights(chain, jnp.asarray(inputs))))
+        data = replace(data, states=np.stack(states))
+        return _train(
+            chain, data, REHEARSED, key, quiet, trainable=with_network_of
         ).network
 
     def answers(
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """See `ForwardOptions`; where cables moved together, that counts too."""
+        """See `ForwardOptions`; uses cable displacements where they were recorded."""
         chain: Any = getattr(model, "chain", model)
-        return np.stack(
-            [
-                np.asarray(predict_states(model, jnp.asarray(one)))
-                for one in inputs_along(chain, data)
-            ]
+        states = []
+        for inputs in inputs_along(chain, data):
+            states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
+        return np.stack(states)
+
+    def _initial_hysteresis(self, arm: ArmSpec) -> Hysteresis:
+        # at lower rates the last reading models the delay
+        delays = (DELAY,) if arm.control_period < DELAY else ()
+        times = np.array([*delays, *self.creep_times])
+        shares = jnp.asarray(1.0 - np.exp(-arm.control_period / times), jnp.float32)
+        widths = jnp.asarray(self.play_widths, dtype=jnp.float32)
+        modules = arm.module_count
+        cables = arm.cable_count
+        play_weights = jnp.full((modules, len(widths) + 2, cables), NO_WEIGHT)
+        return Hysteresis(
+            Operators(widths, shares),
+            play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
+            jnp.zeros((modules, len(times), cables)),
+            len(delays),
         )
 
-    def _quiet_network(
+    def _initial_network(
         self, features: int, outputs: int, key: PRNGKeyArray
     ) -> eqx.nn.MLP:
         network = eqx.nn.MLP(
             features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key
         )
         head = network.layers[-1]
-        quiet = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
+        small = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
         return eqx.tree_at(
-            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, quiet
+            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, small
         )
 
 
-def _trained(
+def _train(
     model: ChainC2S,
     data: TrainingData,
-    seen: Callable[[ChainC2S], ChainC2S],
     fit: FitOptions,
     key: PRNGKeyArray,
     progress: Progress,
     pull: float = 0.0,
+    trainable: Callable[[ChainC2S], ChainC2S] = lambda model: model,
 ) -> Trained[ChainC2S]:
-    """Trained to say true states, as far as what is seen of it can, and not to go far from where it began."""
-    unit = LENGTH_UNIT * data.arm.length
-    begun = eqx.filter(model, eqx.is_inexact_array)
+    """Train on true states, with a penalty `pull` on the change of parameters.
 
-    def far(model: ChainC2S) -> Array:
-        moved = jax.tree.map(
-            jnp.subtract, eqx.filter(model, eqx.is_inexact_array), begun
-        )
-        return sum((jnp.sum(part**2) for part in jax.tree.leaves(moved)), jnp.zeros(()))
+    `trainable` returns the chain with only those parameters of the model that the loss
+    shall depend on.
+    """
+    unit = LENGTH_UNIT * data.arm.length
+    initial = eqx.filter(model, eqx.is_inexact_array)
+
+    def squared_change(model: ChainC2S) -> Array:
+        parameters = eqx.filter(model, eqx.is_inexact_array)
+        changes = jax.tree.leaves(jax.tree.map(jnp.subtract, parameters, initial))
+        return sum((jnp.sum(change**2) for change in changes), jnp.zeros(()))
 
     def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        error = known_error(answer(seen(model), batch), batch["targets"])
-        missed = jnp.mean((error[..., :3] / unit) ** 2) + AXIS_WEIGHT * jnp.mean(
-            error[..., 3:] ** 2
-        )
-        return missed if key is None or not pull else missed + pull * far(model)
+        error = known_error(answer(trainable(model), batch), batch["targets"])
+        positions = jnp.mean((error[..., :3] / unit) ** 2)
+        mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+        if key is None or not pull:
+            return mean
+        return mean + pull * squared_change(model)
 
     return train(model, loss, answer, samples_along(model, data), fit, key, progress)
 
 
-def _is_felt_through_cables(arm: ArmSpec) -> bool:
-    """Whether sensed configurations are displacements of pulling cables, module by module."""
+def _senses_pulling_cables(arm: ArmSpec) -> bool:
+    """Whether the sensors are encoders of cable displacements, without coupling."""
     return (
         arm.actuation == "displacement"
         and arm.sensing == "encoders"
@@ -246,91 +249,84 @@ def predict_states(model: Any, inputs: Array) -> Array:
 
 
 def answer(model: Any, batch: Batch) -> Array:
-    """States for inputs that the hysteresis weighs."""
+    """Predicted states for inputs of the hysteresis."""
     return model.states(batch["configurations"])
 
 
 def inputs_along(
     model: ChainC2S, data: TrainingData
 ) -> Float[np.ndarray, "episodes samples modules inputs cables"]:
-    """What the hysteresis weighs at every sample, its memory carried along each episode."""
+    """Inputs of the hysteresis at every sample, with its memory along each episode."""
 
     @jax.jit
     def along(displacements: Float[Array, "samples episodes modules cables"]) -> Array:
+        hysteresis = model.hysteresis
+
         def step(memory, now):
-            return model.hysteresis.advance(now, memory), model.hysteresis.inputs(
-                now, memory
-            )
+            return hysteresis.advance(now, memory), hysteresis.inputs(now, memory)
 
-        return jax.lax.scan(
-            step, model.hysteresis.start(displacements[0]), displacements
-        )[1]
+        memory = hysteresis.start(displacements[0])
+        return jax.lax.scan(step, memory, displacements)[1]
 
-    moved = data.displacements
-    if moved is None:
-        moved = np.asarray(
-            model.body.displacements(jnp.asarray(data.sensed, dtype=jnp.float32))
-        )
-    return np.moveaxis(
-        np.asarray(along(jnp.asarray(np.moveaxis(moved, 1, 0), dtype=jnp.float32))),
-        0,
-        1,
-    )
+    displacements = data.displacements
+    if displacements is None:
+        sensed = jnp.asarray(data.sensed, dtype=jnp.float32)
+        displacements = np.asarray(model.body.displacements(sensed))
+    samples_first = jnp.asarray(np.moveaxis(displacements, 1, 0), dtype=jnp.float32)
+    return np.moveaxis(np.asarray(along(samples_first)), 0, 1)
 
 
 def samples_along(model: ChainC2S, data: TrainingData) -> Split:
-    """`forward_samples` with what the hysteresis weighs in place of configurations."""
+    """`forward_samples` with inputs of the hysteresis in place of configurations."""
     return forward_samples(inputs_along(model, data), data.states, data.lengths)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
-    """Weights with which each module's inputs, and the other modules' bends, best tell its true bend.
+    """Fit the weights of each module by linear least squares to its true bend.
 
-    Only what moves with the motor or stays may weigh in plays; filters may weigh either
-    way. With statics the weights sum up to one, since there the stiffness says how much
-    of a displacement becomes a bend.
+    The bends of the other modules are further regressors. Weights of play operators are
+    not negative, those of filters have either sign. With statics the weights sum up to
+    one, since the stiffness then scales displacements to bends.
     """
-    true = np.asarray(bends_from_states(jnp.asarray(samples.targets)))
+    bends = np.asarray(bends_from_states(jnp.asarray(samples.targets)))
     inputs = np.einsum(
         "mkn,smjn->msjk",
         np.asarray(model.body.inverses),
         samples.inputs["configurations"],
     )
-    plays = model.hysteresis.play_weights.shape[1]
-    fitted = np.array(
-        [_fitted(inputs, true, module, plays) for module in range(len(inputs))]
+    _, plays, cables = model.hysteresis.play_weights.shape
+    modules = range(len(inputs))
+    weights = np.array(
+        [_fit_weights(inputs, bends[:, module], module, plays) for module in modules]
     )
     if model.statics:
-        fitted /= np.maximum(fitted.sum(axis=1, keepdims=True), 1e-3)
-    positive = np.maximum(fitted[:, :plays], np.log1p(np.exp(NO_WEIGHT)))
-    cables = model.hysteresis.play_weights.shape[-1]
-    alike = [
-        np.repeat(part[..., None], cables, axis=-1)
-        for part in (np.log(np.expm1(positive)), fitted[:, plays:])
-    ]
-    raw, creep = (jnp.asarray(part, dtype=jnp.float32) for part in alike)
-    return eqx.tree_at(
-        lambda m: (m.hysteresis.play_weights, m.hysteresis.creep_weights),
-        model,
-        (raw, creep),
+        weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-3)
+    positive = np.maximum(weights[:, :plays], np.log1p(np.exp(NO_WEIGHT)))
+
+    def for_all_cables(weights: np.ndarray) -> Array:
+        repeated = np.repeat(weights[..., None], cables, axis=-1)
+        return jnp.asarray(repeated, dtype=jnp.float32)
+
+    hysteresis = replace(
+        model.hysteresis,
+        play_weights=for_all_cables(np.log(np.expm1(positive))),
+        creep_weights=for_all_cables(weights[:, plays:]),
     )
+    return replace(model, hysteresis=hysteresis)
 
 
-def _fitted(
-    inputs: np.ndarray, true: np.ndarray, module: int, plays: int
+def _fit_weights(
+    inputs: np.ndarray, bends: np.ndarray, module: int, plays: int
 ) -> np.ndarray:
     """Weights of one module's inputs."""
     from scipy.optimize import lsq_linear  # noqa: PLC0415  # heavy
 
     own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
-    others = [inputs[other, :, 0] for other in range(len(inputs)) if other != module]
-    columns = np.concatenate(
-        [own, *(bend[..., None] for bend in others)], axis=-1
-    ).reshape(2 * len(own), -1)
+    others = np.moveaxis(np.delete(inputs[:, :, 0], module, axis=0), 0, -1)
+    columns = np.concatenate([own, others], axis=-1).reshape(2 * len(own), -1)
     count = own.shape[-1]
     low = np.full(columns.shape[1], -np.inf)
     low[:plays] = 0.0
     low[plays:count] = -MAX_CREEP
-    return lsq_linear(
-        columns.astype(float), true[:, module].reshape(-1).astype(float), (low, np.inf)
-    ).x[:count]
+    targets = bends.reshape(-1).astype(float)
+    return lsq_linear(columns.astype(float), targets, (low, np.inf)).x[:count]

@@ -1,4 +1,4 @@
-"""What networks are made of: scaling, rows of LSTMs, and the layer that says only what cables can follow."""
+"""Layers of the networks: scaling, LSTMs, and the output layer for cable actions."""
 
 from dataclasses import dataclass
 
@@ -18,32 +18,29 @@ HEADROOM = 1.25
 """Normalized actions are in units of the full action times this.
 
 Eq. (10) reaches 0.87 of the full bend in its worst direction, and its tanh reaches one
-only at infinity; without room the network could not say some of the bends that its own
-data hold.
+only at infinity; without headroom some bends in the data would be out of range.
 """
 
 
 class Scaling(Fixed):
-    """An affine map that takes `center - half_range` to -1 and `center + half_range` to 1, for each feature."""
+    """Affine map of each feature from `center` +- `half_range` to [-1, 1]."""
 
     center: Float[Array, " features"]
     half_range: Float[Array, " features"]
 
     @classmethod
     def of(cls, values: Float[np.ndarray, "*batch features"]) -> "Scaling":
-        """The map that just fits the values; a feature that never changes keeps its unit."""
+        """The map from the range of the values; a constant feature keeps its unit."""
         flat = values.reshape(-1, values.shape[-1])
         low = flat.min(axis=0)
         high = flat.max(axis=0)
-        half = np.where(high > low, (high - low) / 2, 1.0)
-        return cls(
-            jnp.asarray((low + high) / 2, dtype=jnp.float32),
-            jnp.asarray(half, dtype=jnp.float32),
-        )
+        center = jnp.asarray((low + high) / 2, dtype=jnp.float32)
+        half_range = np.where(high > low, (high - low) / 2, 1.0)
+        return cls(center, jnp.asarray(half_range, dtype=jnp.float32))
 
     @classmethod
     def identity(cls, features: int) -> "Scaling":
-        """The map that changes nothing, to be filled from a file."""
+        """The identity, as a template for files."""
         return cls(jnp.zeros(features), jnp.ones(features))
 
     def forward(
@@ -61,18 +58,23 @@ class Scaling(Fixed):
 
 @dataclass(frozen=True)
 class Size:
-    """Layers of a network, and hidden states of each layer and direction (Chen et al. 2025, table II)."""
+    """Size of a network (Chen et al. 2025, table II).
+
+    Attributes:
+        layers: number of layers.
+        hidden: hidden states of each layer and direction.
+    """
 
     layers: int
     hidden: int
 
     def __post_init__(self):
-        """Refuse what cannot be built."""
+        """Check the limits."""
         check_limits(self, layers=(1, 32), hidden=(1, 4096))
 
 
 class Direction(eqx.Module):
-    """One LSTM layer in one direction; gates in the order input, forget, cell, output."""
+    """LSTM layer in one direction; gates are ordered input, forget, cell, output."""
 
     weight_input: Float[Array, "features gates"]
     weight_hidden: Float[Array, "hidden gates"]
@@ -81,46 +83,51 @@ class Direction(eqx.Module):
     def __init__(self, features: int, hidden: int, key: PRNGKeyArray):
         keys = jax.random.split(key, 3)
         gates = 4 * hidden
-        self.weight_input = _drawn(keys[0], hidden, features, gates)
-        self.weight_hidden = _drawn(keys[1], hidden, hidden, gates)
-        self.bias = _drawn(keys[2], hidden, gates)
+        self.weight_input = _random_weights(keys[0], hidden, features, gates)
+        self.weight_hidden = _random_weights(keys[1], hidden, hidden, gates)
+        self.bias = _random_weights(keys[2], hidden, gates)
 
     def __call__(
         self, inputs: Float[Array, "*batch modules features"], reverse: bool
     ) -> Array:
-        """Outputs in the order of the inputs, shape (*batch, modules, hidden); the row may also be one of moments."""
-        driven = inputs @ self.weight_input + self.bias  # hoisted out of the recurrence
-        if inputs.shape[-2] > MAX_UNROLLED:
-            return self._rolled(driven, reverse)
-        order = range(inputs.shape[-2])
-        outputs = {}
+        """Outputs in the order of the inputs, shape (*batch, modules, hidden).
+
+        The sequence may also be one of time steps instead of modules.
+        """
+        # computed once, outside of the recurrence
+        input_gates = inputs @ self.weight_input + self.bias
+        length = inputs.shape[-2]
+        if length > MAX_UNROLLED:
+            return self._scan(input_gates, reverse)
+        outputs = []
         cell = hidden = None
-        for module in reversed(order) if reverse else order:
-            gates = driven[..., module, :]
+        for step in range(length):
+            gates = input_gates[..., length - 1 - step if reverse else step, :]
             if hidden is not None:
                 gates = gates + hidden @ self.weight_hidden
             hidden, cell = _cell(gates, cell)
-            outputs[module] = hidden
-        return jnp.stack([outputs[module] for module in order], axis=-2)
+            outputs.append(hidden)
+        if reverse:
+            outputs.reverse()
+        return jnp.stack(outputs, axis=-2)
 
-    def _rolled(
-        self, driven: Float[Array, "*batch modules gates"], reverse: bool
+    def _scan(
+        self, input_gates: Float[Array, "*batch modules gates"], reverse: bool
     ) -> Array:
-        """The same for long rows: as one loop they compile, and run, far sooner than one after the other."""
-        rows = jnp.moveaxis(driven, -2, 0)
-        nothing = jnp.zeros((*rows.shape[1:-1], self.weight_hidden.shape[0]))
+        """The same as one loop: long sequences compile and run far faster."""
+        rows = jnp.moveaxis(input_gates, -2, 0)
+        zeros = jnp.zeros((*rows.shape[1:-1], self.weight_hidden.shape[0]))
 
-        def on(
-            carried: tuple[Array, Array], gates: Array
-        ) -> tuple[tuple[Array, Array], Array]:
-            hidden, cell = _cell(gates + carried[0] @ self.weight_hidden, carried[1])
+        def step(state: tuple[Array, Array], gates: Array):
+            hidden, cell = state
+            hidden, cell = _cell(gates + hidden @ self.weight_hidden, cell)
             return (hidden, cell), hidden
 
-        outputs = jax.lax.scan(on, (nothing, nothing), rows, reverse=reverse)[1]
+        outputs = jax.lax.scan(step, (zeros, zeros), rows, reverse=reverse)[1]
         return jnp.moveaxis(outputs, 0, -2)
 
 
-def _drawn(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
+def _random_weights(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
     """Random weights, uniform within 1 / sqrt(hidden)."""
     bound = hidden**-0.5
     return jax.random.uniform(key, shape, minval=-bound, maxval=bound)
@@ -129,19 +136,21 @@ def _drawn(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
 def _cell(
     gates: Float[Array, "*batch gates"], cell: Array | None
 ) -> tuple[Array, Array]:
-    take, keep, candidate, show = jnp.split(gates, 4, axis=-1)
-    kept = 0.0 if cell is None else jax.nn.sigmoid(keep) * cell
-    new_cell = kept + jax.nn.sigmoid(take) * jnp.tanh(candidate)
-    return jax.nn.sigmoid(show) * jnp.tanh(new_cell), new_cell
+    """Hidden state and cell state of the next step."""
+    input_gate, forget_gate, candidate, output_gate = jnp.split(gates, 4, axis=-1)
+    kept = 0.0 if cell is None else jax.nn.sigmoid(forget_gate) * cell
+    new_cell = kept + jax.nn.sigmoid(input_gate) * jnp.tanh(candidate)
+    return jax.nn.sigmoid(output_gate) * jnp.tanh(new_cell), new_cell
 
 
 class BiLSTM(eqx.Module):
-    """Layers of forward and backward LSTMs and a linear head at every module (Chen et al. 2025, fig. 5).
+    """Bidirectional LSTM over modules with a linear head (Chen et al. 2025, fig. 5).
 
-    Any number of modules at run time, any leading axes.
+    The number of modules may differ between calls, and any batch axes may lead.
 
     Example:
-        >>> network = BiLSTM(features=3, outputs=6, layers=4, hidden=64, key=jax.random.key(0))
+        >>> key = jax.random.key(0)
+        >>> network = BiLSTM(features=3, outputs=6, layers=4, hidden=64, key=key)
         >>> network(jnp.zeros((3, 3))).shape
         (3, 6)
     """
@@ -171,13 +180,13 @@ class BiLSTM(eqx.Module):
             )
             for layer, width in enumerate(widths)
         ]
-        self.weight_head = _drawn(head_key, 2 * hidden, 2 * hidden, outputs)
+        self.weight_head = _random_weights(head_key, 2 * hidden, 2 * hidden, outputs)
         self.bias_head = jnp.zeros(outputs)
 
     def __call__(
         self, inputs: Float[Array, "*batch modules features"]
     ) -> Float[Array, "*batch modules outputs"]:
-        """Outputs of every module, each with the whole row in view."""
+        """Outputs of every module, from the inputs of all modules."""
         values = inputs
         for up, down in self.layers:
             values = jnp.concatenate(
@@ -187,10 +196,11 @@ class BiLSTM(eqx.Module):
 
 
 class LSTM(eqx.Module):
-    """Layers of LSTMs from the oldest moment to the latest, and a linear head after the latest.
+    """LSTM over time, oldest step first, with a linear head after the latest step.
 
     Example:
-        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=jax.random.key(0))
+        >>> key = jax.random.key(0)
+        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=key)
         >>> network(jnp.zeros((5, 9))).shape
         (6,)
     """
@@ -205,8 +215,8 @@ class LSTM(eqx.Module):
         """Random weights, uniform within 1 / sqrt(hidden).
 
         Args:
-            features: inputs of each moment.
-            outputs: outputs after the latest moment.
+            features: inputs of each time step.
+            outputs: outputs after the latest time step.
             layers: number of layers.
             hidden: hidden states of each layer.
             key: for the weights.
@@ -217,13 +227,13 @@ class LSTM(eqx.Module):
             Direction(width, hidden, key)
             for width, key in zip(widths, keys, strict=True)
         ]
-        self.weight_head = _drawn(head_key, hidden, hidden, outputs)
+        self.weight_head = _random_weights(head_key, hidden, hidden, outputs)
         self.bias_head = jnp.zeros(outputs)
 
     def __call__(
         self, inputs: Float[Array, "*batch time features"]
     ) -> Float[Array, "*batch outputs"]:
-        """Outputs with the whole past in view."""
+        """Outputs from the whole sequence."""
         values = inputs
         for layer in self.layers:
             values = layer(values, reverse=False)
@@ -259,21 +269,19 @@ class SumAndRange(FromArm):
     def of(cls, arm: ArmSpec) -> "SumAndRange":
         """The layer for an arm."""
         geometry = ArmGeometry.of(arm)
-        even = arm.cable_count == 3 and bool(
-            np.allclose(geometry.cable_matrices.sum(axis=1), 0.0, atol=1e-6)
-        )
-        maps = (geometry.cable_matrices, geometry.bend_matrices)
-        scale = HEADROOM * geometry.action_scale[:, None]
+        centers = geometry.cable_matrices.sum(axis=1)
+        evenly_spaced = bool(np.allclose(centers, 0.0, atol=1e-6))
         arrays = (
-            *maps,
+            geometry.cable_matrices,
+            geometry.bend_matrices,
             geometry.action_neutral,
-            scale,
+            HEADROOM * geometry.action_scale[:, None],
             geometry.action_low,
             geometry.action_high,
         )
-        matrices, inverses, neutral, unit, low, high = (
-            jnp.asarray(array, dtype=jnp.float32) for array in arrays
-        )
+        converted = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
+        matrices, inverses, neutral, unit, low, high = converted
+        even = arm.cable_count == 3 and evenly_spaced
         return cls(matrices, inverses, neutral, unit, low, high, even)
 
     def __call__(
@@ -301,33 +309,34 @@ class SumAndRange(FromArm):
     def limited(
         self, normalized: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Normalized actions within the arm's limits: what will really be sent."""
+        """Normalized actions within the limits of the arm, as they are sent."""
         return self.normalized(jnp.clip(self.actions(normalized), self.low, self.high))
 
     def scaled(self, split: Split, ages: int) -> Split:
-        """Samples with all actions normalized, those taken and past ones, which grow older along the axis `ages`."""
+        """Samples with normalized actions, in the targets and in the history.
 
-        def normalized(samples: Samples) -> Samples:
-            past = self.normalized(
-                jnp.moveaxis(jnp.asarray(samples.inputs["actions"]), ages, 0)
-            )
-            inputs = samples.inputs | {
-                "actions": np.asarray(jnp.moveaxis(past, 0, ages))
-            }
-            return Samples(
-                inputs, np.asarray(self.normalized(jnp.asarray(samples.targets)))
-            )
+        Args:
+            split: samples with actions [m or N].
+            ages: the time axis of past actions.
+        """
+
+        def normalize(samples: Samples) -> Samples:
+            actions = jnp.asarray(samples.inputs["actions"])
+            past = self.normalized(jnp.moveaxis(actions, ages, 0))
+            past = jnp.moveaxis(past, 0, ages)
+            inputs = samples.inputs | {"actions": np.asarray(past)}
+            targets = self.normalized(jnp.asarray(samples.targets))
+            return Samples(inputs, np.asarray(targets))
 
         return Split(
-            *(
-                normalized(part)
-                for part in (split.training, split.validation, split.test)
-            )
+            normalize(split.training),
+            normalize(split.validation),
+            normalize(split.test),
         )
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
-    """V tanh(|v|) / |v|, exact at zero."""
+    """Squash vectors: v tanh(|v|) / |v|, exact at zero."""
     squared = jnp.sum(vectors**2, axis=-1, keepdims=True)
     small = squared < 1e-6
     length = jnp.sqrt(jnp.where(small, 1.0, squared))

@@ -30,7 +30,7 @@ SAG_STEP = 0.5  # relaxation factor of these iterations
 _log_stiffness = attrgetter("equilibrium.log_stiffness")
 
 
-def carried_over(
+def transfer_chain(
     chain: ChainC2S, old: ArmSpec, blank: ChainC2S, new: ArmSpec
 ) -> ChainC2S:
     """The chain of an arm as initial model of another arm of the same make.

@@ -67,7 +67,7 @@ class Trunk(FromArm):
     def displacements(
         self, configurations: Float[Array, "*batch modules 3"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Cable displacements over the cable radius [rad], shape (*batch, modules, cables)."""
+        """Cable displacements over the cable radius [rad]."""
         bends = bends_from_configurations(configurations)
         return jnp.einsum("mnk,...mk->...mn", self.matrices, bends)
 

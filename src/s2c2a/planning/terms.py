@@ -3,8 +3,9 @@
 A term returns residuals r in groups (a module, a pair of point and obstacle, ...) and a
 weight mu for every group. The solver combines them: the paper's objective is the sum
 of mu |r| (Chen et al. 2025, eq. (7)), least squares minimize the sum of mu |r|^2.
-Targets have the same residual in both. Obstacles and changes have two terms each: the paper
-uses 1 / d and the change of unit vectors, `BEST` uses the depth and the change of bends.
+Targets have the same residual in both. Obstacles and changes have two terms each: the
+paper uses 1 / d and the change of unit vectors, `BEST` uses the depth and the change of
+bends.
 
 XLA moves what does not depend on the candidate out of the solver's loop, so a term may
 compute such values where it needs them.
