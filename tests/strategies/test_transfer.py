@@ -10,7 +10,7 @@ import pytest
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.estimation import EncoderOnly
 from s2c2a.models import LocalOptions
-from s2c2a.models.chain_training import inputs_along, said
+from s2c2a.models.chain_training import inputs_along, predict_states
 from s2c2a.models.transfer import babbled, same_places, under_weights
 from s2c2a.models.trunk import Trunk
 from s2c2a.strategies import (
@@ -52,7 +52,8 @@ def test_begun_from_itself_says_the_same(
     begun = transferred(tiny_best_networks, tiny_best_networks.arm)
     inputs = inputs_along(begun.c2s, training_data(recording, tiny_best_recipe))[0]
     np.testing.assert_array_equal(
-        said(begun.c2s, inputs), said(tiny_best_networks.c2s, inputs)
+        predict_states(begun.c2s, inputs),
+        predict_states(tiny_best_networks.c2s, inputs),
     )
 
 
