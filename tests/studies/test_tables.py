@@ -122,6 +122,25 @@ def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
         make_table("speed", tmp_path, [0], list, recipe_named("paper"))
 
 
+@pytest.mark.parametrize("table", ["interaction", "constraint"])
+def test_further_strategies_run_in_every_block_of_a_table(tmp_path, table):
+    class RequestedError(Exception):
+        pass
+
+    def make(jobs):
+        raise RequestedError({job.strategy for job in jobs})
+
+    with pytest.raises(RequestedError) as asked:
+        make_table(table, tmp_path, [0], make, recipe_named("best"), ["lstm"])
+    expected = {"lstm"}.union(*(block.strategies for block in TABLES[table].blocks))
+    assert asked.value.args[0] == expected
+
+
+def test_a_table_without_strategies_refuses_further_ones(tmp_path):
+    with pytest.raises(S2C2AError, match="compares no strategies"):
+        make_table("networks", tmp_path, [0], list, recipe_named("best"), ["lstm"])
+
+
 def test_means_over_tilt_tasks_are_those_worked_by_hand():
     numbers = {
         "tilt-40": (1.0, 0.2, 2.0),

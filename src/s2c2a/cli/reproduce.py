@@ -12,6 +12,7 @@ from s2c2a.cli.console import (
     Arm,
     FidelityName,
     RecipeName,
+    StrategyNames,
     print_results,
     print_table,
     progress_bar,
@@ -38,6 +39,7 @@ TABLES = {
 def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
     def command(
         recipe: RecipeName = "best",
+        strategy: StrategyNames = (),
         seeds: int = 5,
         beside: Path | None = None,
         work: Work = ALL_CORES,
@@ -50,6 +52,7 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
         options = {
             "tables": names,
             "recipe": recipe if recipe in RECIPES else asdict(chosen),
+            "strategies": strategy,
             "seeds": seeds,
         }
         with run_directory(f"{name}-{chosen.name}", options, work, go_on=True) as (
@@ -57,8 +60,11 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
             make,
         ):
             for table in names:
+                # the tables of `all` that compare no strategies are made as they are
+                is_compared = len(names) == 1 or table in tables.TABLES
+                added = strategy if is_compared else ()
                 rows, figures = tables.make_table(
-                    table, directory, numbers, make, chosen
+                    table, directory, numbers, make, chosen, added
                 )
                 compared = report.load_comparison(beside, table)
                 path = report.save_table(table, rows, directory, compared)
@@ -74,6 +80,7 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
 
     Args:
         recipe: training of the networks and planning.
+        strategy: further strategies to compare, by name or your own file.py:Class.
         seeds: number of seeds, from zero; each sets data, training and start.
         beside: run directory of the same tables with another recipe, to compare with.
         work: run directory and parallel execution.

@@ -13,7 +13,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
 from s2c2a.runtime import Loop, StepRecord, StepRequest
-from s2c2a.runtime.limits import TURN
+from s2c2a.runtime.limits import acceleration_limit_deg
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
 # frequency range of a chirp, in parts of the expected frequency
@@ -68,8 +68,7 @@ def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
     """
     period = arm.control_period
     max_step = np.deg2rad(arm.step_limit_deg)
-    turn_limit = arm.acceleration_limit_deg or TURN * arm.step_limit_deg
-    max_turn = np.deg2rad(turn_limit)
+    max_turn = np.deg2rad(acceleration_limit_deg(arm))
     high = min(LAST_FREQUENCY * frequency, MAX_FREQUENCY / period)
     low = min(FIRST_FREQUENCY * frequency, high / 4.0)
     duration = max(CHIRP_PERIODS / frequency, CHIRP_PERIODS / 3.0 / low)

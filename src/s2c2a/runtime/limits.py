@@ -17,7 +17,6 @@ EQUAL = 1e-6  # of the full bend; commands that differ by less are the same
 DEFAULT_ACCELERATION_RATIO = 1.5
 """Acceleration limit, in step limits, of an arm file that states none: as fast as
 plans of the paper's recipe reverse."""
-TURN = DEFAULT_ACCELERATION_RATIO  # former name, still imported by `estimation`
 PerModule = Float[np.ndarray, "modules 1"]
 
 

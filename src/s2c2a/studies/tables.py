@@ -290,7 +290,12 @@ OTHERS = {"networks": _networks, "workspace": _workspace}
 
 
 def make_table(
-    name: str, folder: Path, seeds: Sequence[int], make: jobs.Make, recipe: Recipe
+    name: str,
+    folder: Path,
+    seeds: Sequence[int],
+    make: jobs.Make,
+    recipe: Recipe,
+    strategies: Sequence[str] = (),
 ) -> tuple[list[Row], list[Path]]:
     """Make one table and draw its figures; `make` resumes an interrupted attempt.
 
@@ -300,14 +305,20 @@ def make_table(
         seeds: of data, training and start.
         make: loads or makes runs, networks and recordings.
         recipe: how networks are trained and plans made.
+        strategies: names of further strategies to run in every block.
 
     Returns:
         Its rows, and the figures.
 
     Raises:
-        S2C2AError: the table is unknown.
+        S2C2AError: the table is unknown, or has no strategies to compare.
     """
     if name in OTHERS:
+        if strategies:
+            raise S2C2AError(
+                f"table '{name}' compares no strategies; leave --strategy out, or "
+                f"choose one of {', '.join(TABLES)}"
+            )
         return OTHERS[name](make, seeds, recipe, folder)
     if name not in TABLES:
         raise S2C2AError(
@@ -315,12 +326,14 @@ def make_table(
             f"{', '.join([*TABLES, *OTHERS])}, or all"
         )
     table = TABLES[name]
-    results = jobs.in_groups(
-        make, [block.make_jobs(seeds, recipe) for block in table.blocks]
-    )
+    blocks = [
+        replace(block, strategies=(*block.strategies, *strategies))
+        for block in table.blocks
+    ]
+    results = jobs.in_groups(make, [block.make_jobs(seeds, recipe) for block in blocks])
     rows = []
     groups = []
-    for block, runs in zip(table.blocks, results, strict=True):
+    for block, runs in zip(blocks, results, strict=True):
         rows += block.rows(name, runs)
         first = [run for run in runs if run.seed == runs[0].seed]
         groups.append((block.label, first))
