@@ -66,6 +66,7 @@ def scheduler():
 @pytest.fixture
 def cluster(scheduler):
     """The executor, as one that joins a running cluster."""
+    scheduler.scale(2)  # dask gives up a killed worker that is slow to come back
     scheduler.wait_for_workers(2, timeout=60)
     with Cluster(scheduler.scheduler_address) as executor:
         yield executor
@@ -311,7 +312,7 @@ def odd_worker(scheduler, tmp_path):
         worker.kill()
 
 
-def test_workers_with_other_versions_are_rejected(scheduler, odd_worker):
+def test_workers_with_other_versions_are_rejected(cluster, scheduler, odd_worker):
     scheduler.wait_for_workers(3, timeout=60)
     with pytest.raises(
         ClusterError,
