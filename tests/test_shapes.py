@@ -1,28 +1,18 @@
-"""Shapes and types of arguments, checked while unit tests run, by jaxtyping and beartype."""
+"""Shapes and types of arguments are checked while tests run (pyproject.toml)."""
 
-import subprocess
-import sys
-from pathlib import Path
+import jax.numpy as jnp
+import pytest
+from jaxtyping import TypeCheckError
 
-ROOT = Path(__file__).parents[1]
-CHECKED = "s2c2a.estimation,beartype.beartype"
-UNIT_TESTS = (
-    "test_kalman",
-    "test_sensor_models",
-    "test_modal_model",
-    "test_disturbance_filter",
-    "test_configuration_maps",
-)
+from s2c2a.estimation import kalman
+from s2c2a.kinematics import configurations_from_bends
 
 
-def test_the_estimation_package_keeps_its_annotations():
-    files = [f"tests/estimation/{name}.py" for name in UNIT_TESTS]
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    result = subprocess.run(
-        [*command, f"--jaxtyping-packages={CHECKED}", *files],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert result.returncode == 0, result.stdout[-4000:]
+def test_a_wrong_shape_is_refused():
+    with pytest.raises(TypeCheckError, match=r"configurations_from_bends"):
+        configurations_from_bends(jnp.zeros((4, 3)))
+
+
+def test_shapes_that_disagree_are_refused():
+    with pytest.raises(TypeCheckError, match=r"predict"):
+        kalman.predict(jnp.zeros(3), jnp.eye(2), jnp.eye(3), jnp.zeros(3))

@@ -34,20 +34,6 @@ def cache(tmp_path):
     return Cache(tmp_path / "data", tmp_path / "runs")
 
 
-def test_an_arm_without_tuning_follows_its_circle(cache):
-    """One of two modules does so, too (`tests/cli/test_command_line.py`)."""
-    arm, best = load_arm(ARMS / "five_cable_arm.toml"), recipe_named("best")
-    quick = {
-        "c2s_fit": replace(best.c2s_fit, max_epochs=10),
-        "c2a_fit": replace(best.c2a_fit, max_epochs=10),
-    }
-    recipe = replace(best, c2s=replace(best.c2s, points=200), **quick)
-    (run,) = run_all(jobs_for(["circle"], arm, ("s2c2a",), [0], recipe), cache)
-    (position,) = run.scores
-    assert (position.score.metric, position.unit) == ("position", "cm")
-    assert position.value <= 1.0 * arm.length  # cm: 1 % of it
-
-
 def test_a_recording_is_collected_once(cache):
     first, told = made(SMALL, cache), []
     written = SMALL.path(cache).stat().st_mtime_ns

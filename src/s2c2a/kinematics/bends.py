@@ -6,29 +6,32 @@ have exact gradients there.
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-Limits = Float[Array, "*batch"] | float
+Numbers = Array | np.ndarray
+"""What functions of JAX take; they return arrays of JAX."""
+Limits = Float[Numbers, "*#batch"] | float
 
 # Squared angle below which series replace quotients; the next term of the series is
 # below the resolution of float32.
 _SMALL = 1e-6
 
 
-def sinc(squared: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+def sinc(squared: Float[Numbers, "*batch"]) -> Float[Array, "*batch"]:
     """Return sin(f) / f as a function of f^2."""
     small = squared < _SMALL
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
     return jnp.where(small, 1.0 - squared / 6.0, jnp.sin(angle) / angle)
 
 
-def squared_norm(vectors: Float[Array, "*batch axis"]) -> Float[Array, "*batch"]:
+def squared_norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
     """Return the sum of squares over the last axis."""
     return jnp.sum(vectors**2, axis=-1)
 
 
 def configurations_from_bends(
-    bends: Float[Array, "*batch 2"],
+    bends: Float[Numbers, "*batch 2"],
 ) -> Float[Array, "*batch 3"]:
     """Return o = (b sin f / f, cos f) with f = |b|.
 
@@ -49,7 +52,7 @@ def configurations_from_bends(
 
 
 def bends_from_configurations(
-    configurations: Float[Array, "*batch 3"],
+    configurations: Float[Numbers, "*batch 3"],
 ) -> Float[Array, "*batch 2"]:
     """Return b = f o_xy / |o_xy| with f = atan2(|o_xy|, o_z).
 
@@ -70,15 +73,15 @@ def bends_from_configurations(
     small = (squared < _SMALL) & (axial > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, squared))
     ratio = jnp.where(small, 1.0 + squared / 6.0, jnp.arctan2(sine, axial) / sine)
-    return lateral * ratio[..., None]
+    return jnp.multiply(lateral, ratio[..., None])
 
 
 def limit_lengths(
-    vectors: Float[Array, "*batch axis"], limits: Limits
+    vectors: Float[Numbers, "*batch axis"], limits: Limits
 ) -> Float[Array, "*batch axis"]:
     """Shorten every vector that is longer than its limit; directions stay."""
     squared = squared_norm(vectors)
     inside = squared <= limits**2
     lengths = jnp.sqrt(jnp.where(inside, 1.0, squared))
     scale = jnp.where(inside, 1.0, limits / lengths)
-    return vectors * scale[..., None]
+    return jnp.multiply(vectors, scale[..., None])

@@ -2,10 +2,10 @@
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics.bends import (
+    Numbers,
     bends_from_configurations,
     configurations_from_bends,
     sinc,
@@ -13,8 +13,8 @@ from s2c2a.kinematics.bends import (
 )
 
 UNROLLED = 8  # modules; only longer arms compile to a loop
-Bends = Float[Array, "*batch modules 2"]
-Lengths = Float[Array, " modules"]
+Bends = Float[Numbers, "*batch modules 2"]
+Lengths = Float[Numbers, "*#batch modules"]
 States = Float[Array, "*batch modules 6"]
 
 
@@ -34,7 +34,7 @@ def states_from_bends(bends: Bends, lengths: Lengths) -> States:
 def states_from_arcs(
     bends: Bends,
     lengths: Lengths,
-    off: Float[Array, "*#batch #modules 3"],
+    off: Float[Numbers, "... 3"],
     force: Float[Array, "3"] | None = None,
     gives: Float[Array, " modules"] | None = None,
 ) -> States:
@@ -78,13 +78,13 @@ def states_from_arcs(
 
 
 def states_from_configurations(
-    configurations: Float[Array, "*batch modules 3"], lengths: Lengths
+    configurations: Float[Numbers, "*batch modules 3"], lengths: Lengths
 ) -> States:
     """Return states for end axes of any non-zero length; see `states_from_bends`."""
     return states_from_bends(bends_from_configurations(configurations), lengths)
 
 
-def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules 6"]):
+def configurations_from_states(states: Float[Numbers, "*batch modules 6"]):
     """Return the configurations of an arm without torsion that has these states.
 
     Args:
@@ -104,7 +104,9 @@ def configurations_from_states(states: Float[Array | np.ndarray, "*batch modules
     return xp.stack(configurations, axis=-2)
 
 
-def bends_from_states(states: Float[Array, "*batch modules 6"]) -> Bends:
+def bends_from_states(
+    states: Float[Numbers, "*batch modules 6"],
+) -> Float[Array, "*batch modules 2"]:
     """Return the bend vectors [rad] of an arm without torsion that has these states.
 
     See `configurations_from_states`.
@@ -113,16 +115,17 @@ def bends_from_states(states: Float[Array, "*batch modules 6"]) -> Bends:
 
 
 def arc_ends(
-    bends: Float[Array, "*batch 2"], lengths: Float[Array, "*batch"]
+    bends: Float[Numbers, "*batch 2"], lengths: Float[Numbers, "*#batch"]
 ) -> Float[Array, "*batch 3"]:
     """Return ends of arcs in their own frames: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)
     lateral = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
     axial = sinc(squared)[..., None]
-    return lengths[..., None] * jnp.concatenate([lateral, axial], axis=-1)
+    ends = jnp.concatenate([lateral, axial], axis=-1)
+    return jnp.multiply(lengths[..., None], ends)
 
 
-def rotations_to(axes: Float[Array | np.ndarray, "*batch 3"]):
+def rotations_to(axes: Float[Numbers, "*batch 3"]):
     """Return the rotations without torsion that turn z into each axis."""
     x = axes[..., 0]
     y = axes[..., 1]

@@ -16,9 +16,9 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.training.fit import Fixed
 
-Numbers = Array | np.ndarray
 LIKELIHOOD_SAMPLES = 700
 STEPS = 60  # of Adam, on logarithms
 LEARNING_RATE = 0.1

@@ -19,9 +19,9 @@ from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
-from s2c2a.planning.terms import Numbers
 
 CHUNK = 64
 

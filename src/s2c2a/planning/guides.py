@@ -22,6 +22,7 @@ from s2c2a.compilation import compiled
 from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points, norm
 from s2c2a.spaces import POSITION
@@ -37,7 +38,7 @@ OFFSETS = (-1, 0, 1)
 NEIGHBORS = tuple((x, y) for x in OFFSETS for y in OFFSETS if (x, y) != (0, 0))
 
 Nodes = Float[Array, "side side"]
-Point = Float[Array, "3"]
+Point = Float[Numbers, "3"]
 Length = Float[Array, ""] | float
 
 
@@ -110,7 +111,7 @@ class TipTarget(NamedTuple):
             next node.
     """
 
-    position: Float[Array, "3"]
+    position: Point
     bends: Float[Array, "modules 2"]
     on_map: Float[Array, ""]
 

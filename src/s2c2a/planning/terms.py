@@ -18,17 +18,15 @@ from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
-from s2c2a.kinematics.bends import squared_norm
+from s2c2a.kinematics.bends import Numbers, squared_norm
 from s2c2a.spaces import AXIS, POSITION
 
-Numbers = Array | np.ndarray  # NumPy outside the planner, traced inside
 Configurations = Float[Array, "modules 3"]
 Bends = Float[Array, "modules 2"]
 Guard = Literal["tip", "arm"]
@@ -110,7 +108,7 @@ def largest_bend(bends: Bends) -> Float[Array, ""]:
     return jnp.sqrt(jnp.max(squared_norm(bends)))
 
 
-Weights = Float[Numbers, "*groups"] | float
+Weights = Float[Numbers, "*#groups"] | float
 Residual = tuple[Weights, Float[Array, "*groups axes"]]
 
 

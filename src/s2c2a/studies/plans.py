@@ -24,11 +24,12 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     limit_lengths,
 )
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares
-from s2c2a.planning.terms import Bends, Numbers, largest_bend
+from s2c2a.planning.terms import Bends, largest_bend
 from s2c2a.strategies import TrainedNetworks
 
 KINDS = ("tip", "tip and axis", "middle and tip", "anywhere")
