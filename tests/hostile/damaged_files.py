@@ -303,7 +303,7 @@ def _options(path: Path | None = None) -> list:
         (folder / MARKER).unlink()
         (folder / MARKER).symlink_to(path.absolute())
         with contextlib.suppress(S2C2AError):
-            open_run_directory(folder, "x", options, False, go_on=True)
+            open_run_directory(folder, "x", options, False, resume=True)
             return [_said("gone on with")]
     raise S2C2AError("refused")
 

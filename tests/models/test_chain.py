@@ -44,7 +44,7 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
             m.equilibrium.log_stiffness,
             m.equilibrium.tautness,
             m.equilibrium.coupling,
-            m.equilibrium.relaxing,
+            m.equilibrium.creep_moments,
             m.mixing,
             m.network.layers[-1].weight,
             m.network.layers[-1].bias,
@@ -112,7 +112,9 @@ def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(
     )
     # none shorter
     model = eqx.tree_at(
-        lambda m: m.equilibrium.log_give, untrained(make_arm()), jnp.full(3, -1.0)
+        lambda m: m.equilibrium.log_axial_compliance,
+        untrained(make_arm()),
+        jnp.full(3, -1.0),
     )
     found = bends_from_configurations(
         configurations_from_states(
@@ -275,8 +277,8 @@ def test_a_size_that_cannot_be_built_is_refused(size):
 
 def test_a_body_that_relaxes_stays_bent_towards_where_it_was_held(twin):
     model = untrained(twin)
-    relaxing = jnp.full(model.equilibrium.relaxing.shape, 0.2)
-    model = eqx.tree_at(lambda m: m.equilibrium.relaxing, model, relaxing)
+    creep_moments = jnp.full(model.equilibrium.creep_moments.shape, 0.2)
+    model = eqx.tree_at(lambda m: m.equilibrium.creep_moments, model, creep_moments)
     straight = configurations_from_bends(jnp.zeros((3, 2)))
     bent = configurations_from_bends(jnp.tile(jnp.array([0.4, 0.0]), (3, 1)))
     held_there, memory = model.start(straight), model.start(straight)

@@ -13,7 +13,7 @@ from s2c2a.control.options import BiLSTMController
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
-from s2c2a.models.chain_training import samples_along
+from s2c2a.models.chain_training import hysteresis_samples
 from s2c2a.strategies import TrainedNetworks, load_strategy, recipe_named, save_strategy
 from s2c2a.training import FitOptions, TrainingData
 
@@ -108,7 +108,7 @@ def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
     model = trained.network
     sensed, states = synthetic(make_arm(2))
     inputs = (
-        samples_along(model, of(make_arm(2), sensed, states))
+        hysteresis_samples(model, of(make_arm(2), sensed, states))
         .training.inputs["configurations"]
         .reshape(EPISODES, -1, 2, 3 + 2 + 1, 3)
     )

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from s2c2a.arm.geometry import cable_matrix
-from s2c2a.models.statics import GIVE_UNIT, Equilibrium, bend_at_rest
+from s2c2a.models.statics import AXIAL_COMPLIANCE_UNIT, Equilibrium, bend_at_rest
 
 MATRICES = jnp.asarray(
     cable_matrix(np.deg2rad(np.tile([0.0, 120.0, 240.0], (2, 1)))), jnp.float32
@@ -22,7 +22,7 @@ def equilibrium(give=NO_GIVE, coupling=(0.0, 0.0)) -> Equilibrium:
     return Equilibrium(
         log_stiffness,
         zeros,
-        jnp.full(2, give / GIVE_UNIT),
+        jnp.full(2, give / AXIAL_COMPLIANCE_UNIT),
         jnp.array(coupling),
         jnp.zeros((2, 1)),
     )
@@ -30,9 +30,9 @@ def equilibrium(give=NO_GIVE, coupling=(0.0, 0.0)) -> Equilibrium:
 
 def rest(model: Equilibrium, calls=30, engaged=False):
     iterate = jax.jit(
-        lambda before: model.settled(CARRIED, NONE, MATRICES, before, engaged)
+        lambda before: model.solve(CARRIED, NONE, MATRICES, before, engaged)
     )
-    result = model.settled(CARRIED, NONE, MATRICES, None, engaged)
+    result = model.solve(CARRIED, NONE, MATRICES, None, engaged)
     for _ in range(calls):
         result = iterate(result)
     return result
@@ -50,9 +50,9 @@ def test_all_cables_through_a_module_shorten_it_and_slacken_outer_ones():
     stretched = jnp.einsum("mnk,mk->mn", MATRICES, result.bends) - displacements
     pulls = STIFFNESS * np.maximum(stretched, 0.0).sum(axis=-1)
     np.testing.assert_allclose(
-        result.shorter, give * np.array([pulls.sum(), pulls[1]]), rtol=1e-4
+        result.shortening, give * np.array([pulls.sum(), pulls[1]]), rtol=1e-4
     )
-    np.testing.assert_allclose(result.slack[:, 0], np.cumsum(result.shorter), rtol=1e-4)
+    np.testing.assert_allclose(result.slack[:, 0], np.cumsum(result.shortening), rtol=1e-4)
     assert np.all(
         np.linalg.norm(result.bends, axis=-1)
         < np.linalg.norm(rest(equilibrium()).bends, axis=-1)
@@ -62,11 +62,13 @@ def test_all_cables_through_a_module_shorten_it_and_slacken_outer_ones():
 def test_an_inner_bend_changes_outer_cable_paths_and_their_pull_bends_it():
     coupling = 0.25
     result = rest(equilibrium(coupling=(0.25, 0.0)))
-    led = coupling * jnp.einsum("nk,k->n", MATRICES[1], result.bends[0])
-    stretched = np.maximum(MATRICES[1] @ result.bends[1] - (CARRIED[1] - led), 0.0)
+    path_change = coupling * jnp.einsum("nk,k->n", MATRICES[1], result.bends[0])
+    stretched = np.maximum(
+        MATRICES[1] @ result.bends[1] - (CARRIED[1] - path_change), 0.0
+    )
     moment = -coupling * STIFFNESS * MATRICES[1].T @ stretched
     np.testing.assert_allclose(result.pulled[0], -moment, atol=1e-5)
-    displacements = jnp.stack([CARRIED[0], CARRIED[1] - led])
+    displacements = jnp.stack([CARRIED[0], CARRIED[1] - path_change])
     moments = jnp.stack([moment, jnp.zeros(2)])
     alone = bend_at_rest(
         displacements, moments, MATRICES, jnp.full(2, STIFFNESS), jnp.zeros(2)
@@ -83,7 +85,7 @@ def test_couplings_have_no_gradient_for_planning():
     model = equilibrium(give=np.log(0.05), coupling=(0.25, 0.0))
 
     def inner(carried, engaged):
-        return model.settled(carried, NONE, MATRICES, None, engaged).bends[0, 0]
+        return model.solve(carried, NONE, MATRICES, None, engaged).bends[0, 0]
 
     engaged = jax.grad(inner)(CARRIED, True)
     true = jax.grad(inner)(CARRIED, False)

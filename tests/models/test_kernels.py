@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.models.kernels import Kernels, fitted_kernels, matern
+from s2c2a.models.kernels import Kernels, fit_kernels, matern
 
 POINTS = 200
 
@@ -26,7 +26,7 @@ def fit(features=None, targets=None):
         features = default_features
     if targets is None:
         targets = default_targets
-    return fitted_kernels(features, targets, np.eye(3), POINTS)
+    return fit_kernels(features, targets, np.eye(3), POINTS)
 
 
 def test_predictions_of_new_samples_are_accurate():
@@ -51,11 +51,11 @@ def test_outputs_that_are_never_known_stay_zero():
 
 def test_with_too_few_samples_the_output_is_zero():
     features, targets = samples(count=20)
-    silent = fit(features=features, targets=targets)
-    assert np.all(np.asarray(silent(jnp.asarray(features, jnp.float32))) == 0.0)
-    assert jax.tree.map(jnp.shape, silent) == jax.tree.map(jnp.shape, fit())
-    assert jax.tree.map(jnp.shape, silent) == jax.tree.map(
-        jnp.shape, Kernels.silent(3, 2, POINTS)
+    unfitted = fit(features=features, targets=targets)
+    assert np.all(np.asarray(unfitted(jnp.asarray(features, jnp.float32))) == 0.0)
+    assert jax.tree.map(jnp.shape, unfitted) == jax.tree.map(jnp.shape, fit())
+    assert jax.tree.map(jnp.shape, unfitted) == jax.tree.map(
+        jnp.shape, Kernels.unfitted(3, 2, POINTS)
     )
 
 

@@ -15,7 +15,7 @@ from s2c2a.kinematics import (
     states_from_bends,
 )
 from s2c2a.models import LocalOptions
-from s2c2a.models.chain_training import inputs_along
+from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
@@ -63,7 +63,7 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
     data = data_of(arm, seed=1)
     errors = [
         np.linalg.norm(
-            (SIZE.answers(model, data) - data.states)[..., :3], axis=-1
+            (SIZE.predictions(model, data) - data.states)[..., :3], axis=-1
         ).mean()
         for model in (trained, trained.chain)
     ]
@@ -72,14 +72,14 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
 
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
-    along, memory = SIZE.answers(trained, data)[0], trained.start(data.sensed[0, 0])
+    along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])
     predict, observe = (
         eqx.filter_jit(lambda m, c, k: m.predict(c, k)),
         eqx.filter_jit(lambda m, c, k: m.observe(c, k)),
     )
     chained, seen = (
-        SIZE.answers(trained.chain, data)[0],
-        inputs_along(trained.chain, data)[0],
+        SIZE.predictions(trained.chain, data)[0],
+        hysteresis_inputs(trained.chain, data)[0],
     )
     inputs = eqx.filter_jit(
         lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k)
@@ -159,7 +159,7 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
         )
     )
     errors = np.linalg.norm(
-        (SIZE.answers(trained, data) - data.states)[0, :40, :, :3], axis=-1
+        (SIZE.predictions(trained, data) - data.states)[0, :40, :, :3], axis=-1
     )
     assert (
         0.2
@@ -198,11 +198,11 @@ def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm
     tip.states[..., :-1, :] = np.nan
     tip.states[..., 3:] = np.nan
     model = SIZE.train(tip, FIT, jax.random.key(0)).network
-    said = SIZE.answers(model, data)
+    said = SIZE.predictions(model, data)
     assert np.isfinite(said).all()
     assert np.linalg.norm((said - data.states)[..., -1, :3], axis=-1).mean() < 0.02
     np.testing.assert_allclose(
-        said[..., 0, :], SIZE.answers(model.chain, data)[..., 0, :], atol=1e-5
+        said[..., 0, :], SIZE.predictions(model.chain, data)[..., 0, :], atol=1e-5
     )
 
 
@@ -218,17 +218,17 @@ def test_where_cables_move_together_that_counts_too(arm):
     model = SIZE.train(
         replace(data, displacements=moved), FIT, jax.random.key(0)
     ).network
-    said = SIZE.answers(model, replace(data, displacements=moved))
+    said = SIZE.predictions(model, replace(data, displacements=moved))
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, share):
-    """What is known of states; of the rest the chain alone speaks."""
+    """What is known of states; of the rest the chain alone is_fitted."""
     known = np.ones((arm.module_count, 6), bool)
     known[0] = False
-    silent, half, whole = (
-        trained.weighed(share, weight, known) for weight in (0.0, 0.5, 1.0)
+    none, half, whole = (
+        trained.mixed(share, weight, known) for weight in (0.0, 0.5, 1.0)
     )
     features, chained = (
         jnp.zeros(len(trained.kernels.center)),
@@ -236,7 +236,7 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
     )
     ends = [
         one._corrected(chained, one.kernels(features))[..., :3]
-        for one in (silent, half, whole)
+        for one in (none, half, whole)
     ]
     np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)
     np.testing.assert_allclose(ends[1], (ends[0] + ends[2]) / 2, atol=1e-5)

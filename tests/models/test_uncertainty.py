@@ -3,17 +3,19 @@
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.models.uncertainty import IGNORANCE, Known, known_from
+from s2c2a.models.uncertainty import PRIOR_STD, Uncertainty, fit_uncertainty
 
 LENGTH = 0.6
 
 
-def uncertainty(reach: float = 1.0) -> Known:
+def uncertainty(reach: float = 1.0) -> Uncertainty:
     """Of data within a reach, where a model of two modules errs by 1 and 3 mm."""
     random = np.random.default_rng(0)
     training = random.uniform(-reach, reach, (600, 3))
     validation = random.uniform(-reach, reach, (200, 3))
-    return known_from(training, validation, np.tile([1e-3, 3e-3], (200, 1)), 40, LENGTH)
+    return fit_uncertainty(
+        training, validation, np.tile([1e-3, 3e-3], (200, 1)), 40, LENGTH
+    )
 
 
 def test_near_validation_data_there_is_no_extrapolation():
@@ -21,7 +23,9 @@ def test_near_validation_data_there_is_no_extrapolation():
     np.testing.assert_allclose(
         uncertainty().meters(jnp.asarray(inside)), 0.0, atol=1e-3
     )
-    np.testing.assert_allclose(uncertainty().usual_error, [1e-3, 3e-3], rtol=1e-5)
+    np.testing.assert_allclose(
+        uncertainty().interpolation_error, [1e-3, 3e-3], rtol=1e-5
+    )
 
 
 def test_far_from_all_data_the_uncertainty_reaches_its_limit():
@@ -31,7 +35,7 @@ def test_far_from_all_data_the_uncertainty_reaches_its_limit():
     )
     assert (near < further).all()
     assert (further < far).all()
-    np.testing.assert_allclose(far, LENGTH * IGNORANCE, rtol=0.05)
+    np.testing.assert_allclose(far, LENGTH * PRIOR_STD, rtol=0.05)
 
 
 def test_it_grows_beyond_the_reach_of_the_data():
@@ -47,7 +51,7 @@ def test_unknown_distances_do_not_count():
     distances = np.full((300, 2), np.nan)
     distances[::3, 1] = 2e-3
     np.testing.assert_allclose(
-        known_from(features, features, distances, 30, LENGTH).usual_error,
+        fit_uncertainty(features, features, distances, 30, LENGTH).interpolation_error,
         [0.0, 2e-3],
         rtol=1e-5,
     )
@@ -56,6 +60,8 @@ def test_unknown_distances_do_not_count():
 def test_a_change_of_a_constant_feature_is_extrapolation():
     features = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     features[:, 1] = 0.0
-    extrapolating = known_from(features, features, np.full((300, 1), 1e-3), 30, LENGTH)
+    extrapolating = fit_uncertainty(
+        features, features, np.full((300, 1), 1e-3), 30, LENGTH
+    )
     assert float(extrapolating.meters(jnp.array([0.0, 0.0]))) < 1e-3
     assert float(extrapolating.meters(jnp.array([0.0, 1.0]))) > 0.02

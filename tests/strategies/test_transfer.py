@@ -10,8 +10,12 @@ import pytest
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.estimation import EncoderOnly
 from s2c2a.models import LocalOptions
-from s2c2a.models.chain_training import inputs_along, predict_states
-from s2c2a.models.transfer import babbled, same_places, under_weights
+from s2c2a.models.chain_training import hysteresis_inputs, predict_states
+from s2c2a.models.transfer import (
+    babbling_data,
+    interpolation_weights,
+    states_under_gravity,
+)
 from s2c2a.models.trunk import Trunk
 from s2c2a.strategies import (
     load_strategy,
@@ -50,7 +54,7 @@ def test_begun_from_itself_says_the_same(
     tiny_best_networks, recording, tiny_best_recipe
 ):
     begun = transferred(tiny_best_networks, tiny_best_networks.arm)
-    inputs = inputs_along(begun.c2s, training_data(recording, tiny_best_recipe))[0]
+    inputs = hysteresis_inputs(begun.c2s, training_data(recording, tiny_best_recipe))[0]
     np.testing.assert_array_equal(
         predict_states(begun.c2s, inputs),
         predict_states(tiny_best_networks.c2s, inputs),
@@ -90,11 +94,11 @@ def test_other_counts_of_modules_begin_and_are_kept(
 
 
 def test_a_module_takes_what_is_at_its_place():
-    np.testing.assert_array_equal(same_places(4, 4), np.eye(4))
-    places = same_places(4, 6)
+    np.testing.assert_array_equal(interpolation_weights(4, 4), np.eye(4))
+    places = interpolation_weights(4, 6)
     np.testing.assert_allclose(places.sum(axis=1), 1.0)
     np.testing.assert_allclose(places @ np.arange(4.0), np.linspace(0.0, 3.0, 6))
-    np.testing.assert_array_equal(same_places(3, 1), [[0.0, 1.0, 0.0]])
+    np.testing.assert_array_equal(interpolation_weights(3, 1), [[0.0, 1.0, 0.0]])
 
 
 def test_weights_bend_a_standing_arm_further_and_a_hanging_one_less(
@@ -104,10 +108,11 @@ def test_weights_bend_a_standing_arm_further_and_a_hanging_one_less(
     for gravity in ((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
         arm = twin.model_copy(update={"gravity_direction": gravity})
         chain = tiny_best_recipe.c2s.untrained(arm, jax.random.key(0))
-        inputs = inputs_along(
-            chain, babbled(arm, replace(tiny_best_recipe, episodes=1).collect_options())
+        inputs = hysteresis_inputs(
+            chain,
+            babbling_data(arm, replace(tiny_best_recipe, episodes=1).collect_options()),
         )[0, 20:40]
-        states = under_weights(chain, jnp.asarray(inputs))
+        states = states_under_gravity(chain, jnp.asarray(inputs))
         leant.append(float(np.linalg.norm(states[:, -1, 3:5], axis=-1).mean()))
     assert leant[0] > leant[1] > leant[2]
 
@@ -116,13 +121,16 @@ def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(twin)
     options, arm = LocalOptions(hidden=8, depth=1, points=16, few=8), of_count(twin, 4)
     model = options.untrained(twin, jax.random.key(0))
     model = replace(
-        model, known=replace(model.known, usual_error=jnp.array([0.01, 0.02, 0.03]))
+        model,
+        uncertainty=replace(
+            model.uncertainty, interpolation_error=jnp.array([0.01, 0.02, 0.03])
+        ),
     )
     babbling = replace(recipe_named("best"), episodes=2).collect_options()
-    begun = options.carried(model, twin, arm, babbling, jax.random.key(1))
+    begun = options.adapted(model, twin, arm, babbling, jax.random.key(1))
     straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (4, 1))
     np.testing.assert_allclose(
-        begun.known.usual_error[jnp.array([0, 3])],
+        begun.uncertainty.interpolation_error[jnp.array([0, 3])],
         [0.01 * 4 / 3, 0.03 * 4 / 3],
         rtol=1e-5,
     )
@@ -180,7 +188,7 @@ def test_other_counts_are_refused_where_cables_are_not_felt(
         of_count(simulated, 2),
     )
     with pytest.raises(TrainingError, match="of 2; other counts"):
-        tiny_best_recipe.c2s.carried(
+        tiny_best_recipe.c2s.adapted(
             model,
             simulated,
             fewer,

@@ -88,7 +88,7 @@ def run_directory(
     folder: _OutputOptions,
     *,
     alone: bool = False,
-    go_on: bool = False,
+    resume: bool = False,
     own_data: bool = False,
 ) -> "Iterator[tuple[Path, jobs.Make]]":
     """Open a run directory; yield its path and a function that makes artifacts in it.
@@ -98,7 +98,7 @@ def run_directory(
         options: options of the command, saved in the directory.
         folder: where the directory is; with `_WorkOptions`, also the executor.
         alone: whether to work in this process, whatever `folder` says.
-        go_on: whether to continue a directory with the same options.
+        resume: whether to continue a directory with the same options.
         own_data: whether to keep recordings and networks in the directory, not in the
             cache.
     """
@@ -108,7 +108,7 @@ def run_directory(
     limit_jax_to_one_thread()
     with _executor_of(folder, alone) as executor:
         directory = open_run_directory(
-            folder.out, label, options, folder.overwrite, go_on
+            folder.out, label, options, folder.overwrite, resume
         )
         data = directory / "data" if own_data else cache_folder()
         cache = jobs.Cache(data, directory / "runs")

@@ -54,7 +54,7 @@ def randomized_arms(
         load_arm(base), arms, strengths, strategies, tasks, targets, seed
     )
     options = asdict(study) | {"base": base}
-    with run_directory(EXPERIMENT, options, work, go_on=True) as (directory, make):
+    with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):
         rows = randomized_arms_rows(study, make)
         table = _save_table(EXPERIMENT, rows, directory)
     print_results(EXPERIMENT, _summary_rows(rows), [], directory)
@@ -124,7 +124,7 @@ def sensors(
         strength=strength,
         events="; ".join(event),
     )
-    with run_directory(study.EXPERIMENT, options, work, go_on=True) as (
+    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
         directory,
         make,
     ):
@@ -175,7 +175,7 @@ def transfer(
         load_arm(base), drawn, counts, halves, strength, tasks, samples, seed
     )
     options = asdict(study) | {"base": base}
-    with run_directory(EXPERIMENT, options, work, go_on=True) as (directory, make):
+    with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):
         rows = transfer_rows(study, make)
         save_rows(rows, directory / "results.json")
     print_results(EXPERIMENT, _summary_rows(rows), [], directory)

@@ -55,7 +55,7 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
             "strategies": strategy,
             "seeds": seeds,
         }
-        with run_directory(f"{name}-{chosen.name}", options, work, go_on=True) as (
+        with run_directory(f"{name}-{chosen.name}", options, work, resume=True) as (
             directory,
             make,
         ):
@@ -121,7 +121,7 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
 
     numbers, _ = _seeds_and_recipe(seeds)
     options = {"seeds": seeds, "arm": arm}
-    with run_directory("ingredients", options, work, go_on=True) as (directory, make):
+    with run_directory("ingredients", options, work, resume=True) as (directory, make):
         rows = ablation_rows(numbers, make, arm)
     print(save_across("ingredients", rows, directory).read_text(encoding="utf-8"))
 

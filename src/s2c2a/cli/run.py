@@ -132,7 +132,7 @@ def run(
     )
     label = f"{paced.name}-{spec.name}"
     with run_directory(
-        label, options, work, alone=one_process, go_on=is_unfinished
+        label, options, work, alone=one_process, resume=is_unfinished
     ) as (directory, make):
         runs = make(job_list)
     _report(runs, directory, f"{paced.name} with {spec.name}", video)

@@ -125,7 +125,7 @@ def sweep(
     label = f"sweep-{chosen_tasks[0].name}-{spec.name}"
     with executor, progress_bar() as progress:
         directory = open_run_directory(
-            work.out, label, options, work.overwrite, go_on=True
+            work.out, label, options, work.overwrite, resume=True
         )
         cache = jobs.Cache(runs_in=directory / "runs")
         done = sweeps.search(plan, trials, directory, cache, executor, progress)

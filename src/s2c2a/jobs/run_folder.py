@@ -22,7 +22,7 @@ MARKER = "options.json"
 
 
 def open_run_directory(
-    path: Path | None, label: str, options: dict, overwrite: bool, go_on: bool = False
+    path: Path | None, label: str, options: dict, overwrite: bool, resume: bool = False
 ) -> Path:
     """Make a run directory and write its options and versions.
 
@@ -31,7 +31,7 @@ def open_run_directory(
         label: names a new one, after the time.
         options: to write.
         overwrite: replace an existing run directory.
-        go_on: resume a run: open a directory with the same options and versions as it
+        resume: resume a run: open a directory with the same options and versions as it
             is, and leave the time out of the name, so that the next call finds it.
 
     Returns:
@@ -43,12 +43,12 @@ def open_run_directory(
     """
     folder = path
     if folder is None:
-        name = label if go_on else f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
+        name = label if resume else f"{datetime.now():%Y%m%d-%H%M%S}-{label}"
         folder = Path("runs") / name
     content = {"options": options, "versions": versions()}
     text = json.dumps(content, indent=1, default=str) + "\n"
     marker = folder / MARKER
-    if go_on and not overwrite and marker.is_file() and holds(marker, text):
+    if resume and not overwrite and marker.is_file() and holds(marker, text):
         return folder
     _clear(folder, overwrite)
     write_atomically(text, marker)

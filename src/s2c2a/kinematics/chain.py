@@ -36,7 +36,7 @@ def states_from_arcs(
     lengths: Lengths,
     off: Float[Numbers, "... 3"],
     force: Float[Array, "3"] | None = None,
-    gives: Float[Array, " modules"] | None = None,
+    lateral_compliances: Float[Array, " modules"] | None = None,
 ) -> States:
     """Return the states of arcs with displaced end points; see `states_from_bends`.
 
@@ -46,7 +46,7 @@ def states_from_arcs(
         off: displacements of the end points [m], module frames.
         force: external force at the tip [N], base frame. Its component across an arc
             bends the proximal half more than the distal half.
-        gives: displacement of each end point per unit of that component [m/N].
+        lateral_compliances: displacement of each end point per unit of that component [m/N].
     """
     ends = arc_ends(bends, lengths)
     axes = configurations_from_bends(bends)
@@ -69,7 +69,9 @@ def states_from_arcs(
     arcs = (
         jnp.moveaxis(ends + off, -2, 0),
         jnp.moveaxis(chords, -2, 0),
-        jnp.zeros(bends.shape[-2]) if gives is None else gives,
+        jnp.zeros(bends.shape[-2])
+        if lateral_compliances is None
+        else lateral_compliances,
         jnp.moveaxis(axes, -2, 0),
         jnp.moveaxis(rotations_to(axes), -3, 0),
     )

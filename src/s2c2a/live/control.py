@@ -89,7 +89,7 @@ class ArmControl(Control):
         self._predicted = straight(robot.arm)
 
     @property
-    def answers(self) -> bool:
+    def responds(self) -> bool:
         """See `Control`."""
         return self._thread.is_alive()
 

@@ -108,7 +108,7 @@ class LivePage(Window):
         """Stop the arm; returns what it then does, or nothing if it does not obey."""
         self._control.halt(STOP_PRESSED)
         deadline = time.monotonic() + STOP_TIMEOUT
-        while self._control.answers and time.monotonic() < deadline:
+        while self._control.responds and time.monotonic() < deadline:
             latest = self._control.latest
             if latest is not None and latest.stage is Stage.RELEASE:
                 return "Returning to rest"

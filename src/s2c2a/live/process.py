@@ -96,7 +96,7 @@ class ControlProcess(Control):
         return replace(latest, stage=Stage.FAULT, fault=problem)
 
     @property
-    def answers(self) -> bool:
+    def responds(self) -> bool:
         """See `Control`."""
         return not self._problem()
 

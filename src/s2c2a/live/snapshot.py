@@ -113,7 +113,7 @@ class Control(ABC):
         with self._lock:
             self.halted_by = by
             self.ask(stopped=True)
-        return self.answers
+        return self.responds
 
     def reset(self) -> None:
         """Reopen the robot at rest; clears the target and the task.
@@ -140,7 +140,7 @@ class Control(ABC):
 
     @property
     @abstractmethod
-    def answers(self) -> bool:
+    def responds(self) -> bool:
         """Whether the control runs and responds."""
 
     @abstractmethod

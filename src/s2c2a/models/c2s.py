@@ -44,7 +44,7 @@ class ForwardOptions(ABC):
         number of arrays and their shapes.
         """
 
-    def answers(
+    def predictions(
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """Predicted states along whole episodes [m, 1], base frame."""
@@ -81,7 +81,7 @@ class ForwardOptions(ABC):
             TrainingError: there are too few samples, or the loss is not finite.
         """
 
-    def carried(
+    def adapted(
         self,
         model: ForwardModel,
         old: ArmSpec,
@@ -105,7 +105,7 @@ class ForwardOptions(ABC):
             f"forward models '{self.model}' begin from nothing; train without --from"
         )
 
-    def go_on(
+    def resume_training(
         self,
         model: ForwardModel,
         data: TrainingData,

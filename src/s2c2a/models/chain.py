@@ -20,7 +20,7 @@ from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.cables import Hysteresis, HysteresisMemory
 from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.statics import Equilibrium, Rest
+from s2c2a.models.statics import Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
 BEND_UNIT = 0.5  # rad; scales the inputs of the network to about one
@@ -152,7 +152,9 @@ class ChainC2S(ForwardModel):
             return states_from_arcs(bends, lengths, ends)
         bends = bends + disturbances.bend_biases
         force = disturbances.payload * self.body.gravity
-        return states_from_arcs(bends, lengths, ends, force, self.body.gives)
+        return states_from_arcs(
+            bends, lengths, ends, force, self.body.lateral_compliances
+        )
 
     def tensions(
         self,
@@ -179,7 +181,7 @@ class ChainC2S(ForwardModel):
         self,
         inputs: Float[Array, "*batch modules inputs cables"],
         moments: Float[Array, "modules 2"] | None = None,
-    ) -> tuple[Rest, Array, Array]:
+    ) -> tuple[StaticState, Array, Array]:
         """Modules in equilibrium under payload moments [rad].
 
         Returns:
@@ -193,7 +195,7 @@ class ChainC2S(ForwardModel):
         if not self.statics:
             return self._linear_rest(transmitted, moments)
         solve = partial(
-            self.equilibrium.settled,
+            self.equilibrium.solve,
             transmitted,
             matrices=self.body.matrices,
             engaged=self.engaged,
@@ -204,22 +206,22 @@ class ChainC2S(ForwardModel):
         corrections = self._network(features)
         network_moments = MOMENT_UNIT * corrections[..., :2]
         rest = solve(relaxation + network_moments + moments, before=unloaded)
-        lengths = self.body.lengths - self.body.radii * rest.shorter
+        lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
 
     def _linear_rest(
         self,
         transmitted: Float[Array, "*batch modules cables"],
         moments: Float[Array, "*batch modules 2"],
-    ) -> tuple[Rest, Array, Array]:
+    ) -> tuple[StaticState, Array, Array]:
         """The equilibrium of an arm without statics: a linear map of the bends."""
         own = self.body.bends(transmitted)
         mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
-        compliance = (self.body.yields / self.body.compliances)[:, None]
+        compliance = (self.body.taut_compliances / self.body.compliances)[:, None]
         bends = mixed + compliance * moments
         zeros = jnp.zeros_like(bends)
         no_pulls = jnp.zeros_like(transmitted)
-        rest = Rest(bends, zeros[..., 0], zeros[..., :1], zeros, zeros, no_pulls)
+        rest = StaticState(bends, zeros[..., 0], zeros[..., :1], zeros, zeros, no_pulls)
         return rest, self.body.lengths, self._network(mixed)
 
     def _relaxation(
@@ -230,7 +232,7 @@ class ChainC2S(ForwardModel):
         filtered = inputs[..., inputs.shape[-2] - filters :, :]
         return jnp.einsum(
             "mt,mkn,...mtn->...mk",
-            self.equilibrium.relaxing,
+            self.equilibrium.creep_moments,
             self.body.inverses,
             filtered,
         )

@@ -20,7 +20,7 @@ from s2c2a.models.cables import Hysteresis, Operators
 from s2c2a.models.chain import OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium
-from s2c2a.models.transfer import babbled, transfer_chain, under_weights
+from s2c2a.models.transfer import babbling_data, states_under_gravity, transfer_chain
 from s2c2a.models.trunk import Trunk
 from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
 from s2c2a.training.trained import Trained, TrainingData, known_error, train
@@ -108,12 +108,12 @@ class ChainOptions(ForwardOptions):
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
-        samples = samples_along(model, data).training
+        samples = hysteresis_samples(model, data).training
         if np.isfinite(samples.targets).all():
             model = _with_fitted_hysteresis(model, samples)
         return _train(model, data, fit, fit_key, progress)
 
-    def go_on(  # type: ignore[override]
+    def resume_training(  # type: ignore[override]
         self,
         model: ChainC2S,
         data: TrainingData,
@@ -127,7 +127,7 @@ class ChainOptions(ForwardOptions):
         """
         return _train(model, data, fit, key, progress, PULL)
 
-    def carried(  # type: ignore[override]
+    def adapted(  # type: ignore[override]
         self,
         model: ChainC2S,
         old: ArmSpec,
@@ -152,22 +152,22 @@ class ChainOptions(ForwardOptions):
         def with_network_of(model: ChainC2S) -> ChainC2S:
             return replace(chain, network=model.network)
 
-        data = babbled(new, babbling)
+        data = babbling_data(new, babbling)
         states = []
-        for inputs in inputs_along(chain, data):
-            states.append(np.asarray(under_weights(chain, jnp.asarray(inputs))))
+        for inputs in hysteresis_inputs(chain, data):
+            states.append(np.asarray(states_under_gravity(chain, jnp.asarray(inputs))))
         data = replace(data, states=np.stack(states))
         return _train(
             chain, data, REHEARSED, key, quiet, trainable=with_network_of
         ).network
 
-    def answers(
+    def predictions(
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`; uses cable displacements where they were recorded."""
         chain: Any = getattr(model, "chain", model)
         states = []
-        for inputs in inputs_along(chain, data):
+        for inputs in hysteresis_inputs(chain, data):
             states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
         return np.stack(states)
 
@@ -223,14 +223,24 @@ def _train(
         return sum((jnp.sum(change**2) for change in changes), jnp.zeros(()))
 
     def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        error = known_error(answer(trainable(model), batch), batch["targets"])
+        error = known_error(
+            predicted_targets(trainable(model), batch), batch["targets"]
+        )
         positions = jnp.mean((error[..., :3] / unit) ** 2)
         mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
         if key is None or not pull:
             return mean
         return mean + pull * squared_change(model)
 
-    return train(model, loss, answer, samples_along(model, data), fit, key, progress)
+    return train(
+        model,
+        loss,
+        predicted_targets,
+        hysteresis_samples(model, data),
+        fit,
+        key,
+        progress,
+    )
 
 
 def _senses_pulling_cables(arm: ArmSpec) -> bool:
@@ -248,12 +258,12 @@ def predict_states(model: Any, inputs: Array) -> Array:
     return model.states(inputs)
 
 
-def answer(model: Any, batch: Batch) -> Array:
+def predicted_targets(model: Any, batch: Batch) -> Array:
     """Predicted states for inputs of the hysteresis."""
     return model.states(batch["configurations"])
 
 
-def inputs_along(
+def hysteresis_inputs(
     model: ChainC2S, data: TrainingData
 ) -> Float[np.ndarray, "episodes samples modules inputs cables"]:
     """Inputs of the hysteresis at every sample, with its memory along each episode."""
@@ -276,9 +286,9 @@ def inputs_along(
     return np.moveaxis(np.asarray(along(samples_first)), 0, 1)
 
 
-def samples_along(model: ChainC2S, data: TrainingData) -> Split:
+def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:
     """`forward_samples` with inputs of the hysteresis in place of configurations."""
-    return forward_samples(inputs_along(model, data), data.states, data.lengths)
+    return forward_samples(hysteresis_inputs(model, data), data.states, data.lengths)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

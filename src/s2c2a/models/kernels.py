@@ -39,7 +39,7 @@ class Kernels(Fixed):
         weights: of the kernel at each point, shape (points, outputs).
         slopes: of the linear part in scaled features, shape (features, outputs).
         constant: shape (outputs,).
-        speaks: one if the model is fitted, else zero.
+        is_fitted: one if the model is fitted, else zero.
     """
 
     center: Float[Array, " features"]
@@ -48,10 +48,10 @@ class Kernels(Fixed):
     weights: Float[Array, "points outputs"]
     slopes: Float[Array, "features outputs"]
     constant: Float[Array, " outputs"]
-    speaks: Float[Array, ""]
+    is_fitted: Float[Array, ""]
 
     @classmethod
-    def silent(cls, features: int, outputs: int, points: int) -> "Kernels":
+    def unfitted(cls, features: int, outputs: int, points: int) -> "Kernels":
         """A model that is not fitted; its output is zero."""
         return cls(
             center=jnp.zeros(features),
@@ -60,7 +60,7 @@ class Kernels(Fixed):
             weights=jnp.zeros((points, outputs)),
             slopes=jnp.zeros((features, outputs)),
             constant=jnp.zeros(outputs),
-            speaks=jnp.zeros(()),
+            is_fitted=jnp.zeros(()),
         )
 
     def times(self, weight: float) -> "Kernels":
@@ -106,7 +106,7 @@ def matern(
     return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
-def fitted_kernels(
+def fit_kernels(
     features: Float[np.ndarray, "samples features"],
     targets: Float[np.ndarray, "samples outputs"],
     kinds: Float[np.ndarray, "features kinds"],
@@ -132,7 +132,7 @@ def fitted_kernels(
     x = features[complete].astype(np.float64)
     y = targets[complete][:, known].astype(np.float64)
     if len(x) < MIN_SAMPLES or not known.any():
-        return Kernels.silent(features.shape[1], targets.shape[1], count)
+        return Kernels.unfitted(features.shape[1], targets.shape[1], count)
     center = x.mean(axis=0)
     width = x.std(axis=0)
     mean = y.mean(axis=0)

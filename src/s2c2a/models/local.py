@@ -1,8 +1,8 @@
 """The forward model of the recipe `best`: the chain, and kernels for its residual.
 
-The chain extrapolates; near data, a local model (`Kernels`) predicts what the chain
-leaves out, from what the cables transmit, remember and change. `Known` estimates the
-errors of both.
+The chain extrapolates. Near the data, a local model (`Kernels`) predicts the residual of
+the chain from the displacements, their hysteresis, and their lag. `Uncertainty`
+estimates the errors of both.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,17 +22,17 @@ from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
-    answer,
+    hysteresis_samples,
     predict_states,
-    samples_along,
+    predicted_targets,
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.kernels import Kernels, fitted_kernels
-from s2c2a.models.transfer import babbled, same_places
-from s2c2a.models.uncertainty import Known, known_from
+from s2c2a.models.kernels import Kernels, fit_kernels
+from s2c2a.models.transfer import babbling_data, interpolation_weights
+from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
-from s2c2a.training.trained import Trained, TrainingData, tried
+from s2c2a.training.trained import Trained, TrainingData, evaluated
 
 # scales of the outputs, in parts of the arm's length and of axes
 UNIT = 0.4
@@ -68,7 +68,7 @@ class LocalC2S(ForwardModel):
         chain: hysteresis, statics, arcs.
         kernels: of its residual, scaled.
         share: weight of the chain in every output, shape (modules, 6).
-        known: distribution of the data, and errors there.
+        uncertainty: distribution of the data, and errors there.
         unit: of positions [m].
         tangent: replaces the kernels near a configuration, if given.
     """
@@ -76,7 +76,7 @@ class LocalC2S(ForwardModel):
     chain: ChainC2S
     kernels: Kernels
     share: Float[Array, "modules 6"]
-    known: Known
+    uncertainty: Uncertainty
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
@@ -129,8 +129,8 @@ class LocalC2S(ForwardModel):
         bends = bends_from_configurations(configurations)
         chain = self.chain.near(configurations, memory)
         features = replace(self, chain=chain)._features_at(bends, memory)
-        silent = jnp.zeros(self.kernels.constant.shape)
-        nothing = jnp.zeros((*silent.shape, *features.shape)), silent
+        no_output = jnp.zeros(self.kernels.constant.shape)
+        nothing = jnp.zeros((*no_output.shape, *features.shape)), no_output
 
         def expanded() -> tuple[Array, Array]:
             return jax.jacrev(lambda at: (self.kernels(at),) * 2, has_aux=True)(
@@ -138,7 +138,7 @@ class LocalC2S(ForwardModel):
             )
 
         # without kernels, the chain predicts alone
-        has_kernels = self.kernels.speaks > 0.0
+        has_kernels = self.kernels.is_fitted > 0.0
         slopes, value = jax.lax.cond(has_kernels, expanded, lambda: nothing)
         return replace(
             self, chain=chain, tangent=Tangent(bends, features, value, slopes)
@@ -183,12 +183,13 @@ class LocalC2S(ForwardModel):
     ) -> Array:
         """See `ForwardModel`."""
         return jnp.hypot(
-            self.known.usual_error, self.extrapolation(configurations)[..., None]
+            self.uncertainty.interpolation_error,
+            self.extrapolation(configurations)[..., None],
         )
 
     def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """See `ForwardModel`."""
-        return self.known.meters(
+        return self.uncertainty.meters(
             self.place(self.chain.body.displacements(configurations))
         )
 
@@ -205,10 +206,8 @@ class LocalC2S(ForwardModel):
     ) -> Float[Array, "*batch features"]:
         """Features of the predictive standard deviation: bends and common displacements."""
         bends = self.chain.body.bends(displacements)
-        together = jnp.mean(displacements, axis=-1, keepdims=True)
-        return jnp.concatenate([bends, together], axis=-1).reshape(
-            *bends.shape[:-2], -1
-        )
+        common = jnp.mean(displacements, axis=-1, keepdims=True)
+        return jnp.concatenate([bends, common], axis=-1).reshape(*bends.shape[:-2], -1)
 
     def features(
         self, inputs: Float[Array, "*batch modules inputs cables"]
@@ -224,18 +223,18 @@ class LocalC2S(ForwardModel):
         plays = len(operators.widths)
         shares = operators.shares[:, None]
         now = inputs[..., :1, :]
-        felt = inputs[..., 1 : plays + 1, :]
+        after_play = inputs[..., 1 : plays + 1, :]
         last = inputs[..., plays + 1 : plays + 2, :]
-        crept_before = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
-        behind = last - crept_before
+        filtered = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
+        lag = last - filtered
         if hysteresis.arrived:
-            behind = behind.at[..., : hysteresis.delays, :].set(0.0)
-        seen = jnp.concatenate([now, felt[..., EVERY_OTHER, :], behind], axis=-2)
-        bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, seen)
-        together = jnp.mean(seen, axis=-1, keepdims=True)
-        return jnp.concatenate([bends, together], axis=-1).reshape(*seen.shape[:-3], -1)
+            lag = lag.at[..., : hysteresis.delays, :].set(0.0)
+        used = jnp.concatenate([now, after_play[..., EVERY_OTHER, :], lag], axis=-2)
+        bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, used)
+        common = jnp.mean(used, axis=-1, keepdims=True)
+        return jnp.concatenate([bends, common], axis=-1).reshape(*used.shape[:-3], -1)
 
-    def weighed(
+    def mixed(
         self, share: float, weight: float, known: Bool[np.ndarray, "modules 6"]
     ) -> "LocalC2S":
         """A mixture of the chain alone and of the fitted residual.
@@ -245,7 +244,7 @@ class LocalC2S(ForwardModel):
             weight: of the kernels.
             known: which outputs the data hold; the chain alone predicts the others.
         """
-        left_out = weight * (1.0 - share) * self.kernels.speaks * known
+        left_out = weight * (1.0 - share) * self.kernels.is_fitted * known
         return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
 
     def _corrected(
@@ -297,8 +296,8 @@ class LocalOptions(ChainOptions):
         """See `ForwardOptions`: the chain before training, without kernels."""
         chain = super().untrained(arm, key)
         modules = arm.module_count
-        kernels = Kernels.silent(len(self._kinds(chain)), 6 * modules, self.points)
-        none = jnp.ones((modules, 6)), Known.none(3 * modules, self.few, modules)
+        kernels = Kernels.unfitted(len(self._kinds(chain)), 6 * modules, self.points)
+        none = jnp.ones((modules, 6)), Uncertainty.none(3 * modules, self.few, modules)
         return LocalC2S(chain, kernels, *none, UNIT * arm.length)
 
     def train(  # type: ignore[override]
@@ -315,7 +314,7 @@ class LocalOptions(ChainOptions):
         )
         return self._with_local(chain.train(data, fit, key, progress), data, key)
 
-    def go_on(  # type: ignore[override]
+    def resume_training(  # type: ignore[override]
         self,
         model: LocalC2S,
         data: TrainingData,
@@ -325,12 +324,14 @@ class LocalOptions(ChainOptions):
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
         trained = self._with_local(
-            super().go_on(model.chain, data, fit, key, progress), data, key
+            super().resume_training(model.chain, data, fit, key, progress), data, key
         )
-        known = replace(model.known, usual_error=trained.network.known.usual_error)
-        return replace(trained, network=replace(trained.network, known=known))
+        error = trained.network.uncertainty.interpolation_error
+        uncertainty = replace(model.uncertainty, interpolation_error=error)
+        network = replace(trained.network, uncertainty=uncertainty)
+        return replace(trained, network=network)
 
-    def carried(  # type: ignore[override]
+    def adapted(  # type: ignore[override]
         self,
         model: LocalC2S,
         old: ArmSpec,
@@ -339,73 +340,62 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
     ) -> LocalC2S:
         """See `ForwardOptions`: the chain; kernels belong to one arm alone."""
-        chain = super().carried(model.chain, old, new, babbling, key)
+        chain = super().adapted(model.chain, old, new, babbling, key)
         blank = self.untrained(new, key)
-        begun = replace(blank, chain=chain, known=model.known)
+        adapted = replace(blank, chain=chain, uncertainty=model.uncertainty)
         if old.module_count == new.module_count:
-            return begun
-        longer = (
-            jnp.asarray(same_places(old.module_count, new.module_count))
-            * new.length
-            / old.length
-        )
-        known = self._known(begun, samples_along(chain, babbled(new, babbling)), new)
-        return replace(
-            begun, known=replace(known, usual_error=longer @ model.known.usual_error)
-        )
+            return adapted
+        samples = hysteresis_samples(chain, babbling_data(new, babbling))
+        uncertainty = self._uncertainty(adapted, samples, new)
+        weights = interpolation_weights(old.module_count, new.module_count)
+        scale = new.length / old.length
+        error = jnp.asarray(weights) @ model.uncertainty.interpolation_error * scale
+        uncertainty = replace(uncertainty, interpolation_error=error)
+        return replace(adapted, uncertainty=uncertainty)
 
     def _with_local(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
     ) -> Trained[LocalC2S]:
         """A trained chain with the kernels that predict held-out samples best."""
         blank = replace(self.untrained(data.arm, key), chain=result.network)
-        split = samples_along(result.network, data)
+        split = hysteresis_samples(result.network, data)
         known = np.isfinite(split.training.targets).any(axis=0)
-        tries = {(1.0, 0.0): blank}  # first, so that it wins ties
+        candidates = {(1.0, 0.0): blank}  # first, so that it wins ties
         for share in SHARES:
-            beside = self._beside(blank, split.training, share)
-            tries |= {
-                (share, weight): beside.weighed(share, weight, known)
-                for weight in WEIGHTS
-            }
+            fitted = self._with_kernels(blank, split.training, share)
+            for weight in WEIGHTS:
+                candidates[share, weight] = fitted.mixed(share, weight, known)
         (share, weight), best = min(
-            tries.items(), key=lambda one: _loss(one[1], split.validation)
+            candidates.items(), key=lambda one: _loss(one[1], split.validation)
         )
-        model = replace(best, known=self._known(best, split, data.arm))
-        trained = tried(FitResult(model, result.curve), answer, split)
+        model = replace(best, uncertainty=self._uncertainty(best, split, data.arm))
+        trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
         if best is blank:
             return trained
         # fit again, with the held-out samples
-        whole = self._beside(model, _together(split), share)
-        return replace(trained, network=whole.weighed(share, weight, known))
+        fitted = self._with_kernels(model, _all_samples(split), share)
+        return replace(trained, network=fitted.mixed(share, weight, known))
 
-    def _beside(self, blank: LocalC2S, samples: Samples, share: float) -> LocalC2S:
-        """Kernels of the residual that a share of the chain leaves."""
+    def _with_kernels(
+        self, blank: LocalC2S, samples: Samples, share: float
+    ) -> LocalC2S:
+        """The model with kernels fitted to what a share of the chain leaves."""
         inputs = jnp.asarray(samples.inputs["configurations"])
-        features, chained = (
-            np.asarray(eqx.filter_jit(how)(inputs))
-            for how in (blank.features, blank.chain.states)
-        )
+        features = np.asarray(eqx.filter_jit(blank.features)(inputs))
+        predicted = np.asarray(eqx.filter_jit(blank.chain.states)(inputs))
+        residual = samples.targets - share * predicted
+        scales = np.array([blank.unit] * 3 + [AXIS_UNIT] * 3, residual.dtype)
+        outputs = (residual / scales).reshape(len(residual), -1)
         kinds = self._kinds(blank.chain)
-        left = samples.targets - share * chained
-        left = np.concatenate(
-            [left[..., :3] / blank.unit, left[..., 3:] / AXIS_UNIT], axis=-1
-        )
-        kernels = fitted_kernels(
-            features, left.reshape(len(left), -1), kinds, self.points
-        )
+        kernels = fit_kernels(features, outputs, kinds, self.points)
         return replace(blank, kernels=kernels)
 
-    def _known(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Known:
+    def _uncertainty(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Uncertainty:
         """Predictive standard deviation from the held-out samples."""
-        parts = (
-            part.inputs["configurations"][:, :, 0]
-            for part in (split.training, split.validation)
-        )
-        seen, held_out = (np.asarray(model.place(jnp.asarray(part))) for part in parts)
-        return known_from(
-            seen, held_out, _distances(model, split.validation), self.few, arm.length
-        )
+        training = _place(model, split.training)
+        held_out = _place(model, split.validation)
+        distances = _distances(model, split.validation)
+        return fit_uncertainty(training, held_out, distances, self.few, arm.length)
 
     def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
         """Groups of features with a common length scale: by place, and by kind."""
@@ -428,13 +418,18 @@ def _reach(data: TrainingData) -> float:
     )
 
 
-def _together(split: Split) -> Samples:
+def _all_samples(split: Split) -> Samples:
     """All samples of a split."""
     parts = split.training, split.validation, split.test
-    inputs, targets = zip(
-        *((part.inputs["configurations"], part.targets) for part in parts), strict=True
-    )
-    return Samples({"configurations": np.concatenate(inputs)}, np.concatenate(targets))
+    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
+    targets = np.concatenate([part.targets for part in parts])
+    return Samples({"configurations": inputs}, targets)
+
+
+def _place(model: LocalC2S, samples: Samples) -> Float[np.ndarray, "samples features"]:
+    """Features of the predictive standard deviation, without hysteresis."""
+    displacements = samples.inputs["configurations"][:, :, 0]
+    return np.asarray(model.place(jnp.asarray(displacements)))
 
 
 def _distances(

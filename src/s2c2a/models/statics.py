@@ -32,22 +32,22 @@ WARM_ITERATIONS = 2  # from bends near the equilibrium
 STEP_LENGTHS = (1.0, 0.6, 0.35, 0.2)
 SWEEPS = 2  # of the fixed-point iteration between modules, in one call
 INITIAL_STIFFNESS = 4.0  # kappa
-INITIAL_GIVE = 0.1  # shortening over cable radius, for a pull of one
+INITIAL_AXIAL_COMPLIANCE = 0.1  # shortening over cable radius, for a pull of one
 # of the logarithm of the shortening: on some arms it is a hundred times smaller, and
 # training has to reach that
-GIVE_UNIT = 30.0
+AXIAL_COMPLIANCE_UNIT = 30.0
 
 
-class Rest(NamedTuple):
+class StaticState(NamedTuple):
     """State of the modules at equilibrium.
 
     Attributes:
         bends: [rad], shape (*batch, modules, 2).
-        shorter: shortening of each module over the cable radius, shape (*batch,
+        shortening: shortening of each module over the cable radius, shape (*batch,
             modules).
         slack: of its cables from the shortening of inner modules, over the cable
             radius, shape (*batch, modules, 1).
-        led: bends of inner modules that change the path of its cables [rad], shape
+        inner_bends: bends of inner modules that change the path of its cables [rad], shape
             (*batch, modules, 2).
         pulled: moments of outer modules' cables, over the bending stiffness [rad],
             shape (*batch, modules, 2).
@@ -56,9 +56,9 @@ class Rest(NamedTuple):
     """
 
     bends: Float[Array, "*batch modules 2"]
-    shorter: Float[Array, "*batch modules"]
+    shortening: Float[Array, "*batch modules"]
     slack: Float[Array, "*batch modules 1"]
-    led: Float[Array, "*batch modules 2"]
+    inner_bends: Float[Array, "*batch modules 2"]
     pulled: Float[Array, "*batch modules 2"]
     pulls: Float[Array, "*batch modules cables"]
 
@@ -72,18 +72,18 @@ class Equilibrium(eqx.Module):
     Attributes:
         log_stiffness: logarithm of kappa, shape (modules,).
         tautness: tau [rad], shape (modules,).
-        log_give: logarithm of the shortening for a pull of one, over `GIVE_UNIT`,
+        log_axial_compliance: logarithm of the shortening for a pull of one, over `AXIAL_COMPLIANCE_UNIT`,
             shape (modules,).
         coupling: distance of outer modules' cables from the axis, in parts of their
             radius, shape (modules,).
-        relaxing: weight of the creep moment of each filter, shape (modules, times).
+        creep_moments: weight of the creep moment of each filter, shape (modules, times).
     """
 
     log_stiffness: Float[Array, " modules"]
     tautness: Float[Array, " modules"]
-    log_give: Float[Array, " modules"]
+    log_axial_compliance: Float[Array, " modules"]
     coupling: Float[Array, " modules"]
-    relaxing: Float[Array, "modules times"]
+    creep_moments: Float[Array, "modules times"]
 
     @classmethod
     def untrained(cls, modules: int, times: int) -> "Equilibrium":
@@ -91,23 +91,25 @@ class Equilibrium(eqx.Module):
         return cls(
             log_stiffness=jnp.full(modules, np.log(INITIAL_STIFFNESS)),
             tautness=jnp.zeros(modules),
-            log_give=jnp.full(modules, np.log(INITIAL_GIVE) / GIVE_UNIT),
+            log_axial_compliance=jnp.full(
+                modules, np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
+            ),
             coupling=jnp.zeros(modules),
-            relaxing=jnp.zeros((modules, times)),
+            creep_moments=jnp.zeros((modules, times)),
         )
 
-    def settled(
+    def solve(
         self,
-        carried: Float[Array, "*batch modules cables"],
+        transmitted: Float[Array, "*batch modules cables"],
         moments: Float[Array, "*batch modules 2"],
         matrices: Float[Array, "modules cables 2"],
-        before: Rest | None,
+        before: StaticState | None,
         engaged: bool,
-    ) -> Rest:
+    ) -> StaticState:
         """Advance the fixed-point iteration towards the equilibrium.
 
         Args:
-            carried: displacements at the modules, over the cable radius [rad].
+            transmitted: displacements at the modules, over the cable radius [rad].
             moments: of everything else, over the bending stiffness [rad].
             matrices: B.
             before: an earlier result to start from, if there is one.
@@ -116,24 +118,24 @@ class Equilibrium(eqx.Module):
         """
         start = None
         if before is None:
-            none = jnp.zeros((*carried.shape[:-1], 2))
-            no_pulls = jnp.zeros_like(carried)
-            rest = Rest(none, none[..., 0], none[..., :1], none, none, no_pulls)
+            none = jnp.zeros((*transmitted.shape[:-1], 2))
+            no_pulls = jnp.zeros_like(transmitted)
+            rest = StaticState(none, none[..., 0], none[..., :1], none, none, no_pulls)
         else:
             rest = before
             start = rest.bends
         for _ in range(SWEEPS):
-            rest = self._sweep(carried, moments, matrices, rest, engaged, start)
+            rest = self._sweep(transmitted, moments, matrices, rest, engaged, start)
             start = rest.bends
         return rest
 
     def _sweep(
-        self, carried, moments, matrices, rest: Rest, engaged: bool, start
-    ) -> Rest:
+        self, transmitted, moments, matrices, rest: StaticState, engaged: bool, start
+    ) -> StaticState:
         stiffness = jnp.exp(self.log_stiffness)
-        give = jnp.exp(self.log_give * GIVE_UNIT)
-        path_change = jnp.einsum("mnk,...mk->...mn", matrices, rest.led)
-        displacements = carried + rest.slack - path_change
+        compliance = jnp.exp(self.log_axial_compliance * AXIAL_COMPLIANCE_UNIT)
+        path_change = jnp.einsum("mnk,...mk->...mn", matrices, rest.inner_bends)
+        displacements = transmitted + rest.slack - path_change
         bends = bend_at_rest(
             displacements,
             moments - rest.pulled,
@@ -146,17 +148,17 @@ class Equilibrium(eqx.Module):
         needed = jnp.einsum("mnk,...mk->...mn", matrices, bends)
         stretch = needed - displacements + self.tautness[:, None]
         pulls = stiffness[:, None] * jnp.maximum(stretch, 0.0)
-        shorter = give * _sum_outwards(jnp.sum(pulls, axis=-1), axis=-1)
+        shortening = compliance * _sum_outwards(jnp.sum(pulls, axis=-1), axis=-1)
         # the mean with the last sweep, against oscillation
-        slack = (rest.slack + jnp.cumsum(shorter, axis=-1)[..., None]) / 2.0
-        led = self.coupling[:, None] * bends
-        led = jnp.cumsum(led, axis=-2) - led
+        slack = (rest.slack + jnp.cumsum(shortening, axis=-1)[..., None]) / 2.0
+        inner_bends = self.coupling[:, None] * bends
+        inner_bends = jnp.cumsum(inner_bends, axis=-2) - inner_bends
         own = jnp.einsum("mnk,...mn->...mk", matrices, pulls)
         pulled = self.coupling[:, None] * (_sum_outwards(own, axis=-2) - own)
-        couplings = shorter, slack, led, pulled, pulls
+        couplings = shortening, slack, inner_bends, pulled, pulls
         if engaged:
             couplings = jax.lax.stop_gradient(couplings)
-        return Rest(bends, *couplings)
+        return StaticState(bends, *couplings)
 
 
 def _sum_outwards(values: Array, axis: int) -> Array:

@@ -41,7 +41,7 @@ def transfer_chain(
         blank: an untrained chain of the new arm.
         new: the new arm.
     """
-    places = same_places(old.module_count, new.module_count)
+    places = interpolation_weights(old.module_count, new.module_count)
     initial = replace(chain, body=blank.body)
     if old.module_count != new.module_count:
         hysteresis = _interpolate_hysteresis(chain.hysteresis, places)
@@ -52,7 +52,7 @@ def transfer_chain(
     return eqx.tree_at(_log_stiffness, initial, log_stiffness)
 
 
-def same_places(old: int, new: int) -> Float[np.ndarray, "new old"]:
+def interpolation_weights(old: int, new: int) -> Float[np.ndarray, "new old"]:
     """Linear interpolation weights from old to new modules, by position along the arm.
 
     Rows sum up to one.
@@ -100,7 +100,7 @@ def _interpolate(
 
 
 @eqx.filter_jit
-def under_weights(
+def states_under_gravity(
     chain: ChainC2S, inputs: Float[Array, "samples modules inputs cables"]
 ) -> Array:
     """States of an arm under gravity, for a chain whose network knows no gravity.
@@ -131,7 +131,7 @@ def under_weights(
     return jax.lax.map(sag, inputs, batch_size=256)
 
 
-def babbled(arm: ArmSpec, options: CollectOptions) -> TrainingData:
+def babbling_data(arm: ArmSpec, options: CollectOptions) -> TrainingData:
     """Encoder readings of a babbling arm with displacement actuation, without an arm.
 
     Args:

@@ -21,12 +21,12 @@ class Trunk(FromArm):
         radii: of the cables [m], shape (modules,).
         compliances: nominal lengths over bending stiffnesses [rad/(N m)], shape
             (modules,).
-        yields: compliances of modules including their taut cables [rad/(N m)], shape
+        taut_compliances: compliances of modules including their taut cables [rad/(N m)], shape
             (modules,).
         moments: bend of a cable tension of 1 N [rad/N], shape (modules, 1).
         weights: masses lumped at module ends, half of each adjacent module [kg], shape
             (modules,).
-        gives: deflection of module ends under a lateral force at fixed axes, C L^2 / 12
+        lateral_compliances: deflection of module ends under a lateral force at fixed axes, C L^2 / 12
             [m/N], shape (modules,).
         gravity: [m/s2], base frame.
     """
@@ -36,10 +36,10 @@ class Trunk(FromArm):
     inverses: Float[Array, "modules 2 cables"]
     radii: Float[Array, " modules"]
     compliances: Float[Array, " modules"]
-    yields: Float[Array, " modules"]
+    taut_compliances: Float[Array, " modules"]
     moments: Float[Array, "modules 1"]
     weights: Float[Array, " modules"]
-    gives: Float[Array, " modules"]
+    lateral_compliances: Float[Array, " modules"]
     gravity: Float[Array, "3"]
 
     @classmethod

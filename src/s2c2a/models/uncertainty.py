@@ -20,10 +20,10 @@ NOISE = 0.01  # variance of samples, relative to the kernel's
 JITTER = 1e-4  # variance of inducing points, relative to the kernel's
 INTERPOLATION_SHARE = 0.95  # of validation samples that count as interpolation
 MIN_WIDTH = 0.1  # of the widest feature; a constant feature is known at one value only
-IGNORANCE = 0.3  # of the arm's length: uncertainty far from all data
+PRIOR_STD = 0.3  # of the arm's length: uncertainty far from all data
 
 
-class Known(Fixed):
+class Uncertainty(Fixed):
     """Distance from the data, and the error of a model near them.
 
     Attributes:
@@ -31,38 +31,38 @@ class Known(Fixed):
         rates: inverse length scale of each feature, shape (features,).
         points: inducing points in scaled features, shape (points, features).
         root: square root of inv(K) - inv(K + data), shape (points, points).
-        usual: largest relative posterior variance that counts as interpolation.
-        usual_error: root mean square error on validation data [m], shape (modules,).
-        ignorance: uncertainty far from all data [m].
+        interpolation_variance: largest relative posterior variance that counts as interpolation.
+        interpolation_error: root mean square error on validation data [m], shape (modules,).
+        prior_std: uncertainty far from all data [m].
     """
 
     center: Float[Array, " features"]
     rates: Float[Array, " features"]
     points: Float[Array, "points features"]
     root: Float[Array, "points points"]
-    usual: Float[Array, ""]
-    usual_error: Float[Array, " modules"]
-    ignorance: Float[Array, ""]
+    interpolation_variance: Float[Array, ""]
+    interpolation_error: Float[Array, " modules"]
+    prior_std: Float[Array, ""]
 
     @classmethod
-    def none(cls, features: int, points: int, modules: int) -> "Known":
+    def none(cls, features: int, points: int, modules: int) -> "Uncertainty":
         """The uncertainty of a model without data: zero."""
         return cls(
             center=jnp.zeros(features),
             rates=jnp.zeros(features),
             points=jnp.zeros((points, features)),
             root=jnp.zeros((points, points)),
-            usual=jnp.zeros(()),
-            usual_error=jnp.zeros(modules),
-            ignorance=jnp.zeros(()),
+            interpolation_variance=jnp.zeros(()),
+            interpolation_error=jnp.zeros(modules),
+            prior_std=jnp.zeros(()),
         )
 
     def extrapolation(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
         """From zero near the data to one far from them."""
-        excess = self.relative_variance(features) - self.usual
-        return jnp.maximum(excess, 0.0) / (1.0 - self.usual)
+        excess = self.relative_variance(features) - self.interpolation_variance
+        return jnp.maximum(excess, 0.0) / (1.0 - self.interpolation_variance)
 
     def relative_variance(
         self, features: Float[Array, "*batch features"]
@@ -76,16 +76,16 @@ class Known(Fixed):
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
         """Uncertainty of module ends from extrapolation [m]."""
-        return self.ignorance * self.extrapolation(features) ** 2
+        return self.prior_std * self.extrapolation(features) ** 2
 
 
-def known_from(
+def fit_uncertainty(
     features: Float[np.ndarray, "samples features"],
     held_out: Float[np.ndarray, "others features"],
     distances: Float[np.ndarray, "others modules"],
     points: int,
     length: float,
-) -> Known:
+) -> Uncertainty:
     """The uncertainty of a model with these data.
 
     Args:
@@ -110,8 +110,8 @@ def known_from(
     finite = np.isfinite(distances)
     squares = np.sum(distances**2, axis=0, where=finite)
     error = np.sqrt(squares / np.maximum(finite.sum(axis=0), 1))
-    arrays = center, rates, inducing, root, 0.0, error, IGNORANCE * length
-    known = Known(*(jnp.asarray(array, jnp.float32) for array in arrays))
-    variances = known.relative_variance(jnp.asarray(held_out, jnp.float32))
-    usual = jnp.quantile(variances, INTERPOLATION_SHARE)
-    return replace(known, usual=jnp.minimum(usual, 0.9))
+    arrays = center, rates, inducing, root, 0.0, error, PRIOR_STD * length
+    uncertainty = Uncertainty(*(jnp.asarray(array, jnp.float32) for array in arrays))
+    variances = uncertainty.relative_variance(jnp.asarray(held_out, jnp.float32))
+    largest_usual = jnp.minimum(jnp.quantile(variances, INTERPOLATION_SHARE), 0.9)
+    return replace(uncertainty, interpolation_variance=largest_usual)

@@ -155,7 +155,7 @@ class FallbackSearch(Component):
         state = search.state
         approaching = state.approaching > 0
         unguided = guided.with_goal(goal)
-        before = _Costs(unguided.judged(last), guided.judged(last))
+        before = _Costs(unguided.cost_of(last), guided.cost_of(last))
         after = _costs(guided, unguided, planned)
         # near obstacles a guide may first move away from the goal
         unobstructed = ~(guided.situation.goal.thresholds > 0.0).any()
@@ -324,8 +324,8 @@ class _Result(NamedTuple):
 
 
 def _costs(guided: Problem, unguided: Problem, bends: Bends) -> _Costs:
-    candidate = guided.looked_at(bends)
-    return _Costs(unguided.judged(candidate), guided.judged(candidate))
+    candidate = guided.candidate_at(bends)
+    return _Costs(unguided.cost_of(candidate), guided.cost_of(candidate))
 
 
 def _without_cost(bends: Bends) -> _Result:

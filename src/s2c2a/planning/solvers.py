@@ -165,13 +165,13 @@ class Problem(NamedTuple):
 
     def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
-        return self._residuals(self.looked_at(bends))
+        return self._residuals(self.candidate_at(bends))
 
-    def looked_at(self, bends: Bends) -> Candidate:
+    def candidate_at(self, bends: Bends) -> Candidate:
         """The candidate with these bends."""
         return self.predict(configurations_from_bends(bends), bends)
 
-    def judged(self, candidate: Candidate) -> Float[Array, ""]:
+    def cost_of(self, candidate: Candidate) -> Float[Array, ""]:
         """The sum of mu |r|^2 of a candidate."""
         return jnp.sum(self._residuals(candidate) ** 2)
 

@@ -133,7 +133,7 @@ def train_s2c2a(
     if start is not None:
         check_same_training(start, recipe)
         begun = transferred(start, recording.arm, seed)
-        c2s = recipe.c2s.go_on(
+        c2s = recipe.c2s.resume_training(
             begun.c2s, data, longer(recipe.c2s_fit), c2s_key, c2s_progress
         )
         # controller and modal model stay those of the other arm
@@ -142,7 +142,7 @@ def train_s2c2a(
     c2a = recipe.c2a.train(
         data, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
     )
-    predicted = recipe.c2s.answers(c2s.network, data)
+    predicted = recipe.c2s.predictions(c2s.network, data)
     trained: dict[str, Trained] = {"C2S": c2s, "C2A": c2a}
     trained |= estimator.train(data, predicted) | sensors
     return TrainedNetworks.of(recording.arm, recipe, seed, trained)

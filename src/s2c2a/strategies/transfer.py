@@ -49,7 +49,7 @@ def transferred(
     new = recipe.planning_arm(arm)
     check_same_make(old, new)
     babbling = recipe.collect_options(seed)
-    c2s = recipe.c2s.carried(networks.c2s, old, new, babbling, jax.random.key(seed))
+    c2s = recipe.c2s.adapted(networks.c2s, old, new, babbling, jax.random.key(seed))
     c2a = recipe.c2a.for_arm(networks.c2a, new)
     return replace(
         networks,

@@ -228,7 +228,7 @@ def _compare(
     costs = jax.vmap(search_from)(starts)
     step_length = largest_bend(bends - situation.last.bends)
     return Comparison(
-        engaged.judged(engaged.looked_at(bends)),
+        engaged.cost_of(engaged.candidate_at(bends)),
         costs.min(),
         step_length > LIMITED * situation.longest_step,
     )

@@ -248,7 +248,7 @@ def _tip_errors(
     options: ForwardOptions, network: Any, data: TrainingData, mask: np.ndarray | None
 ) -> np.ndarray:
     """Distances between predicted and known positions of the tip [mm]."""
-    errors = (options.answers(network, data) - data.states)[:, :, -1, POSITION]
+    errors = (options.predictions(network, data) - data.states)[:, :, -1, POSITION]
     known = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
     for row, length in zip(known, data.lengths or (), strict=False):
         row[length:] = False

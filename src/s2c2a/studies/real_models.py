@@ -60,7 +60,7 @@ class KernelRegression(_ReferenceModel):
     plays: bool = True
     model: str = field(default="kernel regression", kw_only=True)
 
-    def answers(
+    def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""
@@ -157,7 +157,7 @@ class Recurrent(_ReferenceModel):
     hidden: int = 64
     model: str = field(default="recurrent network", kw_only=True)
 
-    def answers(
+    def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""
@@ -204,7 +204,7 @@ class FittedArcs(_ReferenceModel):
 
     model: str = field(default="fitted PCC", kw_only=True)
 
-    def answers(
+    def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""

@@ -14,7 +14,7 @@ from s2c2a.arm import ArmSpec, Module, randomized_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row
-from s2c2a.models.transfer import same_places
+from s2c2a.models.transfer import interpolation_weights
 from s2c2a.strategies import recipe_named
 from s2c2a.studies.randomized_arms import AGED, over_arms
 
@@ -96,7 +96,7 @@ def of_halves(arm: ArmSpec, count: int) -> ArmSpec:
         count: of half modules.
     """
     modules = []
-    for number, weights in enumerate(same_places(arm.module_count, count)):
+    for number, weights in enumerate(interpolation_weights(arm.module_count, count)):
         cable = {}
         for key in ("stiffness", "backlash"):
             values = [getattr(module.cable, key) for module in arm.modules]

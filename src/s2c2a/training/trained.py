@@ -61,7 +61,7 @@ class Trained(FitResult[Model]):
 def train(
     model: Network,
     loss: Loss[Network],
-    answer: Callable[[Network, Batch], Array],
+    predict: Callable[[Network, Batch], Array],
     split: Split,
     options: FitOptions,
     key: PRNGKeyArray,
@@ -73,7 +73,7 @@ def train(
         model: initial model.
         loss: (model, batch, key) -> mean loss of the batch; the key is None in
             validation.
-        answer: (model, batch) -> predictions for the targets of the batch.
+        predict: (model, batch) -> predictions for the targets of the batch.
         split: training, validation, and test samples.
         options: options of the training.
         key: random key for the order of samples and for the loss.
@@ -92,24 +92,26 @@ def train(
         key,
         progress,
     )
-    return tried(result, answer, split)
+    return evaluated(result, predict, split)
 
 
-def tried(
-    result: FitResult[Network], answer: Callable[[Network, Batch], Array], split: Split
+def evaluated(
+    result: FitResult[Network], predict: Callable[[Network, Batch], Array], split: Split
 ) -> Trained[Network]:
     """Fitted model with its error on the test samples."""
-    predicted = np.asarray(eqx.filter_jit(answer)(result.network, as_batch(split.test)))
+    predicted = np.asarray(
+        eqx.filter_jit(predict)(result.network, as_batch(split.test))
+    )
     targets = [part.targets for part in (split.training, split.validation, split.test)]
     ranges = full_ranges(np.concatenate(targets))
     percent = percent_error(predicted, split.test.targets, ranges)
     return Trained(result.network, result.curve, percent)
 
 
-def known_error(answer: Array, targets: Array) -> Array:
+def known_error(predicted: Array, targets: Array) -> Array:
     """Error of a prediction; zero where the target is unknown (NaN)."""
     known = jnp.isfinite(targets)
-    return jnp.where(known, answer - jnp.where(known, targets, 0.0), 0.0)
+    return jnp.where(known, predicted - jnp.where(known, targets, 0.0), 0.0)
 
 
 def as_batch(samples: Samples) -> Batch:
