@@ -58,7 +58,7 @@ TINY, QUICK = (
 
 
 def pytest_configure(config):
-    """Keep what JAX compiles from test to test and run to run, and compile it hastily: that is most of the tests' time.
+    """Cache compiled programs, and compile with little optimization: most time is that.
 
     Processes that tests start keep theirs in the same folder, under the same bound:
     with the bound comes a lock, and who writes without it leaves what the others take
@@ -87,7 +87,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_programs():
-    """Let go of compiled programs between files, before there are so many that the system gives no more memory."""
+    """Drop compiled programs before the system's limit of memory maps is reached."""
     yield
     maps = Path("/proc/self/maps")
     if maps.exists() and maps.read_text().count("\n") > MAX_MAPS:
@@ -97,7 +97,7 @@ def _few_programs():
 
 @pytest.fixture(scope="session")
 def make_arm():
-    """Builds a displacement arm of equal, evenly cabled modules of 0.2 m; `module` changes all of them."""
+    """Build an arm of equal modules with evenly spaced cables; `module` changes all."""
 
     def make(
         modules: int = 3, cables: int = 3, module: dict | None = None, **changes
@@ -124,7 +124,7 @@ def make_arm():
 
 @pytest.fixture
 def drawn(make_arm):
-    """Builds what is drawn of an arm that was in some states; keywords are columns of its episode."""
+    """Build a trace of an arm with given states; keywords are columns of its episode."""
 
     def build(label: str, times, states, counted=None, **columns) -> Trace:
         arm = make_arm(np.shape(states)[1])
@@ -213,7 +213,7 @@ def best_strategy_file(tiny_best_networks, tmp_path_factory) -> Path:
 
 @pytest.fixture
 def forged(tmp_path):
-    """Writes a file of trained networks anew, changed by (metadata, arrays) and with a digest that fits; its path."""
+    """Change a file of trained networks by a function and give it a valid digest."""
 
     def write_anew(path: Path, change) -> Path:
         with safe_open(path, framework="numpy") as file:

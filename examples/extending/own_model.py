@@ -1,4 +1,4 @@
-"""A forward model of your own, in one file: constant-curvature arcs, and a small network for what they leave out.
+"""A forward model of your own: constant-curvature arcs and a network for the residual.
 
     s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
     s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
@@ -21,7 +21,7 @@ from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
 
 
 class Arcs(MemorylessModel):
-    """Every array in it is learned, the arcs' lengths too; what must not be goes into a part below `Fixed`."""
+    """All of its arrays are trained; constants belong into a submodule of type `Fixed`."""
 
     arcs: PCCForwardModel
     network: eqx.nn.MLP
@@ -36,7 +36,7 @@ class Arcs(MemorylessModel):
 
 @dataclass(frozen=True)
 class ArcsOptions(ForwardOptions):
-    """Its numbers, and how it is made from them: options and arm alone decide the shapes of its arrays."""
+    """Its options and constructor; options and arm determine the shapes of its arrays."""
 
     hidden: int = 32
 

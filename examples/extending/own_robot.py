@@ -1,4 +1,4 @@
-"""A body of your own, in one file: an arm of ideal arcs that follows its commands with a lag, on the wall's time.
+"""A robot of your own: ideal arcs that follow commands with a lag, in real time.
 
 s2c2a robot check --robot own_robot.py:LaggingArm --robot-option lag=0.05 s2c2a collect
 --robot own_robot.py:LaggingArm --out own.episodes     # then train, run --robot, live

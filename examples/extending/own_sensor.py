@@ -1,4 +1,4 @@
-"""A sensor of your own, in one file: two flex sensors a module, and what tells configurations from their voltage.
+"""A sensor of your own: two flex sensors a module, and a map to configurations.
 
 The body says `flex`, and the arm file names the map: `sensing =
 "own_sensor.py:FlexMap"`. Then

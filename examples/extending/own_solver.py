@@ -30,7 +30,7 @@ from s2c2a.planning.terms import Configurations
 
 @dataclass(frozen=True)
 class Descent(Solver):
-    """Steps down the slope of the sum of squares, longer after one that helped, shorter after one that did not.
+    """Gradient descent with a step size that grows after success and shrinks after failure.
 
     Attributes:
         iterations: in a control step.

@@ -21,7 +21,7 @@ HEIGHT = 0.97
 
 
 def figure_of_eight(arm: ArmSpec) -> Task:
-    """One goal for every control step; scored over all steps and over those after the first second."""
+    """One goal for each control step; scored with and without the first second."""
     steps = round(SECONDS * arm.control_rate)
     phase = np.arange(1, steps + 1) / steps
     angle = 2 * np.pi * phase - 0.3 * np.sin(4 * np.pi * phase)

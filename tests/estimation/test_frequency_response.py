@@ -1,4 +1,4 @@
-"""How an arm answers: found again in motion that was made up, measured on simulated arms, and safe on every way out."""
+"""Frequency response: recovered from synthetic data, measured on simulated arms."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The chain with memory: what it says before it is trained, what it remembers, and of which arms."""
+"""The chain model: predictions before training, hysteresis, supported arms."""
 
 import equinox as eqx
 import jax
@@ -31,7 +31,7 @@ def untrained(arm: ArmSpec, size=SMALL, seed=0) -> ChainC2S:
 
 
 def shaken(model: ChainC2S, seed=0) -> ChainC2S:
-    """Every weight moved a little, what follows from the arm apart, so that all of the model has a say."""
+    """Change every learned weight a little, so that all parts of the model count."""
     random = np.random.default_rng(seed)
 
     def move(leaf):

@@ -46,7 +46,7 @@ def payload_of(kilograms, modules=3) -> Disturbances:
 
 
 def test_a_weight_beside_the_base_bends_a_module_by_its_lever():
-    """A straight module that lies: the weight's moment about its middle is half its length times the weight."""
+    """A straight horizontal module: the moment about its middle is m g L / 2."""
     down = jnp.array([GRAVITY, 0.0, 0.0])
     found = moments_of_weights(
         jnp.array([0.1]), jnp.zeros((1, 2)), jnp.array([0.2]), jnp.array([1.5]), down

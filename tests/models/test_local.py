@@ -32,7 +32,7 @@ FIT = FitOptions(max_epochs=3, epochs_per_call=3)
 
 
 def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
-    """Bends that wander, and an arm that bends by a crooked share of them; truth where it was seen."""
+    """Random bends, and an arm that bends by a nonlinear share of them."""
     random = np.random.default_rng(seed)
     bends = np.cumsum(random.normal(0, 0.06, (4, 150, arm.module_count, 2)), axis=1)
     bends = 0.5 * np.sin(bends)

@@ -1,4 +1,4 @@
-"""The LSTM at work: trained like the networks of the paper, limited like every controller, compiled once."""
+"""The LSTM strategy: training, limits, and compilation."""
 
 import logging
 from dataclasses import replace
@@ -145,7 +145,7 @@ def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
 def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
     recording, options, split
 ):
-    """Weights that do not move: against losses computed here without noise, only those of training can differ."""
+    """With fixed weights, noise changes the training loss alone."""
     noisy = train(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
     unit = np.asarray(noisy.networks["LSTM"].sum_and_range.unit)
     calm = [
@@ -205,7 +205,7 @@ def test_training_on_a_recording_cut_short_is_refused(recording, options):
 
 @pytest.mark.parametrize("body", ["twin", "simulated"])
 def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, request):
-    """A live session as a recording: the network's answers to its windows are the actions that were taken."""
+    """A live session as a recording: predictions for its windows equal the actions sent."""
     arm = request.getfixturevalue(body).model_copy(update={"step_limit_deg": 90.0})
     quick = untrained(arm)
     targets = np.cumsum(
@@ -242,7 +242,7 @@ def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(body, request)
 def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
     make_arm,
 ):
-    """Tension of 1 N at rest and 9 N more at full bend: clipping a cable at zero must not halve the bend asked for."""
+    """Clipping a cable at zero tension does not halve the desired bend."""
     arm = make_arm(
         2,
         4,

@@ -1,4 +1,4 @@
-"""The comparisons of the paper: good on an arm that is as PCC says, bounded on targets out of reach, gains by hand."""
+"""PCC strategies: ideal arms, targets out of reach, and gains worked by hand."""
 
 from dataclasses import replace
 

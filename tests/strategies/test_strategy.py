@@ -1,4 +1,4 @@
-"""Strategies put together: trained ones run, carry their memory, and compile nothing once they are built."""
+"""Complete strategies: closed loop, memory, and no compilation after construction."""
 
 import logging
 from dataclasses import replace

@@ -57,7 +57,7 @@ def contents(path) -> tuple[dict, dict]:
 
 @pytest.fixture
 def rewrite(strategy_file, forged):
-    """Writes the strategy file anew with other metadata or arrays and a digest that fits; its path."""
+    """Change metadata or arrays of the strategy file and give it a valid digest."""
 
     def write(metadata: dict | None = None, without: tuple = (), **arrays):
         def change(known, found):

@@ -35,7 +35,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Cache:
-    """A folder of recordings and networks, and one of finished runs; all in them is safe to delete.
+    """Folders of recordings, networks and finished runs; they may be deleted.
 
     Attributes:
         folder: of recordings and networks.
@@ -54,7 +54,7 @@ class Cache:
 
 
 class Artifact(ABC, Generic[Made]):
-    """A frozen key: equal ones are the same file, wherever it is made.
+    """A frozen key: equal keys name the same file, on every machine.
 
     Attributes:
         kind: what such artifacts are called, for progress.
@@ -106,7 +106,7 @@ class Artifact(ABC, Generic[Made]):
 
 
 def digest_of(*parts: object) -> str:
-    """Letters that differ where a part differs, or the version of the code that makes such things."""
+    """A digest of all parts and of the version of the code that makes the artifact."""
     return hashlib.sha256(
         repr((parts, s2c2a.__version__, REVISION)).encode()
     ).hexdigest()[:16]
@@ -151,7 +151,10 @@ class RecordingArtifact(Artifact[Recording]):
 
     def __str__(self) -> str:
         options = self.options
-        return f"recording of {self.arm.name}, {options.babbling}, {options.episodes} episodes, seed {options.seed}"
+        return (
+            f"recording of {self.arm.name}, {options.babbling}, "
+            f"{options.episodes} episodes, seed {options.seed}"
+        )
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,8 @@ class Equilibrium(eqx.Module):
     Attributes:
         log_stiffness: logarithm of kappa, shape (modules,).
         tautness: tau [rad], shape (modules,).
-        log_axial_compliance: logarithm of the shortening for a pull of one, over `AXIAL_COMPLIANCE_UNIT`,
-            shape (modules,).
+        log_axial_compliance: logarithm of the shortening for a pull of one, over
+            `AXIAL_COMPLIANCE_UNIT`, shape (modules,).
         coupling: distance of outer modules' cables from the axis, in parts of their
             radius, shape (modules,).
         creep_moments: weight of the creep moment of each filter, shape (modules, times).

@@ -26,8 +26,8 @@ class Trunk(FromArm):
         moments: bend of a cable tension of 1 N [rad/N], shape (modules, 1).
         weights: masses lumped at module ends, half of each adjacent module [kg], shape
             (modules,).
-        lateral_compliances: deflection of module ends under a lateral force at fixed axes, C L^2 / 12
-            [m/N], shape (modules,).
+        lateral_compliances: deflection of module ends under a lateral force at fixed
+            axes, C L^2 / 12 [m/N], shape (modules,).
         gravity: [m/s2], base frame.
     """
 

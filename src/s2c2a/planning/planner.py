@@ -165,7 +165,8 @@ class Plan(NamedTuple):
     @property
     def outcome(self) -> Outcome:
         """How the last step was planned; for a single plan, outside compiled code."""
-        return Outcome(int(SearchState(*np.asarray(self.search.numbers)).outcome))  # type: ignore[call-arg]
+        state = SearchState(*np.asarray(self.search.numbers))
+        return Outcome(int(state.outcome))  # type: ignore[call-arg]
 
 
 class Expectation(NamedTuple):

@@ -1,4 +1,4 @@
-"""The form of files of trained networks: safetensors with JSON beside the weights. Safe to open, whoever made them.
+"""Format of files of trained networks: safetensors with JSON metadata, safe to open.
 
 Only what was learned or fitted to data is read from the arrays; what follows from the
 arm is built from its description, so a file cannot make a controller speak other cables
@@ -81,7 +81,7 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
 
 
 def _ordered(content: bytes) -> bytes:
-    """The same with its metadata in one order; safetensors writes them in any, and equal networks in unequal files."""
+    """The content with sorted metadata, so that equal networks make equal files."""
     end = 8 + _header_bytes(content)
     header = json.loads(content[8:end])
     header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
