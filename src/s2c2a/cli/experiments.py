@@ -140,6 +140,56 @@ def sensors(
     print_results(f"sensors, {seeds} seeds", rows, figures, directory)
 
 
+def stability(
+    arm: Arm = "twin_arm",
+    drawn: int = 3,
+    strengths: tuple[float, ...] = (0.5, 1.0),
+    sets: tuple[str, ...] = ("bends", "imu", "current", "camera"),
+    payloads_g: tuple[float, ...] = (0.0, 50.0, 100.0, 150.0),
+    seconds: float = 60.0,
+    seeds: int = 1,
+    work: Work = ALL_CORES,
+) -> None:
+    """Vibration of held points and pushed circles, over arms, sensors and payloads.
+
+    The payloads are unknown; encoders alone that know them are compared. Repeat the
+    command to continue an interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        drawn: number of randomized arms at each strength, beside this arm.
+        strengths: magnitudes of their mismatch.
+        sets: sets of sensors.
+        payloads_g: masses at the tip [g].
+        seconds: for which a point is held; at least 20.
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.jobs import checked_seeds
+    from s2c2a.studies import stability as study
+    from s2c2a.studies.sensors import randomized_arms
+
+    base = load_arm(arm)
+    arms = [base]
+    if drawn:
+        for strength in strengths:
+            arms += randomized_arms(base, drawn, strength)
+    payloads = tuple(payload / 1000 for payload in payloads_g)
+    numbers = tuple(checked_seeds(0, seeds))
+    compared = study.StabilityStudy(tuple(arms), sets, payloads, numbers, seconds)
+    options = asdict(compared) | {"arms": [one.name for one in arms]}
+    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
+        directory,
+        make,
+    ):
+        rows = study.stability_rows(compared, make)
+        save_rows(rows, directory / "results.json")
+    print_results(study.EXPERIMENT, rows, [], directory)
+    vibrating = study.vibrating(rows)
+    print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
+
+
 def transfer(
     drawn: tuple[int, ...] = (0, 20, 21),
     counts: tuple[int, int] = (4, 6),

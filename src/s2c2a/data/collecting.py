@@ -180,6 +180,7 @@ class Player:
     """Controller that plays back actions; it requires all sensors, to record them."""
 
     name = "player"
+    feedback = 1.0
 
     def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
         self.arm = arm
@@ -233,7 +234,7 @@ def _run_episode(
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
     steps = []
-    with Loop(robot, player, limits=limits) as loop:
+    with Loop(robot, player, limits=limits, watches_vibration=False) as loop:
         for _ in actions:
             step = loop.tick(StepRequest())
             steps.append(step)

@@ -125,7 +125,8 @@ def excite(
     actions = np.asarray(pcc.actions(flat), np.float64)
     required = (sensor,) if robot.sensors[sensor].always else ()
     steps: list[StepRecord] = []
-    with Loop(robot, Player(arm, required, actions)) as loop:
+    player = Player(arm, required, actions)
+    with Loop(robot, player, watches_vibration=False) as loop:
         for number in range(len(actions)):
             steps.append(loop.tick(StepRequest()))
             if steps[-1].stage is not Stage.RUN:

@@ -20,7 +20,9 @@ from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
+from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
+from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
@@ -37,7 +39,15 @@ LATE = 0.1  # of a control period; a step with a longer delay counts as late
 
 
 class Driver(Protocol):
-    """Controller that chooses the action of every control step; strategies are some."""
+    """Controller that chooses the action of every control step; strategies are some.
+
+    Attributes:
+        feedback: share of the feedback that it may use, from 0 to 1. The loop sets it
+            before every step and lowers it when the arm vibrates. A controller that
+            ignores it is held if the vibration goes on.
+    """
+
+    feedback: float
 
     @property
     def name(self) -> str:
@@ -91,6 +101,7 @@ class Loop:
         phase: stage of the arm and its counters.
         fault: why the arm is stopped, or what is wrong with the latest reading.
         late_steps: number of steps that began late.
+        feedback: share of the feedback in use, and how often the arm vibrated.
     """
 
     def __init__(
@@ -102,6 +113,7 @@ class Loop:
         patience: Patience | None = None,
         on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
+        watches_vibration: bool = True,
     ):
         """A loop whose robot is not open yet.
 
@@ -114,6 +126,8 @@ class Loop:
             patience: time limits for unsound readings and for an absent operator.
             on_step: called with the record of every step; it must be quick.
             faults: fault injection for tests: changes every reading before the check.
+            watches_vibration: whether vibration reduces the feedback; not for a driver
+                that plays back motions, which may vibrate on purpose.
 
         Raises:
             S2C2AError: the controller is for another arm, or requires a sensor that
@@ -133,6 +147,8 @@ class Loop:
         self._tick_time = 0.0
         self.late_steps = 0
         self.phase = Phase()
+        self._monitor = OscillationMonitor(self.arm)
+        self._watches_vibration = watches_vibration
         self.use(driver)
         self._reset()
 
@@ -204,9 +220,10 @@ class Loop:
                     self.driver.start(reading)
                 sent = self._control_step(reading, self._goal(request))
                 diagnostics = dict(self.driver.diagnostics())
+                diagnostics["feedback"] = np.asarray(self.feedback.share)
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
-            diagnostics, self._tick_time, delay, self.fault,
+            diagnostics, self._tick_time, delay, self.fault, self.vibration,
         )  # fmt: skip
         self._step_count += 1
         self._on_step(record)
@@ -257,6 +274,9 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
+        self._monitor.reset()
+        self.feedback = Feedback()
+        self.vibration = ""
         self._limiter = CommandLimiter(self._limits)
         self.phase = Phase()
         self.fault = ""
@@ -307,15 +327,30 @@ class Loop:
             The command that the robot sent [m or N], shape (modules, cables).
         """
         began = time.perf_counter()
+        self.driver.feedback = self.feedback.share
         estimate = self.driver.estimate(reading, self._limiter.command)
         plan = self.driver.plan(estimate, goal)
         desired = self.driver.act(plan, estimate)
+        self._watch_vibration(desired, reading, goal)
         self._tick_time = time.perf_counter() - began
-        command = self._limiter.limit(desired)
+        command = self._limiter.limit(self._allowed(desired))
         sent = self._send(command)
         if self._limiter.changed(desired):
             self.driver.sent(command)
         return sent
+
+    def _watch_vibration(self, desired: Actions, reading: Reading, goal: Goal) -> None:
+        """Lower the feedback while the arm vibrates, and let it return afterwards."""
+        if not self._watches_vibration:
+            return
+        vibration = self._monitor.update(desired, reading, goal)
+        period = self.arm.control_period
+        self.feedback = self.feedback.after(vibration is not None, period)
+        self.vibration = str(vibration or "")
+
+    def _allowed(self, desired: Actions) -> Actions:
+        """The desired command, or the last one while a vibration is held."""
+        return self._limiter.hold() if self.feedback.is_held else desired
 
     def _passive_step(self) -> Actions:
         """Hold the last command, or move towards rest; the driver does not act."""

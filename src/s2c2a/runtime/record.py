@@ -30,6 +30,7 @@ class StepRecord:
         tick_time: time that the controller took to choose the action [s].
         late: delay of the step's beginning [s].
         fault: what is wrong; empty if nothing is.
+        vibration: the vibration that the monitor reports; empty if there is none.
     """
 
     number: int
@@ -42,6 +43,7 @@ class StepRecord:
     tick_time: float = 0.0
     late: float = 0.0
     fault: str = ""
+    vibration: str = ""
 
 
 def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
@@ -71,7 +73,21 @@ def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> 
     faults = sorted({step.fault for step in steps if step.fault})
     if faults:
         options["faults"] = faults
+    vibrations = _vibrations(steps)
+    if vibrations:
+        options["vibrations"] = vibrations
     return Episode(arm, columns, options)
+
+
+def _vibrations(steps: Sequence[StepRecord]) -> list[str]:
+    """When each vibration was found, and what vibrates."""
+    vibrations = []
+    before = ""
+    for step in steps:
+        if step.vibration and not before:
+            vibrations.append(f"{step.reading.time:.1f} s: {step.vibration}")
+        before = step.vibration
+    return vibrations
 
 
 def _active_goal(step: StepRecord, arm: ArmSpec) -> Goal:

@@ -106,6 +106,7 @@ class LSTMStrategy:
 
     name = "lstm"
     sensors = ("states",)
+    feedback = 1.0
 
     def __init__(self, arm: ArmSpec, network: TipLSTM):
         """Compile for an arm and its trained network."""

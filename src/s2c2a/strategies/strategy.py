@@ -1,7 +1,9 @@
 """A strategy: estimate, plan, act (Chen et al. 2025, fig. 1C)."""
 
+from functools import partial
 from typing import Any
 
+import jax
 import numpy as np
 
 from s2c2a.arm import ArmSpec
@@ -11,6 +13,8 @@ from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.spaces import Actions, Reading
+
+SLOW_TIME = 3.0  # s; by which disturbances follow their estimates without feedback
 
 
 class Strategy:
@@ -23,7 +27,13 @@ class Strategy:
         name: such as "s2c2a".
         arm: that it drives.
         sensors: names of the sensors that every reading must hold.
+        feedback: share of the feedback that the strategy uses, from 0 to 1; the control
+            loop lowers it when the arm vibrates. Without feedback, the planned
+            configuration replaces the estimated one, and payload and bend biases follow
+            their estimates slowly.
     """
+
+    feedback: float = 1.0
 
     def __init__(
         self,
@@ -79,7 +89,7 @@ class Strategy:
         self._check_started()
         estimate = self._estimator.update(self._estimate, reading, last_command)
         self._estimate = _checked(estimate)
-        return self._estimate
+        return self._with_feedback(self._estimate)
 
     def plan(self, estimate: Estimate, goal: Goal) -> Plan:
         """The next configuration.
@@ -145,8 +155,26 @@ class Strategy:
             "outcome": np.asarray(plan.outcome),
         }
 
+    def _with_feedback(self, estimate: Estimate) -> Estimate:
+        """The estimate as planner and controller may use it."""
+        if self.feedback >= 1.0:
+            self._slow_disturbances = estimate.disturbances
+            return estimate
+        share = self.feedback
+        planned = self._check_started().configurations
+        configuration = _between(share, planned, estimate.configuration)
+        slow = self._slow_disturbances
+        if slow is None:
+            return estimate._replace(configuration=configuration)
+        follow = min(self.arm.control_period / SLOW_TIME, 1.0)
+        slow = jax.tree.map(partial(_between, follow), slow, estimate.disturbances)
+        self._slow_disturbances = slow
+        used = jax.tree.map(partial(_between, share), slow, estimate.disturbances)
+        return estimate._replace(configuration=configuration, disturbances=used)
+
     def _begin(self, estimate: Estimate) -> None:
         self._estimate = estimate
+        self._slow_disturbances = estimate.disturbances
         self._plan = self._planner.start(estimate)
         self._memory = self._start_controller(estimate.configuration)
         self._command = np.zeros((self.arm.module_count, self.arm.cable_count))
@@ -174,6 +202,12 @@ class Strategy:
         self.sent(cables)
         self.diagnostics()
         self._plan = None
+
+
+def _between(share: float, first: Any, second: Any) -> np.ndarray:
+    """The array at a share of the way between two."""
+    first = np.asarray(first)
+    return first + np.float32(share) * (np.asarray(second) - first)
 
 
 def _checked(estimate: Estimate) -> Estimate:

@@ -171,13 +171,13 @@ def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
         heading = jobs.Heading.of(EXPERIMENT, task_runs)
         metrics = {
             ("path length", "times"): [
-                _relative_path_length(run, SETTLING_STEPS) for run in task_runs
+                relative_path_length(run, SETTLING_STEPS) for run in task_runs
             ],
             ("path length, last quarter", "times"): [
-                _relative_path_length(run, _last_quarter(run)) for run in task_runs
+                relative_path_length(run, last_quarter(run)) for run in task_runs
             ],
             ("position, last quarter", "cm"): [
-                _mean_error(run, _last_quarter(run)) for run in task_runs
+                mean_error(run, last_quarter(run)) for run in task_runs
             ],
         }
         for (metric, unit), values in metrics.items():
@@ -188,12 +188,12 @@ def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
     ]
 
 
-def _last_quarter(run: jobs.Run) -> int:
+def last_quarter(run: jobs.Run) -> int:
     """The first step of the last quarter."""
     return int(LAST_QUARTER * len(run.job.task.desired_positions()))
 
 
-def _mean_error(run: jobs.Run, first: int) -> float:
+def mean_error(run: jobs.Run, first: int) -> float:
     """Mean distance of the tip from its target, from a step on [cm]; NaN without one."""
     states = run.episode.after("states")
     errors = position_errors(states, run.job.task.desired_positions())[first:]
@@ -201,7 +201,7 @@ def _mean_error(run: jobs.Run, first: int) -> float:
     return float(errors.mean()) if len(errors) else np.nan
 
 
-def _relative_path_length(run: jobs.Run, first: int) -> float:
+def relative_path_length(run: jobs.Run, first: int) -> float:
     """Path length of the tip over that of its target; NaN for a target at rest."""
     desired = run.job.task.desired_positions()[:, -1]
     tip = run.episode.after("states")[: len(desired), -1, POSITION]

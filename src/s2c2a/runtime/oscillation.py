@@ -1,0 +1,201 @@
+"""Oscillation monitor: sustained vibration that the goal does not ask for.
+
+Half-waves of every signal are evaluated as in T. Hägglund, "A control-loop performance
+monitor", Control Engineering Practice 3 (1995): a signal oscillates where significant
+half-waves follow each other without a pause. The monitor needs no model and no
+estimate. It watches the commands and, as bends, what encoders and bend sensors
+measure, at any control rate: from the slowest mode of a soft arm to a command that
+reverses in every step.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.goals import Goal
+from s2c2a.spaces import Actions, Reading
+
+MIN_FREQUENCY = 0.3  # Hz; slower motion is no vibration
+TREND_TIME = 0.6  # s; time constant of the trend that is subtracted
+MIN_AMPLITUDE = np.deg2rad(0.6)  # rad of bend, of a significant half-wave
+GOAL_SHARE = 1.5  # times the goal's own amplitude is not significant
+MIN_HALF_WAVES = 4  # in a row
+MIN_DURATION = 1.2  # s of significant half-waves in a row
+AMPLITUDE_TIME = 1.0  # s; time constant by which stated amplitudes decay
+
+Channels = Float[np.ndarray, " channels"]
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """A sustained vibration.
+
+    Attributes:
+        signal: name of the signal: `commands` or a sensor.
+        module: number of the module.
+        amplitude: of its bend [rad].
+        frequency: [Hz].
+    """
+
+    signal: str
+    module: int
+    amplitude: float
+    frequency: float
+
+    def __str__(self) -> str:
+        """One sentence for people."""
+        return (
+            f"{self.signal} of module {self.module + 1} vibrate at "
+            f"{self.frequency:.1f} Hz with {np.rad2deg(self.amplitude):.1f} deg"
+        )
+
+
+class HalfWaves:
+    """Half-waves of several signals around their slow trend.
+
+    Attributes:
+        amplitudes: largest deviation of late, decaying [rad].
+    """
+
+    def __init__(self, channels: int, period: float):
+        """Signals at rest.
+
+        Args:
+            channels: number of signals.
+            period: between samples [s].
+        """
+        self._period = period
+        self._trend: Channels | None = None
+        self._sign = np.zeros(channels)
+        self._peak = np.zeros(channels)
+        self._duration = np.zeros(channels)
+        self._count = np.zeros(channels, int)
+        self._sustained = np.zeros(channels)
+        self.amplitudes = np.zeros(channels)
+
+    def update(self, values: Channels, threshold: float) -> None:
+        """Take one more sample.
+
+        Args:
+            values: of all signals [rad]; values that are not finite repeat the trend.
+            threshold: smallest amplitude of a significant half-wave [rad].
+        """
+        if self._trend is None:
+            self._trend = np.where(np.isfinite(values), values, 0.0)
+        deviation = np.where(np.isfinite(values), values - self._trend, 0.0)
+        share = min(self._period / TREND_TIME, 1.0)
+        self._trend = self._trend + share * deviation
+        size = np.abs(deviation)
+        decay = np.exp(-self._period / AMPLITUDE_TIME)
+        self.amplitudes = np.maximum(size, decay * self.amplitudes)
+        crossed = np.sign(deviation) != self._sign
+        self._end_half_waves(crossed, threshold)
+        self._sign = np.where(crossed, np.sign(deviation), self._sign)
+        self._peak = np.where(crossed, size, np.maximum(self._peak, size))
+        self._duration = np.where(crossed, 0.0, self._duration) + self._period
+
+    def oscillates(self) -> np.ndarray:
+        """Whether each signal oscillates, shape (channels,)."""
+        is_short = self._duration <= 0.5 / MIN_FREQUENCY
+        is_sustained = self._sustained >= MIN_DURATION
+        return (self._count >= MIN_HALF_WAVES) & is_sustained & is_short
+
+    def frequencies(self) -> Channels:
+        """Frequencies of the half-waves in a row [Hz]."""
+        return 0.5 * self._count / np.maximum(self._sustained, self._period)
+
+    def _end_half_waves(self, ended: np.ndarray, threshold: float) -> None:
+        """Count the half-waves that ended; an insignificant one ends the row."""
+        is_short = self._duration <= 0.5 / MIN_FREQUENCY
+        significant = (self._peak >= threshold) & is_short
+        self._count = np.where(ended, (self._count + 1) * significant, self._count)
+        total = (self._sustained + self._duration) * significant
+        self._sustained = np.where(ended, total, self._sustained)
+
+
+class OscillationMonitor:
+    """Detects vibration of commands and of sensed bends."""
+
+    def __init__(self, arm: ArmSpec):
+        """A monitor of an arm at rest."""
+        self._arm = arm
+        self._geometry = ArmGeometry.of(arm)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all signals."""
+        count = self._arm.module_count
+        period = self._arm.control_period
+        channels = 2 * count
+        self._commands = HalfWaves(channels, period)
+        self._sensed: dict[str, HalfWaves] = {}
+        self._goal = HalfWaves(6 * count, period)
+
+    def update(
+        self, command: Actions, reading: Reading, goal: Goal
+    ) -> Vibration | None:
+        """Take the signals of one control step; return the vibration, if any.
+
+        Args:
+            command: desired by the controller [m or N], shape (modules, cables).
+            reading: of this step.
+            goal: of this step.
+        """
+        self._goal.update(self._goal_angles(goal), np.inf)
+        asked = GOAL_SHARE * float(self._goal.amplitudes.max())
+        threshold = max(MIN_AMPLITUDE, asked)
+        self._commands.update(self._command_bends(command), threshold)
+        found = self._vibration("commands", self._commands)
+        for name, bends in self._sensed_bends(reading).items():
+            waves = self._sensed.get(name)
+            if waves is None:
+                waves = HalfWaves(bends.size, self._arm.control_period)
+                self._sensed[name] = waves
+            waves.update(bends, threshold)
+            found = found or self._vibration(name, waves)
+        return found
+
+    def _vibration(self, name: str, waves: HalfWaves) -> Vibration | None:
+        oscillates = waves.oscillates()
+        if not oscillates.any():
+            return None
+        channel = int(np.argmax(np.where(oscillates, waves.amplitudes, -1.0)))
+        amplitude = float(waves.amplitudes[channel])
+        frequency = float(waves.frequencies()[channel])
+        return Vibration(name, channel // 2, amplitude, frequency)
+
+    def _command_bends(self, command: Actions) -> Channels:
+        """Bends that a command asks for [rad], one module after another."""
+        geometry = self._geometry
+        parts = (command - geometry.action_neutral) / geometry.action_scale[:, None]
+        shares = np.einsum("mkn,mn->mk", geometry.bend_matrices, parts)
+        return (shares * geometry.action_bends[:, None]).reshape(-1)
+
+    def _sensed_bends(self, reading: Reading) -> dict[str, Channels]:
+        """Bends that encoders and bend sensors measure [rad], by sensor."""
+        signals = {}
+        modules = self._arm.module_count
+        cables = _array(reading, "cables", (modules, self._arm.cable_count))
+        if cables is not None:
+            angles = cables / self._geometry.cable_radii[:, None]
+            bends = np.einsum("mkn,mn->mk", self._geometry.bend_matrices, angles)
+            signals["cables"] = bends.reshape(-1)
+        axes = _array(reading, "configurations", (modules, 3))
+        if axes is not None:
+            signals["configurations"] = axes[:, :2].reshape(-1)
+        return signals
+
+    def _goal_angles(self, goal: Goal) -> Channels:
+        """The goal's positions over the arm's length, and its axes; 1 is a radian."""
+        positions = goal.desired_positions() / self._arm.length
+        return np.concatenate([positions.reshape(-1), goal.desired_axes().reshape(-1)])
+
+
+def _array(reading: Reading, name: str, shape: tuple[int, ...]) -> np.ndarray | None:
+    """Values of a sensor; None if they are missing or of another shape."""
+    values = reading.get(name)
+    if isinstance(values, np.ndarray) and values.shape == shape:
+        return values.astype(float)
+    return None
