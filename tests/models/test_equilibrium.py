@@ -52,7 +52,9 @@ def test_all_cables_through_a_module_shorten_it_and_slacken_outer_ones():
     np.testing.assert_allclose(
         result.shortening, give * np.array([pulls.sum(), pulls[1]]), rtol=1e-4
     )
-    np.testing.assert_allclose(result.slack[:, 0], np.cumsum(result.shortening), rtol=1e-4)
+    np.testing.assert_allclose(
+        result.slack[:, 0], np.cumsum(result.shortening), rtol=1e-4
+    )
     assert np.all(
         np.linalg.norm(result.bends, axis=-1)
         < np.linalg.norm(rest(equilibrium()).bends, axis=-1)
