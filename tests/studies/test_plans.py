@@ -67,7 +67,7 @@ def test_most_plans_are_optimal_and_few_with_one_iteration_are():
         (LeastSquares(1), NO_FALLBACK),
     ):
         options = replace(BEST, solver=solver, guides=(Pull(),), fallback=fallback)
-        comparisons = compare_with_long_search(TWIN, MODEL, options, 16)
+        comparisons = compare_with_long_search(TWIN, MODEL, options, 8)
         assert all(
             np.isfinite(comparisons[when].cost).all()
             for when in ("one step", "settled")

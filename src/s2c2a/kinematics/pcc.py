@@ -2,11 +2,11 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_module
+from s2c2a.kinematics.bends import Numbers
 
 
 class PCC(eqx.Module):
@@ -60,7 +60,7 @@ class PCC(eqx.Module):
         )
 
     def bends(
-        self, actions: Float[Array | np.ndarray, "*batch modules cables"]
+        self, actions: Float[Numbers, "*batch modules cables"]
     ) -> Float[Array, "*batch modules 2"]:
         """Return the bends [rad] that actions [m or N] hold.
 
@@ -69,7 +69,7 @@ class PCC(eqx.Module):
         return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
 
     def actions(
-        self, bends: Float[Array, "*batch modules 2"]
+        self, bends: Float[Numbers, "*batch modules 2"]
     ) -> Float[Array, "*batch modules cables"]:
         """Return the actions [m or N] that hold bends [rad], within the limits."""
         actions = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
