@@ -141,7 +141,12 @@ class FallbackSearch(Component):
     seed: int = 0
 
     def improve(
-        self, guided: Problem, goal: Goal, planned: Bends, search: Search
+        self,
+        guided: Problem,
+        goal: Goal,
+        planned: Bends,
+        search: Search,
+        is_disturbed: Flag,
     ) -> tuple[Bends, Search]:
         """The solver's plan or a better one, as bends [rad], and the new memory.
 
@@ -150,6 +155,9 @@ class FallbackSearch(Component):
             goal: the goal before the guides changed it.
             planned: the solver's plan within its limits, as bends [rad].
             search: memory of the last step.
+            is_disturbed: whether a payload or bend biases act on the arm. Then there is
+                no search: what they do to another shape is uncertain, and a plan that
+                changes between two shapes makes the arm vibrate.
         """
         last = guided.situation.last
         state = search.state
@@ -169,7 +177,7 @@ class FallbackSearch(Component):
         after = jax.tree.map(partial(jnp.where, keep), before, after)
         progress = self._progress(guided, planned, before, after, state)
 
-        searching = progress.stuck & ~approaching & (state.wait <= 0)
+        searching = progress.stuck & ~approaching & (state.wait <= 0) & ~is_disturbed
         near, far = jax.lax.cond(
             searching | approaching,
             partial(self._search, guided, unguided, planned, search, searching),

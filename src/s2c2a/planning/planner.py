@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from pydantic import BeforeValidator, ConfigDict, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -42,6 +42,7 @@ from s2c2a.planning.terms import (
     Numbers,
     Situation,
     Term,
+    largest_bend,
 )
 
 AXES_WEIGHT = 0.5
@@ -50,6 +51,7 @@ AXES_WEIGHT = 0.5
 Where an arm cannot reach position and axis, as one that is shorter than its arm file
 states, its ends stay near their positions.
 """
+DISTURBED = np.deg2rad(1.5)  # rad; smaller effects of payload and biases are ignored
 START_ITERATIONS = 3
 """Between a known payload and the shape under it, at the start."""
 WORKSPACE_SHARE = 0.46 / 0.6
@@ -269,6 +271,7 @@ class Step(NamedTuple):
                 goal,
                 bends_from_configurations(planned),
                 search,
+                _is_disturbed(disturbances),
             )
             improved = problem.within_limits(configurations_from_bends(bends))
             planned = jnp.where(search.state.is_replaced, improved, planned)
@@ -370,6 +373,16 @@ class Planner:
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
+
+
+def _is_disturbed(disturbances: Disturbances | None) -> Bool[Array, ""]:
+    """Whether a payload or bend biases bend the arm noticeably."""
+    if disturbances is None:
+        return jnp.asarray(False)
+    bends = disturbances.bend_biases
+    if disturbances.moments is not None:
+        bends = bends + disturbances.moments
+    return largest_bend(bends) > DISTURBED
 
 
 def _single(values: Numbers) -> Numbers:

@@ -1,13 +1,16 @@
 """How much of its feedback a controller may use, after vibrations.
 
-The share falls to zero within a second of a vibration and returns slowly once the arm
-is calm; after the second vibration it returns to less, and so on. Without feedback, commands
-follow from the goal alone, so they cannot feed a vibration.
+The share falls to a half within a second of a vibration, and to zero if the vibration
+goes on. It returns slowly once the arm is calm; after the second vibration it returns
+to less, and so on. Without feedback, commands follow from the goal alone, so they cannot
+feed a vibration.
 """
 
 from dataclasses import dataclass, replace
 
-FADE_TIME = 0.8  # s
+FADE_TIME = 1.6  # s from all to none
+HALF_TIME = 2.0  # s of vibration with half of the feedback; then it falls to none
+HALF = 0.5
 CALM_TIME = 3.0  # s without vibration before the feedback returns
 RETURN_TIME = 6.0  # s from none to all
 REDUCTION = 0.5  # of the largest share, with each vibration after the first
@@ -25,6 +28,7 @@ class Feedback:
         ceiling: to which the share returns.
         vibrating: whether the arm vibrates, or did until `CALM_TIME` ago.
         calm_for: time since the last vibration [s].
+        half_for: time of vibration with half of the feedback [s].
         without_for: time of vibration without any feedback [s].
         hold_for: time for which the command is still held [s].
         count: number of vibrations so far.
@@ -34,6 +38,7 @@ class Feedback:
     ceiling: float = 1.0
     vibrating: bool = False
     calm_for: float = 0.0
+    half_for: float = 0.0
     without_for: float = 0.0
     hold_for: float = 0.0
     count: int = 0
@@ -54,8 +59,11 @@ class Feedback:
         began = vibrates and not self.vibrating
         vibrating = vibrates or (self.vibrating and calm_for < CALM_TIME)
         ceiling = self._reduced_ceiling() if began else self.ceiling
+        half_for = 0.0
         if vibrating:
-            share = max(self.share - period / FADE_TIME, 0.0)
+            half_for = self.half_for + period * (vibrates and self.share <= HALF)
+            least = 0.0 if half_for > HALF_TIME else min(HALF, self.share)
+            share = max(self.share - period / FADE_TIME, least)
         else:
             share = min(self.share + ceiling * period / RETURN_TIME, ceiling)
         is_open_loop = vibrates and self.share <= 0.0
@@ -69,6 +77,7 @@ class Feedback:
             ceiling=ceiling,
             vibrating=vibrating,
             calm_for=calm_for,
+            half_for=half_for,
             without_for=without_for,
             hold_for=hold_for,
             count=self.count + began,

@@ -2,7 +2,7 @@
 
 Half-waves of every signal are evaluated as in T. Hägglund, "A control-loop performance
 monitor", Control Engineering Practice 3 (1995): a signal oscillates where significant
-half-waves follow each other without a pause. The monitor needs no model and no
+half-waves follow each other without a pause or decay. The monitor needs no model and no
 estimate. It watches the commands and, as bends, what encoders and bend sensors
 measure, at any control rate: from the slowest mode of a soft arm to a command that
 reverses in every step.
@@ -19,10 +19,13 @@ from s2c2a.spaces import Actions, Reading
 
 MIN_FREQUENCY = 0.3  # Hz; slower motion is no vibration
 TREND_TIME = 0.6  # s; time constant of the trend that is subtracted
-MIN_AMPLITUDE = np.deg2rad(0.6)  # rad of bend, of a significant half-wave
+MIN_AMPLITUDE = np.deg2rad(0.3)  # rad of bend, of a significant half-wave
+MIN_SPEED = np.deg2rad(1.5)  # rad/s; its amplitude over its duration
+DECAY = 0.6  # of the largest half-wave in the row; a smaller one shows that it decays
 GOAL_SHARE = 1.5  # times the goal's own amplitude is not significant
 MIN_HALF_WAVES = 4  # in a row
-MIN_DURATION = 1.2  # s of significant half-waves in a row
+MIN_DURATION = 1.2  # s of significant half-waves in a row, of commands
+MIN_SENSED_DURATION = 6.0  # s; an arm that was moved rings and comes to rest by itself
 AMPLITUDE_TIME = 1.0  # s; time constant by which stated amplitudes decay
 
 Channels = Float[np.ndarray, " channels"]
@@ -73,6 +76,7 @@ class HalfWaves:
         self._duration = np.zeros(channels)
         self._count = np.zeros(channels, int)
         self._sustained = np.zeros(channels)
+        self._largest = np.zeros(channels)
         self.amplitudes = np.zeros(channels)
 
     def update(self, values: Channels, threshold: float) -> None:
@@ -96,10 +100,14 @@ class HalfWaves:
         self._peak = np.where(crossed, size, np.maximum(self._peak, size))
         self._duration = np.where(crossed, 0.0, self._duration) + self._period
 
-    def oscillates(self) -> np.ndarray:
-        """Whether each signal oscillates, shape (channels,)."""
+    def oscillates(self, min_duration: float) -> np.ndarray:
+        """Whether each signal oscillates, shape (channels,).
+
+        Args:
+            min_duration: of significant half-waves in a row [s].
+        """
         is_short = self._duration <= 0.5 / MIN_FREQUENCY
-        is_sustained = self._sustained >= MIN_DURATION
+        is_sustained = self._sustained >= min_duration
         return (self._count >= MIN_HALF_WAVES) & is_sustained & is_short
 
     def frequencies(self) -> Channels:
@@ -107,12 +115,21 @@ class HalfWaves:
         return 0.5 * self._count / np.maximum(self._sustained, self._period)
 
     def _end_half_waves(self, ended: np.ndarray, threshold: float) -> None:
-        """Count the half-waves that ended; an insignificant one ends the row."""
-        is_short = self._duration <= 0.5 / MIN_FREQUENCY
-        significant = (self._peak >= threshold) & is_short
-        self._count = np.where(ended, (self._count + 1) * significant, self._count)
-        total = (self._sustained + self._duration) * significant
-        self._sustained = np.where(ended, total, self._sustained)
+        """Count the half-waves that ended.
+
+        An insignificant one ends the row; one that decays begins a new row.
+        """
+        duration = np.maximum(self._duration, self._period)
+        is_short = duration <= 0.5 / MIN_FREQUENCY
+        is_fast = self._peak >= MIN_SPEED * duration
+        significant = (self._peak >= threshold) & is_short & is_fast
+        continues = significant & (self._peak >= DECAY * self._largest)
+        count = continues * self._count + significant
+        sustained = continues * self._sustained + significant * duration
+        largest = np.maximum(continues * self._largest, significant * self._peak)
+        self._count = np.where(ended, count, self._count)
+        self._sustained = np.where(ended, sustained, self._sustained)
+        self._largest = np.where(ended, largest, self._largest)
 
 
 class OscillationMonitor:
@@ -147,24 +164,15 @@ class OscillationMonitor:
         asked = GOAL_SHARE * float(self._goal.amplitudes.max())
         threshold = max(MIN_AMPLITUDE, asked)
         self._commands.update(self._command_bends(command), threshold)
-        found = self._vibration("commands", self._commands)
+        found = _vibration("commands", self._commands, MIN_DURATION)
         for name, bends in self._sensed_bends(reading).items():
             waves = self._sensed.get(name)
             if waves is None:
                 waves = HalfWaves(bends.size, self._arm.control_period)
                 self._sensed[name] = waves
             waves.update(bends, threshold)
-            found = found or self._vibration(name, waves)
+            found = found or _vibration(name, waves, MIN_SENSED_DURATION)
         return found
-
-    def _vibration(self, name: str, waves: HalfWaves) -> Vibration | None:
-        oscillates = waves.oscillates()
-        if not oscillates.any():
-            return None
-        channel = int(np.argmax(np.where(oscillates, waves.amplitudes, -1.0)))
-        amplitude = float(waves.amplitudes[channel])
-        frequency = float(waves.frequencies()[channel])
-        return Vibration(name, channel // 2, amplitude, frequency)
 
     def _command_bends(self, command: Actions) -> Channels:
         """Bends that a command asks for [rad], one module after another."""
@@ -191,6 +199,17 @@ class OscillationMonitor:
         """The goal's positions over the arm's length, and its axes; 1 is a radian."""
         positions = goal.desired_positions() / self._arm.length
         return np.concatenate([positions.reshape(-1), goal.desired_axes().reshape(-1)])
+
+
+def _vibration(name: str, waves: HalfWaves, min_duration: float) -> Vibration | None:
+    """The largest vibration of a group of signals, if any."""
+    oscillates = waves.oscillates(min_duration)
+    if not oscillates.any():
+        return None
+    channel = int(np.argmax(np.where(oscillates, waves.amplitudes, -1.0)))
+    amplitude = float(waves.amplitudes[channel])
+    frequency = float(waves.frequencies()[channel])
+    return Vibration(name, channel // 2, amplitude, frequency)
 
 
 def _array(reading: Reading, name: str, shape: tuple[int, ...]) -> np.ndarray | None:

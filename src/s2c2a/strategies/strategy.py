@@ -14,7 +14,7 @@ from s2c2a.estimation import Estimate, StateEstimator
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.spaces import Actions, Reading
 
-SLOW_TIME = 3.0  # s; by which disturbances follow their estimates without feedback
+SLOW_TIME = 10.0  # s; by which disturbances follow their estimates without feedback
 
 
 class Strategy:
@@ -28,9 +28,9 @@ class Strategy:
         arm: that it drives.
         sensors: names of the sensors that every reading must hold.
         feedback: share of the feedback that the strategy uses, from 0 to 1; the control
-            loop lowers it when the arm vibrates. Without feedback, the planned
-            configuration replaces the estimated one, and payload and bend biases follow
-            their estimates slowly.
+            loop lowers it when the arm vibrates. Down to a half, payload and bend
+            biases follow their estimates more slowly. Below, the planned configuration
+            replaces the estimated one; a strategy without disturbances begins there.
     """
 
     feedback: float = 1.0
@@ -160,15 +160,18 @@ class Strategy:
         if self.feedback >= 1.0:
             self._slow_disturbances = estimate.disturbances
             return estimate
-        share = self.feedback
         planned = self._check_started().configurations
-        configuration = _between(share, planned, estimate.configuration)
         slow = self._slow_disturbances
         if slow is None:
+            share = max(2.0 * self.feedback - 1.0, 0.0)
+            configuration = _between(share, planned, estimate.configuration)
             return estimate._replace(configuration=configuration)
+        share = min(2.0 * self.feedback, 1.0)
+        configuration = _between(share, planned, estimate.configuration)
         follow = min(self.arm.control_period / SLOW_TIME, 1.0)
         slow = jax.tree.map(partial(_between, follow), slow, estimate.disturbances)
         self._slow_disturbances = slow
+        share = max(2.0 * self.feedback - 1.0, 0.0)
         used = jax.tree.map(partial(_between, share), slow, estimate.disturbances)
         return estimate._replace(configuration=configuration, disturbances=used)
 
