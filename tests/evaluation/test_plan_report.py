@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import describe_plans
+from s2c2a.evaluation import describe_plans, describe_vibrations
 
 TWIN = load_arm("twin_arm")
 
@@ -54,4 +54,14 @@ def test_plans_that_the_step_limit_holds_back_are_counted():
     assert describe_plans(episode) == (
         "the step limit of 4 deg held the plan back (a slower --pace avoids that) "
         "in 1 of 4 steps"
+    )
+
+
+def test_vibrations_are_described_with_the_steps_of_reduced_feedback():
+    episode = make_episode(feedback=np.array([1.0, 0.5, 0.5, 1.0]))
+    assert describe_vibrations(episode) == ""
+    episode.options["vibrations"] = ["1.0 s: commands vibrate"]
+    assert describe_vibrations(episode) == (
+        "the arm vibrated 1 times, first at 1.0 s: commands vibrate; "
+        "the feedback was reduced in 2 of 4 steps"
     )

@@ -138,6 +138,22 @@ def test_nothing_compiles_after_a_strategy_is_built(
     assert compilations()[before:] == []
 
 
+def test_reduced_feedback_compiles_nothing_and_changes_the_command(
+    either, twin, compilations
+):
+    goals = [Goal.of(3).with_position([0.15, 0.0, 0.55])] * 10
+    live(either, twin, goals)
+    before = len(compilations())
+    commands = {}
+    for share in (1.0, 0.6, 0.0):
+        either.feedback = share
+        commands[share] = np.asarray(live(either, twin, goals))
+    either.feedback = 1.0
+    assert compilations()[before:] == []
+    assert np.isfinite(commands[0.0]).all()
+    assert np.abs(commands[0.0] - commands[1.0]).max() > 0.0
+
+
 def test_the_count_of_compilations_does_count(compilations):
     before = len(compilations())
     jax.jit(lambda value: 3 * value + 1)(np.float32(2))

@@ -205,8 +205,13 @@ def _report(
     rows = jobs.score_rows("run", runs)
     save_results(directory, rows, runs)
     print_results(title, rows, draw_runs(directory, runs, video), directory)
+    describe_all = (
+        evaluation.describe_plans,
+        evaluation.describe_estimates,
+        evaluation.describe_vibrations,
+    )
     for run in runs:
-        for describe in (evaluation.describe_plans, evaluation.describe_estimates):
+        for describe in describe_all:
             if text := describe(run.episode):
                 print(f"{run.strategy}, seed {run.seed}: {text}")
     length = runs[0].job.arm.length

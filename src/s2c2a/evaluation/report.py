@@ -111,6 +111,18 @@ def describe_plans(episode: Episode) -> str:
     return ", ".join(sentences)
 
 
+def describe_vibrations(episode: Episode) -> str:
+    """Describe the vibrations that the control loop found; empty if there was none."""
+    vibrations = episode.options.get("vibrations", ())
+    if not vibrations:
+        return ""
+    reduced = int((episode.ran("feedback") < 1.0).sum())
+    return (
+        f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}; "
+        f"the feedback was reduced in {reduced} of {len(episode.running)} steps"
+    )
+
+
 def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
     """Steps whose plan moved by the whole step limit and still missed its target."""
     required = {"planned", "predicted", "desired_positions"}

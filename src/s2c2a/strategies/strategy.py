@@ -1,9 +1,8 @@
 """A strategy: estimate, plan, act (Chen et al. 2025, fig. 1C)."""
 
-from functools import partial
 from typing import Any
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 
 from s2c2a.arm import ArmSpec
@@ -11,6 +10,7 @@ from s2c2a.compilation import compiled
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.planning import Goal, Plan, Planner
 from s2c2a.spaces import Actions, Reading
 
@@ -62,6 +62,7 @@ class Strategy:
         self._sent = compiled(type(controller).sent, controller)
         self._plan: Plan | None = None
         self._estimate: Estimate
+        self._slow_disturbances: Disturbances | None = None
         self._memory: Any
         self._command: Actions
         self._warm_up()
@@ -157,22 +158,22 @@ class Strategy:
 
     def _with_feedback(self, estimate: Estimate) -> Estimate:
         """The estimate as planner and controller may use it."""
+        latest = estimate.disturbances
+        if self.feedback >= 1.0 or self._slow_disturbances is None:
+            self._slow_disturbances = latest
         if self.feedback >= 1.0:
-            self._slow_disturbances = estimate.disturbances
             return estimate
         planned = self._check_started().configurations
+        fast_share = max(2.0 * self.feedback - 1.0, 0.0)
         slow = self._slow_disturbances
-        if slow is None:
-            share = max(2.0 * self.feedback - 1.0, 0.0)
-            configuration = _between(share, planned, estimate.configuration)
+        if latest is None or slow is None:
+            configuration = _between(fast_share, planned, estimate.configuration)
             return estimate._replace(configuration=configuration)
         share = min(2.0 * self.feedback, 1.0)
         configuration = _between(share, planned, estimate.configuration)
         follow = min(self.arm.control_period / SLOW_TIME, 1.0)
-        slow = jax.tree.map(partial(_between, follow), slow, estimate.disturbances)
-        self._slow_disturbances = slow
-        share = max(2.0 * self.feedback - 1.0, 0.0)
-        used = jax.tree.map(partial(_between, share), slow, estimate.disturbances)
+        self._slow_disturbances = _disturbances_between(follow, slow, latest)
+        used = _disturbances_between(fast_share, self._slow_disturbances, latest)
         return estimate._replace(configuration=configuration, disturbances=used)
 
     def _begin(self, estimate: Estimate) -> None:
@@ -202,6 +203,10 @@ class Strategy:
             estimate = Estimate.of(straight)
             self._begin(estimate)
         self.act(self.plan(estimate, Goal.of(modules)), estimate)
+        self.feedback = 0.75
+        estimate = self._with_feedback(estimate)
+        self.act(self.plan(estimate, Goal.of(modules)), estimate)
+        self.feedback = 1.0
         self.sent(cables)
         self.diagnostics()
         self._plan = None
@@ -209,8 +214,17 @@ class Strategy:
 
 def _between(share: float, first: Any, second: Any) -> np.ndarray:
     """The array at a share of the way between two."""
-    first = np.asarray(first)
-    return first + np.float32(share) * (np.asarray(second) - first)
+    first = np.asarray(first, np.float32)
+    return first + np.float32(share) * (np.asarray(second, np.float32) - first)
+
+
+def _disturbances_between(
+    share: float, first: Disturbances, second: Disturbances
+) -> Disturbances:
+    """Payload and biases between two estimates; moments are those of the present shape."""
+    payload = jnp.asarray(_between(share, first.payload, second.payload))
+    biases = jnp.asarray(_between(share, first.bend_biases, second.bend_biases))
+    return second.with_payload(payload)._replace(bend_biases=biases)
 
 
 def _checked(estimate: Estimate) -> Estimate:

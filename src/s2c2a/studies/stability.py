@@ -84,7 +84,7 @@ def stability_rows(study: StabilityStudy, make: jobs.Make) -> list[Row]:
     rows = []
     labels = [f"{case.sensors}, {1000 * case.payload:g} g" for case in cases]
     for number, runs in enumerate(jobs.in_groups(make, groups)):
-        rows += _rows(runs, labels[number // 2])
+        rows += rows_of(runs, labels[number // 2])
     return rows
 
 
@@ -107,7 +107,8 @@ def _jobs(study: StabilityStudy, case: Case, task: Task, events: str) -> list[jo
     return jobs.jobs_for([task], arm, ["s2c2a"], study.seeds, recipe, conditions)
 
 
-def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
+def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
+    """Error, vibrations, and motion of the tip in the runs of one case."""
     heading = jobs.Heading.of(EXPERIMENT, runs)
     task = runs[0].task
     errors = [mean_error(run, last_quarter(run)) for run in runs]
