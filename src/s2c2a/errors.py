@@ -32,6 +32,10 @@ class TargetError(S2C2AError):
     """A target or an obstacle is not finite, or has the wrong shape."""
 
 
+class RobotError(S2C2AError):
+    """A robot's method failed or returned nonsense; the message names both."""
+
+
 class ReadingError(S2C2AError):
     """A sensor reading is incomplete or implausible."""
 

@@ -16,7 +16,7 @@ from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
 from s2c2a.episodes import EpisodeWriter
 from s2c2a.episodes import file as episode_file
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, RobotError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Sensor
 
@@ -253,7 +253,7 @@ def torn():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads):
-    with pytest.raises(OSError, match="cable torn"):
+    with pytest.raises(RobotError, match="cable torn"):
         gather(robot=torn, threads=threads)
     assert len(torn.opened) >= 2
     assert set(torn.closed) == set(torn.opened)
@@ -261,7 +261,7 @@ def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads)
 
 def test_after_a_failure_a_single_arm_is_not_opened_again(gather, torn):
     """One thread is a real arm: it must not continue with a torn cable."""
-    with pytest.raises(OSError, match="cable torn"):
+    with pytest.raises(RobotError, match="cable torn"):
         gather(robot=torn, threads=1)
     assert len(torn.opened) == 2
 

@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
 from s2c2a.spaces import Reading, Stage
@@ -258,7 +258,7 @@ def test_after_any_error_a_real_arm_moves_to_rest_within_limits_and_is_closed(
         lambda number: fault(next(calls)),
     )
     with (
-        pytest.raises((OSError, KeyboardInterrupt)),
+        pytest.raises((RobotError, OSError, KeyboardInterrupt)),
         Loop(puppet, actor, clock) as loop,
     ):
         run_steps(loop, 20)
@@ -296,8 +296,7 @@ def test_an_error_outside_the_loop_moves_the_arm_to_rest_too(puppet, actor, cloc
 
 def test_the_path_to_rest_after_a_long_wait_is_paced(puppet, actor, clock):
     with Loop(puppet, actor, clock) as loop:
-        for _ in range(8):
-            loop.tick(StepRequest())
+        run_steps(loop, 8)
         clock.let_pass(60.0)
     assert at_rest(puppet)
     np.testing.assert_allclose(np.diff(puppet.moments[8:]), 0.1)
@@ -309,7 +308,10 @@ def test_a_robot_that_fails_for_good_is_closed(puppet, actor, clock):
             raise OSError("cable torn")
 
     puppet.before_send = disconnect
-    with pytest.raises(OSError, match="cable torn"), Loop(puppet, actor, clock) as loop:
+    with (
+        pytest.raises(RobotError, match="cable torn"),
+        Loop(puppet, actor, clock) as loop,
+    ):
         run_steps(loop, 20)
     assert puppet.notes == ["open", "close"]
 
@@ -331,7 +333,7 @@ def test_after_an_error_every_tick_repeats_it_until_the_arm_is_opened_again(
     loop, puppet
 ):
     puppet.before_send = fail
-    with pytest.raises(OSError, match="cable torn"):
+    with pytest.raises(RobotError, match="cable torn"):
         run_steps(loop, 20)
     assert loop.phase.stage is FAULT
     puppet.before_send = lambda number: None
@@ -395,3 +397,70 @@ def test_an_arm_with_old_readings_is_held(puppet, actor, clock):
     puppet.read = lambda: old
     assert [loop.tick(StepRequest()).stage for _ in range(4)] == [RUN, HOLD, HOLD, HOLD]
     assert "no newer" in loop.fault
+
+
+@pytest.mark.parametrize("method", ["read", "send"])
+def test_an_error_names_robot_method_and_step(puppet, actor, clock, method):
+    def fail(number):
+        if number == 3:
+            raise OSError("cable torn")
+
+    setattr(puppet, f"before_{method}", fail)
+    expected = rf"Puppet\.{method} failed in step \d: OSError: cable torn"
+    with pytest.raises(RobotError, match=expected), Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 5)
+    assert puppet.notes[-1] == "close"
+
+
+@pytest.mark.parametrize("answer", [None, "nonsense", np.full((3, 3), np.nan), 1.0])
+def test_an_answer_that_is_no_action_stops_the_arm(puppet, actor, clock, answer):
+    send = puppet.send
+    puppet.send = lambda action: send(action) if len(puppet.sent) < 3 else answer
+    expected = r"Puppet\.send failed in step 3: it returned"
+    with pytest.raises(RobotError, match=expected), Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 5)
+
+
+def test_a_reading_that_is_none_stops_the_arm_and_it_is_led_to_rest(
+    puppet, actor, clock
+):
+    read = puppet.read
+    puppet.read = lambda: read() if puppet.reads < 4 else None
+    expected = r"Puppet\.read failed in step \d: it returned None, not a Reading"
+    with pytest.raises(RobotError, match=expected), Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 9)
+    np.testing.assert_allclose(puppet.sent[-1], puppet.geometry.action_neutral)
+
+
+def test_a_simulated_robot_that_fails_is_led_to_rest_too(puppet, actor, clock):
+    puppet.own_time = True
+    puppet.advance = lambda seconds: clock.let_pass(seconds)
+
+    def fail(number):
+        if number == 4:
+            raise OSError("no answer")
+
+    puppet.before_read = fail
+    with pytest.raises(RobotError), Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 9)
+    np.testing.assert_allclose(puppet.sent[-1], puppet.geometry.action_neutral)
+
+
+@pytest.mark.parametrize("method", ["read", "send"])
+@pytest.mark.parametrize("seconds", [0.3, 10.0])
+def test_a_robot_that_blocks_is_reported_and_held(
+    puppet, actor, clock, method, seconds
+):
+    def block(number):
+        if number == 4:
+            clock.let_pass(seconds)
+
+    setattr(puppet, f"before_{method}", block)
+    with Loop(puppet, actor, clock) as loop:
+        steps = [loop.tick(StepRequest()) for _ in range(9)]
+        assert loop.blocked_steps == 1
+    faults = [step.fault for step in steps if step.fault]
+    assert faults[0] == f"Puppet.{method} blocked for {seconds:.1f} s"
+    held = [step.stage for step in steps if step.fault.startswith("Puppet")]
+    assert held == [HOLD]
+    assert steps[-1].stage is RUN

@@ -16,7 +16,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
@@ -36,6 +36,7 @@ from s2c2a.runtime.stages import (
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Stage
 
 LATE = 0.1  # of a control period; a step with a longer delay counts as late
+BLOCKED_PERIODS = 2.5  # control periods; a robot that takes longer to answer blocks
 
 
 class Driver(Protocol):
@@ -101,6 +102,7 @@ class Loop:
         phase: stage of the arm and its counters.
         fault: why the arm is stopped, or what is wrong with the latest reading.
         late_steps: number of steps that began late.
+        blocked_steps: number of calls in which the robot took too long to answer.
         feedback: share of the feedback in use, and how often the arm vibrated.
     """
 
@@ -145,6 +147,7 @@ class Loop:
         self._opened_at = 0.0
         self._step_count = 0
         self._tick_time = 0.0
+        self._blocked: str = ""
         self.late_steps = 0
         self.phase = Phase()
         self._monitor = OscillationMonitor(self.arm)
@@ -209,8 +212,9 @@ class Loop:
             raise S2C2AError(self.fault)
         moment, delay = self._wait()
         with self._stop_on_error():
-            reading = self._faults(self._robot.read())
-            fault = self._check_reading(reading, moment)
+            reading = self._faults(self._read())
+            fault = self._blocked or self._check_reading(reading, moment)
+            self._blocked = ""
             previous_stage = self._update_stage(request, fault)
             if self._is_passive(fault):
                 sent = self._passive_step()
@@ -255,7 +259,7 @@ class Loop:
         with _ignored_interrupts():
             try:
                 with suppress(Exception):  # a robot that fails now is closed, too
-                    while not (self._robot.own_time or self._limiter.at_rest):
+                    while self._is_led_to_rest() and not self._limiter.at_rest:
                         self._wait()
                         self._send(self._limiter.limit(self._limiter.towards_rest()))
             finally:
@@ -272,12 +276,18 @@ class Loop:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
+    def _is_led_to_rest(self) -> bool:
+        """Whether the robot moves to rest at the end; simulations only after errors."""
+        return self._stopped or not self._robot.own_time
+
     def _reset(self) -> None:
         self._check.reset()
         self._monitor.reset()
         self.feedback = Feedback()
         self.vibration = ""
         self._limiter = CommandLimiter(self._limits)
+        self._blocked = ""
+        self.blocked_steps = 0
         self.phase = Phase()
         self.fault = ""
         self._stopped = False
@@ -371,11 +381,49 @@ class Loop:
         """Whether the controller does not act in this step."""
         return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
 
+    def _read(self) -> Reading:
+        reading = self._call("read")
+        if not isinstance(reading, Reading):
+            raise self._robot_error("read", f"it returned {reading!r}, not a Reading")
+        return reading
+
     def _send(self, command: Actions) -> Actions:
         """Send a command; return what the robot sent [m or N] after one period."""
-        sent = np.asarray(self._robot.send(command), dtype=float)
+        answer = self._call("send", command)
+        try:
+            sent = np.asarray(answer, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise self._robot_error("send", f"it returned {answer!r}") from error
+        if sent.shape != command.shape or not np.isfinite(sent).all():
+            text = f"it returned {answer!r}, not the action that it sent"
+            raise self._robot_error("send", text)
         self._robot.advance(self.arm.control_period)
         return sent
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        """Call a method of the robot; a call that blocks is a fault of the next step.
+
+        Raises:
+            RobotError: the method raised an error that is none of this package.
+        """
+        began = self._clock.now()
+        try:
+            answer = getattr(self._robot, method)(*arguments)
+        except S2C2AError:
+            raise
+        except Exception as error:
+            text = f"{type(error).__name__}: {error}"
+            raise self._robot_error(method, text) from error
+        elapsed = self._clock.now() - began
+        if elapsed > BLOCKED_PERIODS * self.arm.control_period:
+            self.blocked_steps += 1
+            name = type(self._robot).__name__
+            self._blocked = f"{name}.{method} blocked for {elapsed:.1f} s"
+        return answer
+
+    def _robot_error(self, method: str, text: str) -> RobotError:
+        name = type(self._robot).__name__
+        return RobotError(f"{name}.{method} failed in step {self._step_count}: {text}")
 
 
 @contextmanager
