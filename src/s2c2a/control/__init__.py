@@ -1,4 +1,4 @@
-"""C2A: from the desired configuration to the next action. Knows nothing of states."""
+"""Controllers (C2A): from the desired configuration to the next action."""
 
 from s2c2a.control.controllers import (
     Controller,

@@ -20,7 +20,10 @@ Memory = Any  # a pytree of arrays
 
 
 class Controller(eqx.Module):
-    """Maps desired and sensed configurations to an action; its state is explicit."""
+    """Maps desired and sensed configurations to an action.
+
+    A controller has no state of its own; the caller passes its memory.
+    """
 
     @abstractmethod
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
@@ -36,9 +39,9 @@ class Controller(eqx.Module):
         """The next action.
 
         Args:
-            desired: configurations, shape (modules, 3), module frames.
-            sensed: configurations, shape (modules, 3), module frames.
-            memory: after the last action.
+            desired: desired configurations, shape (modules, 3), module frames.
+            sensed: sensed configurations, shape (modules, 3), module frames.
+            memory: memory after the last action.
 
         Returns:
             The action [m or N], shape (modules, cables), and the next memory.
@@ -46,7 +49,12 @@ class Controller(eqx.Module):
 
     @abstractmethod
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
-        """Memory after a limit replaced the last action by this one [m or N]."""
+        """Memory after a limit changed the last action.
+
+        Args:
+            action: action that was sent instead [m or N], shape (modules, cables).
+            memory: memory after the last action.
+        """
 
 
 class InversePCC(Controller):
@@ -61,7 +69,7 @@ class InversePCC(Controller):
     gains: Float[Array, " modules"]
 
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        """There is no memory."""
+        """See `Controller`: the memory is empty."""
         return ()
 
     def act(
@@ -75,7 +83,7 @@ class InversePCC(Controller):
         return self.pcc.actions(bends), memory
 
     def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
-        """There is no memory."""
+        """See `Controller`: the memory is empty."""
         return memory
 
 
@@ -88,7 +96,7 @@ class NetworkController(Controller):
     network: C2A
 
     def start(self, sensed: Float[Array, "modules 3"]) -> History:
-        """The history of an arm at rest."""
+        """See `Controller`: the history of an arm at rest."""
         modules, cables = self.network.sum_and_range.neutral.shape
         sensed_before = jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1)
         return History(sensed_before, jnp.zeros((modules, ACTION_HISTORY, cables)))
@@ -106,7 +114,7 @@ class NetworkController(Controller):
         return self.network.sum_and_range.actions(action), next_history
 
     def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
-        """The history with the action that was sent."""
+        """See `Controller`: the history with the action that was sent."""
         normalized = self.network.sum_and_range.normalized(action)
         return memory._replace(actions=memory.actions.at[:, 0].set(normalized))
 
@@ -139,7 +147,7 @@ class CorrectedController(Controller):
     largest: float = 0.1
 
     def start(self, sensed: Float[Array, "modules 3"]) -> CorrectedMemory:
-        """The integral is zero."""
+        """See `Controller`: the integral is zero."""
         bends = bends_from_configurations(sensed)
         return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
 

@@ -17,13 +17,14 @@ from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet
 
 @dataclass(frozen=True)
 class ControllerOptions(ABC):
-    """The numbers of a learned controller, and how to train and build it.
+    """Options of a learned controller; they build and train it.
 
-    A recipe names the class: `[c2a]`, `model = "my_controller.py:MyOptions"`, and a line
-    for each number (docs/extending.md).
+    A recipe names the class and sets its fields: `[c2a]`,
+    `model = "my_controller.py:MyOptions"`, and one line for each field
+    (docs/extending.md).
 
     Attributes:
-        model: the name by which recipes find this class.
+        model: name of this class in recipes.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -34,7 +35,8 @@ class ControllerOptions(ABC):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> Any:
         """The network before training, a pytree.
 
-        Files are read into it: options and arm alone decide the shapes of its arrays.
+        Weights are loaded from files into it: options and arm alone determine the
+        shapes of its arrays.
         """
 
     @abstractmethod
@@ -51,12 +53,13 @@ class ControllerOptions(ABC):
         Args:
             data: recorded configurations and actions.
             history_noise: standard deviation of noise on past actions, normalized.
-            fit: training options.
-            key: of everything random.
-            progress: called with epoch, number of epochs, validation loss.
+            fit: options of the training.
+            key: random key.
+            progress: callback with the epoch, the largest number of epochs, and the
+                validation loss.
 
         Raises:
-            TrainingError: too few samples, or the loss is not finite.
+            TrainingError: there are too few samples, or the loss is not finite.
         """
 
     @abstractmethod
@@ -67,10 +70,11 @@ class ControllerOptions(ABC):
         """A trained network for another arm of the same make.
 
         Raises:
-            StrategyError: unless a subclass knows how.
+            StrategyError: this kind of controller does not transfer.
         """
         raise StrategyError(
-            f"controller '{self.model}' does not transfer to '{arm.name}'; train it anew"
+            f"controller '{self.model}' does not transfer to '{arm.name}'; train it "
+            "anew"
         )
 
 
@@ -79,8 +83,8 @@ class BiLSTMController(ControllerOptions):
     """The paper's C2A: a biLSTM along the modules (Chen et al. 2025, eq. (8)).
 
     Attributes:
-        layers: of the biLSTM.
-        hidden: width of each layer and direction.
+        layers: number of layers.
+        hidden: hidden states of each layer and direction.
     """
 
     layers: int = 2
@@ -88,7 +92,7 @@ class BiLSTMController(ControllerOptions):
     model: str = field(default="bilstm", kw_only=True)
 
     def __post_init__(self):
-        """Refuse impossible sizes."""
+        """Check the limits."""
         self._network()
 
     def _network(self) -> C2AOptions:
@@ -114,7 +118,7 @@ class BiLSTMController(ControllerOptions):
         return NetworkController(network)
 
     def for_arm(self, network: C2A, arm: ArmSpec) -> C2A:
-        """See `ControllerOptions`: the network with the arm's own scaling of actions."""
+        """See `ControllerOptions`: replaces the scaling of actions."""
         return network.for_arm(arm)
 
 

@@ -1,4 +1,4 @@
-"""Values from outside, as arrays."""
+"""Validation of measured values as arrays of numbers."""
 
 from typing import Any
 
@@ -6,11 +6,11 @@ import numpy as np
 
 
 def numbers_of_shape(values: Any, shape: tuple[int | None, ...]) -> np.ndarray | None:
-    """Values as an array of numbers; None if they are anything else.
+    """Values as an array of numbers; None if they have another shape or type.
 
     Args:
-        values: whatever a robot put into its reading.
-        shape: expected; None stands for any length but zero.
+        values: value of a sensor in a reading, of any type.
+        shape: expected shape; None stands for any length but zero.
     """
     try:
         array = np.asarray(values, float)

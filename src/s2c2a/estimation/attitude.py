@@ -11,21 +11,23 @@ from s2c2a.estimation.arrays import numbers_of_shape
 from s2c2a.runtime.readings import RepeatDetector
 from s2c2a.spaces import Reading
 
-MAX_ACCELERATION = 500.0  # m/s2; beyond any such sensor
-MAX_ANGULAR_VELOCITY = 100.0  # rad/s; the same
+MAX_ACCELERATION = 500.0  # m/s2; larger values are invalid
+MAX_ANGULAR_VELOCITY = 100.0  # rad/s; larger values are invalid
 ACCELERATION_TIME = 1.0  # s; time constant of the accelerometer correction (VQF tauAcc)
-SETTLING_TIME = 4.0  # s; of repeated first samples, until the filter has converged
+SETTLING_TIME = (
+    4.0  # s; duration of repeated first samples in which the filter converges
+)
 
 
 class Inclinometer:
-    """Direction of gravity at every module's end, by the filter VQF.
+    """Estimator of the direction of gravity at every module's end.
 
-    Laidig and Seel 2023, Information Fusion 91. The filter also estimates the gyroscope
-    biases.
+    It uses the filter VQF (Laidig and Seel 2023, Information Fusion 91), which also
+    estimates the gyroscope biases.
     """
 
     def __init__(self, arm: ArmSpec):
-        """Prepare for the inertial sensors of an arm.
+        """Build the estimator for the inertial sensors of an arm.
 
         Raises:
             S2C2AError: the package vqf is not installed.
@@ -42,7 +44,7 @@ class Inclinometer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the attitude."""
+        """Discard all attitudes and samples."""
         self._filters: list[Any] = []
         self._inclinations: Float[np.ndarray, "modules 3"] | None = None
         self._repeats = RepeatDetector()
@@ -51,8 +53,8 @@ class Inclinometer:
         """Unit vectors along gravity, each in its sensor's frame.
 
         Returns:
-            None if the reading holds no usable samples; the last result if the samples
-            are those of the last reading.
+            Shape (modules, 3). None if the reading contains no valid samples; the last
+            result if the samples are those of the last reading.
         """
         shape = (None, self._arm.module_count, 3)
         accelerations = numbers_of_shape(reading.get("accelerations"), shape)
@@ -60,7 +62,7 @@ class Inclinometer:
         if accelerations is None or velocities is None:
             return None
         if not _usable(accelerations, velocities):
-            return None  # the filter would never forget them
+            return None  # the filter would not recover from them
         if not self._repeats.is_repeated("accelerations", accelerations):
             self._inclinations = self._updated(accelerations, velocities)
         return self._inclinations
@@ -78,7 +80,7 @@ class Inclinometer:
         )
 
     def _start_filters(self, accelerations: np.ndarray) -> None:
-        """Let every filter converge on its first samples, repeated."""
+        """Start the filters, and repeat the first samples until they converge."""
         period = self._arm.control_period / len(accelerations)
         repeats = round(SETTLING_TIME / self._arm.control_period) * len(accelerations)
         for module in range(accelerations.shape[1]):
@@ -99,7 +101,7 @@ def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
 def _down(
     attitude_filter: Any, accelerations: np.ndarray, velocities: np.ndarray
 ) -> Float[np.ndarray, "3"]:
-    """Update a filter with samples; gravity's direction in the sensor's frame then."""
+    """Update a filter; returns the direction of gravity in the sensor's frame."""
     attitude_filter.updateBatch(
         np.ascontiguousarray(velocities), np.ascontiguousarray(accelerations)
     )

@@ -1,6 +1,6 @@
 """Configuration maps: from measured values to configurations, without memory.
 
-NumPy turns into JAX here.
+Readings are NumPy arrays; maps are functions of JAX arrays.
 """
 
 from abc import abstractmethod
@@ -22,25 +22,24 @@ from s2c2a.plugins import resolve
 from s2c2a.spaces import Reading
 
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
-"""How the configurations of three modules mix in each other's sensors (Chen et al. 2025,
-eq. (11))."""
+"""Coupling matrix of the sensors of three modules (Chen et al. 2025, eq. (11))."""
 
 Measured = Mapping[str, Array | np.ndarray]
 Configurations = Float[Array, "*batch modules 3"]
 
 
 class ConfigurationMap(eqx.Module):
-    """A map from measured values to configurations, at one moment or along a recording.
+    """Map from measured values to configurations, of one reading or a recording.
 
-    The arm file names it: `sensing = "encoders"`, or a class of your own such as
+    The arm file names it: `sensing = "encoders"`, or a custom class such as
     `sensing = "my_sensor.py:MyMap"`. Forward model and controller are trained on the
-    configurations that it gives.
+    resulting configurations.
     """
 
     @property
     @abstractmethod
     def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors that it needs."""
+        """Names of the required sensors."""
 
     @classmethod
     @abstractmethod
@@ -52,8 +51,8 @@ class ConfigurationMap(eqx.Module):
         """Configurations, module frames, shape (*batch, modules, 3).
 
         Args:
-            measured: sensor name -> values, of the sensor's shape after any batch; JAX
-                arrays, traced.
+            measured: sensor name -> values, with any batch axes before those of the
+                sensor; traced JAX arrays.
         """
 
     def configurations(self, reading: Reading) -> Float[np.ndarray, "*batch modules 3"]:
@@ -77,14 +76,17 @@ class ConfigurationMap(eqx.Module):
 
 
 def _measured(reading: Reading, name: str) -> np.ndarray:
-    """Values of a sensor; configurations follow from true states where they are missing."""
+    """Values of a sensor; missing configurations are computed from true states."""
     if name == "configurations" and reading.get(name) is None:
         return configurations_from_states(np.asarray(reading["states"], float))
     return reading[name]
 
 
 class EncoderMap(ConfigurationMap):
-    """Configurations from cable displacements by PCC (Chen et al. 2025, eqs. (2), (3))."""
+    """Configurations from cable displacements by PCC.
+
+    Chen et al. 2025, eqs. (2), (3).
+    """
 
     pcc: PCC
     sensors = ("cables",)
@@ -115,7 +117,7 @@ class TrueConfigurationMap(ConfigurationMap):
 
 
 class WrappedMap(ConfigurationMap):
-    """The configurations of another map, changed.
+    """Map that changes the configurations of another map.
 
     Attributes:
         inner: the other map.
@@ -130,7 +132,7 @@ class WrappedMap(ConfigurationMap):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "ConfigurationMap":
-        """Refuse: the map needs another one inside.
+        """Raise an error: the map requires an inner map.
 
         Raises:
             S2C2AError: always.
@@ -139,12 +141,13 @@ class WrappedMap(ConfigurationMap):
 
 
 class CoupledMap(WrappedMap):
-    """Configurations mixed between modules, as by sensors that pass through all of them.
+    """Linear mixture of the configurations of all modules.
 
-    The mixed vectors are shorter than one.
+    It models sensors that pass through several modules. The mixed vectors are shorter
+    than one.
 
     Attributes:
-        coupling: shares of the modules in each sensor, shape (modules, modules).
+        coupling: weights of the modules in each sensor, shape (modules, modules).
     """
 
     coupling: Float[Array, "modules modules"]
@@ -155,7 +158,7 @@ class CoupledMap(WrappedMap):
 
 
 class UnitLengthMap(WrappedMap):
-    """Configurations scaled to unit length: two numbers a module, as in a bend."""
+    """Configurations of another map, scaled to unit length."""
 
     def __call__(self, measured: Measured) -> Configurations:
         """See `ConfigurationMap`."""
@@ -168,7 +171,7 @@ CONFIGURATION_MAPS: dict[str, type[ConfigurationMap]] = {
     "encoders": EncoderMap,
     "true": TrueConfigurationMap,
 }
-"""Values of `sensing` in an arm file, beside maps of your own."""
+"""Built-in configuration maps by their names in `sensing` of an arm file."""
 
 
 def configuration_map_for(arm: ArmSpec) -> ConfigurationMap:

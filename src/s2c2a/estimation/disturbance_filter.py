@@ -2,11 +2,11 @@
 
 The state is [payload, bend biases, bends, bend rates, sensor biases]. The forward model
 predicts the equilibrium, the modal model the vibration about it, and sensor models
-compare both with measurements. Encoders show none of these states, so without further
-sensors nothing is estimated.
+compare both with measurements. None of these states is
+observable from encoders, so without further sensors nothing is estimated.
 
-A payload as a state beside those of a motion model: Bruder et al. 2020
-(arXiv 2002.01407).
+Bruder et al. 2020 (arXiv 2002.01407) also add the payload to the state of a motion
+model.
 """
 
 from typing import Any, NamedTuple
@@ -31,27 +31,27 @@ from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
 GATE = 6.0  # standard deviations; a larger innovation is an outlier
-REJECTION_TIME = 0.5  # s; for which a sensor is rejected after an outlier
+REJECTION_TIME = 0.5  # s; time for which a sensor is rejected after an outlier
 AVERAGING_TIME = 0.3  # s; time constant of a sensor's average innovation
 MAX_VALUE = 1e6  # of any measurement, in any unit
-START_ITERATIONS = 3  # between a known payload and the shape under it
+START_ITERATIONS = 3  # of the moments of a known payload and the shape
 MIN_HISTORY = 3  # control steps
 
 
 class FilterOptions(NamedTuple):
-    """Numbers of the filter; those of payloads are in parts of the arm's mass.
+    """Options of the filter; those of payloads are in parts of the arm's mass.
 
     Attributes:
-        initial_payload_std: of the payload at the start.
-        initial_bias_std: of the bend biases at the start [rad].
+        initial_payload_std: standard deviation of the initial payload.
+        initial_bias_std: standard deviation of the initial bend biases [rad].
         payload_rate: standard deviation of the payload's change in one second.
-        bias_rate: the same of the bend biases [rad].
-        loaded_bias_rate: beside that, for an arm that carries its own mass [rad].
-        bias_memory: time in which bend biases fade that no sensor shows [s].
-        bend_noise: of the modal model in one second [rad].
-        rate_noise: the same of the bend rates [rad/s].
-        max_payload: largest estimate.
-        max_bend_bias: largest estimate [rad].
+        bias_rate: standard deviation of the bend biases' change in one second [rad].
+        loaded_bias_rate: increase of `bias_rate` at a payload of the arm's mass [rad].
+        bias_memory: time constant of the decay of unobserved bend biases [s].
+        bend_noise: process noise of the bends in one second [rad].
+        rate_noise: process noise of the bend rates in one second [rad/s].
+        max_payload: largest estimated payload.
+        max_bend_bias: largest estimated bend bias of a module [rad].
     """
 
     initial_payload_std: float = 0.4
@@ -67,22 +67,24 @@ class FilterOptions(NamedTuple):
 
 
 class FilterState(NamedTuple):
-    """What the filter carries from update to update.
+    """State of the filter between updates.
 
     Attributes:
         mean: payload [kg], bend biases [rad], bends [rad], bend rates [rad/s], sensor
             biases, shape (1 + 3 n + biases,) with n = 2 modules.
-        covariance: of it.
-        moments: of the payload at the present shape (`Disturbances`).
+        covariance: covariance of the state, shape (states, states).
+        moments: moments of the payload at the present shape (`Disturbances`).
         hysteresis: memory of the forward model.
-        past_bends: of the last control steps, newest first [rad], shape (steps, modules,
-            2).
-        past_states: predicted states of the same steps, shape (steps, modules, 6).
-        past_disturbance_bends: bends that payload and biases cause, of the same steps
+        past_bends: bends of the last control steps, newest first [rad], shape (steps,
+            modules, 2).
+        past_states: predicted states of these steps [m, 1], base frame, shape (steps,
+            modules, 6).
+        past_disturbance_bends: bends due to payload and bend biases in these steps
             [rad], shape (steps, modules, 2).
         lags: memory of each sensor's hysteresis.
-        average_innovation: of each sensor, in standard deviations, shape (sensors,).
-        rejected_for: time for which each sensor is still rejected [s], shape (sensors,).
+        average_innovation: average normalized innovation of each sensor, shape
+            (sensors,).
+        rejected_for: remaining time of rejection of each sensor [s], shape (sensors,).
     """
 
     mean: Float[Array, " states"]
@@ -98,17 +100,18 @@ class FilterState(NamedTuple):
 
 
 class DisturbanceFilter(eqx.Module):
-    """The filter of one arm, as a pure function of its state.
+    """Kalman filter of one arm, as a pure function of its state.
 
     Attributes:
-        model: predicts the equilibrium.
-        modal_table: predicts the vibration.
-        sensors: their models.
-        options: numbers of the filter.
-        mass: of the arm [kg].
-        period: of the control steps [s].
-        estimates: whether payload and bend biases are estimated, or stay as stated.
-        max_force: largest external force at the tip that bend biases may stand for [N].
+        model: forward model; predicts the equilibrium.
+        modal_table: modal models by payload; predict the vibration.
+        sensors: sensor models.
+        options: options of the filter.
+        mass: mass of the arm [kg].
+        period: control period [s].
+        estimates: whether payload and bend biases are estimated; otherwise they keep
+            their initial values.
+        max_force: largest external force at the tip for the bend biases [N].
     """
 
     model: ForwardModel
@@ -125,14 +128,14 @@ class DisturbanceFilter(eqx.Module):
     def start(
         self, configuration: Float[Array, "modules 3"], payload: Float[Array, ""]
     ) -> FilterState:
-        """The state of an arm at rest.
+        """State of an arm at rest.
 
         Args:
-            configuration: measured by the encoders.
+            configuration: configuration from the encoders, module frames.
             payload: known payload [kg].
         """
         hysteresis = self.model.start(configuration)
-        moments = self._settled_moments(configuration, payload, hysteresis)
+        moments = self._converged_moments(configuration, payload, hysteresis)
         states = self.model.predict(configuration, hysteresis, moments)
         bends = bends_from_states(states)
         count = bends.size
@@ -159,13 +162,13 @@ class DisturbanceFilter(eqx.Module):
             rejected_for=jnp.zeros(len(self.sensors)),
         )
 
-    def _settled_moments(
+    def _converged_moments(
         self,
         configuration: Float[Array, "modules 3"],
         payload: Float[Array, ""],
         hysteresis: Any,
     ) -> Disturbances:
-        """Moments of a known payload, at the shape that the arm has under it."""
+        """Moments of a known payload at the shape of the loaded arm."""
         none = Disturbances.none(len(configuration))
         known = none._replace(payload=payload)
 
@@ -183,7 +186,7 @@ class DisturbanceFilter(eqx.Module):
         return jnp.concatenate([slow_std, jnp.array(fast), prior.initial_std])
 
     def _bias_prior(self) -> BiasPrior:
-        """Biases of all sensors, one after another."""
+        """Prior of the biases of all sensors, concatenated."""
         priors = [sensor.bias_prior for sensor in self.sensors]
         return BiasPrior(
             jnp.concatenate([jnp.zeros(0), *(prior.initial_std for prior in priors)]),
@@ -191,7 +194,7 @@ class DisturbanceFilter(eqx.Module):
         )
 
     def _history_length(self) -> int:
-        """Control steps that are kept, for measurements that arrive late."""
+        """Number of past control steps in the state, for delayed measurements."""
         latest = max((sensor.max_delay for sensor in self.sensors), default=0.0)
         return MIN_HISTORY + int(latest / self.period)
 
@@ -203,12 +206,12 @@ class DisturbanceFilter(eqx.Module):
         configuration: Float[Array, "modules 3"],
         measurements: Measurements,
     ) -> FilterState:
-        """The state after one more reading.
+        """Predict to the present control step and update with its measurements.
 
         Args:
-            state: the last one.
-            configuration: measured by the encoders.
-            measurements: of the sensors; NaN where a value is missing.
+            state: state of the last control step.
+            configuration: configuration from the encoders, module frames.
+            measurements: values of the sensors; NaN where missing.
         """
         moments = self.model.with_moments(
             self.disturbances(state), configuration, state.hysteresis, state.moments
@@ -230,7 +233,8 @@ class DisturbanceFilter(eqx.Module):
         """Predicted states and tensions in equilibrium.
 
         Returns:
-            States, tensions, and the derivative of the bends by the payload [rad/kg].
+            States [m, 1], tensions [N], and the derivative of the bends by the payload
+            [rad/kg].
         """
 
         def equilibrium(payload: Array) -> tuple[Array, tuple[Array, Array]]:
@@ -254,7 +258,7 @@ class DisturbanceFilter(eqx.Module):
         states: Float[Array, "modules 6"],
         by_payload: Float[Array, " bends"],
     ) -> FilterState:
-        """One control step of the modal model towards the equilibrium."""
+        """Prediction step: the modal model over one control period."""
         equilibrium = bends_from_states(states)
         bends = equilibrium.size
         slow = 1 + bends
@@ -292,7 +296,7 @@ class DisturbanceFilter(eqx.Module):
     def process_noise(
         self, bends: int, payload: Float[Array, ""] | float
     ) -> Float[Array, " states"]:
-        """Variance that a control step adds; the model errs more under a payload."""
+        """Process noise of a control step: variances, larger with a payload."""
         options = self.options
         bias_rate = options.bias_rate + options.loaded_bias_rate * payload / self.mass
         payload_rate = jnp.asarray(options.payload_rate * self.mass)
@@ -308,7 +312,7 @@ class DisturbanceFilter(eqx.Module):
         by_payload: Float[Array, " bends"],
         number: int,
     ) -> ExpectedState:
-        """What a sensor model compares its measurement with."""
+        """Expected state, from which a sensor model predicts its measurement."""
         caused = self._disturbance_bends(state, by_payload)
         return ExpectedState(
             bends=self._bends(state),
@@ -375,12 +379,12 @@ class DisturbanceFilter(eqx.Module):
         innovation: Innovation,
         by_payload: Float[Array, " bends"],
     ) -> tuple[Array, Array, Bool[Array, " values"]]:
-        """Residual and its Jacobian by the whole state; zero where values are missing."""
+        """Residual and its Jacobian by the state; zero where values are missing."""
         sensor = self.sensors[number]
         residual = innovation.residual
         is_present = jnp.abs(residual) < MAX_VALUE  # false for NaN
         bends = by_payload.size
-        # measurements of the equilibrium show bend biases, the others the vibration
+        # measurements depend on the bend biases at equilibrium, or on the vibration
         first = 1 if sensor.measures_equilibrium else 1 + bends
         jacobian = jnp.zeros((len(residual), len(state.mean)))
         jacobian = jacobian.at[:, first : first + bends].set(innovation.jacobian)
@@ -394,7 +398,7 @@ class DisturbanceFilter(eqx.Module):
         return residual, jnp.where(is_present[:, None], jacobian, 0.0), is_present
 
     def biases_of(self, number: int, bends: int) -> slice:
-        """Where the biases of a sensor stand in the state."""
+        """Slice of the state with the biases of a sensor."""
         lengths = [len(sensor.bias_prior.initial_std) for sensor in self.sensors]
         start = 1 + 3 * bends + sum(lengths[:number])
         return slice(start, start + lengths[number])
@@ -406,7 +410,7 @@ class DisturbanceFilter(eqx.Module):
         covariance: Float[Array, "values values"],
         per_kg: Float[Array, " values"],
     ) -> Float[Array, ""]:
-        """The change of the payload that explains the residual best [kg]."""
+        """Maximum a posteriori change of the payload, from the residual [kg]."""
         if not self.estimates:
             return jnp.zeros(())
         weights = jnp.linalg.solve(covariance, per_kg)
@@ -460,12 +464,12 @@ class DisturbanceFilter(eqx.Module):
     def _disturbance_bends(
         self, state: FilterState, by_payload: Float[Array, " bends"]
     ) -> Float[Array, "modules 2"]:
-        """Bends that payload and bend biases cause [rad]."""
+        """Bends due to payload and bend biases [rad]."""
         by_weight = (state.mean[0] * by_payload).reshape(-1, 2)
         return self.disturbances(state).bend_biases + by_weight
 
     def _sees_vibration(self) -> bool:
-        """Whether a sensor shows the vibration."""
+        """Whether the vibration is observable."""
         return any(not sensor.measures_equilibrium for sensor in self.sensors)
 
 
@@ -474,7 +478,7 @@ def _gate_distance(
     covariance: Float[Array, "values values"],
     is_present: Bool[Array, " values"],
 ) -> Float[Array, ""]:
-    """The normalized innovation, limited so that its average recovers soon."""
+    """Normalized innovation, limited so that its average recovers quickly."""
     size = kalman.normalized_innovation(residual, covariance, is_present)
     return jnp.minimum(size, 2.0 * GATE)
 

@@ -1,4 +1,4 @@
-"""The estimate of an arm's state, which planner and controller work with."""
+"""Estimate of an arm's state, the input of planner and controller."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -11,15 +11,15 @@ from s2c2a.models.disturbances import Disturbances
 
 
 class Estimate(NamedTuple):
-    """What a state estimator knows of its arm after a reading.
+    """Estimate of a state estimator after a reading.
 
     Attributes:
         configuration: configuration of every module, module frame, shape (modules, 3).
-        disturbances: payload and bend biases; None if the estimator knows of none.
-        covariance: of the filter's state, if the estimator has one.
+        disturbances: payload and bend biases; None if they are not estimated.
+        covariance: covariance of the filter's state, if the estimator has one.
         external_force: force at the tip that would cause the bend biases [N].
         rejected: sensor name -> whether its measurements are rejected now.
-        memory: what the estimator carries to its next update.
+        memory: memory of the estimator for its next update.
     """
 
     configuration: Float[Array | np.ndarray, "modules 3"]
@@ -37,13 +37,14 @@ class Estimate(NamedTuple):
         bend_biases: Float[Array | np.ndarray, "modules 2"] | None = None,
         memory: Any = (),
     ) -> "Estimate":
-        """An estimate from plain numbers.
+        """Build an estimate from arrays.
 
         Args:
-            configuration: module frames, shape (modules, 3).
+            configuration: configuration of every module, module frame, shape
+                (modules, 3).
             payload: mass at the tip [kg].
             bend_biases: bends beside the predicted ones [rad]; zero if None.
-            memory: what the estimator carries to its next update.
+            memory: memory of the estimator for its next update.
         """
         if bend_biases is None:
             bend_biases = np.zeros((len(configuration), 2), np.float32)
@@ -66,7 +67,11 @@ class Estimate(NamedTuple):
         return np.asarray(self.disturbances.bend_biases, float)
 
     def diagnostics(self) -> dict[str, np.ndarray]:
-        """Columns of an episode: payload, bend_biases, external_force, rejected.NAME."""
+        """Columns of an episode.
+
+        They are `sensed`, `payload`, `bend_biases`, `external_force` and
+        `rejected.NAME`.
+        """
         columns = {"sensed": np.asarray(self.configuration)}
         if self.disturbances is not None:
             columns["payload"] = np.asarray(self.payload)

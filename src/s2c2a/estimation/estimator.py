@@ -1,4 +1,4 @@
-"""The interface of state estimators, and the one that uses encoders alone."""
+"""Interface of state estimators, and an estimator that uses encoders alone."""
 
 import operator
 from abc import ABC, abstractmethod
@@ -28,12 +28,12 @@ SensorProgress = Callable[[str, int, int, float], None]
 
 @dataclass(frozen=True)
 class EstimationSettings:
-    """What a user states about the disturbances of a run.
+    """Settings of a run about disturbances.
 
     Attributes:
         known_payload: mass at the tip [kg].
-        disturbance_estimation: whether payload and bend biases are estimated, or stay as
-            stated.
+        disturbance_estimation: whether payload and bend biases are estimated;
+            otherwise they keep their initial values.
         max_compensated_force: the arm yields to external forces beyond this one [N];
             None compensates all.
     """
@@ -43,11 +43,11 @@ class EstimationSettings:
     max_compensated_force: float | None = None
 
     def __post_init__(self):
-        """Refuse impossible numbers."""
+        """Check the limits."""
         if not 0.0 <= self.known_payload < MAX_PAYLOAD:
             raise StrategyError(
-                f"a known payload of {self.known_payload} kg was given; give one from 0 "
-                f"to {MAX_PAYLOAD:g} kg"
+                f"a known payload of {self.known_payload} kg was given; give one from "
+                f"0 to {MAX_PAYLOAD:g} kg"
             )
         force = self.max_compensated_force
         if force is not None and not force >= 0.0:
@@ -56,14 +56,14 @@ class EstimationSettings:
             )
 
     def check_supported(self, supported: frozenset[str], name: str) -> None:
-        """Refuse settings that a strategy or estimator ignores.
+        """Check that a strategy or estimator supports the settings.
 
         Args:
             supported: names of the attributes that it supports.
-            name: of the strategy or estimator.
+            name: name of the strategy or estimator.
 
         Raises:
-            StrategyError: one was given that it does not support.
+            StrategyError: a setting without support differs from its default.
         """
         default = EstimationSettings()
         for setting in (
@@ -84,36 +84,36 @@ OPTIONS = {
     "disturbance_estimation": "--no-disturbance-estimation",
     "max_compensated_force": "--max-compensated-force",
 }
-"""Settings by the command-line options that set them."""
+"""Command-line options of the settings."""
 
 
 class StateEstimator(ABC):
     """Estimates configuration, payload and bend biases from readings.
 
-    Its memory between updates is in the estimate. Nothing may compile after the first
-    update.
+    The estimate contains the memory between updates. The estimator compiles nothing
+    after the first update.
     """
 
     @property
     @abstractmethod
     def sensors(self) -> tuple[str, ...]:
-        """Sensors that every reading must hold; the runtime checks them."""
+        """Sensors that every reading must contain; the runtime checks them."""
 
     @abstractmethod
     def start(self, reading: Reading) -> Estimate:
-        """The estimate of an arm at rest."""
+        """Estimate of an arm at rest."""
 
     @abstractmethod
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
-        """The estimate after one more reading.
+        """Estimate after one more reading.
 
         Args:
-            estimate: the last one.
-            reading: the latest.
-            last_command: that was sent in the last control step [m or N], shape
-                (modules, cables).
+            estimate: estimate of the last control step.
+            reading: latest reading.
+            last_command: command of the last control step [m or N], shape (modules,
+                cables).
 
         Raises:
             ReadingError: the reading lacks a sensor.
@@ -122,13 +122,13 @@ class StateEstimator(ABC):
 
 @dataclass(frozen=True)
 class EstimatorOptions(Component, ABC):
-    """The options of a state estimator, in the recipe: `[estimator]`, `name = "..."`.
+    """Options of a state estimator, in the recipe: `[estimator]`, `name = "..."`.
 
-    A frozen dataclass with the numbers of the estimator; they are checked as those of
-    all components (`s2c2a.components`).
+    A subclass is a frozen dataclass; its fields are validated like those of all
+    components (`s2c2a.components`).
 
     Attributes:
-        supports: which settings of a run the estimator supports
+        supports: settings of a run that the estimator supports
             (`EstimationSettings.check_supported`).
     """
 
@@ -146,33 +146,34 @@ class EstimatorOptions(Component, ABC):
         """Build the estimator of an arm.
 
         Args:
-            arm: with all of its sensors.
-            configuration_map: from readings to configurations, by the arm file.
-            model: the trained forward model.
-            networks: what else was trained, by name (`train`).
-            settings: of the run.
+            arm: arm with all of its sensors.
+            configuration_map: map from readings to configurations of the arm file.
+            model: trained forward model.
+            networks: other trained networks, by name (`train`).
+            settings: settings of the run.
         """
 
     def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as forward model and controller see it: by default as it is."""
+        """Arm for forward model and controller; by default the same arm."""
         return arm
 
     def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as its networks are trained: by default as it is."""
+        """Arm for the training of networks; by default the same arm."""
         return arm
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
-        """What the estimator learns, before training, by name: by default nothing."""
+        """Untrained networks of the estimator, by name; by default none."""
         return {}
 
     def train(
         self, data: TrainingData, predicted_states: np.ndarray
     ) -> dict[str, Trained]:
-        """Learn what the estimator needs to know of the arm: by default nothing.
+        """Train the networks of the estimator; by default there are none.
 
         Args:
-            data: that the forward model was trained on.
-            predicted_states: of the trained forward model, along all episodes.
+            data: training data of the forward model.
+            predicted_states: predictions of the trained forward model for all episodes
+                [m, 1].
         """
         return {}
 

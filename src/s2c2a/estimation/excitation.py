@@ -1,4 +1,4 @@
-"""Excitation of an arm by chirps: all modules bend together towards x, then towards y."""
+"""Excitation of an arm by chirps of all modules, towards x and then towards y."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -27,12 +27,12 @@ CHIRP_PERIODS = 30.0  # of the expected mode
 REST_PERIODS = 6.0  # of the expected mode, after a chirp
 FADE = 0.03  # of a chirp, at both ends
 TIP_SENSORS = ("states", "configurations", "angular_velocities")
-"""Sensors that show the vibration of the tip, best first."""
+"""Sensors that measure the vibration of the tip, best first."""
 NO_TIP_SENSOR = (
-    "no sensor of this robot shows the vibration of its tip; it provides {}. Add inertial "
-    "sensors (`accelerations`, `angular_velocities`) or motion capture (`states`, "
-    "`configurations`) at the control rate; encoders and currents are before the cables' "
-    "backlash, and cameras are too slow"
+    "no sensor of this robot shows the vibration of its tip; it provides {}. Add "
+    "inertial sensors (`accelerations`, `angular_velocities`) or motion capture "
+    "(`states`, `configurations`) at the control rate; encoders and currents are "
+    "before the cables' backlash, and cameras are too slow"
 )
 
 
@@ -42,8 +42,8 @@ class Excitation(NamedTuple):
     Attributes:
         commanded: bends by PCC of the commands that were sent [rad], shape (2, steps,
             modules, 2).
-        encoders: bends by PCC of the encoders [rad], the same shape; commands where they
-            are missing.
+        encoders: bends by PCC of the encoders [rad], the same shape; those of the
+            commands where missing.
         measured: tilts of the tip towards x and y [rad], shape (2, steps, 2); NaN if
             missing.
         sensor: name of the sensor that measured them.
@@ -55,16 +55,19 @@ class Excitation(NamedTuple):
     sensor: str
 
     def tilts(self, direction: int) -> tuple[np.ndarray, np.ndarray]:
-        """Commanded and measured tilts towards x (0) or y (1) in its own chirp [rad]."""
+        """Commanded and measured tilts in the chirp towards x (0) or y (1) [rad]."""
         commanded = self.commanded[direction, ..., direction].sum(axis=-1)
         return commanded, self.measured[direction, :, direction]
 
 
 def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
-    """Bends of a chirp about a frequency [Hz], then of rest [rad].
+    """Bends of a chirp around a frequency, followed by rest [rad].
 
-    It is small, within the limits of rate and acceleration, and slower where it would
-    otherwise be too small.
+    The amplitude is within the limits of rate and acceleration.
+
+    Args:
+        arm: the arm.
+        frequency: expected frequency of the first mode [Hz].
     """
     period = arm.control_period
     max_step = np.deg2rad(arm.step_limit_deg)
@@ -87,10 +90,10 @@ def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
 
 
 def tip_sensor_of(robot: Robot) -> str:
-    """The sensor of a robot that shows the vibration of its tip best.
+    """The best sensor of a robot for the vibration of its tip.
 
     Raises:
-        S2C2AError: there is none.
+        S2C2AError: no sensor measures the tip.
     """
     for name in TIP_SENSORS:
         if name in robot.sensors:
@@ -106,13 +109,13 @@ def excite(
     """Move a robot through both chirps within its limits, and back to rest.
 
     Args:
-        robot: not open yet.
+        robot: robot that is not open yet.
         frequency: approximate frequency of its first mode [Hz].
-        progress: called with the number of control steps done, and of all.
+        progress: callback with the numbers of completed and of all control steps.
 
     Raises:
-        S2C2AError: no sensor shows the tip, or readings failed the check; the arm is at
-            rest.
+        S2C2AError: no sensor measures the tip, or readings failed the check; the arm is
+            at rest.
     """
     arm = robot.arm
     sensor = tip_sensor_of(robot)

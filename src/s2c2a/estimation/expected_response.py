@@ -1,4 +1,4 @@
-"""The response that models predict, for comparison with a measured one."""
+"""Response predicted by models, for comparison with a measured response."""
 
 from typing import Any
 

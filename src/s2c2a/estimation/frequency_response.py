@@ -4,10 +4,10 @@
     x'' + 2 z w x' + w^2 (x - p) = 0
     p(t) = play(u)(t - T)
 
-Backlash takes a part of the input u at every reversal, and the output is late by T. The
-first mode, of frequency w and damping ratio z, follows; faster modes follow at once (r).
-All parameters are fitted to the whole recording (output error), which tolerates noise and
-missing readings. Inputs are constant within a control step.
+The play operator models backlash of the input u, and T is the delay. The first mode has
+the angular frequency w and the damping ratio z; faster modes respond immediately, with
+the gain r. The output-error method fits all parameters to the whole recording, so it
+tolerates noise and missing readings. Inputs are constant within a control step.
 """
 
 from typing import NamedTuple
@@ -36,8 +36,10 @@ STARTS = [
     for delay in (0.03, 0.3, 0.7)
     for backlash in (0.01, 0.5)
 ]
-"""Frequency over the expected one, delay and backlash over their limits: many fits end in
-a local minimum."""
+"""Starting points, since many fits end in a local minimum.
+
+Frequency over the expected one, delay and backlash over their limits.
+"""
 MAX_IMMEDIATE = 0.6  # of the gain; above it, a fast mode cannot be resolved
 RESOLVED = 0.45  # of the control rate
 MIN_READINGS = 40
@@ -45,15 +47,16 @@ MIN_POWER = 0.03  # of the strongest frequency of the input
 
 
 class Response(NamedTuple):
-    """Response of a tip.
+    """Frequency response of a tip.
 
     Attributes:
-        frequency: of the first mode [Hz]; NaN if it is too fast for the control rate.
-        damping: its damping ratio; from 1 on it does not vibrate.
-        gain: of slow motion beyond the backlash.
-        delay: including the lag of the motors [control steps].
-        backlash: half-width [rad].
-        residual: share of the motion that this does not explain, root mean square.
+        frequency: frequency of the first mode [Hz]; NaN if it is too fast for the
+            control rate.
+        damping: damping ratio of the first mode; from 1 on it does not vibrate.
+        gain: static gain beyond the backlash.
+        delay: delay including the lag of the motors [control steps].
+        backlash: half-width of the backlash [rad].
+        residual: root mean square of the residual, over that of the motion.
     """
 
     frequency: float
@@ -72,11 +75,11 @@ def fit_response(
     Args:
         inputs: commanded tilts [rad], each constant for a control step.
         outputs: measured tilts [rad] at the beginning of each step; NaN if missing.
-        period: of the control steps [s].
+        period: control period [s].
         expected: approximate frequency of the first mode [Hz].
 
     Raises:
-        S2C2AError: too few readings, or no motion.
+        S2C2AError: there are too few readings, or there is no motion.
     """
     known = np.isfinite(outputs)
     moves = np.ptp(inputs) > 0.0 and known.any() and np.ptp(outputs[known]) > 0.0
@@ -201,7 +204,7 @@ def spectrum(
     Args:
         inputs: tilts [rad].
         outputs: tilts [rad]; NaN if missing.
-        period: of the control steps [s].
+        period: control period [s].
         bands: number of frequency bands, of equal width on a logarithmic scale.
 
     Returns:

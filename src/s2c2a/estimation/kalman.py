@@ -13,10 +13,10 @@ def predict(
 ) -> Float[Array, "n n"]:
     """Covariance after one step: F P F' + Q.
 
-    The mean is the caller's, whose motion may be nonlinear.
+    The caller predicts the mean, since the motion may be nonlinear.
 
     Args:
-        mean: of the state, for its size alone.
+        mean: mean of the state; only its size matters.
         covariance: P.
         transition: F, derivative of the motion by the state.
         process_noise: diagonal of Q.
@@ -30,7 +30,7 @@ def innovation_covariance(
     jacobian: Float[Array | np.ndarray, "values n"],
     noise_std: Float[Array | np.ndarray, " values"],
 ) -> Float[Array, "values values"]:
-    """S = H P H' + R."""
+    """Covariance of the innovation: S = H P H' + R."""
     predicted = jacobian @ covariance @ jacobian.T
     return jnp.asarray(predicted + jnp.diag(noise_std**2))
 
@@ -51,7 +51,7 @@ def update(
     Args:
         mean: x.
         covariance: P.
-        residual: r, measured less predicted; zero where a value is missing.
+        residual: r, measured minus predicted; zero where a value is missing.
         jacobian: H; zero rows where a value is missing or rejected.
         innovation_cov: S.
     """

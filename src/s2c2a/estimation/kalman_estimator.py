@@ -63,12 +63,12 @@ class KalmanEstimator(StateEstimator):
         disturbance_filter: DisturbanceFilter,
         payload: float = 0.0,
     ):
-        """Compile when first used.
+        """Build the estimator; it compiles when first used.
 
         Args:
-            arm: with its sensors.
-            configuration_map: from encoders to configurations.
-            disturbance_filter: for its other sensors.
+            arm: arm with its sensors.
+            configuration_map: map from encoders to configurations.
+            disturbance_filter: Kalman filter for the other sensors.
             payload: known mass at the tip [kg].
         """
         self.filter = disturbance_filter
@@ -122,7 +122,7 @@ def _update(
     inputs: Mapping[str, Array],
     measurements: Measurements,
 ) -> tuple[Estimate, Array]:
-    """One update; the last state stays where a result is not finite."""
+    """One update; the last state replaces a result that is not finite."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.update(last, configuration, measurements)
     return _estimate(disturbance_filter, configuration, select_if_finite(state, last))
@@ -150,21 +150,23 @@ def _estimate(
 class KalmanFilter(EstimatorOptions):
     """Options of the Kalman filter (`FilterOptions`).
 
-    Plans are made in what the encoders measure; every other sensor of the arm file shows
-    payload and bend biases. Without other sensors nothing is estimated.
+    The planner uses the configurations of the encoders. The filter estimates payload
+    and bend biases from all other sensors of the arm file. Without other sensors
+    nothing is estimated.
 
     Attributes:
-        initial_payload_std: of the payload at the start, in parts of the arm's mass.
-        initial_bias_std: of the bend biases at the start [rad].
+        initial_payload_std: standard deviation of the initial payload, in parts of the
+            arm's mass.
+        initial_bias_std: standard deviation of the initial bend biases [rad].
         payload_rate: standard deviation of the payload's change in one second, in parts
             of the arm's mass.
-        bias_rate: the same of the bend biases [rad].
-        loaded_bias_rate: beside that, for an arm that carries its own mass [rad].
-        bias_memory: time in which bend biases fade that no sensor shows [s].
+        bias_rate: standard deviation of the bend biases' change in one second [rad].
+        loaded_bias_rate: increase of `bias_rate` at a payload of the arm's mass [rad].
+        bias_memory: time constant of the decay of unobserved bend biases [s].
         bend_noise: process noise of the bends in one second [rad].
         rate_noise: process noise of the bend rates in one second [rad/s].
-        max_payload: largest estimate, in parts of the arm's mass.
-        max_bend_bias: largest estimate [rad].
+        max_payload: largest estimated payload, in parts of the arm's mass.
+        max_bend_bias: largest estimated bend bias of a module [rad].
     """
 
     initial_payload_std: float = 0.4
@@ -211,7 +213,7 @@ class KalmanFilter(EstimatorOptions):
         )
 
     def filter_options(self) -> FilterOptions:
-        """The numbers of the filter."""
+        """The options of the filter."""
         return FilterOptions(*(getattr(self, name) for name in FilterOptions._fields))
 
     def planning_arm(self, arm: ArmSpec) -> ArmSpec:
@@ -225,7 +227,7 @@ class KalmanFilter(EstimatorOptions):
         return arm.model_copy(update=changes)
 
     def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """See `EstimatorOptions`: with its encoders and the sensors that are learned."""
+        """See `EstimatorOptions`: with encoders and learned sensors."""
         sensors = {"sensors": arm.sensors.learned}
         return self.planning_arm(arm).model_copy(update=sensors)
 
@@ -265,10 +267,10 @@ def train_sensors(
     key: PRNGKeyArray,
     progress: SensorProgress,
 ) -> dict[str, Trained]:
-    """Train the networks of all learned sensors that the recording holds, by name.
+    """Train the networks of all learned sensors in a recording, by name.
 
     Raises:
-        TrainingError: too few samples of a sensor.
+        TrainingError: there are too few samples of a sensor.
     """
     states = jnp.asarray(recording.sensor("states"), jnp.float32)
     bends = np.asarray(bends_from_states(states))

@@ -1,4 +1,7 @@
-"""From readings to the measurements of a filter: missing, broken or repeated values become NaN."""
+"""Measurements of a filter from readings.
+
+Missing, invalid and repeated values become NaN.
+"""
 
 from typing import Any
 
@@ -14,10 +17,10 @@ from s2c2a.spaces import Reading
 
 
 class MeasurementReader:
-    """Takes from each reading what the sensor models need."""
+    """Reads the measurements of all sensor models from readings."""
 
     def __init__(self, arm: ArmSpec, sensors: tuple[SensorModel, ...]):
-        """Prepare for the sensors of an arm."""
+        """Build the reader for the sensors of an arm."""
         self._missing: dict[str, np.ndarray] = {}
         for sensor in sensors:
             self._missing |= sensor.missing()
@@ -26,7 +29,7 @@ class MeasurementReader:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all readings: the arm was opened again."""
+        """Discard all earlier readings, after the robot was opened again."""
         self._repeats = RepeatDetector()
         if self._inclinometer is not None:
             self._inclinometer.reset()
@@ -46,7 +49,7 @@ class MeasurementReader:
             return missing
         with np.errstate(over="ignore"):  # a value too large for it becomes infinite
             values = values.astype(np.float32)
-        # a single number, such as an age, may well repeat
+        # a single number, such as an age, may repeat
         if self._repeats.is_repeated(name, values) and values.ndim:
             return missing
         return values

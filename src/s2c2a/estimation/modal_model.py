@@ -1,4 +1,4 @@
-"""Modal model: how an arm vibrates about its equilibrium.
+"""Modal model: vibration of an arm about its equilibrium.
 
 Bends b of all modules follow their equilibrium bends s, with mass M, damping D and
 stiffness K:
@@ -52,7 +52,7 @@ class ModalFactors(Fixed):
 
     @classmethod
     def nominal(cls) -> "ModalFactors":
-        """As described."""
+        """Nominal factors, without identification."""
         return cls(jnp.asarray(1.0), jnp.asarray(NOMINAL_DAMPING))
 
 
@@ -75,8 +75,8 @@ class LinearizedArm(NamedTuple):
 
     Attributes:
         jacobians: of the modules' ends by the bends [m], shape (modules, 3, n).
-        heights: second derivatives of the ends along gravity [m2/s2], shape (modules, n,
-            n).
+        heights: second derivatives of the ends along gravity [m2/s2], shape (modules,
+            n, n).
         masses: of the modules [kg], shape (modules,).
         stiffnesses: nominal [N m], shape (n,).
         dampings: nominal [N m s], shape (n,).
@@ -90,7 +90,7 @@ class LinearizedArm(NamedTuple):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "LinearizedArm":
-        """From the arm's description."""
+        """Linearize the arm of an arm file."""
         trunk = Trunk.of(arm)
         bends = jnp.full(2 * arm.module_count, LINEARIZATION_BEND)
         jacobians, hessians = _end_derivatives(bends, trunk.lengths)
@@ -229,7 +229,8 @@ def identify_modal_factors(
 
     Returns:
         The factors; the fast part of the error without and with the modal model, root
-        mean square [deg]. Nominal factors if the recording does not show the vibration.
+        mean square [deg]. Nominal factors if the vibration is not observable in the
+        recording.
     """
     nominal = ModalFactors.nominal()
     window = max(3, round(SLOWEST * arm.control_rate) | 1)

@@ -46,7 +46,8 @@ def states_from_arcs(
         off: displacements of the end points [m], module frames.
         force: external force at the tip [N], base frame. Its component across an arc
             bends the proximal half more than the distal half.
-        lateral_compliances: displacement of each end point per unit of that component [m/N].
+        lateral_compliances: displacement of each end point per unit of that component
+            [m/N].
     """
     ends = arc_ends(bends, lengths)
     axes = configurations_from_bends(bends)

@@ -47,7 +47,7 @@ class ForwardOptions(ABC):
     def predictions(
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """Predicted states along whole episodes [m, 1], base frame."""
+        """Predict the states of whole episodes [m, 1], base frame."""
 
         @eqx.filter_jit
         def predict(

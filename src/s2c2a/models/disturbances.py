@@ -1,4 +1,4 @@
-"""Disturbances: what acts on an arm that its training data did not hold."""
+"""Disturbances of an arm that its training data do not contain."""
 
 from typing import NamedTuple
 

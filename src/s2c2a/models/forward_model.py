@@ -20,10 +20,10 @@ Memory = Any  # a pytree of arrays; () for a model without memory
 
 
 class ForwardModel(eqx.Module):
-    """A differentiable map from configurations to states (C2S), perhaps with hysteresis.
+    """Differentiable map from configurations to states (C2S), with optional hysteresis.
 
-    The memory holds the hysteresis alone. Payload and bend biases are arguments: a state
-    estimator owns them.
+    The memory contains the state of the hysteresis only. Payload and bend biases are
+    arguments, since a state estimator determines them.
     """
 
     @property
@@ -81,7 +81,7 @@ class ForwardModel(eqx.Module):
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules cables"]:
-        """Predicted cable tensions [N]; NaN if the model does not know them."""
+        """Predicted cable tensions [N]; NaN if the model does not predict them."""
         return jnp.full((*configurations.shape[:-1], 1), jnp.nan)
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
@@ -90,9 +90,9 @@ class ForwardModel(eqx.Module):
 
     @abstractmethod
     def for_planning(self) -> "ForwardModel":
-        """The same predictions with gradients for a planner.
+        """The same predictions with other gradients, for a planner.
 
-        They lead on where the true gradients are zero or jump.
+        These gradients are useful where the true ones are zero or discontinuous.
         """
 
     def near(
@@ -130,7 +130,7 @@ class MemorylessModel(ForwardModel):
         return memory
 
     def for_planning(self) -> "MemorylessModel":
-        """See `ForwardModel`: without memory, the true gradients lead everywhere."""
+        """See `ForwardModel`: without memory, the true gradients are used."""
         return self
 
 

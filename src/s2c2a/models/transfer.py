@@ -103,7 +103,7 @@ def _interpolate(
 def states_under_gravity(
     chain: ChainC2S, inputs: Float[Array, "samples modules inputs cables"]
 ) -> Array:
-    """States of an arm under gravity, for a chain whose network knows no gravity.
+    """States of an arm under gravity, for a chain whose network ignores gravity.
 
     Args:
         chain: holds the nominal masses.
@@ -132,7 +132,7 @@ def states_under_gravity(
 
 
 def babbling_data(arm: ArmSpec, options: CollectOptions) -> TrainingData:
-    """Encoder readings of a babbling arm with displacement actuation, without an arm.
+    """Generated encoder readings of motor babbling with displacement actuation.
 
     Args:
         arm: the arm.

@@ -21,8 +21,8 @@ class Trunk(FromArm):
         radii: of the cables [m], shape (modules,).
         compliances: nominal lengths over bending stiffnesses [rad/(N m)], shape
             (modules,).
-        taut_compliances: compliances of modules including their taut cables [rad/(N m)], shape
-            (modules,).
+        taut_compliances: compliances of modules including their taut cables
+            [rad/(N m)], shape (modules,).
         moments: bend of a cable tension of 1 N [rad/N], shape (modules, 1).
         weights: masses lumped at module ends, half of each adjacent module [kg], shape
             (modules,).

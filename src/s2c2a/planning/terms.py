@@ -58,7 +58,7 @@ class Candidate(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """What is fixed during one control step.
+    """Quantities that are fixed during one control step.
 
     Attributes:
         goal: as changed by the guides.

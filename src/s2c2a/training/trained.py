@@ -33,7 +33,7 @@ class TrainingData:
         states: true states at the same times [m, 1], base frame; NaN: unknown.
         lengths: number of samples of each episode, if they differ; the rest is padding.
         displacements: displacements of the cables over their radius [rad], if cables
-            also move together, which no configuration shows.
+            also move together, which configurations do not contain.
     """
 
     arm: ArmSpec

@@ -1,4 +1,4 @@
-"""The interface of sensor models: what a sensor should measure, given how the arm bends."""
+"""Interface of sensor models: predicted measurements and their innovation."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -20,13 +20,13 @@ Measurements = Mapping[str, Array]
 
 
 class ExpectedState(NamedTuple):
-    """What the state estimator predicts before it uses a measurement.
+    """Prediction of the state estimator before the update with a measurement.
 
     Attributes:
         bends: bends of the modules [rad], shape (modules, 2).
         bend_biases: the part of them that is bend bias [rad], shape (modules, 2).
         tensions: cable tensions in equilibrium without bend biases [N], shape (modules,
-            cables); NaN if the forward model does not know them.
+            cables); NaN if the forward model does not predict them.
         past_bends: bends of the last control steps, newest first [rad], shape (steps,
             modules, 2).
         past_states: states of the same steps, shape (steps, modules, 6).

@@ -1,7 +1,7 @@
-"""Sensors without a formula: a network maps bends to their values.
+"""Learned sensor models: a network maps bends to the values of a sensor.
 
-Flex sensors, each with its own errors, and every other sensor of a robot that depends on
-how the modules bend (`[[sensors.raw]]` in the arm file).
+They model flex sensors, and any other sensor that depends on the bends of the modules
+(`[[sensors.raw]]` in the arm file).
 """
 
 from collections.abc import Mapping
@@ -28,8 +28,8 @@ PREFIX = "sensors."
 """Of the names of learned sensors among the networks of a strategy."""
 HIDDEN = 24
 DEPTH = 2
-# Residuals of a network are correlated with the motion, not white, and would be taken
-# for bend biases: noise and drift are larger than the training residuals by these factors.
+# Residuals of a network are correlated with the motion, so the filter would attribute
+# them to bend biases. These factors enlarge noise and drift beyond the residuals.
 NOISE_FACTOR = 6.0
 DRIFT_FACTOR = 12.0
 
@@ -103,7 +103,7 @@ class LearnedSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`. The Jacobian is that of a sensor that follows the bends."""
+        """See `SensorModel`: the Jacobian neglects the hysteresis of the sensor."""
         predicted, jacobian = with_jacobian(self.network, expected.bends)
         errors = self.network.errors
         low = predicted - errors.backlash

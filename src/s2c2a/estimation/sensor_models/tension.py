@@ -21,12 +21,13 @@ MODEL_STD = 0.1  # rad; friction between motor and module hides most of the tens
 class TensionSensor(SensorModel):
     """Measures how far taut cables are stretched.
 
-    A taut cable shows by how much it is longer than its motor released, hence how its
-    module bends. Friction hides the vibration, so tensions are compared with the
+    The tension of a taut cable is proportional to its stretch, which depends on the
+    bend of its module. Friction masks the vibration, so tensions are compared with the
     equilibrium.
 
     Attributes:
-        stiffness: tension per stretch over the cable radius [N/rad], shape (modules, 1).
+        stiffness: tension per stretch over the cable radius [N/rad], shape
+            (modules, 1).
         matrices: bend directions of the cables, shape (modules, cables, 2).
         noise: standard deviation of the tension [N].
     """

@@ -1,4 +1,4 @@
-"""Training of sensors without a formula, from a recording with true states."""
+"""Training of learned sensor models, from a recording with true states."""
 
 from typing import NamedTuple
 
@@ -25,13 +25,13 @@ FIT = FitOptions(
 )
 BLOCK = 50  # samples in a row, of which every fifth block is held out
 BLOCKS_PER_TEST = 5
-# half-widths of the hysteresis that are tried, in parts of the half range of the values
+# half-widths of the hysteresis to compare, in parts of the half range of the values
 BACKLASHES = np.array(
     [0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1]
 )
 SHORT_LAG = 5.0  # s; after which short-term errors are independent
-LONG_LAG = 25.0  # s; over which the drift of biases shows
-UNUSABLE = 1e9  # noise of a value that carries no information
+LONG_LAG = 25.0  # s; over which the drift of biases is measured
+UNUSABLE = 1e9  # noise of a value without information
 # smallest errors, in parts of the half range of the values
 MIN_NOISE = 0.005
 MIN_BIAS = 0.05
