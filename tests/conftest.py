@@ -157,7 +157,7 @@ def recording(twin, tmp_path_factory) -> Recording:
         twin,
         lambda seed: SimulatedRobot(twin, seed=seed),
         options,
-        body="simulation fast",
+        robot="simulation fast",
     )
 
 

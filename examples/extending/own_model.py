@@ -3,8 +3,8 @@
     s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
     s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
 
-Beside this file lies own_model.toml, the recipe `paper` whose part [c2s] names this
-model and gives its numbers.
+own_model.toml is based on the recipe `paper`; its section [c2s] names this model and its
+options.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
 
 
 class Arcs(MemorylessModel):
-    """All of its arrays are trained; constants belong into a submodule of type `Fixed`."""
+    """All arrays are trained, except those in a submodule of type `Fixed`."""
 
     arcs: PCCForwardModel
     network: eqx.nn.MLP

@@ -1,8 +1,9 @@
 """A robot of your own: ideal arcs that follow commands with a lag, in real time.
 
-s2c2a robot check --robot own_robot.py:LaggingArm --robot-option lag=0.05 s2c2a collect
---robot own_robot.py:LaggingArm --out own.episodes     # then train, run --robot, live
---robot
+    s2c2a robot check --robot own_robot.py:LaggingArm --robot-option lag=0.05
+    s2c2a collect --robot own_robot.py:LaggingArm --out own.episodes
+
+Then train, and pass the same `--robot` to `run` and `live`.
 """
 
 import time
@@ -17,10 +18,9 @@ from s2c2a.spaces import Reading, Sensor
 
 class LaggingArm(Robot):
     def __init__(self, arm: ArmSpec, lag: float = 0.05, seed: int = 0):
-        # [s]
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
-        self._lag = lag
+        self._lag = lag  # [s]
         self._random = np.random.default_rng(seed)
         self._begun = self._sent_at = time.perf_counter()
         self._command = self._start = self._geometry.action_neutral

@@ -1,7 +1,7 @@
 """A sensor of your own: two flex sensors a module, and a map to configurations.
 
-The body says `flex`, and the arm file names the map: `sensing =
-"own_sensor.py:FlexMap"`. Then
+The robot has the sensor `flex`, and the arm file names the map:
+`sensing = "own_sensor.py:FlexMap"`.
 
     s2c2a robot check --robot own_sensor.py:FlexArm --arm flex_arm.toml
     s2c2a collect --robot own_sensor.py:FlexArm --arm flex_arm.toml --out flex.episodes
@@ -24,7 +24,7 @@ GAIN = 0.8
 
 
 class FlexMap(ConfigurationMap):
-    """Configurations from voltages: a module bends towards x and y by what its two strips say."""
+    """Configurations from the voltages of two strips a module, along x and y."""
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""A solver of one's own: gradient descent that halves its step where it does not help.
+"""A solver of your own: gradient descent with a step that halves after a failure.
 
-Beside this file lies own_solver.toml, a recipe that is `best` with this solver:
+own_solver.toml is based on the recipe `best` and names this solver:
 
     based_on = "best"
 
@@ -8,14 +8,14 @@ Beside this file lies own_solver.toml, a recipe that is `best` with this solver:
     name = "own_solver.py:Descent"
     parameters = { iterations = 60 }
 
-and anything that takes a recipe takes it:
+Every command with a recipe accepts it:
 
     s2c2a run circle --strategy pcc --recipe examples/extending/own_solver.toml
 
-A solver is given a problem in two forms: `sum_of_norms(configurations)`, as the paper
-has it, and `stacked(bends)`, for least squares. It begins at `problem.situation.last`
-and hands back configurations; the planner keeps them within a step and the arm's
-limits. It is traced by JAX: loops are `jax.lax`'s, and no branch depends on a value.
+A solver receives a problem in two forms: `sum_of_norms(configurations)`, the cost of
+the paper, and `stacked(bends)`, residuals for least squares. It starts at
+`problem.situation.last` and returns configurations; the planner limits them. JAX traces
+it: write loops with `jax.lax`, and no branch that depends on a value.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
-"""A rival strategy of your own: resolved-rate control with the Jacobian of PCC.
+"""A strategy of your own: resolved-rate control with the Jacobian of PCC.
 
     s2c2a run circle --strategy s2c2a own_strategy.py:ResolvedRate
 
-It learns one gain per module from data, and compares itself with the paper's strategy in
-one table. A strategy without training implements `build` alone.
+It learns one gain per module from data. The command compares it with the paper's
+strategy in one table. A strategy without training implements `build` alone.
 """
 
 from dataclasses import dataclass

@@ -2,9 +2,8 @@
 
     s2c2a run examples/extending/own_task.py:figure_of_eight --strategy pcc
 
-Any function that takes an arm and returns a Task will do; it is found as
-file.py:function, as module:function, or by a name that a package of yours registers
-under the entry points `s2c2a.tasks`.
+A task is a function that takes an arm and returns a Task. Name it as file.py:function,
+as module:function, or by an entry point `s2c2a.tasks` of your package.
 """
 
 import numpy as np
@@ -14,7 +13,7 @@ from s2c2a.goals import Goal
 from s2c2a.tasks import Score, Task
 
 SECONDS = 16.0
-# parts of the arm's length, so that any arm can try it
+# shares of the arm's length
 WIDTH = 0.3
 DEPTH = 0.15
 HEIGHT = 0.97
@@ -29,7 +28,7 @@ def figure_of_eight(arm: ArmSpec) -> Task:
     y = WIDTH * np.sin(angle)
     # [m], base frame
     path = arm.length * np.stack([x, y, HEIGHT - 0.7 * (x**2 + y**2)], axis=-1)
-    nothing = Goal.of(arm.module_count)  # asks for little change, and no more
+    nothing = Goal.of(arm.module_count)
     goals = tuple(nothing.with_position(point) for point in path)
     begun = np.arange(steps) >= arm.control_rate
     return Task("eight", goals, (Score("position", steps=begun), Score("path length")))

@@ -1,6 +1,6 @@
-"""A term of one's own: an elbow that is kept high, without a line changed in the package.
+"""A cost term of your own: it keeps the elbow of the arm above a height.
 
-Beside this file lies own_term.toml, a recipe that is `best` and one term more:
+own_term.toml is based on the recipe `best` and adds the term:
 
     based_on = "best"
 
@@ -8,14 +8,15 @@ Beside this file lies own_term.toml, a recipe that is `best` and one term more:
     name = "own_term.py:ElbowHigh"
     parameters = { height = 0.42, weight = 50.0 }
 
-and anything that takes a recipe takes it:
+Every command with a recipe accepts it:
 
     s2c2a run circle --strategy pcc --recipe examples/extending/own_term.toml
 
-A term is told a candidate for the next configuration (its configurations, bends,
+A term receives a candidate for the next configuration (configurations, bends,
 predicted states, guarded points) and the situation (goal, last plan, limits and length
-of the arm). It gives residuals in groups, shape (groups, axes), and the weight of each
-group, or one for all. Adam adds up their norms, least squares their squares.
+of the arm). It returns residuals in groups, shape (groups, axes), with one weight for
+all groups or one each. Adam minimizes the sum of their norms, least squares the sum of
+their squares.
 """
 
 from dataclasses import dataclass

@@ -41,10 +41,10 @@ def gather(twin, tmp_path):
     """Collects from the twin into a file of this name."""
 
     def run(
-        name="one.episodes", arm=twin, options=SMALL, robot=SimulatedRobot, **changes
+        name="one.episodes", arm=twin, options=SMALL, make=SimulatedRobot, **changes
     ):
         return collect(
-            tmp_path / name, arm, lambda seed: robot(arm, seed=seed), options, **changes
+            tmp_path / name, arm, lambda seed: make(arm, seed=seed), options, **changes
         )
 
     return run
@@ -59,7 +59,7 @@ def test_the_returned_recording_equals_the_file(gather, tmp_path):
 
 
 def test_a_recording_keeps_its_options(gather, twin):
-    made = gather(body="simulation fast")
+    made = gather(robot="simulation fast")
     assert made.arm == twin
     assert set(made.sensors) == SENSORS
     chosen = {
@@ -70,7 +70,7 @@ def test_a_recording_keeps_its_options(gather, twin):
         "slowest": 0.03,
         "fastest": 0.22,
     }
-    assert made.options == chosen | {"body": "simulation fast"}
+    assert made.options == chosen | {"robot": "simulation fast"}
 
 
 def test_speeds_scale_with_the_step_limit(gather, twin):
@@ -112,7 +112,7 @@ def test_sent_actions_are_recorded(gather):
             return super().send(0.5 * np.asarray(action))
 
     np.testing.assert_allclose(
-        gather("weak.episodes", robot=Weak).actions, 0.5 * gather().actions
+        gather("weak.episodes", make=Weak).actions, 0.5 * gather().actions
     )
 
 
@@ -126,7 +126,7 @@ def test_sensors_that_a_robot_lacks_are_not_in_the_recording(gather):
             reading = super().read()
             return replace(reading, sensors={"cables": reading["cables"]})
 
-    made = gather(robot=Unwatched)
+    made = gather(make=Unwatched)
     assert made.sensors == ["cables"]
     assert np.isfinite(made.sensor("cables")).all()
 
@@ -144,7 +144,7 @@ def test_a_custom_sensor_of_a_robot_is_recorded(gather):
                 sensors=reading.sensors | {"warmth": np.array([300.0, reading.time])},
             )
 
-    made = gather(robot=Warm)
+    made = gather(make=Warm)
     np.testing.assert_array_equal(made.sensor("warmth")[..., 1], made.time)
 
 
@@ -321,18 +321,18 @@ def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(
 
 
 def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
-    gather(body="simulation fast")
+    gather(robot="simulation fast")
     with pytest.raises(
-        RecordingError, match=r"body 'simulation fast', now 'simulation accurate'"
+        RecordingError, match=r"robot 'simulation fast', now 'simulation accurate'"
     ):
-        gather(body="simulation accurate", resume=True)
+        gather(robot="simulation accurate", resume=True)
     with pytest.raises(RecordingError, match=r"another arm .*\(arm\)"):
         gather(
             arm=twin.model_copy(update={"control_rate": 20.0}),
-            body="simulation fast",
+            robot="simulation fast",
             resume=True,
         )
-    gather(body="simulation fast", resume=True)
+    gather(robot="simulation fast", resume=True)
 
 
 FAULTS = {

@@ -15,7 +15,7 @@ OPTIONS = {
     "episodes": EPISODES,
     "samples": SAMPLES,
     "seed": 2,
-    "body": "none",
+    "robot": "none",
 }
 
 

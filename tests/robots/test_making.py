@@ -60,7 +60,7 @@ number = 7
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """Return the prefix of class names in a file of robots."""
-    path = tmp_path / f"bodies_{tmp_path.name}.py"
+    path = tmp_path / f"robots_{tmp_path.name}.py"
     path.write_text(OWN)
     monkeypatch.setattr("sys.path", [str(tmp_path), *__import__("sys").path])
     return f"{path}:"

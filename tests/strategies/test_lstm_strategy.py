@@ -203,10 +203,12 @@ def test_training_on_a_recording_cut_short_is_refused(recording, options):
         train(short, options, seed=0)
 
 
-@pytest.mark.parametrize("body", ["twin", "simulated"])
-def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, request):
+@pytest.mark.parametrize("arm_name", ["twin", "simulated"])
+def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(
+    arm_name, request
+):
     """A live session as a recording: predictions for its windows equal the actions sent."""
-    arm = request.getfixturevalue(body).model_copy(update={"step_limit_deg": 90.0})
+    arm = request.getfixturevalue(arm_name).model_copy(update={"step_limit_deg": 90.0})
     quick = untrained(arm)
     targets = np.cumsum(
         np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0
@@ -227,9 +229,9 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(body, re
     )
 
 
-@pytest.mark.parametrize("body", ["twin", "simulated"])
-def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(body, request):
-    arm = request.getfixturevalue(body)
+@pytest.mark.parametrize("arm_name", ["twin", "simulated"])
+def test_its_bends_change_as_fast_as_the_arms_limit_and_no_faster(arm_name, request):
+    arm = request.getfixturevalue(arm_name)
     geometry = ArmGeometry.of(arm)
     actions, _ = live(at_work(untrained(arm, loudness=100.0)), arm, [TARGET] * 30)
     bends = bends_of(arm, np.concatenate([geometry.action_neutral[None], actions]))

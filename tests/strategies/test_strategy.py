@@ -131,10 +131,10 @@ def compilations(caplog):
 def test_nothing_compiles_after_a_strategy_is_built(
     strategy, arm, watched, request, compilations
 ):
-    built, body = request.getfixturevalue(strategy), request.getfixturevalue(arm)
+    built, robot = request.getfixturevalue(strategy), request.getfixturevalue(arm)
     before = len(compilations())
-    live(built, body, moving_goals(), watched)
-    live(built, body, moving_goals(3), watched)
+    live(built, robot, moving_goals(), watched)
+    live(built, robot, moving_goals(3), watched)
     assert compilations()[before:] == []
 
 

@@ -174,7 +174,7 @@ def random(
 
 
 @robot_app.command(name="check")
-def check_body(
+def check_contract(
     robot: RobotName = "sim",
     arm: Arm = "twin_arm",
     robot_option: RobotOptions = (),
@@ -201,10 +201,10 @@ def check_body(
     from s2c2a.robots import check_robot
 
     check_response_options(response, weights=weights, out=out)
-    body = robot_factory_for(robot, robot_option)
-    opened = body.seeded(load_arm(arm), 0)
+    factory = robot_factory_for(robot, robot_option)
+    opened = factory.seeded(load_arm(arm), 0)
     if response:
         return check_response(opened, weights, out)
     for result in check_robot(opened):
         print(f"ok: {result}")
-    print(f"{body} fulfills the interface contract")
+    print(f"{factory} fulfills the interface contract")

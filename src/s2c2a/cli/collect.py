@@ -59,7 +59,7 @@ def collect(
     from s2c2a import data, strategies
 
     spec = load_arm(arm)
-    body = robot_factory_for(robot, robot_option, fidelity)
+    factory = robot_factory_for(robot, robot_option, fidelity)
     options = strategies.recipe_from(recipe).collect_options(seed)
     options = replace(
         options,
@@ -67,10 +67,10 @@ def collect(
         episodes=options.episodes if episodes is None else episodes,
         samples=samples,
     )
-    if not body.simulated:
+    if not factory.simulated:
         if cluster or threads not in (None, 1):
             raise S2C2AError(
-                f"{body} is one arm and records one episode at a time; leave out "
+                f"{factory} is one arm and records one episode at a time; leave out "
                 "--threads and --cluster"
             )
         threads = 1
@@ -81,11 +81,11 @@ def collect(
         recording = data.collect(
             out,
             spec,
-            partial(body.seeded, spec),
+            partial(factory.seeded, spec),
             options,
             executor=executor,
             threads=threads,
-            body=str(body),
+            robot=str(factory),
             progress=partial(progress, f"collecting from {spec.name}"),
             resume=resume,
             overwrite=overwrite,

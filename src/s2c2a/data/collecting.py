@@ -82,7 +82,7 @@ def collect(
     make_robot: MakeRobot,
     options: CollectOptions,
     *,
-    body: str = "",
+    robot: str = "",
     threads: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
@@ -97,7 +97,7 @@ def collect(
         make_robot: function from a seed to a robot; called once per episode, in its
             thread.
         options: options of the collection.
-        body: description of the robot, such as "simulation fast"; the recording keeps
+        robot: description of the robot, such as "simulation fast"; the recording keeps
             it.
         threads: number of parallel episodes; all cores by default. Use one for a real
             arm.
@@ -118,7 +118,7 @@ def collect(
             "all cores"
         )
     run_episode = partial(_run_episode, arm, make_robot, options)
-    stored = _stored_options(options) | {"body": body}
+    stored = _stored_options(options) | {"robot": robot}
     with closing(_open_writer(Path(path), arm, stored, resume, overwrite)) as writer:
         numbers = range(writer.count, options.episodes)
         if progress:

@@ -25,7 +25,7 @@ class Recording:
 
     Attributes:
         arm: the recorded arm.
-        options: options of the collection: babbling, episodes, samples, seed, body,
+        options: options of the collection: babbling, episodes, samples, seed, robot,
             version.
         episodes: one or more episodes.
     """

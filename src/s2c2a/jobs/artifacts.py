@@ -134,7 +134,7 @@ class RecordingArtifact(Artifact[Recording]):
             self.arm,
             partial(SIMULATION.seeded, self.arm),
             self.options,
-            body=str(SIMULATION),
+            robot=str(SIMULATION),
             threads=cache.threads,
             progress=partial(progress, f"collecting a {self}"),
         )

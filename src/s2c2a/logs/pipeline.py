@@ -230,7 +230,7 @@ def save_imported(
     """
     options = options | {
         "babbling": "imported log",
-        "body": "a log",
+        "robot": "a log",
         "episodes": len(imported.episodes),
         "at_rest": imported.at_rest,
         KEY: imported.rig.model_dump(),

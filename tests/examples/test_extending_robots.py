@@ -87,7 +87,7 @@ def test_a_custom_robot_is_recorded_in_wall_clock_time(trained):
     loaded = load_recording(recording)
     assert set(loaded.sensors) == {"cables", "states"}
     assert loaded.actions.shape == (3, 80, 3, 3)
-    assert "LaggingArm" in loaded.options["body"]
+    assert "LaggingArm" in loaded.options["robot"]
     assert np.median(np.diff(loaded.time, axis=1)) == pytest.approx(0.02, rel=0.2)
 
 
