@@ -254,7 +254,7 @@ def torn():
 @pytest.mark.parametrize("threads", [1, 2])
 def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads):
     with pytest.raises(RobotError, match="cable torn"):
-        gather(robot=torn, threads=threads)
+        gather(make=torn, threads=threads)
     assert len(torn.opened) >= 2
     assert set(torn.closed) == set(torn.opened)
 
@@ -262,7 +262,7 @@ def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads)
 def test_after_a_failure_a_single_arm_is_not_opened_again(gather, torn):
     """One thread is a real arm: it must not continue with a torn cable."""
     with pytest.raises(RobotError, match="cable torn"):
-        gather(robot=torn, threads=1)
+        gather(make=torn, threads=1)
     assert len(torn.opened) == 2
 
 
