@@ -269,6 +269,8 @@ class LivePage(Window):
             "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > REACH_TOLERANCE,
             MODEL_DRAWN: not measured,
+            f"**{latest.step.vibration}**": latest.step.vibration,
+            f"feedback {latest.feedback:.0%}": latest.feedback < 1.0,
             f"**{latest.fault}**": latest.fault,
         }
         return [text for text, applies in texts.items() if applies]
