@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.arm.sensors import Sensors
+from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.estimation import EstimationSettings
 from s2c2a.estimation.disturbance_filter import REJECTION_TIME
 from s2c2a.kinematics import bends_from_states, configurations_from_bends
+from s2c2a.spaces import POSITION
 from s2c2a.strategies import estimator_of, shipped_networks
 
 ARM = load_arm("twin_arm").model_copy(update={"sensors": Sensors(bends=True)})
@@ -114,3 +115,53 @@ def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update)
     covariance = np.asarray(state.covariance, float)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-6
+
+
+def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():
+    camera = camera_filter()
+    update = eqx.filter_jit(camera.update)
+    ends = shown_ends(camera)
+    state = after(update, start(camera), ends(), 60)
+    assert not camera.is_unused(state)[0]
+    shifted = ends(0.15 * ARM.length)
+    wrong = after(update, state, shifted, 3)
+    assert camera.is_unused(wrong)[0]
+    assert float(np.abs(wrong.mean[1:7]).max()) < 0.1
+    lasting = after(update, state, shifted, 80)
+    assert not camera.is_unused(lasting)[0]
+
+
+def test_a_silent_sensor_is_unused():
+    camera = camera_filter()
+    update = eqx.filter_jit(camera.update)
+    ends = shown_ends(camera)
+    state = after(update, start(camera), ends(), 20)
+    unseen = camera.sensors[0].missing()
+    silence = round(camera.sensors[0].max_silence / ARM.control_period)
+    assert not camera.is_unused(after(update, state, unseen, silence - 1))[0]
+    silent = after(update, state, unseen, silence + 2)
+    assert camera.is_unused(silent)[0]
+    assert not camera.is_unused(after(update, silent, ends(), 1))[0]
+
+
+def camera_filter():
+    arm = ARM.model_copy(update={"sensors": Sensors(camera=Camera())})
+    return estimator_of(
+        replace(shipped_networks(arm), arm=arm), EstimationSettings()
+    ).filter
+
+
+def shown_ends(disturbance_filter):
+    """Pictures of the arm without payload; `ends(shift)` moves them up [m]."""
+    state = start(disturbance_filter)
+    states = disturbance_filter.model.predict(
+        CONFIGURATION, state.hysteresis, state.moments
+    )
+
+    def ends(shift=0.0):
+        positions = np.array(states[:, POSITION], np.float32)
+        positions[:-1] = np.nan
+        positions[:, 2] += shift  # upwards, which no payload explains
+        return {"camera_positions": positions, "camera_age": np.float32(0.0)}
+
+    return ends

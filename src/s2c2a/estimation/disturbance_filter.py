@@ -33,6 +33,7 @@ from s2c2a.models.forward_model import ForwardModel
 GATE = 6.0  # standard deviations; a larger innovation is an outlier
 REJECTION_TIME = 0.5  # s; time for which a sensor is rejected after an outlier
 AVERAGING_TIME = 0.3  # s; time constant of a sensor's average innovation
+SLOW_AVERAGING_TIME = 2.0  # s; time constant of its usual residual
 MAX_VALUE = 1e6  # of any measurement, in any unit
 START_ITERATIONS = 3  # of the moments of a known payload and the shape
 MIN_HISTORY = 3  # control steps
@@ -84,6 +85,9 @@ class FilterState(NamedTuple):
         lags: memory of each sensor's hysteresis.
         average_innovation: average normalized innovation of each sensor, shape
             (sensors,).
+        usual_residuals: slow average of each sensor's residual, as far as the payload
+            does not explain it; `MAX_VALUE` before the first measurement.
+        unseen_for: time since each sensor's last measurement [s], shape (sensors,).
         rejected_for: remaining time of rejection of each sensor [s], shape (sensors,).
     """
 
@@ -96,6 +100,8 @@ class FilterState(NamedTuple):
     past_disturbance_bends: Float[Array, "steps modules 2"]
     lags: tuple[Array | np.ndarray, ...]
     average_innovation: Float[Array, " sensors"]
+    usual_residuals: tuple[Array | np.ndarray, ...]
+    unseen_for: Float[Array, " sensors"]
     rejected_for: Float[Array, " sensors"]
 
 
@@ -159,6 +165,10 @@ class DisturbanceFilter(eqx.Module):
             past_disturbance_bends=jnp.zeros((steps, *bends.shape)),
             lags=tuple(sensor.initial_lag(bends) for sensor in self.sensors),
             average_innovation=jnp.zeros(len(self.sensors)),
+            usual_residuals=tuple(
+                jnp.full(sensor.value_count, MAX_VALUE) for sensor in self.sensors
+            ),
+            unseen_for=jnp.zeros(len(self.sensors)),
             rejected_for=jnp.zeros(len(self.sensors)),
         )
 
@@ -350,7 +360,10 @@ class DisturbanceFilter(eqx.Module):
         smallest = jnp.minimum(size, unexplained_size)
         average = self._average_innovation(state, number, smallest, is_present)
         is_outlier = jnp.maximum(average, smallest) > GATE
-        is_outlier |= jnp.abs(unexplained).max() > innovation.max_residual
+        is_outlier |= jnp.any(jnp.abs(unexplained) > innovation.max_residual)
+        usual, unseen_for = self._usual_residual(state, number, unexplained, is_present)
+        deviation = jnp.where(is_present, unexplained - usual, 0.0)
+        is_outlier |= jnp.any(jnp.abs(deviation) > innovation.max_change)
         remaining = jnp.maximum(state.rejected_for[number] - self.period, 0.0)
         rejected_for = jnp.where(is_outlier, REJECTION_TIME, remaining)
         is_used = rejected_for <= 0.0
@@ -364,11 +377,15 @@ class DisturbanceFilter(eqx.Module):
         )
         lags = list(state.lags)
         lags[number] = innovation.lag
+        usual_residuals = list(state.usual_residuals)
+        usual_residuals[number] = usual
         return state._replace(
             mean=mean,
             covariance=(new_covariance + new_covariance.T) / 2.0,
             lags=tuple(lags),
             average_innovation=state.average_innovation.at[number].set(average),
+            usual_residuals=tuple(usual_residuals),
+            unseen_for=state.unseen_for.at[number].set(unseen_for),
             rejected_for=state.rejected_for.at[number].set(rejected_for),
         )
 
@@ -432,6 +449,31 @@ class DisturbanceFilter(eqx.Module):
         weight = jnp.where(is_present.any(), share, 0.0)
         average = state.average_innovation[number]
         return average + weight * (size - average)
+
+    def _usual_residual(
+        self,
+        state: FilterState,
+        number: int,
+        unexplained: Float[Array, " values"],
+        is_present: Bool[Array, " values"],
+    ) -> tuple[Float[Array, " values"], Float[Array, ""]]:
+        """Slow average of a sensor's residual, and the time without measurement [s].
+
+        A residual that leaves its average shows a fault of the sensor: drift, wrong
+        latency or a jump. A lasting one becomes the average, as after an external force.
+        """
+        elapsed = state.unseen_for[number] + self.period
+        before = state.usual_residuals[number]
+        start = jnp.where(before == MAX_VALUE, unexplained, before)
+        share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
+        usual = start + share * (unexplained - start)
+        is_seen = is_present.any()
+        return jnp.where(is_present, usual, before), jnp.where(is_seen, 0.0, elapsed)
+
+    def is_unused(self, state: FilterState) -> Bool[Array, " sensors"]:
+        """Whether each sensor is rejected, or silent for too long."""
+        longest = jnp.array([sensor.max_silence for sensor in self.sensors])
+        return (state.rejected_for > 0.0) | (state.unseen_for > longest)
 
     def _limited(self, state: FilterState) -> FilterState:
         """Payload, bend biases and external force within their limits."""

@@ -133,7 +133,7 @@ def _estimate(
     configuration: Float[Array, "modules 3"],
     state: FilterState,
 ) -> tuple[Estimate, Array]:
-    """The estimate, and which sensors are rejected."""
+    """The estimate, and which sensors are not used."""
     disturbances = disturbance_filter.disturbances(state)
     biases = disturbances.bend_biases.reshape(-1)
     estimate = Estimate(
@@ -143,7 +143,7 @@ def _estimate(
         external_force=disturbance_filter.external_force(biases),
         memory=state,
     )
-    return estimate, state.rejected_for > 0.0
+    return estimate, disturbance_filter.is_unused(state)
 
 
 @dataclass(frozen=True)

@@ -52,14 +52,16 @@ class Innovation(NamedTuple):
             shape (values,).
         jacobian: derivative of the prediction by the bends, shape (values, 2 modules).
         std: standard deviation of the measurement noise, shape (values,).
-        max_residual: a larger residual is a fault of the sensor.
+        max_residual: a larger residual is a fault of the sensor, shape () or (values,).
+        max_change: a residual that differs more from its slow average is a fault.
         lag: memory of the sensor's hysteresis after this measurement.
     """
 
     residual: Float[Array, " values"]
     jacobian: Float[Array, "values bends"]
     std: Float[Array, " values"]
-    max_residual: float | Float[Array, ""] = np.inf
+    max_residual: float | Float[Array, "..."] = np.inf
+    max_change: float | Float[Array, ""] = np.inf
     lag: Array | np.ndarray = EMPTY
 
 
@@ -94,6 +96,16 @@ class SensorModel(eqx.Module):
     name: ClassVar[str] = ""
     measures_equilibrium: ClassVar[bool] = False
     max_delay: ClassVar[float] = 0.0
+
+    @property
+    def max_silence(self) -> float:
+        """Without measurements for longer, it is reported as rejected [s]."""
+        return 1.0
+
+    @property
+    def value_count(self) -> int:
+        """Number of values of its innovation; that of its measurements by default."""
+        return sum(values.size for values in self.missing().values())
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "SensorModel | None":

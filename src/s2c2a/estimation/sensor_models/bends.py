@@ -45,6 +45,11 @@ class BendSensor(SensorModel):
         std = jnp.full(values, BEND_STD)
         return Innovation(residual, jnp.eye(values), std, MAX_BEND_CHANGE)
 
+    @property
+    def value_count(self) -> int:
+        """See `SensorModel`."""
+        return 2 * self.modules
+
     def missing(self) -> dict[str, np.ndarray]:
         """See `SensorModel`."""
         return {"configurations": np.full((self.modules, 3), np.nan, np.float32)}

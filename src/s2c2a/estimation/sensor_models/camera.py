@@ -19,7 +19,8 @@ from s2c2a.models.forward_model import ForwardModel
 
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
 NOMINAL_RATE = 5.0  # Hz; more frequent pictures weigh less each
-MAX_RESIDUAL = 0.5  # of the arm's length
+MAX_RESIDUAL = 0.5  # of the length from the base to the end
+MAX_CHANGE = 0.08  # of the arm's length, in some seconds
 MAX_AGE = 0.7  # s; older pictures are not used
 
 
@@ -32,12 +33,14 @@ class CameraSensor(SensorModel):
         delay: age of a picture if the reading does not give it [s].
         std: standard deviation of a position [m]; larger where many are measured often,
             since they share their slow errors.
+        rate: of the pictures [Hz].
     """
 
     lengths: Float[Array, " modules"]
     period: float = eqx.field(static=True)
     delay: float = eqx.field(static=True)
     std: float = eqx.field(static=True)
+    rate: float = eqx.field(static=True)
     name = "camera"
     measures_equilibrium = True
     max_delay = MAX_AGE
@@ -52,7 +55,7 @@ class CameraSensor(SensorModel):
         weight = ends * max(1.0, camera.rate / NOMINAL_RATE)
         lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
         std = POSITION_STD * weight**0.5
-        return cls(lengths, arm.control_period, camera.delay, std)
+        return cls(lengths, arm.control_period, camera.delay, std, camera.rate)
 
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
@@ -74,8 +77,19 @@ class CameraSensor(SensorModel):
             jnp.where(is_usable, residual, jnp.nan),
             jacobian,
             jnp.full(arcs.shape, self.std),
-            MAX_RESIDUAL * jnp.sum(self.lengths),
+            max_residual=MAX_RESIDUAL * jnp.repeat(jnp.cumsum(self.lengths), 3),
+            max_change=MAX_CHANGE * jnp.sum(self.lengths),
         )
+
+    @property
+    def value_count(self) -> int:
+        """See `SensorModel`."""
+        return 3 * len(self.lengths)
+
+    @property
+    def max_silence(self) -> float:
+        """See `SensorModel`: five pictures, or a second."""
+        return max(1.0, 5.0 / self.rate) + self.delay
 
     def missing(self) -> dict[str, np.ndarray]:
         """See `SensorModel`."""

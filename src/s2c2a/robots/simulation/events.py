@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from s2c2a.errors import S2C2AError
+from s2c2a.robots.simulation import sensor_faults
 
 if TYPE_CHECKING:
     from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
@@ -22,7 +23,10 @@ KINDS = {
     "stiffness_loss": 1,  # share of the stiffness of a cable
     "sensor_loss": 0,
 }
-"""Kinds of events, and how many numbers each needs."""
+"""Kinds of events, and how many numbers each needs.
+
+The kinds in `sensor_faults.KINDS` need the name of a sensor before their numbers.
+"""
 
 
 class Event(NamedTuple):
@@ -30,13 +34,20 @@ class Event(NamedTuple):
 
     Attributes:
         time: when it occurs [s].
-        kind: a name in `KINDS`.
+        kind: a name in `KINDS` or `sensor_faults.KINDS`.
         values: its numbers, in the unit of the kind.
+        sensor: with the fault; empty for other events.
     """
 
     time: float
     kind: str
     values: tuple[float, ...]
+    sensor: str = ""
+
+    @property
+    def is_sensor_fault(self) -> bool:
+        """Whether it changes the readings of one sensor."""
+        return self.kind in sensor_faults.KINDS
 
 
 def parse_events(texts: str | Sequence[str]) -> tuple[Event, ...]:
@@ -56,7 +67,9 @@ def parse_events(texts: str | Sequence[str]) -> tuple[Event, ...]:
 def _parse_event(text: str) -> Event:
     words = text.split()
     try:
-        event = Event(float(words[0]), words[1], tuple(map(float, words[2:])))
+        sensor = words.pop(2) if words[1] in sensor_faults.KINDS else ""
+        values = tuple(map(float, words[2:]))
+        event = Event(float(words[0]), words[1], values, sensor)
     except (ValueError, IndexError) as error:
         raise _invalid_event(text) from error
     if not _is_valid(event):
@@ -65,7 +78,8 @@ def _parse_event(text: str) -> Event:
 
 
 def _is_valid(event: Event) -> bool:
-    if len(event.values) != KINDS.get(event.kind):
+    counts = KINDS | sensor_faults.KINDS
+    if len(event.values) != counts.get(event.kind):
         return False
     if event.time < 0 or not np.isfinite([event.time, *event.values]).all():
         return False
@@ -73,14 +87,21 @@ def _is_valid(event: Event) -> bool:
         return 0 <= event.values[0] <= MAX_PAYLOAD
     if event.kind == "stiffness_loss":
         return 0 <= event.values[0] < 1
+    if event.kind == "latency":
+        return 0 <= event.values[0] <= sensor_faults.MAX_LATENCY
+    if event.kind == "noise":
+        return event.values[0] >= 0
     return True
 
 
 def _invalid_event(text: str) -> S2C2AError:
     kinds = [f"{kind} ({count} numbers)" for kind, count in KINDS.items()]
+    faults = [f"{kind} ({count})" for kind, count in sensor_faults.KINDS.items()]
     return S2C2AError(
         f"'{text.strip()}' is not an event; write a time [s], a kind and its numbers: "
-        f'{", ".join(kinds)}; for example "{EXAMPLE}"'
+        f"{', '.join(kinds)}; or a time, a fault, a sensor and the fault's numbers: "
+        f'{", ".join(faults)}; for example "{EXAMPLE}", '
+        '"8 latency camera_positions 2"'
     )
 
 
@@ -104,7 +125,9 @@ def _apply_event(event: Event, robot: "SimulatedRobot") -> None:
         "stiffness_loss": robot.reduce_cable_stiffness,
         "sensor_loss": robot.lose_sensors,
     }
-    if event.kind == "force":
+    if event.is_sensor_fault:
+        robot.set_sensor_fault(event.sensor, event.kind, *event.values)
+    elif event.kind == "force":
         robot.apply_force(np.asarray(event.values))
     else:
         methods[event.kind](*event.values)

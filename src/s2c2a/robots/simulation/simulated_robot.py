@@ -20,6 +20,7 @@ from s2c2a.robots.simulation.extra_sensors import (
     declare_extra_sensors,
 )
 from s2c2a.robots.simulation.relaxation import Relaxation
+from s2c2a.robots.simulation.sensor_faults import SensorFaults
 from s2c2a.robots.simulation.stepping import run_physics_steps, transfer_state
 from s2c2a.robots.simulation.transmission import (
     CableTransmission,
@@ -30,6 +31,7 @@ from s2c2a.robots.simulation.twin import load_twin
 from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
 
 SETTLING_TIME = 1.0  # s; at rest before the clock starts
+GROUND_TRUTH = {"states", "center_line"}
 
 # Random streams beside the sensor noise, which uses the seed alone.
 _JITTER_STREAM = 1
@@ -108,6 +110,7 @@ class SimulatedRobot(Robot):
         self._relaxes = per_module(self._true_arm, "mismatch.relaxing").any()
         self._relaxation = Relaxation(self._true_arm, self.model)
         self._reset()
+        self._check_sensor_faults()
 
     def _check_events(self) -> None:
         true_bends = self.arm.sensing == "true" or self.arm.sensors.bends
@@ -117,6 +120,15 @@ class SimulatedRobot(Robot):
                 '(sensing = "true" or sensors.bends): they are also the simulation\'s '
                 "ground truth; remove the event or choose another sensing"
             )
+
+    def _check_sensor_faults(self) -> None:
+        allowed = sorted(self.sensors.keys() - GROUND_TRUTH)
+        for event in self._events:
+            if event.is_sensor_fault and event.sensor not in allowed:
+                raise S2C2AError(
+                    f"the arm has no sensor '{event.sensor}' that can have the fault "
+                    f"{event.kind}; it has {', '.join(allowed)}"
+                )
 
     def _reset(self) -> None:
         arm = self._true_arm
@@ -128,6 +140,7 @@ class SimulatedRobot(Robot):
         self._homing_errors = self._sample_homing_errors()
         self._schedule = EventSchedule(())
         self._sensors_lost = False
+        self._sensor_faults = SensorFaults(self._seed)
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
         self._currents = MotorCurrents(arm.motor, self._motors, inward)
         self._transmission = CableTransmission(
@@ -189,6 +202,7 @@ class SimulatedRobot(Robot):
         if self._sensors_lost:
             for name in ("tensions", *declare_extra_sensors(self._true_arm)):
                 values.pop(name, None)
+        values = self._sensor_faults.apply(values, self.data.time)
         return Reading(self.data.time, values)
 
     def send(self, action: Actions) -> Actions:
@@ -298,6 +312,10 @@ class SimulatedRobot(Robot):
     def lose_sensors(self) -> None:
         """Remove all sensors but encoders and ground truth from later readings."""
         self._sensors_lost = True
+
+    def set_sensor_fault(self, sensor: str, kind: str, amount: float = 0.0) -> None:
+        """Change the readings of a sensor from now on (`sensor_faults.KINDS`)."""
+        self._sensor_faults.set(sensor, kind, amount, self.data.time)
 
     def states(self) -> States:
         """Return the true states, shape (modules, 6), base frame."""

@@ -1,0 +1,105 @@
+"""Faults of the simulated arm's sensors, such as drift, latency or exchanged modules."""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+KINDS = {
+    "offset": 1,  # of the first value of every module, in the sensor's unit
+    "drift": 1,  # the same, in its unit per second
+    "noise": 1,  # standard deviation, in its unit
+    "latency": 1,  # s
+    "negated": 0,
+    "frozen": 0,
+    "reversed": 0,  # the last module's values come first; not for a single number
+    "repaired": 0,
+}
+"""Kinds of faults, and how many numbers each needs."""
+MAX_LATENCY = 10.0  # s
+_STREAM = 7  # of random numbers
+
+
+@dataclass(frozen=True)
+class _Fault:
+    kind: str
+    amount: float
+    began: float  # s
+
+
+class SensorFaults:
+    """The faults of one run; the last fault of a sensor replaces the one before."""
+
+    def __init__(self, seed: int):
+        """Begin without faults."""
+        self._random = np.random.default_rng([seed, _STREAM])
+        self._faults: dict[str, _Fault] = {}
+        self._past: deque[tuple[float, Mapping[str, np.ndarray]]] = deque()
+
+    def set(self, sensor: str, kind: str, amount: float, time: float) -> None:
+        """Give a sensor a fault.
+
+        Args:
+            sensor: name in readings.
+            kind: a name in `KINDS`.
+            amount: its number, or zero.
+            time: now [s].
+        """
+        self._faults[sensor] = _Fault(kind, amount, time)
+
+    def apply(
+        self, values: Mapping[str, np.ndarray], time: float
+    ) -> dict[str, np.ndarray]:
+        """Return the values of all sensors with their faults.
+
+        Args:
+            values: of a reading, by sensor.
+            time: of the reading [s].
+        """
+        if not self._past or time > self._past[-1][0]:
+            self._past.append((time, values))
+        while time - self._past[0][0] > MAX_LATENCY:
+            self._past.popleft()
+        changed = dict(values)
+        for name, fault in self._faults.items():
+            if name in values:
+                changed[name] = self._changed(name, fault, values[name], time)
+        return changed
+
+    def _changed(
+        self, name: str, fault: _Fault, values: np.ndarray, time: float
+    ) -> np.ndarray:
+        amount = fault.amount
+        first = _first_of_each_row(np.shape(values))
+        match fault.kind:
+            case "offset":
+                return values + amount * first
+            case "drift":
+                return values + amount * (time - fault.began) * first
+            case "noise":
+                return values + self._random.normal(0.0, amount, np.shape(values))
+            case "latency":
+                return self._at(name, time - amount, values)
+            case "frozen":
+                return self._at(name, fault.began, values)
+            case "negated":
+                return -values
+            case "reversed" if np.ndim(values) > 1:
+                return np.flip(values, axis=-2)
+        return values
+
+    def _at(self, name: str, time: float, values: np.ndarray) -> np.ndarray:
+        """The last value until a time; the earliest if there is none."""
+        seen = [(moment, past[name]) for moment, past in self._past if name in past]
+        earlier = [past for moment, past in seen if moment <= time + 1e-9]
+        if earlier:
+            return earlier[-1]
+        return seen[0][1] if seen else values
+
+
+def _first_of_each_row(shape: tuple[int, ...]) -> np.ndarray:
+    """One for the first value of every module, or for a single number; else zero."""
+    first = np.zeros(shape or 1)
+    first[..., 0] = 1.0
+    return first.reshape(shape)
