@@ -51,6 +51,7 @@ def run(
     disturbance_estimation: bool = True,
     max_compensated_force: float | None = None,
     guard: GuardName = "tip",
+    repeat: int = 1,
     video: bool = False,
     work: Work = ALL_CORES,
 ) -> None:
@@ -87,6 +88,9 @@ def run(
         max_compensated_force: largest external force at the tip that the strategy
             compensates [N]; the arm yields to larger ones.
         guard: keep the tip, or the whole arm, out of obstacles.
+        repeat: how often to repeat the task. Each repetition moves the targets by the
+            errors that a camera or motion capture measured in the one before; results
+            are those of the last (docs/sensors.md).
         video: also write a video of the first run: MP4 with ffmpeg, else GIF.
         work: run directory and parallel execution.
     """
@@ -113,6 +117,7 @@ def run(
         used_recipe,
         conditions,
         given,
+        repeat,
     )
     _check_trained(factory, job_list)
     jobs.check_robots(job_list)
@@ -125,6 +130,7 @@ def run(
         "seeds": [job.seed for job in job_list],
         "conditions": asdict(conditions),
         "weights": weights,
+        "repeat": repeat,
     }
     one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
     is_unfinished = (
@@ -214,6 +220,9 @@ def _report(
         for describe in describe_all:
             if text := describe(run.episode):
                 print(f"{run.strategy}, seed {run.seed}: {text}")
+        if run.earlier:
+            text = jobs.describe_repetitions(run)
+            print(f"{run.strategy}, seed {run.seed}: {text}")
     length = runs[0].job.arm.length
     for row in rows:
         if row.metric == "position":

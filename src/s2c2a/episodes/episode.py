@@ -32,8 +32,9 @@ class Episode:
     | `predicted`         | predicted states of the plan [m, 1]   | (modules, 6)      |
     | `predictive_std`    | predictive std. deviation of ends [m] | (modules,)        |
     | `extrapolation`     | part of it due to extrapolation [m]   |                   |
-    | `rescued`           | fallback that replaced the plan, or 0 |                   |
-    | `standing`          | 1 if stopped before the lowest cost   |                   |
+    | `outcome`           | number of the planner's `Outcome`     |                   |
+    | `feedback`          | share of the feedback in use          |                   |
+    | `target_offsets`    | learned in repetitions [m]            | (modules, 3)      |
     | `payload`           | estimated payload at the tip [kg]     |                   |
     | `bend_biases`       | estimated bend biases [rad]           | (modules, 2)      |
     | `external_force`    | external force that explains them [N] |                   |
@@ -203,8 +204,9 @@ def _standard_row_shapes(
         "sensed": vectors,
         "predictive_std": (modules,),
         "extrapolation": (),
-        "rescued": (),
-        "standing": (),
+        "outcome": (),
+        "feedback": (),
+        "target_offsets": vectors,
         "payload": (),
         "bend_biases": (modules, 2),
         "external_force": (),

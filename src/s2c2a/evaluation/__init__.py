@@ -11,4 +11,4 @@ from s2c2a.evaluation.metrics import (
     tilts_deg,
 )
 from s2c2a.evaluation.report import Row, describe_plans, describe_vibrations
-from s2c2a.evaluation.rollout import rollout
+from s2c2a.evaluation.rollout import repeated_rollout, rollout

@@ -1,6 +1,8 @@
-"""Rollout: one run of a strategy on a task."""
+"""Rollout: runs of a strategy on a task."""
 
 from collections.abc import Callable
+
+import numpy as np
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
@@ -8,13 +10,23 @@ from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Stage
 from s2c2a.tasks import Task
+from s2c2a.tasks.repetition import (
+    end_sensor,
+    learned_offsets,
+    moved_task,
+    with_true_targets,
+)
+
+PAUSE = 2.0  # s; at rest between repetitions, so that the arm stops swinging
+
+StepProgress = Callable[[int, int], None]
 
 
 def rollout(
     robot: Robot,
     strategy: Driver,
     task: Task,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: StepProgress = lambda done, total: None,
     clock: Clock | None = None,
 ) -> Episode:
     """Run a strategy on a task, from rest and back to rest.
@@ -34,23 +46,79 @@ def rollout(
             rest; or robot, strategy, or goals failed.
     """
     with Loop(robot, strategy, clock) as loop:
-        steps: list[StepRecord] = []
-        for number, goal in enumerate(task.goals, 1):
+        return _run_task(loop, task, progress)
+
+
+def repeated_rollout(
+    robot: Robot,
+    strategy: Driver,
+    task: Task,
+    repetitions: int,
+    progress: StepProgress = lambda done, total: None,
+    clock: Clock | None = None,
+) -> list[Episode]:
+    """Repeat a task; measured errors of each repetition move the targets of the next.
+
+    The robot stays open and rests in between (`tasks.repetition`).
+
+    Args:
+        robot: robot to control; closed at the end.
+        strategy: strategy for the robot's arm.
+        task: one goal for every control step.
+        repetitions: their number.
+        progress: called with the number of steps done and of all steps.
+        clock: source of time; see `Loop`.
+
+    Returns:
+        An episode for each repetition, with the targets of the task and the column
+        `target_offsets`.
+
+    Raises:
+        S2C2AError: no sensor measures the module ends; or see `rollout`.
+    """
+    sensor = end_sensor(robot)
+    steps = len(task.goals)
+    offsets = np.zeros((steps, robot.arm.module_count, 3))
+    episodes: list[Episode] = []
+    with Loop(robot, strategy, clock) as loop:
+        for number in range(repetitions):
+
+            def report(done: int, _: int, before: int = number * steps) -> None:
+                progress(before + done, repetitions * steps)
+
+            episode = _run_task(loop, moved_task(task, offsets), report)
+            episodes.append(with_true_targets(episode, task, offsets))
+            if number + 1 < repetitions:
+                offsets = learned_offsets(episodes[-1], offsets, sensor)
+                _rest(loop)
+    return episodes
+
+
+def _run_task(loop: Loop, task: Task, progress: StepProgress) -> Episode:
+    """One run from rest and back to rest."""
+    late_before = loop.late_steps
+    steps: list[StepRecord] = []
+    for number, goal in enumerate(task.goals, 1):
+        steps.append(loop.tick(StepRequest(goal)))
+        while steps[-1].stage is Stage.START:
             steps.append(loop.tick(StepRequest(goal)))
-            while steps[-1].stage is Stage.START:
-                steps.append(loop.tick(StepRequest(goal)))
-            if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
-                steps += loop.to_rest()
-                raise S2C2AError(
-                    f"step {number} of '{task.name}': {steps[-1].fault}; "
-                    "the arm was moved to rest; check the sensor, then run again"
-                )
-            progress(number, len(task.goals))
-        steps += loop.to_rest()
-        return build_episode(
-            steps,
-            robot.arm,
-            strategy=strategy.name,
-            task=task.name,
-            late_steps=loop.late_steps,
-        )
+        if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
+            steps += loop.to_rest()
+            raise S2C2AError(
+                f"step {number} of '{task.name}': {steps[-1].fault}; "
+                "the arm was moved to rest; check the sensor, then run again"
+            )
+        progress(number, len(task.goals))
+    steps += loop.to_rest()
+    return build_episode(
+        steps,
+        loop.arm,
+        strategy=loop.driver.name,
+        task=task.name,
+        late_steps=loop.late_steps - late_before,
+    )
+
+
+def _rest(loop: Loop) -> None:
+    for _ in range(round(PAUSE * loop.arm.control_rate)):
+        loop.tick(StepRequest(enabled=False))

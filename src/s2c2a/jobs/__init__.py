@@ -39,5 +39,11 @@ from s2c2a.jobs.job import (
     checked_seeds,
     jobs_for,
 )
-from s2c2a.jobs.rows import Heading, score_rows, tick_rows, training_rows
+from s2c2a.jobs.rows import (
+    Heading,
+    describe_repetitions,
+    score_rows,
+    tick_rows,
+    training_rows,
+)
 from s2c2a.jobs.transfer import TransferredNetworks

@@ -1,7 +1,7 @@
 """A job: one strategy on one task with one seed, and the run that results."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
@@ -23,11 +23,13 @@ from s2c2a.jobs.artifacts import (
 from s2c2a.jobs.transfer import TransferredNetworks
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
+from s2c2a.runtime import Driver
 from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
 from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
 """Random bend of every module before a run, in parts of the full bend."""
+MAX_REPETITIONS = 1000
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,15 @@ class Run:
 
     Attributes:
         job: that was run.
-        episode: its record.
+        episode: its record; of a repeated task, that of the last repetition.
         scores: of its task; none if true states are missing.
+        earlier: the repetitions before.
     """
 
     job: "Job"
     episode: episodes.Episode
     scores: list[evaluation.ScoreResult]
+    earlier: tuple[episodes.Episode, ...] = ()
 
     task = property(attrgetter("job.task.name"), doc="Name of the task.")
     strategy = property(attrgetter("job.strategy"), doc="Name of the strategy.")
@@ -82,9 +86,11 @@ class Job(Artifact[Run]):
         seed: of data, training and start.
         conditions: robot and options of the run.
         weights: networks in place of trained ones, for the strategy that they belong to.
+        repetitions: of the task; each learns from the one before (`tasks.repetition`).
 
     Raises:
-        S2C2AError: no such strategy, or it ignores an option of the run.
+        S2C2AError: no such strategy, it ignores an option of the run, or the number of
+            repetitions is not valid.
     """
 
     kind = "runs"
@@ -96,12 +102,18 @@ class Job(Artifact[Run]):
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
     weights: GivenNetworks | TransferredNetworks | None = None
+    repetitions: int = 1
 
     def __post_init__(self):
-        """Refuse unknown strategies, and options that they ignore."""
+        """Refuse unknown strategies, options that they ignore, and wrong numbers."""
         self.conditions.run.estimation.check_supported(
             self.options.supports, f"strategy '{self.strategy}'"
         )
+        if not 1 <= self.repetitions <= MAX_REPETITIONS:
+            raise S2C2AError(
+                f"{self.repetitions} repetitions were given; "
+                f"give 1 to {MAX_REPETITIONS}"
+            )
 
     @cached_property
     def options(self) -> StrategyOptions:
@@ -144,6 +156,7 @@ class Job(Artifact[Run]):
             self.seed,
             self.conditions,
             self.weights and self.weights.file,
+            self.repetitions,
         )
         return f"{digest}{ENDING}"
 
@@ -153,17 +166,29 @@ class Job(Artifact[Run]):
         trained = networks[0] if networks else None
         recipe = self.options.recipe(self.recipe)
         strategy = self.options.build(self.arm, recipe, trained, self.conditions.run)
-        episode = evaluation.rollout(
-            self.robot(), strategy, self.weighted_task, partial(progress, str(self))
+        described = [
+            episode.with_options(
+                strategy=self.strategy,
+                seed=self.seed,
+                recipe=self.recipe.name,
+                robot=str(self.conditions.robot),
+                versions=versions.versions(),
+            )
+            for episode in self._episodes(strategy, partial(progress, str(self)))
+        ]
+        episodes.save_episodes(described, self.path(cache))
+
+    def _episodes(
+        self, strategy: Driver, progress: Callable[[int, int], None]
+    ) -> list[episodes.Episode]:
+        """Run the task as often as wanted."""
+        robot = self.robot()
+        task = self.weighted_task
+        if self.repetitions == 1:
+            return [evaluation.rollout(robot, strategy, task, progress)]
+        return evaluation.repeated_rollout(
+            robot, strategy, task, self.repetitions, progress
         )
-        described = episode.with_options(
-            strategy=self.strategy,
-            seed=self.seed,
-            recipe=self.recipe.name,
-            robot=str(self.conditions.robot),
-            versions=versions.versions(),
-        )
-        episodes.save_episodes([described], self.path(cache))
 
     def robot(self) -> Robot:
         """The robot, not open yet.
@@ -178,11 +203,14 @@ class Job(Artifact[Run]):
 
     def load(self, cache: Cache) -> Run:
         """See `Artifact`."""
-        episode = episodes.load_episodes(self.path(cache))[0][0]
+        *earlier, episode = episodes.load_episodes(self.path(cache))[0]
+        return Run(self, episode, self.score(episode), tuple(earlier))
+
+    def score(self, episode: episodes.Episode) -> list[evaluation.ScoreResult]:
+        """Scores of an episode of the task; none if true states are missing."""
         if "states" not in episode.sensors:
-            return Run(self, episode, [])
-        scores = evaluation.score_run(episode, self.weighted_task, self.recipe.name)
-        return Run(self, episode, scores)
+            return []
+        return evaluation.score_run(episode, self.weighted_task, self.recipe.name)
 
     def __str__(self) -> str:
         return f"{self.strategy} on {self.task.name} with {self.arm.name}, seed {self.seed}"
@@ -209,6 +237,7 @@ def jobs_for(
     recipe: Recipe,
     conditions: Conditions = SIMULATED_FAST,
     weights: GivenNetworks | TransferredNetworks | None = None,
+    repetitions: int = 1,
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.
 
@@ -220,6 +249,6 @@ def jobs_for(
         chosen.append(task if isinstance(task, Task) else load_task(task, arm))
         evaluation.check_scores(chosen[-1], arm)
     return [
-        Job(task, arm, strategy, recipe, seed, conditions, weights)
+        Job(task, arm, strategy, recipe, seed, conditions, weights, repetitions)
         for seed, strategy, task in product(seeds, dict.fromkeys(strategies), chosen)
     ]

@@ -182,6 +182,18 @@ def _spread(values: Float[np.ndarray, " steps"]) -> float:
     return float(counted.std()) if len(counted) else float("nan")
 
 
+def describe_repetitions(run: Run) -> str:
+    """Describe the scores of every repetition of a run, the first one first."""
+    scores = [run.job.score(episode) for episode in run.earlier]
+    over_repetitions = zip(*scores, run.scores, strict=True)
+    texts = []
+    for results in over_repetitions:
+        values = ", ".join(f"{result.value:.2f}" for result in results)
+        first = results[0]
+        texts.append(f"{first.score.metric} by repetition {values} {first.unit}")
+    return "; ".join(texts)
+
+
 def tick_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
     """Make rows of the time of control steps [ms] for each strategy, over all its runs.
 
