@@ -33,6 +33,7 @@ STILL = 0.05  # of the step limit: a plan that moves less is still
 STILL_STEPS = 20  # steps; the arm has been still for long
 STUCK_STEPS = 5  # steps; a plan that follows a moving goal is left alone as long
 MAX_WAIT = 8  # steps between two searches without success
+FAR_COST = 0.05  # of a plan that is far from its goal: 6 cm at the tip
 REFINING_ITERATIONS = 3  # for the shape that the plan moves towards
 # largest share of the cost that another shape may leave
 MOVING_SHARE = 0.5  # where the plan moves
@@ -155,9 +156,10 @@ class FallbackSearch(Component):
             goal: the goal before the guides changed it.
             planned: the solver's plan within its limits, as bends [rad].
             search: memory of the last step.
-            is_disturbed: whether a payload or bend biases act on the arm. Then there is
-                no search: what they do to another shape is uncertain, and a plan that
-                changes between two shapes makes the arm vibrate.
+            is_disturbed: whether a payload or bend biases act on the arm. What they do
+                to another shape is uncertain, and a plan that changes between two
+                shapes makes the arm vibrate. So there is no search unless the plan is
+                stuck far from its goal.
         """
         last = guided.situation.last
         state = search.state
@@ -177,7 +179,9 @@ class FallbackSearch(Component):
         after = jax.tree.map(partial(jnp.where, keep), before, after)
         progress = self._progress(guided, planned, before, after, state)
 
-        searching = progress.stuck & ~approaching & (state.wait <= 0) & ~is_disturbed
+        is_far = (after.unguided > FAR_COST) & (progress.stuck_steps > STUCK_STEPS)
+        may_search = ~is_disturbed | is_far
+        searching = progress.stuck & ~approaching & (state.wait <= 0) & may_search
         near, far = jax.lax.cond(
             searching | approaching,
             partial(self._search, guided, unguided, planned, search, searching),
