@@ -190,6 +190,97 @@ def stability(
     print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
 
 
+def repetition(
+    arm: Arm = "twin_arm",
+    drawn: int = 3,
+    strength: float = 1.0,
+    tasks: tuple[str, ...] = ("circle",),
+    repetitions: int = 5,
+    seeds: int = 1,
+    work: Work = ALL_CORES,
+) -> None:
+    """Iterative learning control with a slow camera, on randomized arms.
+
+    Repeat the command to continue an interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        drawn: number of randomized arms, sampled as `s2c2a arm random` does, to use
+            instead of this arm; none if zero.
+        strength: magnitude of their mismatch.
+        tasks: names of tasks.
+        repetitions: of each task.
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.jobs import checked_seeds
+    from s2c2a.studies import repetition as study
+    from s2c2a.studies.sensors import randomized_arms
+
+    arms = randomized_arms(load_arm(arm), drawn, strength)
+    numbers = tuple(checked_seeds(0, seeds))
+    repeated = study.RepetitionStudy(arms, tasks, repetitions, numbers)
+    options = asdict(repeated) | {"arms": [one.name for one in arms]}
+    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
+        directory,
+        make,
+    ):
+        rows = study.repetition_rows(repeated, make)
+        save_rows(rows, directory / "results.json")
+    print_results(study.EXPERIMENT, rows, [], directory)
+
+
+def sensor_faults(
+    arm: Arm = "twin_arm",
+    sets: tuple[str, ...] = ("bends", "imu", "current", "camera"),
+    faults: tuple[str, ...] = (
+        "drift",
+        "latency",
+        "noise",
+        "offset",
+        "negated",
+        "frozen",
+        "reversed",
+    ),
+    seconds: tuple[float, ...] = (5.0,),
+    payload_g: float = 50.0,
+    seeds: int = 1,
+    work: Work = ALL_CORES,
+) -> None:
+    """Errors on the circle while a sensor is faulty, from 8 s on.
+
+    Every fault is also kept to the end of the run. Repeat the command to continue an
+    interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        sets: sets of sensors, of which all fail together.
+        faults: kinds of faults.
+        seconds: durations of the faults.
+        payload_g: unknown mass at the tip [g].
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.jobs import checked_seeds
+    from s2c2a.studies import sensor_faults as study
+
+    numbers = tuple(checked_seeds(0, seeds))
+    durations = (*seconds, float("inf"))
+    compared = study.SensorFaultStudy(
+        load_arm(arm), sets, faults, durations, payload_g / 1000, numbers
+    )
+    options = asdict(compared) | {"arm": arm}
+    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
+        directory,
+        make,
+    ):
+        rows = study.sensor_fault_rows(compared, make)
+        save_rows(rows, directory / "results.json")
+    print_results(study.EXPERIMENT, rows, [], directory)
+
+
 def transfer(
     drawn: tuple[int, ...] = (0, 20, 21),
     counts: tuple[int, int] = (4, 6),

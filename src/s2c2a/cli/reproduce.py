@@ -129,6 +129,8 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
 app.command(name="randomised-arms")(experiments.randomized_arms)
 app.command(experiments.sensors)
 app.command(experiments.stability)
+app.command(experiments.repetition)
+app.command(experiments.sensor_faults)
 app.command(experiments.payloads)
 app.command(experiments.transfer)
 app.command(experiments.real)

@@ -3,10 +3,11 @@
 The offset of every target after repetition k is (D. A. Bristow, M. Tharayil and A. G.
 Alleyne, A survey of iterative learning control, IEEE Control Systems 26(3), 2006)
 
-    offset_{k+1} = offset_k + LEARNING_GAIN * smoothed error_k
+    offset_{k+1}(t) = offset_k(t) + LEARNING_GAIN * smoothed error_k(t + LEAD_TIME)
 
 with errors of the module ends as a sensor saw them. Smoothing over time is the filter
-that keeps noise, lost pictures and vibration out of the offsets.
+that keeps noise, lost pictures and vibration out of the offsets. The lead is the time
+that the arm takes to follow its targets.
 """
 
 from dataclasses import replace
@@ -20,8 +21,9 @@ from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION
 from s2c2a.tasks.task import Task
 
-LEARNING_GAIN = 0.8
-SMOOTHING_TIME = 0.3  # s; standard deviation of the smoothing kernel
+LEARNING_GAIN = 0.5
+LEAD_TIME = 0.1  # s
+SMOOTHING_TIME = 0.5  # s; standard deviation of the smoothing kernel
 MAX_OFFSET = 0.15  # of the arm's length
 COLUMN = "target_offsets"
 """Of an episode: what was added to the desired positions [m], shape (modules, 3)."""
@@ -102,7 +104,7 @@ def learned_offsets(episode: Episode, offsets: Offsets, sensor: str) -> Offsets:
         errors = targets - ends[:, module]
         is_known = np.isfinite(errors).all(axis=-1)
         if is_known.any():
-            smooth = _smoothed(moments[is_known], errors[is_known], times)
+            smooth = _smoothed(moments[is_known], errors[is_known], times + LEAD_TIME)
             learned[: len(times), module] += LEARNING_GAIN * smooth
     return _limited(learned, MAX_OFFSET * episode.arm.length)
 
