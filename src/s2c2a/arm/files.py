@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
+from s2c2a.arm.servos import ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import parse_toml, read_text, write_atomically
@@ -17,7 +18,20 @@ from s2c2a.validation import explained
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
-TABLES = ArmSpec, Module, Motor, Cable, Mismatch, Sensors, Inertial, Camera, Flex, Raw
+TABLES = (
+    ArmSpec,
+    Module,
+    Motor,
+    Cable,
+    Mismatch,
+    Sensors,
+    Inertial,
+    Camera,
+    Flex,
+    Raw,
+    Servos,
+    ServoLimits,
+)
 KEYS = tuple(name for table in TABLES for name in table.model_fields)
 
 

@@ -10,8 +10,13 @@ from s2c2a.arm.spec import ArmSpec
 _INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "mismatch")}
 _SENSORS = {f"sensors.{name}": f"[sensors.{name}]" for name in Sensors.model_fields}
 _ROWS = {"modules": "[[modules]]", "sensors.raw": "[[sensors.raw]]"}
+_SERVOS = {"servos": "[servos]", "servos.limits": "[servos.limits]"}
 _TABLES = (
-    {"": "", "motor": "[motor]", "sensors": "[sensors]"} | _SENSORS | _ROWS | _INNER
+    {"": "", "motor": "[motor]", "sensors": "[sensors]"}
+    | _SENSORS
+    | _SERVOS
+    | _ROWS
+    | _INNER
 )
 
 

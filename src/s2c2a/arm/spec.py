@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_gap_deg
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Sensors
+from s2c2a.arm.servos import Servos
 
 MAX_MODULES = 20
 GRAVITY = 9.81  # m/s2
@@ -194,6 +195,11 @@ class Motor(Frozen):
     )
 
 
+def counts_of(modules: tuple[Module, ...]) -> list[int]:
+    """Return the number of cables of every module."""
+    return [len(module.cable_angles_deg) for module in modules]
+
+
 class ArmSpec(Frozen):
     """A modular soft arm: modules from base to tip, motors, mounting, limits.
 
@@ -201,7 +207,7 @@ class ArmSpec(Frozen):
     in degrees.
     """
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("sensors",))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("sensors", "servos"))
 
     name: str = Field(
         pattern=NAME, description="name in tables, figures and file names"
@@ -256,6 +262,7 @@ class ArmSpec(Frozen):
     )
     motor: Motor = Motor()
     sensors: Sensors = Sensors()
+    servos: Servos | None = Field(None, description="servos of a real arm")
     modules: tuple[Module, ...] = Field(
         min_length=1,
         max_length=MAX_MODULES,
@@ -264,13 +271,14 @@ class ArmSpec(Frozen):
 
     @model_validator(mode="after")
     def _validate(self):
-        counts = [len(module.cable_angles_deg) for module in self.modules]
+        counts = counts_of(self.modules)
         if len(set(counts)) > 1:
             raise ValueError(
                 f"modules have {counts} cables; give all modules the same number"
             )
         self._check_gravity()
         self._check_coupling()
+        self._check_servos()
         if self.actuation == "tension":
             self._check_tension_arm()
         elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
@@ -296,6 +304,21 @@ class ArmSpec(Frozen):
                 f"sensing_coupling has rows of lengths {[len(row) for row in rows]}; "
                 "give a square matrix, one row and one column for each of the "
                 f"{len(self.modules)} modules"
+            )
+
+    def _check_servos(self):
+        if self.servos is None:
+            return
+        rows = [len(row) for row in self.servos.ids]
+        if rows != counts_of(self.modules):
+            raise ValueError(
+                f"servos.ids has rows of lengths {rows}; give one row for each of the "
+                f"{len(self.modules)} modules and one servo for each of its cables"
+            )
+        if self.actuation != "displacement":
+            raise ValueError(
+                "servos wind cables by displacement; "
+                'write actuation = "displacement", or leave out [servos]'
             )
 
     def _check_tension_arm(self):
@@ -327,12 +350,13 @@ class ArmSpec(Frozen):
     def differences(self, other: "ArmSpec") -> list[str]:
         """Return the keys in which another arm differs.
 
-        Name, description, `sensors` and motor currents are not compared.
+        Name, description, `sensors`, `servos` and motor currents are not compared.
         """
         excluded: Any = {
             "name": True,
             "description": True,
             "sensors": True,
+            "servos": True,
             "motor": {"current_noise", "current_friction"},
         }
         values = self.model_dump(exclude=excluded)

@@ -1,0 +1,118 @@
+"""Servos that wind the cables of a real arm, and the limits that they obey."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from s2c2a.arm.fields import Frozen, Number, between
+
+MAX_SERVO_ID = 252
+Direction = Literal[-1, 1]
+ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
+
+
+class ServoLimits(Frozen):
+    """Limits of every servo; exceeding one is a fault, except of displacement."""
+
+    displacement: Number | None = between(
+        0.0001,
+        2,
+        "m",
+        "largest displacement from rest; default: the range of the modules' cables",
+        None,
+    )
+    speed: Number = between(0.001, 5, "m/s", "largest speed of a cable", 0.1)
+    current: Number = between(
+        0.01, 20, "A", "largest current, which limits the cable tension", 0.6
+    )
+    temperature: Number = between(30, 100, "deg C", "largest temperature", 65.0)
+    low_voltage: Number = between(3, 48, "V", "smallest supply voltage", 4.0)
+    high_voltage: Number = between(3, 60, "V", "largest supply voltage", 6.0)
+
+    @model_validator(mode="after")
+    def _validate(self):
+        if self.low_voltage >= self.high_voltage:
+            raise ValueError(
+                f"low_voltage {self.low_voltage} V is not below high_voltage "
+                f"{self.high_voltage} V; swap or correct them"
+            )
+        return self
+
+
+class Servos(Frozen):
+    """Bus servos with one pulley for each cable.
+
+    The pulley's radius and the ticks of a turn are keys of `[motor]`.
+    """
+
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits",))
+
+    protocol: Literal["dynamixel", "feetech"] = Field(
+        "dynamixel", description="protocol of the bus"
+    )
+    model: str = Field(
+        "xl330-m288",
+        pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
+        description="model of the servos, such as xl330-m288, sts3215",
+    )
+    port: str = Field(
+        "",
+        max_length=200,
+        description="serial port, such as /dev/ttyUSB0; empty: an option names it",
+    )
+    baud_rate: int = Field(
+        1_000_000, ge=9600, le=4_500_000, description="speed of the bus [bit/s]"
+    )
+    ids: tuple[tuple[ServoId, ...], ...] = Field(
+        min_length=1,
+        max_length=20,
+        description="servo of every cable, one row a module",
+        json_schema_extra={"allowed": "rows of whole numbers, 0 to 252"},
+    )
+    directions: tuple[tuple[Direction, ...], ...] | None = Field(
+        None,
+        description=(
+            "1 where a growing servo position pays the cable out, -1 where it winds "
+            "it in, one row a module; default: all 1"
+        ),
+        json_schema_extra={"allowed": "rows of 1 and -1"},
+    )
+    torque_constant: Number | None = between(
+        0.001, 20, "N m/A", "torque per current; default: of the model", None
+    )
+    layer_growth: Number = between(
+        0, 0.01, "m", "growth of the pulley's radius with every turn wound on", 0.0
+    )
+    home_current: Number = between(
+        0.005, 5, "A", "current that takes up the slack of a cable", 0.06
+    )
+    watchdog: Number = between(
+        0.04, 2.5, "s", "time without a command after which a servo stops", 0.4
+    )
+    on_exit: Literal["hold", "release"] = Field(
+        "release", description="torque after the arm is closed"
+    )
+    limits: ServoLimits = ServoLimits()
+
+    @model_validator(mode="after")
+    def _validate(self):
+        numbers = [number for row in self.ids for number in row]
+        repeated = sorted({number for number in numbers if numbers.count(number) > 1})
+        if repeated:
+            raise ValueError(
+                f"servos.ids names {repeated} twice; give every cable its own servo"
+            )
+        if self.directions is not None:
+            given = [len(row) for row in self.directions]
+            needed = [len(row) for row in self.ids]
+            if given != needed:
+                raise ValueError(
+                    f"servos.directions has rows of lengths {given}; "
+                    f"servos.ids has {needed}; give one direction for each servo"
+                )
+        if self.home_current >= self.limits.current:
+            raise ValueError(
+                f"servos.home_current {self.home_current} A is not below "
+                f"servos.limits.current {self.limits.current} A; lower it"
+            )
+        return self

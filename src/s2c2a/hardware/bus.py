@@ -1,0 +1,173 @@
+"""Interface of a servo bus: registers of servos, goals out, states in.
+
+An implementation knows one protocol; nothing above this interface does. Positions are
+in ticks, signed, over several turns. All other values are in SI units, except
+temperatures in degrees Celsius.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Self
+
+from s2c2a.errors import S2C2AError
+
+
+class BusError(S2C2AError):
+    """A servo bus failed: a port, a servo that does not answer, or a refused write."""
+
+
+class PortLostError(BusError):
+    """The serial port is gone: unplugged, or taken by another process."""
+
+
+class ServoRefusalError(BusError):
+    """A servo answered with an error: a value or an access that it refuses."""
+
+
+class Mode(Enum):
+    """Operating modes that cables need."""
+
+    POSITION = "position over several turns"
+    CURRENT_LIMITED_POSITION = "position over several turns, with a limited current"
+
+
+class HardwareError(Enum):
+    """Reasons for which a servo switches its torque off."""
+
+    VOLTAGE = "supply voltage out of range"
+    OVERHEATED = "overheated"
+    ENCODER = "encoder failure"
+    SHOCK = "electrical shock"
+    OVERLOAD = "overloaded"
+
+
+@dataclass(frozen=True)
+class ServoInfo:
+    """Identity of a servo.
+
+    Attributes:
+        id: on the bus.
+        model_number: as the servo states it.
+        model: name of the model, or "unknown".
+        firmware: version.
+    """
+
+    id: int
+    model_number: int
+    model: str
+    firmware: int
+
+
+@dataclass(frozen=True)
+class ServoState:
+    """What a servo measures.
+
+    Attributes:
+        position: [ticks].
+        velocity: [rad/s]; positive where the position grows.
+        current: [A]; positive where it drives the position up.
+        voltage: of the supply [V].
+        temperature: [deg C].
+        errors: reasons for which the torque is off.
+        watchdog_tripped: whether the servo stopped because commands stayed out.
+    """
+
+    position: int
+    velocity: float
+    current: float
+    voltage: float
+    temperature: float
+    errors: frozenset[HardwareError] = frozenset()
+    watchdog_tripped: bool = False
+
+
+class ServoBus(ABC):
+    """Servos on one serial line. A context manager that closes the port.
+
+    Attributes:
+        ticks_per_turn: of the position.
+        torque_constant: torque per current [N m/A].
+    """
+
+    ticks_per_turn: int
+    torque_constant: float
+
+    @abstractmethod
+    def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
+        """Return the servos that answer at the current baud rate.
+
+        Args:
+            ids: that are asked; all of them if empty.
+        """
+
+    @abstractmethod
+    def set_baud_rate(self, baud_rate: int) -> None:
+        """Change the speed of the port, not of the servos."""
+
+    @abstractmethod
+    def assign(self, id: int, new_id: int, baud_rate: int) -> None:
+        """Store another id and baud rate in a servo; torque must be off."""
+
+    @abstractmethod
+    def prepare(
+        self, ids: Iterable[int], mode: Mode, current: float, speed: float
+    ) -> None:
+        """Set mode and limits of servos and switch fast answers on; torque is then off.
+
+        Args:
+            ids: of the servos.
+            mode: operating mode.
+            current: largest current [A].
+            speed: largest speed [rad/s].
+        """
+
+    @abstractmethod
+    def set_torque(self, ids: Iterable[int], on: bool) -> None:
+        """Switch the torque of servos on or off."""
+
+    @abstractmethod
+    def set_current(self, ids: Iterable[int], current: float) -> None:
+        """Set the largest current [A] of servos that hold a position."""
+
+    @abstractmethod
+    def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
+        """Let servos stop by themselves when no command arrives for a time.
+
+        Args:
+            ids: of the servos.
+            seconds: that time; zero switches the watchdog off and clears it.
+
+        Raises:
+            BusError: the model has no watchdog.
+        """
+
+    @abstractmethod
+    def send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goal positions [ticks] by id, in one packet, without an answer."""
+
+    @abstractmethod
+    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+        """Read the states of servos in one exchange.
+
+        A servo that does not answer in time, or whose answer is damaged, is left out;
+        the states of the others are valid.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+
+    @abstractmethod
+    def reboot(self, id: int) -> None:
+        """Restart a servo: its errors are cleared, its torque is off."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the port; allowed more than once."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
