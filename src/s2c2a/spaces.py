@@ -121,10 +121,13 @@ class Reading:
     Attributes:
         time: time since the arm was opened [s].
         sensors: name -> values.
+        fault: what is wrong with the robot, in a sentence for users; the arm is then
+            held, as with an unsound reading. Empty if nothing is.
     """
 
     time: float
     sensors: Mapping[str, np.ndarray]
+    fault: str = ""
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the values of a sensor.

@@ -1,10 +1,13 @@
 """Servos that wind the cables of a real arm, and the limits that they obey."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import Frozen, Number, between
+
+if TYPE_CHECKING:
+    from s2c2a.arm.spec import ArmSpec
 
 MAX_SERVO_ID = 252
 Direction = Literal[-1, 1]
@@ -90,7 +93,10 @@ class Servos(Frozen):
         0.04, 2.5, "s", "time without a command after which a servo stops", 0.4
     )
     on_exit: Literal["hold", "release"] = Field(
-        "release", description="torque after the arm is closed"
+        "release", description="torque after the arm is closed at rest"
+    )
+    on_emergency: Literal["hold", "release"] = Field(
+        "release", description="torque after an emergency stop"
     )
     limits: ServoLimits = ServoLimits()
 
@@ -110,9 +116,29 @@ class Servos(Frozen):
                     f"servos.directions has rows of lengths {given}; "
                     f"servos.ids has {needed}; give one direction for each servo"
                 )
+        self._check_home_current()
+        return self
+
+    def _check_home_current(self):
         if self.home_current >= self.limits.current:
             raise ValueError(
                 f"servos.home_current {self.home_current} A is not below "
                 f"servos.limits.current {self.limits.current} A; lower it"
             )
-        return self
+
+    def number_of(self, id: int) -> str:
+        """Return the place of a servo for users, such as "module 2, cable 1"."""
+        for module, row in enumerate(self.ids, 1):
+            if id in row:
+                return f"module {module}, cable {row.index(id) + 1}"
+        return "no cable"
+
+
+def servos_of(arm: "ArmSpec") -> Servos:
+    """Return the servos of an arm; without the table, ids from 1 row by row."""
+    if arm.servos is not None:
+        return arm.servos
+    count = arm.cable_count
+    starts = range(1, arm.module_count * count, count)
+    ids = [list(range(start, start + count)) for start in starts]
+    return Servos.model_validate({"ids": ids})

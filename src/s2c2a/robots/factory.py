@@ -14,7 +14,11 @@ from s2c2a.robots.robot import Robot
 from s2c2a.validation import describe_fault
 
 SIMULATED = "sim"
-KNOWN = {SIMULATED: "s2c2a.robots.simulation:SimulatedRobot"}
+KNOWN = {
+    SIMULATED: "s2c2a.robots.simulation:SimulatedRobot",
+    "dynamixel": "s2c2a.hardware.servo_robot:DynamixelRobot",
+    "feetech": "s2c2a.hardware.servo_robot:FeetechRobot",
+}
 """Import paths of the package's own robots: users of real arms need no MuJoCo."""
 
 

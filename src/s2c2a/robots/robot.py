@@ -60,6 +60,14 @@ class Robot(ABC):
         """Advance the robot's own time; a real robot returns at once."""
         return None
 
+    def halt(self) -> None:
+        """Stop at once where the arm is, after an emergency stop.
+
+        No command follows until the next `open`. By default nothing happens: the arm
+        keeps its last command.
+        """
+        return None
+
     @abstractmethod
     def close(self) -> None:
         """Leave the arm safe; allowed more than once, and before `open`."""

@@ -75,7 +75,7 @@ class ReadingCheck:
             last_change: size of the change that the last command made, as a fraction
                 of the full bend.
         """
-        fault = self._time_fault(reading, now)
+        fault = reading.fault or self._time_fault(reading, now)
         for name in self._required:
             fault = fault or self._value_fault(name, reading)
         fault = fault or self._frozen_fault(reading, last_change)

@@ -1,0 +1,121 @@
+"""Calibration of winches: the servo positions of the straight arm, in a file."""
+
+import json
+import os
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.errors import S2C2AError
+from s2c2a.files import read_text, write_atomically
+from s2c2a.hardware.winch import Ticks
+from s2c2a.validation import explained
+
+FORMAT = 1
+MAX_SERVOS = 160
+
+
+class CalibrationError(S2C2AError):
+    """A calibration is missing, damaged, or that of another arm."""
+
+
+class CalibratedServo(BaseModel):
+    """One servo and its home.
+
+    Attributes:
+        id: on the bus.
+        model: name of its model.
+        firmware: version.
+        home: position of the straight arm [ticks].
+        spread: standard deviation of repeated homings [m]; None after a single one.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    id: int = Field(ge=0, le=252)
+    model: str = Field(max_length=40)
+    firmware: int = Field(ge=0, le=255)
+    home: int = Field(ge=-(2**31), le=2**31)
+    spread: float | None = Field(default=None, ge=0)
+
+
+class Calibration(BaseModel):
+    """Homes of all servos of an arm.
+
+    Attributes:
+        arm: name of the arm.
+        date: of the homing, ISO 8601.
+        adapter: serial number of the adapter, if it has one.
+        servos: module by module.
+        finished: whether all servos have been homed; if not, homing can continue.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    format: int = Field(default=FORMAT, ge=FORMAT, le=FORMAT)
+    arm: str = Field(max_length=64)
+    date: datetime
+    adapter: str = Field(default="", max_length=100)
+    servos: tuple[CalibratedServo, ...] = Field(max_length=MAX_SERVOS)
+    finished: bool = True
+
+    def home(self, arm: ArmSpec) -> Ticks:
+        """Return the homes of an arm's servos [ticks], shape (modules, cables).
+
+        Raises:
+            CalibrationError: servos of the arm are missing in the calibration.
+        """
+        homes = {servo.id: servo.home for servo in self.servos}
+        ids = np.array(servos_of(arm).ids)
+        missing = sorted(set(ids.ravel().tolist()) - homes.keys())
+        if missing or not self.finished:
+            raise CalibrationError(
+                f"the calibration of '{self.arm}' lacks servos {missing}; "
+                "finish it with `s2c2a motors home --resume`"
+            )
+        return np.vectorize(homes.__getitem__, otypes=[int])(ids)
+
+
+def default_path(arm: ArmSpec) -> Path:
+    """Return the name of the calibration file of an arm, in the current folder."""
+    return Path(f"{arm.name}.calibration.json")
+
+
+def save_calibration(calibration: Calibration, path: str | os.PathLike) -> None:
+    """Write a calibration file at once."""
+    text = json.dumps(calibration.model_dump(mode="json"), indent=1)
+    write_atomically(text + "\n", path, CalibrationError)
+
+
+def load_calibration(path: str | os.PathLike, arm: ArmSpec) -> Calibration:
+    """Read the calibration file of an arm.
+
+    Raises:
+        CalibrationError: there is no such file, it is damaged, or it belongs to
+            another arm.
+    """
+    if not Path(path).is_file():
+        raise CalibrationError(
+            f"there is no calibration {path}; make one with "
+            "`s2c2a motors home --arm FILE`, or name one "
+            "(--robot-option calibration=FILE)"
+        )
+    try:
+        values = json.loads(read_text(path, CalibrationError))
+        calibration = Calibration.model_validate(values)
+    except ValidationError as error:
+        heading = f"{path}: {{count}} fault(s) in the calibration"
+        raise CalibrationError(explained(error, heading, ())) from error
+    except (ValueError, RecursionError) as error:
+        raise CalibrationError(
+            f"{path} is no calibration: {error}; make one with `s2c2a motors home`"
+        ) from error
+    if calibration.arm != arm.name:
+        raise CalibrationError(
+            f"{path} is the calibration of '{calibration.arm}', not of '{arm.name}'; "
+            "name another file, or home this arm (`s2c2a motors home`)"
+        )
+    return calibration

@@ -1,0 +1,415 @@
+"""Servo bus of DYNAMIXEL X-series servos."""
+
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from s2c2a.hardware.bus import (
+    BusError,
+    HardwareError,
+    Mode,
+    ServoBus,
+    ServoInfo,
+    ServoRefusalError,
+    ServoState,
+)
+from s2c2a.hardware.dynamixel.packets import (
+    BROADCAST,
+    Instruction,
+    StatusPacket,
+    StatusReader,
+    encode,
+)
+from s2c2a.hardware.dynamixel.tables import (
+    BAUD_RATES,
+    CURRENT_LIMITED_POSITION,
+    EXTENDED_POSITION,
+    HARDWARE_ERROR_BITS,
+    INDIRECT_COUNT,
+    MAX_POSITION,
+    MAX_WATCHDOG,
+    MODELS,
+    REGISTERS,
+    VELOCITY_UNIT,
+    VOLTAGE_UNIT,
+    WATCHDOG_TRIPPED,
+    WATCHDOG_UNIT,
+    Register,
+)
+from s2c2a.hardware.serial_line import SerialLine
+
+ATTEMPTS = 3
+MARGIN = 0.004  # s; beyond wire time and latency of the adapter
+SCAN_TIME = 0.003  # s for the answer of each possible id
+ALERT = 0x80
+STATUS_OVERHEAD = 11  # bytes of a status packet without data
+REFUSALS = {
+    1: "it failed to process the packet",
+    2: "it does not know the instruction",
+    3: "the checksum was wrong",
+    4: "the value is out of range",
+    5: "the data have the wrong length",
+    6: "the value is beyond a limit",
+    7: "the register is read-only now (torque on, or watchdog tripped)",
+}
+STATE_LAYOUT = (
+    "position",
+    "velocity",
+    "current",
+    "voltage",
+    "temperature",
+    "hardware_error",
+    "watchdog",
+    "id",
+)
+"""Registers that indirect addresses join to one block.
+
+The id comes last: after a restart of the servo the block holds other values, and the
+id is wrong.
+"""
+STATE_SIZE = sum(REGISTERS[name].size for name in STATE_LAYOUT)
+
+
+class DynamixelBus(ServoBus):
+    """DYNAMIXEL servos of one model on a serial port, with protocol 2.0.
+
+    Attributes:
+        model: facts of the servos' model.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud_rate: int = 1_000_000,
+        model: str = "xl330-m288",
+        fast_read: bool = False,
+    ):
+        """Open the port; no servo is asked yet.
+
+        Args:
+            port: serial port.
+            baud_rate: speed of the bus [bit/s].
+            model: a name in `tables.MODELS`.
+            fast_read: whether all servos answer a read in one joint packet. It is
+                faster, but one lost byte loses the answers of all.
+
+        Raises:
+            BusError: unknown model, or the port cannot be opened.
+        """
+        if model not in MODELS:
+            raise BusError(
+                f"no DYNAMIXEL model '{model}' is known; choose one of "
+                f"{', '.join(MODELS)}, or add it to s2c2a.hardware.dynamixel.tables"
+            )
+        self.model = MODELS[model]
+        self.ticks_per_turn = 4096
+        self.torque_constant = self.model.torque_constant
+        self._fast_read = fast_read
+        self._line = SerialLine(port, baud_rate)
+        self._indirect_data: dict[int, int] = {}
+        self._misses: dict[int, int] = {}
+
+    def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
+        """Return the servos that answer; see `ServoBus`."""
+        wanted = set(ids)
+        self._line.write(encode(BROADCAST, Instruction.PING))
+        reader = StatusReader()
+        found = list(self._receive(reader, BROADCAST * SCAN_TIME, wanted))
+        return [
+            self._info_of(packet)
+            for packet in sorted(found, key=lambda packet: packet.id)
+            if not wanted or packet.id in wanted
+        ]
+
+    def set_baud_rate(self, baud_rate: int) -> None:
+        """Change the speed of the port; see `ServoBus`."""
+        self._line.baud_rate = baud_rate
+
+    def assign(self, id: int, new_id: int, baud_rate: int) -> None:
+        """Store another id and baud rate; see `ServoBus`."""
+        if baud_rate not in BAUD_RATES:
+            raise BusError(
+                f"DYNAMIXEL servos have no baud rate {baud_rate}; "
+                f"choose one of {', '.join(map(str, BAUD_RATES))}"
+            )
+        if new_id != id:
+            self.write(id, "id", new_id)
+        self.write(new_id, "baud_rate", BAUD_RATES.index(baud_rate))
+
+    def prepare(
+        self, ids: Iterable[int], mode: Mode, current: float, speed: float
+    ) -> None:
+        """Set mode and limits with the torque off; see `ServoBus`."""
+        for id in ids:
+            self.arm_watchdog([id], 0.0)
+            self.write(id, "torque", 0)
+            self._write_stored(id, self._stored_settings(mode))
+            self.write(id, "profile_acceleration", 0)
+            self.write(id, "profile_velocity", max(round(speed / VELOCITY_UNIT), 1))
+            if mode is Mode.CURRENT_LIMITED_POSITION:
+                self.set_current([id], current)
+            self._join_state(id)
+
+    def set_torque(self, ids: Iterable[int], on: bool) -> None:
+        """Switch the torque; see `ServoBus`."""
+        for id in ids:
+            self.write(id, "torque", int(on))
+
+    def set_current(self, ids: Iterable[int], current: float) -> None:
+        """Set the largest current; see `ServoBus`."""
+        units = round(min(current, self.model.max_current) / self.model.current_unit)
+        for id in ids:
+            self.write(id, "goal_current", max(units, 1))
+
+    def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
+        """Let servos stop when commands stay out; see `ServoBus`."""
+        units = 0
+        if seconds > 0:
+            units = min(max(round(seconds / WATCHDOG_UNIT), 1), MAX_WATCHDOG)
+        for id in ids:
+            self.write(id, "watchdog", units)
+
+    def send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goal positions; see `ServoBus`."""
+        register = REGISTERS["goal_position"]
+        parameters = _span(register.address, register.size)
+        for id, ticks in goals.items():
+            limited = min(max(ticks, -MAX_POSITION), MAX_POSITION)
+            parameters += bytes([id]) + register.encode(limited)
+        self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
+
+    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+        """Read the states of servos; see `ServoBus`.
+
+        Servos that have not answered before are asked last, so that an absent one does
+        not delay the others.
+        """
+        order = sorted(ids, key=lambda id: self._misses.get(id, 0))
+        found: dict[int, ServoState] = {}
+        for group in self._groups(order):
+            found |= self._read_group(*group)
+        for id in order:
+            self._misses[id] = 0 if id in found else self._misses.get(id, 0) + 1
+        return found
+
+    def reboot(self, id: int) -> None:
+        """Restart a servo; see `ServoBus`."""
+        self._exchange(id, Instruction.REBOOT)
+
+    def close(self) -> None:
+        """Close the port; see `ServoBus`."""
+        self._line.close()
+
+    def read(self, id: int, name: str) -> int:
+        """Return a register of a servo, by its name in `tables.REGISTERS`.
+
+        Raises:
+            BusError: the servo does not answer.
+        """
+        return self._read(id, REGISTERS[name])
+
+    def write(self, id: int, name: str, value: int) -> None:
+        """Write a register of a servo and wait for the confirmation.
+
+        Raises:
+            ServoRefusalError: the servo refuses the value.
+            BusError: the servo does not answer.
+        """
+        register = REGISTERS[name]
+        data = register.address.to_bytes(2, "little") + register.encode(value)
+        self._exchange(id, Instruction.WRITE, data, f"writing {name} = {value}")
+
+    def info(self, id: int) -> ServoInfo:
+        """Return the identity of one servo.
+
+        Raises:
+            BusError: the servo does not answer.
+        """
+        return self._info_of(self._exchange(id, Instruction.PING))
+
+    def _info_of(self, packet: StatusPacket) -> ServoInfo:
+        number = int.from_bytes(packet.data[:2], "little")
+        names = [model.name for model in MODELS.values() if model.number == number]
+        firmware = packet.data[2] if len(packet.data) > 2 else 0
+        return ServoInfo(packet.id, number, (*names, "unknown")[0], firmware)
+
+    def _stored_settings(self, mode: Mode) -> dict[str, int]:
+        """Values of registers that keep their value without power."""
+        is_limited = mode is Mode.CURRENT_LIMITED_POSITION
+        limit = round(self.model.max_current / self.model.current_unit)
+        return {
+            "return_delay": 0,
+            "drive_mode": 0,
+            "operating_mode": CURRENT_LIMITED_POSITION
+            if is_limited
+            else EXTENDED_POSITION,
+            "homing_offset": 0,
+            "current_limit": limit,
+            "status_return_level": 2,
+        }
+
+    def _write_stored(self, id: int, settings: Mapping[str, int]) -> None:
+        """Write what differs: the memory wears out with every write."""
+        for name, value in settings.items():
+            if self.read(id, name) != value:
+                self.write(id, name, value)
+
+    def _join_state(self, id: int) -> None:
+        """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""
+        info = self.info(id)
+        self._indirect_data[id] = self.model.indirect_data_of(info.firmware)
+        addresses: list[int] = []
+        for name in STATE_LAYOUT:
+            register = REGISTERS[name]
+            addresses += range(register.address, register.address + register.size)
+        assert len(addresses) <= INDIRECT_COUNT
+        start = REGISTERS["indirect_address"].address
+        data = start.to_bytes(2, "little")
+        for address in addresses:
+            data += address.to_bytes(2, "little")
+        self._exchange(id, Instruction.WRITE, data, "writing indirect addresses")
+
+    def _groups(self, ids: Iterable[int]) -> list[tuple[int, list[int]]]:
+        """Servos by the address of their joined state."""
+        groups: dict[int, list[int]] = {}
+        for id in ids:
+            if id not in self._indirect_data:
+                raise BusError(
+                    f"servo {id} was not prepared; call prepare() before read_states()"
+                )
+            groups.setdefault(self._indirect_data[id], []).append(id)
+        return list(groups.items())
+
+    def _read_group(self, address: int, ids: list[int]) -> dict[int, ServoState]:
+        instruction = Instruction.SYNC_READ
+        if self._fast_read:
+            instruction = Instruction.FAST_SYNC_READ
+        parameters = _span(address, STATE_SIZE) + bytes(ids)
+        self._line.write(encode(BROADCAST, instruction, parameters))
+        expected = len(ids) * (STATUS_OVERHEAD + STATE_SIZE)
+        reader = StatusReader(expected if self._fast_read else 2 * STATE_SIZE)
+        duration = self._line.wire_time(len(parameters) + expected)
+        found: dict[int, ServoState] = {}
+        awaited = {BROADCAST} if self._fast_read else set(ids)
+        for packet in self._receive(reader, duration + self._margin, awaited):
+            for id, data in _blocks(packet, len(ids)):
+                state = self._decode(id, data)
+                if state is not None and id in ids:
+                    found[id] = state
+        return found
+
+    def _decode(self, id: int, data: bytes) -> ServoState | None:
+        """The state in a joined block; None if the block is not that of the servo."""
+        if len(data) != STATE_SIZE:
+            return None
+        values = {}
+        start = 0
+        for name in STATE_LAYOUT:
+            register = REGISTERS[name]
+            values[name] = register.decode(data[start : start + register.size])
+            start += register.size
+        if values["id"] != id:
+            return None
+        return ServoState(
+            position=values["position"],
+            velocity=values["velocity"] * VELOCITY_UNIT,
+            current=values["current"] * self.model.current_unit,
+            voltage=values["voltage"] * VOLTAGE_UNIT,
+            temperature=float(values["temperature"]),
+            errors=_hardware_errors(values["hardware_error"]),
+            watchdog_tripped=values["watchdog"] == WATCHDOG_TRIPPED,
+        )
+
+    @property
+    def _margin(self) -> float:
+        return MARGIN + self._line.latency
+
+    def _read(self, id: int, register: Register) -> int:
+        parameters = _span(register.address, register.size)
+        answer = self._exchange(id, Instruction.READ, parameters, size=register.size)
+        return register.decode(answer.data)
+
+    def _exchange(
+        self,
+        id: int,
+        instruction: Instruction,
+        parameters: bytes = b"",
+        purpose: str = "",
+        size: int = 0,
+    ) -> StatusPacket:
+        """Send an instruction to one servo and return its answer.
+
+        Args:
+            id: of the servo.
+            instruction: to carry out.
+            parameters: of the instruction.
+            purpose: what is done, for the error message.
+            size: number of bytes that a read returns.
+
+        Raises:
+            ServoRefusalError: the servo refuses the instruction.
+            BusError: the servo does not answer.
+        """
+        packet = encode(id, instruction, parameters)
+        count = len(packet) + STATUS_OVERHEAD + size
+        duration = self._line.wire_time(count) + self._margin
+        for _ in range(ATTEMPTS):
+            self._line.write(packet)
+            for answer in self._receive(StatusReader(), duration, {id}):
+                self._check_refusal(answer, purpose or instruction.name.lower())
+                if answer.id == id and len(answer.data) >= size:
+                    return answer
+        raise BusError(
+            f"servo {id} on {self._line.port} does not answer at "
+            f"{self._line.baud_rate} bit/s; check its cable, its power and its id "
+            "(`s2c2a motors scan`)"
+        )
+
+    def _check_refusal(self, answer: StatusPacket, purpose: str) -> None:
+        number = answer.error & ~ALERT
+        if number:
+            reason = REFUSALS.get(number, f"error {number}")
+            raise ServoRefusalError(f"servo {answer.id} refuses {purpose}: {reason}")
+
+    def _receive(
+        self, reader: StatusReader, duration: float, awaited: Collection[int]
+    ) -> Iterator[StatusPacket]:
+        """Yield packets until all awaited servos answered, or the time is over."""
+        remaining = set(awaited)
+        deadline = time.monotonic() + duration
+        while data := self._line.read(deadline):
+            for packet in reader.feed(data):
+                remaining.discard(packet.id)
+                yield packet
+            if awaited and not remaining:
+                return
+        yield from reader.flush()
+
+
+def _span(address: int, size: int) -> bytes:
+    """Address and size of a block, as parameters."""
+    return address.to_bytes(2, "little") + size.to_bytes(2, "little")
+
+
+def _blocks(packet: StatusPacket, count: int) -> Iterator[tuple[int, bytes]]:
+    """Yield id and data of every servo in a status packet.
+
+    A joint answer holds (error, id, data, checksum) of one servo after the other; the
+    last checksum is that of the packet.
+    """
+    if packet.id != BROADCAST:
+        yield packet.id, packet.data
+        return
+    size = STATE_SIZE + 4
+    joint = bytes([packet.error]) + packet.data + bytes(2)
+    if len(joint) != count * size:
+        return
+    for start in range(0, len(joint), size):
+        yield joint[start + 1], joint[start + 2 : start + 2 + STATE_SIZE]
+
+
+def _hardware_errors(bits: int) -> frozenset[HardwareError]:
+    return frozenset(
+        HardwareError[name]
+        for bit, name in HARDWARE_ERROR_BITS.items()
+        if bits & (1 << bit)
+    )

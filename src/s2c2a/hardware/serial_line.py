@@ -1,0 +1,134 @@
+"""Serial line of a servo bus: one owner, no busy waiting, and a clear error if lost."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from s2c2a.errors import S2C2AError
+from s2c2a.hardware.bus import BusError, PortLostError
+
+BITS_PER_BYTE = 10  # with start and stop bit
+WRITE_TIMEOUT = 0.5  # s
+LATENCY_TIMER = "/sys/bus/usb-serial/devices/{name}/latency_timer"
+"""Of an FTDI adapter on Linux [ms]: how long it collects bytes before it sends them."""
+
+
+class SerialLine:
+    """An open serial port that no other process can open.
+
+    Attributes:
+        port: its name.
+        latency: longest time that the adapter keeps bytes [s].
+    """
+
+    def __init__(self, port: str, baud_rate: int):
+        """Open the port.
+
+        Raises:
+            BusError: there is no such port, it is in use, or it refuses the speed.
+            S2C2AError: the extra `hardware` is not installed.
+        """
+        serial = import_serial()
+        self.port = port
+        try:
+            self._serial = serial.Serial(
+                port, baud_rate, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            raise BusError(
+                f"the serial port '{port}' cannot be opened: {error}; check that the "
+                "adapter is plugged in, that no other program uses it, and that you "
+                "have the right to use it (on Linux, the group dialout). "
+                "`s2c2a motors scan` lists the ports"
+            ) from error
+        self.latency = latency_of(port)
+
+    @property
+    def baud_rate(self) -> int:
+        """Speed of the port [bit/s]."""
+        return self._serial.baudrate
+
+    @baud_rate.setter
+    def baud_rate(self, baud_rate: int) -> None:
+        try:
+            self._serial.baudrate = baud_rate
+        except (OSError, ValueError) as error:
+            raise BusError(
+                f"{self.port} cannot run at {baud_rate} bit/s: {error}"
+            ) from error
+
+    def wire_time(self, count: int) -> float:
+        """Return the time that a number of bytes takes on the line [s]."""
+        return count * BITS_PER_BYTE / self.baud_rate
+
+    def write(self, data: bytes) -> None:
+        """Drop what has arrived so far, then send bytes.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        with self._port_errors():
+            self._serial.reset_input_buffer()
+            self._serial.write(data)
+
+    def read(self, deadline: float) -> bytes:
+        """Return the bytes that have arrived; wait for the first one, without spinning.
+
+        Args:
+            deadline: on the clock of `time.monotonic` [s].
+
+        Returns:
+            The bytes; none if the deadline has passed.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        with self._port_errors():
+            waiting = self._serial.in_waiting
+            if waiting:
+                return self._serial.read(waiting)
+            self._serial.timeout = max(deadline - time.monotonic(), 0.0)
+            return self._serial.read(1) + self._serial.read(self._serial.in_waiting)
+
+    def close(self) -> None:
+        """Close the port; allowed more than once."""
+        with self._port_errors():
+            self._serial.close()
+
+    @contextmanager
+    def _port_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, TypeError, AttributeError) as error:
+            # pyserial raises the last two if the port is closed in the meantime
+            raise PortLostError(
+                f"the serial port '{self.port}' is gone ({error}); plug it in again, "
+                "and look for another program that uses it"
+            ) from error
+
+
+def import_serial():
+    """Return the module of pyserial.
+
+    Raises:
+        S2C2AError: the extra `hardware` is not installed.
+    """
+    try:
+        import serial  # noqa: PLC0415  # only users of a real arm need it
+    except ImportError as error:
+        raise S2C2AError(
+            "pyserial is missing; install it, in your clone of s2c2a, with: "
+            'pip install ".[hardware]"'
+        ) from error
+    return serial
+
+
+def latency_of(port: str) -> float:
+    """Return the latency timer of an adapter [s]; zero if it has none."""
+    try:
+        name = Path(port).resolve().name
+        text = Path(LATENCY_TIMER.format(name=name)).read_text(encoding="ascii")
+        return float(text) / 1000.0
+    except (OSError, ValueError):
+        return 0.0

@@ -1,0 +1,384 @@
+"""A real arm whose cables are wound by bus servos."""
+
+import time
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
+from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.hardware.bus import BusError, Mode, PortLostError, ServoBus, ServoState
+from s2c2a.hardware.buses import open_bus
+from s2c2a.hardware.calibration import default_path, load_calibration
+from s2c2a.hardware.monitor import CableMonitor, describe_faults
+from s2c2a.hardware.winch import Winches
+from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.spaces import Actions, Reading, Sensor
+
+READ_ATTEMPTS = 3  # within one reading
+REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
+REST_PERIOD = 0.02  # s between goals on that way
+SETTLING_TIME = 1.0  # s
+MARGIN = 0.25  # of the range: what is plausible beyond the limits
+NOISE_TICKS = 20
+RATE_FACTOR = 6.0  # cables may move faster than commands by this
+
+
+class ServoRobot(Robot):
+    """An arm with one servo and one pulley for each cable.
+
+    Use a subclass that names a protocol. Limits stand in the table `[servos.limits]`
+    of the arm file: `send` limits displacement and speed, the servos limit their
+    current, and a reading whose temperature, voltage or tension is out of limits
+    carries a fault, so that the control loop holds the arm and leads it to rest.
+
+    Args:
+        arm: description of the arm.
+        port: serial port; empty: `servos.port` of the arm file.
+        calibration: file of `s2c2a motors home`; empty: the default name, in the
+            current folder.
+        fast_read: whether all servos answer in one packet.
+    """
+
+    own_time = False
+    protocol: ClassVar[str]
+
+    def __init__(
+        self,
+        arm: ArmSpec,
+        port: str = "",
+        calibration: str = "",
+        fast_read: bool = False,
+    ):
+        self.arm = arm
+        self._geometry = ArmGeometry.of(arm)
+        self._servos = servos_of(arm)
+        self._check_protocol()
+        path = calibration or default_path(arm)
+        self._calibration = load_calibration(path, arm)
+        self._winches = Winches.of(arm, self._calibration.home(arm))
+        self._port = port
+        self._fast_read = fast_read
+        self._ids = np.array(self._servos.ids)
+        self._bus: ServoBus | None = None
+        self._low, self._high = _displacement_limits(arm, self._geometry)
+        self._goal = self._geometry.action_neutral
+        self._monitor = CableMonitor(self._servos)
+        self._opened_at = 0.0
+        self._budget = np.zeros(self._ids.shape)
+        self._sent_at = 0.0
+
+    @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """Cable displacements [m] and, if the arm file has them, tensions [N]."""
+        sensors = {"cables": self._declare_cables()}
+        if self.arm.motor.current_noise is not None:
+            sensors["tensions"] = Sensor(self._ids.shape, "N")
+        return sensors
+
+    def open(self) -> Reading:
+        """Connect, check every servo, and wind slowly to rest; see `Robot`.
+
+        Raises:
+            BusError: the port or a servo is missing.
+            RobotError: a servo is not the calibrated one, or not fit to move.
+        """
+        if self._bus is None:
+            self._connect()
+        self._go_to_rest()
+        self._monitor.reset()
+        self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
+        self._opened_at = time.perf_counter()
+        return self.read()
+
+    def read(self) -> Reading:
+        """Return displacements and tensions; what was not measured is NaN."""
+        moment = time.perf_counter() - self._opened_at
+        try:
+            states = self._read_states()
+        except PortLostError as error:
+            return self._lost_reading(moment, str(error))
+        displacements = self._displacements(states)
+        tensions = self._tensions(states)
+        values = {"cables": displacements}
+        if "tensions" in self.sensors:
+            values["tensions"] = tensions
+        fault = describe_faults(states, self._servos)
+        fault = fault or self._monitor.find_fault(self._goal, displacements, tensions)
+        if any(state.watchdog_tripped for state in states.values()):
+            self._restart_after_watchdog()
+        return Reading(moment, values, fault)
+
+    def send(self, action: Actions) -> Actions:
+        """Send displacements within the limits of value and speed; see `Robot`."""
+        wanted = checked_action(action, self._geometry)
+        limited = self._limited(np.clip(wanted, self._low, self._high))
+        positions = self._winches.positions(limited)
+        self._send_positions(positions)
+        self._goal = self._winches.displacements(positions)
+        return self._goal.copy()
+
+    def halt(self) -> None:
+        """Stop every servo where it is, then hold or release; see `Robot`."""
+        if self._bus is None:
+            return
+        states = self._read_states()
+        self.bus.send_goals({id: state.position for id, state in states.items()})
+        if self._servos.on_emergency == "release":
+            self._release()
+
+    def close(self) -> None:
+        """Hold or release the cables as configured, and close the port."""
+        bus, self._bus = self._bus, None
+        if bus is None:
+            return
+        try:
+            bus.arm_watchdog(self._flat_ids, 0.0)
+            if self._servos.on_exit == "release":
+                bus.set_torque(self._flat_ids, on=False)
+        except BusError:
+            # what does not answer now stops by its watchdog
+            pass
+        finally:
+            bus.close()
+
+    @property
+    def bus(self) -> ServoBus:
+        """The open bus.
+
+        Raises:
+            RobotError: the robot is not open.
+        """
+        if self._bus is None:
+            raise RobotError(
+                f"{type(self).__name__} is not open; call open() before it moves"
+            )
+        return self._bus
+
+    @property
+    def _flat_ids(self) -> list[int]:
+        return self._ids.ravel().tolist()
+
+    def _check_protocol(self) -> None:
+        if self._servos.protocol != self.protocol:
+            raise S2C2AError(
+                f"the servos of '{self.arm.name}' speak {self._servos.protocol}, not "
+                f"{self.protocol}; choose --robot {self._servos.protocol}, or correct "
+                "servos.protocol in the arm file"
+            )
+
+    def _connect(self) -> None:
+        bus = open_bus(self._servos, self._port, self._fast_read)
+        try:
+            self._check_identity(bus)
+            limits = self._servos.limits
+            speed = limits.speed / self.arm.motor.pulley_radius
+            mode = Mode.CURRENT_LIMITED_POSITION
+            bus.prepare(self._flat_ids, mode, limits.current, speed)
+        except BaseException:
+            bus.close()
+            raise
+        self._bus = bus
+        try:
+            self._take_over()
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_identity(self, bus: ServoBus) -> None:
+        """Check that every servo answers and is the calibrated one."""
+        found = {info.id: info for info in bus.scan(self._flat_ids)}
+        missing = [id for id in self._flat_ids if id not in found]
+        if missing:
+            names = ", ".join(f"{id} ({self._servos.number_of(id)})" for id in missing)
+            raise BusError(
+                f"no answer from servo {names}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
+        for servo in self._calibration.servos:
+            info = found.get(servo.id)
+            if info and (info.model, info.firmware) != (servo.model, servo.firmware):
+                raise RobotError(
+                    f"servo {info.id} is {info.model} with firmware {info.firmware}; "
+                    f"{servo.model} with firmware {servo.firmware} was calibrated. If "
+                    "you replaced it, home the arm again (`s2c2a motors home`)"
+                )
+
+    def _take_over(self) -> None:
+        """Let the servos hold the arm where it is."""
+        states = self._read_all()
+        fault = describe_faults(states, self._servos)
+        if fault:
+            raise RobotError(f"the arm cannot start: {fault}")
+        positions = self._positions(states)
+        self._winches = self._winches.in_same_turn(positions)
+        displacements = self._winches.displacements(positions)
+        self._check_plausible(displacements)
+        self._goal = displacements
+        self._send_positions(positions)
+        self.bus.set_torque(self._flat_ids, on=True)
+
+    def _check_plausible(self, displacements: Actions) -> None:
+        room = MARGIN * (self._high - self._low)
+        low = self._low - room
+        high = self._high + room
+        outside = (displacements < low) | (displacements > high)
+        if outside.any():
+            ids = self._ids[outside].tolist()
+            places = 1000 * displacements[outside]
+            raise RobotError(
+                f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "
+                "out of their range; the calibration no longer fits. Home the arm "
+                "again (`s2c2a motors home`)"
+            )
+
+    def _go_to_rest(self) -> None:
+        """Wind all cables to rest together, slowly, and let the arm settle."""
+        start = self._winches.displacements(self._positions(self._read_all()))
+        rest = self._geometry.action_neutral
+        distance = float(np.abs(start - rest).max())
+        duration = distance / (REST_SPEED * self._servos.limits.speed)
+        steps = int(np.ceil(duration / REST_PERIOD))
+        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            self._wind_to(start + share * (rest - start))
+        for _ in range(round(SETTLING_TIME / REST_PERIOD)):
+            self._wind_to(rest)
+
+    def _wind_to(self, displacements: Actions) -> None:
+        """One slow step towards rest.
+
+        Raises:
+            RobotError: a servo is at fault.
+        """
+        positions = self._winches.positions(displacements)
+        self._send_positions(positions)
+        self._goal = self._winches.displacements(positions)
+        states = self._read_states()
+        fault = describe_faults(states, self._servos)
+        if fault:
+            raise RobotError(f"the arm stopped on its way to rest: {fault}")
+        time.sleep(REST_PERIOD)
+
+    def _read_states(self) -> dict[int, ServoState]:
+        """Read all servos; those that do not answer are asked again at once."""
+        states: dict[int, ServoState] = {}
+        for _ in range(READ_ATTEMPTS):
+            missing = [id for id in self._flat_ids if id not in states]
+            if not missing:
+                break
+            states |= self.bus.read_states(missing)
+        return states
+
+    def _read_all(self) -> dict[int, ServoState]:
+        """Read all servos.
+
+        Raises:
+            BusError: a servo does not answer.
+        """
+        states = self._read_states()
+        missing = [id for id in self._flat_ids if id not in states]
+        if missing:
+            raise BusError(f"servos {missing} do not answer; check cable and power")
+        return states
+
+    def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
+        values = [states[id].position for id in self._flat_ids]
+        return np.array(values).reshape(self._ids.shape)
+
+    def _displacements(self, states: Mapping[int, ServoState]) -> Actions:
+        """Displacements [m]; NaN where a servo did not answer."""
+        known = np.array([id in states for id in self._flat_ids])
+        positions = [
+            states[id].position if id in states else 0 for id in self._flat_ids
+        ]
+        shape = self._ids.shape
+        values = self._winches.displacements(np.array(positions).reshape(shape))
+        return np.where(known.reshape(shape), values, np.nan)
+
+    def _tensions(self, states: Mapping[int, ServoState]) -> np.ndarray:
+        """Tensions [N] from motor currents; NaN where a servo did not answer."""
+        currents = [
+            states[id].current if id in states else np.nan for id in self._flat_ids
+        ]
+        constant = self._servos.torque_constant or self.bus.torque_constant
+        return self._winches.tensions(
+            np.array(currents).reshape(self._ids.shape), constant
+        )
+
+    def _lost_reading(self, moment: float, fault: str) -> Reading:
+        missing = np.full(self._ids.shape, np.nan)
+        return Reading(moment, dict.fromkeys(self.sensors, missing), fault)
+
+    def _send_positions(self, positions: np.ndarray) -> None:
+        goals = zip(self._flat_ids, positions.ravel().tolist(), strict=True)
+        self.bus.send_goals(dict(goals))
+        self._sent_at = time.perf_counter()
+
+    def _limited(self, wanted: Actions) -> Actions:
+        """Limit the change since the last command by the largest speed.
+
+        Commands that come late do not make up for the time that was lost.
+        """
+        elapsed = time.perf_counter() - self._sent_at
+        speed = self._servos.limits.speed
+        most = 2.0 * speed * self.arm.control_period
+        self._budget = np.minimum(self._budget + speed * elapsed, most)
+        change = np.clip(wanted - self._goal, -self._budget, self._budget)
+        self._budget -= np.abs(change)
+        return self._goal + change
+
+    def _restart_after_watchdog(self) -> None:
+        """Let servos that stopped by their watchdog hold their place and obey again."""
+        try:
+            self.bus.arm_watchdog(self._flat_ids, 0.0)
+            self._send_positions(self._winches.positions(self._goal))
+            self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
+        except BusError:
+            pass  # the next reading shows it again
+
+    def _release(self) -> None:
+        """Switch every torque off, whatever single servos answer."""
+        for id in self._flat_ids:
+            try:
+                self.bus.set_torque([id], on=False)
+            except BusError:
+                continue
+
+    def _declare_cables(self) -> Sensor:
+        """Displacements beyond the limits by a part of the range are plausible."""
+        noise = NOISE_TICKS * 2 * np.pi * self.arm.motor.pulley_radius
+        noise = noise / self.arm.motor.ticks_per_turn
+        room = MARGIN * (self._high - self._low) + noise
+        scale = np.abs(self._geometry.action_scale)[:, None]
+        bends = self._geometry.action_bends[:, None]
+        rate = np.deg2rad(self.arm.step_limit_deg) * self.arm.control_rate
+        fastest = RATE_FACTOR * scale / bends * rate + noise * self.arm.control_rate
+        return Sensor(
+            self._ids.shape, "m", self._low - room, self._high + room, fastest
+        )
+
+
+class DynamixelRobot(ServoRobot):
+    """An arm with DYNAMIXEL servos."""
+
+    protocol = "dynamixel"
+
+
+class FeetechRobot(ServoRobot):
+    """An arm with Feetech servos."""
+
+    protocol = "feetech"
+
+
+def _displacement_limits(
+    arm: ArmSpec, geometry: ArmGeometry
+) -> tuple[Actions, Actions]:
+    """Smallest and largest displacements [m], shape (modules, cables)."""
+    limit = servos_of(arm).limits.displacement
+    if limit is None:
+        return geometry.action_low, geometry.action_high
+    return (
+        np.maximum(geometry.action_low, -limit),
+        np.minimum(geometry.action_high, limit),
+    )
