@@ -11,6 +11,7 @@ from s2c2a.cli import (
     bench,
     collect,
     doctor,
+    emulate,
     identify,
     import_,
     live,
@@ -51,6 +52,11 @@ app.command(
     arm.app, name="arm", help="Check, describe, draw, copy or randomize an arm file."
 )
 app.command(arm.robot_app, name="robot", help="Check a robot.")
+app.command(
+    emulate.app,
+    name="emulate",
+    help="Emulate the devices of a real arm.",
+)
 app.command(
     reproduce.app,
     name="reproduce",
