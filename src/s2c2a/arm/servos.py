@@ -51,20 +51,20 @@ class Servos(Frozen):
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits",))
 
     protocol: Literal["dynamixel", "feetech"] = Field(
-        "dynamixel", description="protocol of the bus"
+        default="dynamixel", description="protocol of the bus"
     )
     model: str = Field(
-        "xl330-m288",
+        default="xl330-m288",
         pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
         description="model of the servos, such as xl330-m288, sts3215",
     )
     port: str = Field(
-        "",
+        default="",
         max_length=200,
         description="serial port, such as /dev/ttyUSB0; empty: an option names it",
     )
     baud_rate: int = Field(
-        1_000_000, ge=9600, le=4_500_000, description="speed of the bus [bit/s]"
+        default=1_000_000, ge=9600, le=4_500_000, description="speed of the bus [bit/s]"
     )
     ids: tuple[tuple[ServoId, ...], ...] = Field(
         min_length=1,
@@ -73,7 +73,7 @@ class Servos(Frozen):
         json_schema_extra={"allowed": "rows of whole numbers, 0 to 252"},
     )
     directions: tuple[tuple[Direction, ...], ...] | None = Field(
-        None,
+        default=None,
         description=(
             "1 where a growing servo position pays the cable out, -1 where it winds "
             "it in, one row a module; default: all 1"
@@ -93,10 +93,10 @@ class Servos(Frozen):
         0.04, 2.5, "s", "time without a command after which a servo stops", 0.4
     )
     on_exit: Literal["hold", "release"] = Field(
-        "release", description="torque after the arm is closed at rest"
+        default="release", description="torque after the arm is closed at rest"
     )
     on_emergency: Literal["hold", "release"] = Field(
-        "release", description="torque after an emergency stop"
+        default="release", description="torque after an emergency stop"
     )
     limits: ServoLimits = ServoLimits()
 

@@ -15,6 +15,7 @@ from s2c2a.cli import (
     identify,
     import_,
     live,
+    motors,
     reproduce,
     run,
     sweep,
@@ -52,6 +53,7 @@ app.command(
     arm.app, name="arm", help="Check, describe, draw, copy or randomize an arm file."
 )
 app.command(arm.robot_app, name="robot", help="Check a robot.")
+app.command(motors.app, name="motors", help="Bring up the servos of a real arm.")
 app.command(
     emulate.app,
     name="emulate",

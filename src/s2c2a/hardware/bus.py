@@ -89,10 +89,12 @@ class ServoBus(ABC):
     Attributes:
         ticks_per_turn: of the position.
         torque_constant: torque per current [N m/A].
+        baud_rates: speeds that the servos can have [bit/s].
     """
 
     ticks_per_turn: int
     torque_constant: float
+    baud_rates: tuple[int, ...]
 
     @abstractmethod
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:

@@ -1,6 +1,6 @@
 """Faults of servos and cables, in words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -16,18 +16,20 @@ FOLLOWING_ERROR = 0.004  # m
 STALL_READINGS = 10
 
 
-def describe_faults(states: Mapping[int, ServoState], servos: Servos) -> str:
+def describe_faults(
+    states: Mapping[int, ServoState], servos: Servos, ids: Iterable[int]
+) -> str:
     """Describe the first fault of an arm's servos; empty if there is none.
 
     Args:
         states: by id; a servo that did not answer is missing.
-        servos: ids and limits.
+        servos: of the arm, with their limits.
+        ids: servos that were read.
     """
-    for row in servos.ids:
-        for id in row:
-            fault = _servo_fault(states.get(id), servos)
-            if fault:
-                return f"servo {id} ({servos.number_of(id)}) {fault}"
+    for id in ids:
+        fault = _servo_fault(states.get(id), servos)
+        if fault:
+            return f"servo {id} ({servos.number_of(id)}) {fault}"
     return ""
 
 

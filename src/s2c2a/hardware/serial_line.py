@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
@@ -91,6 +92,15 @@ class SerialLine:
             self._serial.timeout = max(deadline - time.monotonic(), 0.0)
             return self._serial.read(1) + self._serial.read(self._serial.in_waiting)
 
+    def drain(self, quiet_time: float) -> None:
+        """Drop what arrives until the line was quiet for a time [s].
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        while self.read(time.monotonic() + quiet_time):
+            continue
+
     def close(self) -> None:
         """Close the port; allowed more than once."""
         with self._port_errors():
@@ -122,6 +132,39 @@ def import_serial():
             'pip install ".[hardware]"'
         ) from error
     return serial
+
+
+@dataclass(frozen=True)
+class SerialPort:
+    """A serial port of this computer.
+
+    Attributes:
+        name: to open it.
+        description: of the device.
+        serial_number: of the adapter; empty if it has none.
+    """
+
+    name: str
+    description: str
+    serial_number: str
+
+
+def list_ports() -> list[SerialPort]:
+    """Return the serial ports of this computer."""
+    import_serial()
+    from serial.tools import list_ports as ports  # noqa: PLC0415
+
+    return [
+        SerialPort(port.device, port.description or "", port.serial_number or "")
+        for port in sorted(ports.comports())
+    ]
+
+
+def adapter_of(port: str) -> str:
+    """Return the serial number of the adapter of a port; empty if it has none."""
+    device = str(Path(port).resolve())
+    numbers = {found.name: found.serial_number for found in list_ports()}
+    return numbers.get(device, "")
 
 
 def latency_of(port: str) -> float:

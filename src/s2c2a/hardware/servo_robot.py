@@ -104,7 +104,7 @@ class ServoRobot(Robot):
         values = {"cables": displacements}
         if "tensions" in self.sensors:
             values["tensions"] = tensions
-        fault = describe_faults(states, self._servos)
+        fault = describe_faults(states, self._servos, self._flat_ids)
         fault = fault or self._monitor.find_fault(self._goal, displacements, tensions)
         if any(state.watchdog_tripped for state in states.values()):
             self._restart_after_watchdog()
@@ -208,7 +208,7 @@ class ServoRobot(Robot):
     def _take_over(self) -> None:
         """Let the servos hold the arm where it is."""
         states = self._read_all()
-        fault = describe_faults(states, self._servos)
+        fault = describe_faults(states, self._servos, self._flat_ids)
         if fault:
             raise RobotError(f"the arm cannot start: {fault}")
         positions = self._positions(states)
@@ -255,7 +255,7 @@ class ServoRobot(Robot):
         self._send_positions(positions)
         self._goal = self._winches.displacements(positions)
         states = self._read_states()
-        fault = describe_faults(states, self._servos)
+        fault = describe_faults(states, self._servos, self._flat_ids)
         if fault:
             raise RobotError(f"the arm stopped on its way to rest: {fault}")
         time.sleep(REST_PERIOD)

@@ -38,9 +38,14 @@ from s2c2a.hardware.dynamixel.tables import (
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
-MARGIN = 0.004  # s; beyond wire time and latency of the adapter
+CYCLE_MARGIN = 0.008  # s; beyond wire time and latency of the adapter, in a cycle
+EXCHANGE_MARGIN = 0.05  # s; the same, where nothing hurries
+QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
+CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
 SCAN_TIME = 0.003  # s for the answer of each possible id
 ALERT = 0x80
+ANSWER_ALL = 2  # status return level
+PING_SIZE = 3  # bytes: model number, firmware
 STATUS_OVERHEAD = 11  # bytes of a status packet without data
 REFUSALS = {
     1: "it failed to process the packet",
@@ -59,12 +64,12 @@ STATE_LAYOUT = (
     "temperature",
     "hardware_error",
     "watchdog",
-    "id",
+    "status_return_level",
 )
 """Registers that indirect addresses join to one block.
 
-The id comes last: after a restart of the servo the block holds other values, and the
-id is wrong.
+The last one is known: after a restart of the servo the block holds other values, and
+the last one is wrong.
 """
 STATE_SIZE = sum(REGISTERS[name].size for name in STATE_LAYOUT)
 
@@ -103,6 +108,7 @@ class DynamixelBus(ServoBus):
         self.model = MODELS[model]
         self.ticks_per_turn = 4096
         self.torque_constant = self.model.torque_constant
+        self.baud_rates = BAUD_RATES
         self._fast_read = fast_read
         self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
@@ -224,7 +230,7 @@ class DynamixelBus(ServoBus):
         Raises:
             BusError: the servo does not answer.
         """
-        return self._info_of(self._exchange(id, Instruction.PING))
+        return self._info_of(self._exchange(id, Instruction.PING, size=PING_SIZE))
 
     def _info_of(self, packet: StatusPacket) -> ServoInfo:
         number = int.from_bytes(packet.data[:2], "little")
@@ -244,7 +250,7 @@ class DynamixelBus(ServoBus):
             else EXTENDED_POSITION,
             "homing_offset": 0,
             "current_limit": limit,
-            "status_return_level": 2,
+            "status_return_level": ANSWER_ALL,
         }
 
     def _write_stored(self, id: int, settings: Mapping[str, int]) -> None:
@@ -290,15 +296,18 @@ class DynamixelBus(ServoBus):
         duration = self._line.wire_time(len(parameters) + expected)
         found: dict[int, ServoState] = {}
         awaited = {BROADCAST} if self._fast_read else set(ids)
-        for packet in self._receive(reader, duration + self._margin, awaited):
+        duration += self._line.latency + CYCLE_MARGIN
+        for packet in self._receive(reader, duration, awaited):
             for id, data in _blocks(packet, len(ids)):
-                state = self._decode(id, data)
+                state = self._decode(data)
                 if state is not None and id in ids:
                     found[id] = state
+        if len(found) < len(ids):
+            self._line.drain(CYCLE_QUIET_TIME)
         return found
 
-    def _decode(self, id: int, data: bytes) -> ServoState | None:
-        """The state in a joined block; None if the block is not that of the servo."""
+    def _decode(self, data: bytes) -> ServoState | None:
+        """The state in a joined block; None if the servo was restarted."""
         if len(data) != STATE_SIZE:
             return None
         values = {}
@@ -307,7 +316,7 @@ class DynamixelBus(ServoBus):
             register = REGISTERS[name]
             values[name] = register.decode(data[start : start + register.size])
             start += register.size
-        if values["id"] != id:
+        if values["status_return_level"] != ANSWER_ALL:
             return None
         return ServoState(
             position=values["position"],
@@ -318,10 +327,6 @@ class DynamixelBus(ServoBus):
             errors=_hardware_errors(values["hardware_error"]),
             watchdog_tripped=values["watchdog"] == WATCHDOG_TRIPPED,
         )
-
-    @property
-    def _margin(self) -> float:
-        return MARGIN + self._line.latency
 
     def _read(self, id: int, register: Register) -> int:
         parameters = _span(register.address, register.size)
@@ -351,13 +356,15 @@ class DynamixelBus(ServoBus):
         """
         packet = encode(id, instruction, parameters)
         count = len(packet) + STATUS_OVERHEAD + size
-        duration = self._line.wire_time(count) + self._margin
+        duration = self._line.wire_time(count) + self._line.latency + EXCHANGE_MARGIN
         for _ in range(ATTEMPTS):
             self._line.write(packet)
             for answer in self._receive(StatusReader(), duration, {id}):
                 self._check_refusal(answer, purpose or instruction.name.lower())
-                if answer.id == id and len(answer.data) >= size:
+                if answer.id == id and len(answer.data) == size:
                     return answer
+            # a late answer must not be taken for that of the next attempt
+            self._line.drain(QUIET_TIME)
         raise BusError(
             f"servo {id} on {self._line.port} does not answer at "
             f"{self._line.baud_rate} bit/s; check its cable, its power and its id "

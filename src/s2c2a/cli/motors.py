@@ -1,0 +1,267 @@
+"""Commands `s2c2a motors`: bring-up of a real arm, from ports to a calibration."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.extras import SubcommandApp
+
+from s2c2a.arm import ArmSpec, load_arm, servos_of
+from s2c2a.cli.console import Arm, print_table
+from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a.hardware.bring_up import BringUp
+    from s2c2a.hardware.bus import ServoBus, ServoInfo
+
+app = SubcommandApp()
+Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
+Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
+Distance = tyro.conf.Positional[Annotated[float, tyro.conf.arg(metavar="MM")]]
+PortName = Annotated[str, tyro.conf.arg(metavar="PORT")]
+
+
+@app.command
+def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) -> None:
+    """List serial ports, or the servos on one.
+
+    Args:
+        arm: a preset or an arm file; it names protocol, model and baud rate.
+        port: serial port; without it, the arm file's, else the ports are listed.
+        all_rates: search at every baud rate of the protocol.
+    """
+    spec = load_arm(arm)
+    if not (port or servos_of(spec).port):
+        return _list_ports()
+    with _bus(spec, port) as bus:
+        rates = bus.baud_rates if all_rates else (servos_of(spec).baud_rate,)
+        rows = []
+        for rate in rates:
+            bus.set_baud_rate(rate)
+            rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
+    if not rows:
+        raise S2C2AError(
+            "no servo answers; check the power supply and the cables, and search at "
+            "every baud rate (--all-rates)"
+        )
+    print_table("Servos", ("id", "model", "firmware", "bit/s", "cable"), rows)
+
+
+def _list_ports() -> None:
+    from s2c2a.hardware.serial_line import list_ports
+
+    rows = [(port.name, port.description, port.serial_number) for port in list_ports()]
+    if not rows:
+        raise S2C2AError("no serial port is found; plug the adapter in")
+    header = ("port", "device", "serial number")
+    print_table("Serial ports", header, rows, left_aligned=True)
+
+
+def _servo_cells(spec: ArmSpec, info: "ServoInfo", rate: int) -> tuple[str, ...]:
+    place = servos_of(spec).number_of(info.id)
+    return str(info.id), info.model, str(info.firmware), str(rate), place
+
+
+@app.command
+def setup(
+    new_id: Id, arm: Arm = "twin_arm", port: PortName = "", yes: bool = False
+) -> None:
+    """Give an id and the arm's baud rate to the only servo on the bus.
+
+    Connect one servo at a time. Repeat the command for every servo.
+
+    Args:
+        new_id: id that the servo gets.
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+        yes: do not ask.
+    """
+    spec = load_arm(arm)
+    target_rate = servos_of(spec).baud_rate
+    with _bus(spec, port) as bus:
+        rate, info = _only_servo(bus)
+        question = (
+            f"{info.model} with id {info.id} at {rate} bit/s gets id {new_id} and "
+            f"{target_rate} bit/s"
+        )
+        if not _confirm(question, yes):
+            raise S2C2AError("declined; nothing was changed")
+        bus.assign(info.id, new_id, target_rate)
+        bus.set_baud_rate(target_rate)
+        found = [found.id for found in bus.scan([new_id])]
+    if found != [new_id]:
+        raise S2C2AError(f"servo {new_id} does not answer; repeat the command")
+    print(f"servo {new_id} is set up: {servos_of(spec).number_of(new_id)}")
+
+
+def _only_servo(bus: "ServoBus") -> "tuple[int, ServoInfo]":
+    """Baud rate and identity of the only servo on the bus."""
+    found = []
+    for rate in bus.baud_rates:
+        bus.set_baud_rate(rate)
+        found += [(rate, info) for info in bus.scan()]
+    if len(found) == 1:
+        bus.set_baud_rate(found[0][0])
+        return found[0]
+    ids = [info.id for _, info in found]
+    raise S2C2AError(
+        f"{len(found)} servos answer (ids {ids}); connect one servo at a time"
+        if found
+        else "no servo answers at any baud rate; check the power supply and the cable"
+    )
+
+
+@app.command
+def jog(
+    id: Id, mm: Distance, arm: Arm = "twin_arm", port: PortName = "", yes: bool = False
+) -> None:
+    """Move one cable a little.
+
+    Args:
+        id: its servo.
+        mm: distance [mm]; positive pays the cable out, negative winds it in.
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+        yes: do not ask before the motion.
+    """
+    if not abs(mm) <= 50:
+        raise S2C2AError(f"{mm:g} mm is too far; give at most 50 mm in one motion")
+    with _bring_up(load_arm(arm), port, yes) as (bring_up, _):
+        moved = bring_up.jog(id, mm / 1000)
+    print(f"servo {id} moved its cable by {1000 * moved:+.2f} mm")
+
+
+@app.command
+def home(
+    arm: Arm = "twin_arm",
+    port: PortName = "",
+    out: Path | None = None,
+    repeat: int = 3,
+    resume: bool = False,
+    overwrite: bool = False,
+    yes: bool = False,
+) -> None:
+    """Take up the slack of every cable; the straight arm is zero.
+
+    The arm must stand straight. Every cable is wound in with a small current
+    (`servos.home_current`), module by module.
+
+    Args:
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+        out: calibration file; by default NAME.calibration.json in the current folder.
+        repeat: homings of every module, of which the mean counts.
+        resume: continue an interrupted homing.
+        overwrite: replace a calibration that exists.
+        yes: do not ask before every module.
+    """
+    from s2c2a.hardware import calibration as files
+
+    spec = load_arm(arm)
+    path = out or files.default_path(spec)
+    if path.exists() and not (resume or overwrite):
+        raise S2C2AError(
+            f"{path} exists; replace it (--overwrite), continue it (--resume), or "
+            "choose another name (--out)"
+        )
+    before = files.load_calibration(path, spec) if resume and path.exists() else None
+    with _bring_up(spec, port, yes) as (bring_up, bus):
+        calibration = bring_up.home(
+            bus.scan([id for row in servos_of(spec).ids for id in row]),
+            repeat=repeat,
+            before=before,
+            save=lambda unfinished: files.save_calibration(unfinished, path),
+        )
+    spreads = [servo.spread for servo in calibration.servos if servo.spread is not None]
+    if spreads:
+        print(f"repeatability: {1000 * max(spreads):.3f} mm (standard deviation)")
+    print(f"calibration: {path}")
+
+
+@app.command
+def check(
+    arm: Arm = "twin_arm",
+    port: PortName = "",
+    calibration: Path | None = None,
+    yes: bool = False,
+) -> None:
+    """Move every cable of a homed arm a little, and compare.
+
+    Args:
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+        calibration: file of `motors home`; by default NAME.calibration.json.
+        yes: do not ask before the motion.
+    """
+    from s2c2a.hardware.calibration import default_path, load_calibration
+
+    spec = load_arm(arm)
+    homes = load_calibration(calibration or default_path(spec), spec)
+    with _bring_up(spec, port, yes) as (bring_up, _):
+        results = bring_up.check(homes)
+    faults = [result for result in results if result.fault]
+    if faults:
+        ids = [result.id for result in faults]
+        raise S2C2AError(f"check the cables of servos {ids}, then repeat the command")
+    print(f"all {len(results)} cables move as they should")
+
+
+@app.command
+def reboot(ids: Ids, arm: Arm = "twin_arm", port: PortName = "") -> None:
+    """Restart servos that have switched off; their torque is off afterwards.
+
+    Args:
+        ids: of the servos.
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+    """
+    with _bus(load_arm(arm), port) as bus:
+        for id in ids:
+            bus.reboot(id)
+            print(f"servo {id} restarts")
+
+
+@app.command
+def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
+    """Switch the torque of all servos off; a bent arm falls back.
+
+    Args:
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+    """
+    spec = load_arm(arm)
+    ids = [id for row in servos_of(spec).ids for id in row]
+    with _bus(spec, port) as bus:
+        bus.set_torque(ids, on=False)
+    print(f"the torque of {len(ids)} servos is off")
+
+
+@contextmanager
+def _bus(spec: ArmSpec, port: str) -> "Iterator[ServoBus]":
+    from s2c2a.hardware.buses import open_bus
+
+    with open_bus(servos_of(spec), port) as bus:
+        yield bus
+
+
+@contextmanager
+def _bring_up(
+    spec: ArmSpec, port: str, yes: bool
+) -> "Iterator[tuple[BringUp, ServoBus]]":
+    from s2c2a.hardware.bring_up import BringUp
+
+    with _bus(spec, port) as bus:
+        yield BringUp(bus, spec, lambda motion: _confirm(motion, yes), print), bus
+
+
+def _confirm(motion: str, yes: bool) -> bool:
+    """Announce what happens next; ask the operator unless they agreed before."""
+    if yes:
+        print(motion)
+        return True
+    if not sys.stdin.isatty():
+        raise S2C2AError(f"next: {motion}. Nobody can answer here; add --yes to agree")
+    return input(f"{motion}. Continue? [y/N] ").strip().lower() in ("y", "yes")

@@ -1,0 +1,356 @@
+"""Bring-up of an arm with servos: jog, home and check its cables.
+
+Nothing moves without the consent of the operator, who is asked before every motion.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.errors import S2C2AError
+from s2c2a.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
+from s2c2a.hardware.calibration import CalibratedServo, Calibration
+from s2c2a.hardware.monitor import describe_faults
+from s2c2a.hardware.winch import Winches
+from s2c2a.spaces import Actions
+
+HOME_SPEED = 0.02  # m/s
+MAX_SLACK = 0.08  # m that is wound in at most
+STILL_TICKS = 2  # change within
+STILL_TIME = 0.4  # s of a cable that is taut
+TIMEOUT = 15.0  # s of one motion
+POLL_PERIOD = 0.05  # s
+RELAXATION = 0.004  # m that a cable is paid out between repeated homings
+CHECK_TRAVEL = 0.003  # m
+CHECK_ERROR = 0.0007  # m
+CHECK_TENSION = 0.3  # N that the tension rises by at least
+READ_ATTEMPTS = 10  # nothing hurries here
+
+Confirm = Callable[[str], bool]
+Report = Callable[[str], None]
+
+
+class DeclinedError(S2C2AError):
+    """The operator declined a motion."""
+
+
+@dataclass(frozen=True)
+class CableCheck:
+    """Result of a small motion of one cable.
+
+    Attributes:
+        id: servo of the cable.
+        place: module and cable, for users.
+        error: of the position at the end of the motion [m].
+        rise: of the tension while the cable was wound in [N].
+        fault: what is wrong, with advice; empty if nothing is.
+    """
+
+    id: int
+    place: str
+    error: float
+    rise: float
+    fault: str = ""
+
+
+class BringUp:
+    """Careful motions of single cables and modules, before an arm is calibrated."""
+
+    def __init__(self, bus: ServoBus, arm: ArmSpec, confirm: Confirm, report: Report):
+        """Motions of an arm.
+
+        Args:
+            bus: of its servos.
+            arm: with the table `[servos]`, or default servos.
+            confirm: announces a motion and returns whether the operator agrees.
+            report: receives a line for the user.
+        """
+        self._bus = bus
+        self._arm = arm
+        self._servos = servos_of(arm)
+        self._ids = np.array(self._servos.ids)
+        self._confirm = confirm
+        self._report = report
+        self._torque_constant = self._servos.torque_constant or bus.torque_constant
+
+    def jog(self, id: int, distance: float) -> float:
+        """Move one cable by a distance [m], positive pays it out; return what it did.
+
+        Raises:
+            BusError: the servo does not answer, or is none of the arm.
+            DeclinedError: the operator declined.
+        """
+        if id not in self._ids:
+            raise BusError(
+                f"servo {id} is none of '{self._arm.name}'; choose one of "
+                f"{self._ids.ravel().tolist()}"
+            )
+        verb = "pays out" if distance > 0 else "winds in"
+        length = f"{1000 * abs(distance):.1f} mm"
+        self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
+        with self._moving([id], self._servos.limits.current):
+            winches = self._winches_at(self._ids.ravel().tolist())
+            start = self._displacement(winches, id)
+            self._wind({id: start + distance}, winches)
+            return self._displacement(winches, id) - start
+
+    def home(
+        self,
+        infos: Sequence[ServoInfo],
+        adapter: str = "",
+        repeat: int = 3,
+        before: Calibration | None = None,
+        save: Callable[[Calibration], None] = lambda _: None,
+    ) -> Calibration:
+        """Take up the slack of every cable, module by module; straight is zero.
+
+        All cables of a module are wound in with the same small current, so that the
+        module stands straight. The stretch of the cables and their backlash, as the
+        arm file has them, are taken off.
+
+        Args:
+            infos: identity of all servos.
+            adapter: serial number of the adapter.
+            repeat: homings of every module; their spread is the repeatability.
+            before: an unfinished calibration; its modules are skipped.
+            save: called with the calibration after every module.
+
+        Returns:
+            The calibration.
+
+        Raises:
+            BusError: a servo does not answer, or a cable does not become taut.
+            DeclinedError: the operator declined.
+        """
+        done = {servo.id: servo for servo in before.servos} if before else {}
+        calibration = self._calibration(done, adapter)
+        for module, ids in enumerate(self._ids.tolist(), 1):
+            if all(id in done for id in ids):
+                self._report(f"module {module}: homed before, skipped")
+                continue
+            current = self._servos.home_current
+            self._ask(f"module {module}: servos {ids} wind in with {current:g} A")
+            homes = self._home_module(module - 1, ids, max(repeat, 1))
+            done |= self._calibrated(ids, homes, infos)
+            calibration = self._calibration(done, adapter)
+            save(calibration)
+        return calibration
+
+    def check(self, calibration: Calibration) -> list[CableCheck]:
+        """Move every cable a little and compare position and tension.
+
+        Raises:
+            BusError: a servo does not answer.
+            DeclinedError: the operator declined.
+        """
+        ids = self._ids.ravel().tolist()
+        self._ask(f"every cable moves by {1000 * CHECK_TRAVEL:g} mm, one by one")
+        with self._moving(ids, self._servos.limits.current):
+            winches = Winches.of(self._arm, calibration.home(self._arm))
+            winches = winches.in_same_turn(self._positions(ids))
+            self._wind(dict.fromkeys(ids, 0.0), winches)
+            return [self._check_cable(id, winches) for id in ids]
+
+    def _home_module(
+        self, module: int, ids: list[int], repeat: int
+    ) -> dict[int, list[int]]:
+        """Homes [ticks] of the servos of a module, one for every repetition."""
+        homes: dict[int, list[int]] = {id: [] for id in ids}
+        stretch = self._stretch(module)
+        with self._moving(ids, self._servos.home_current):
+            for number in range(repeat):
+                winches = self._winches_at(ids)
+                self._take_up(ids, winches)
+                taut = self._positions(ids)
+                at_home = Winches.of(self._arm, taut).positions(stretch)
+                for id in ids:
+                    homes[id].append(int(at_home[self._ids == id][0]))
+                if number + 1 < repeat:
+                    self._relax(ids)
+            self._bus.send_goals({id: homes[id][-1] for id in ids})
+            self._wait_until_still(ids)
+        means = {id: round(float(np.mean(values))) for id, values in homes.items()}
+        self._report(f"module {module + 1}: home at {means} ticks")
+        return homes
+
+    def _stretch(self, module: int) -> Actions:
+        """Cable that winds in between rest and taut [m], shape (modules, cables).
+
+        The backlash is taken up, and the cables are stretched by the home current.
+        """
+        tension = self._servos.home_current * self._torque_constant
+        tension = tension / self._arm.motor.pulley_radius
+        stiffness = per_module(self._arm, "cable.stiffness")[:, None]
+        stretch = tension / stiffness + per_cable(self._arm, "cable.backlash")
+        is_module = np.arange(self._arm.module_count)[:, None] == module
+        return np.where(is_module, stretch, 0.0)
+
+    def _take_up(self, ids: list[int], winches: Winches) -> None:
+        """Wind cables in until all are taut.
+
+        Raises:
+            BusError: a cable does not become taut.
+        """
+        start = {id: self._displacement(winches, id) for id in ids}
+        self._send({id: place - MAX_SLACK for id, place in start.items()}, winches)
+        self._wait_until_still(ids)
+        for id in ids:
+            wound = start[id] - self._displacement(winches, id)
+            if wound > 0.95 * MAX_SLACK:
+                raise BusError(
+                    f"servo {id} ({self._servos.number_of(id)}) wound in "
+                    f"{1000 * wound:.0f} mm and its cable is not taut: is it off its "
+                    "pulley, or does servos.directions have the wrong sign?"
+                )
+
+    def _relax(self, ids: list[int]) -> None:
+        winches = self._winches_at(ids)
+        self._wind(dict.fromkeys(ids, RELAXATION), winches)
+
+    def _check_cable(self, id: int, winches: Winches) -> CableCheck:
+        before = self._tension(id, winches)
+        self._wind({id: -CHECK_TRAVEL}, winches)
+        error = self._displacement(winches, id) + CHECK_TRAVEL
+        rise = self._tension(id, winches) - before
+        self._wind({id: 0.0}, winches)
+        place = self._servos.number_of(id)
+        fault = _cable_fault(error, rise)
+        self._report(
+            f"servo {id} ({place}): position off by {1000 * error:+.2f} mm, tension "
+            f"{rise:+.1f} N{': ' if fault else ''}{fault}"
+        )
+        return CableCheck(id, place, error, rise, fault)
+
+    def _calibrated(
+        self, ids: list[int], homes: dict[int, list[int]], infos: Sequence[ServoInfo]
+    ) -> dict[int, CalibratedServo]:
+        identities = {info.id: info for info in infos}
+        tick = (
+            2 * np.pi * self._arm.motor.pulley_radius / self._arm.motor.ticks_per_turn
+        )
+        servos = {}
+        for id in ids:
+            values = homes[id]
+            spread = float(np.std(values, ddof=1)) * tick if len(values) > 1 else None
+            info = identities[id]
+            servos[id] = CalibratedServo(
+                id=id,
+                model=info.model,
+                firmware=info.firmware,
+                home=round(float(np.mean(values))),
+                spread=spread,
+            )
+        return servos
+
+    def _calibration(
+        self, done: dict[int, CalibratedServo], adapter: str
+    ) -> Calibration:
+        ids = self._ids.ravel().tolist()
+        return Calibration(
+            arm=self._arm.name,
+            date=datetime.now(UTC).replace(microsecond=0),
+            adapter=adapter,
+            servos=tuple(done[id] for id in ids if id in done),
+            finished=all(id in done for id in ids),
+        )
+
+    def _ask(self, motion: str) -> None:
+        if not self._confirm(motion):
+            raise DeclinedError(f"declined: {motion}; nothing moved")
+
+    @contextmanager
+    def _moving(self, ids: list[int], current: float) -> Iterator[None]:
+        """Servos that hold their place, with a limited current; at the end, too."""
+        speed = HOME_SPEED / self._arm.motor.pulley_radius
+        self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
+        states = self._states(ids)
+        self._bus.send_goals({id: states[id].position for id in ids})
+        self._bus.set_torque(ids, on=True)
+        try:
+            yield
+        except BaseException:
+            self._bus.set_torque(ids, on=False)
+            raise
+
+    def _wind(self, displacements: dict[int, float], winches: Winches) -> None:
+        """Move cables to displacements [m] and wait until they stand still."""
+        self._send(displacements, winches)
+        self._wait_until_still(list(displacements))
+
+    def _send(self, displacements: dict[int, float], winches: Winches) -> None:
+        values = np.zeros(self._ids.shape)
+        for id, displacement in displacements.items():
+            values[self._ids == id] = displacement
+        positions = winches.positions(values)
+        goals = {id: int(positions[self._ids == id][0]) for id in displacements}
+        self._bus.send_goals(goals)
+
+    def _wait_until_still(self, ids: list[int]) -> None:
+        """Wait until servos have stood still for a time.
+
+        Raises:
+            BusError: they do not, or a servo is at fault.
+        """
+        end = time.monotonic() + TIMEOUT
+        still_since = time.monotonic()
+        last = self._positions(ids)
+        while time.monotonic() - still_since < STILL_TIME:
+            if time.monotonic() > end:
+                raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
+            time.sleep(POLL_PERIOD)
+            positions = self._positions(ids)
+            if (np.abs(positions - last) > STILL_TICKS).any():
+                still_since = time.monotonic()
+                last = positions
+
+    def _states(self, ids: list[int]) -> dict[int, ServoState]:
+        states: dict[int, ServoState] = {}
+        for _ in range(READ_ATTEMPTS):
+            states |= self._bus.read_states([id for id in ids if id not in states])
+            if len(states) == len(ids):
+                break
+        if fault := describe_faults(states, self._servos, ids):
+            raise BusError(fault)
+        return states
+
+    def _positions(self, ids: list[int]) -> np.ndarray:
+        """Positions [ticks], shape (modules, cables); zero for other servos."""
+        states = self._states(ids)
+        positions = np.zeros(self._ids.shape, int)
+        for id, state in states.items():
+            positions[self._ids == id] = state.position
+        return positions
+
+    def _winches_at(self, ids: list[int]) -> Winches:
+        """Winches whose zero is where the cables are now."""
+        return Winches.of(self._arm, self._positions(ids))
+
+    def _displacement(self, winches: Winches, id: int) -> float:
+        """Displacement of one cable [m]."""
+        displacements = winches.displacements(self._positions([id]))
+        return float(displacements[self._ids == id][0])
+
+    def _tension(self, id: int, winches: Winches) -> float:
+        """Tension of one cable [N], from its current."""
+        currents = np.where(self._ids == id, self._states([id])[id].current, 0.0)
+        tensions = winches.tensions(currents, self._torque_constant)
+        return float(tensions[self._ids == id][0])
+
+
+def _cable_fault(error: float, rise: float) -> str:
+    if rise < -CHECK_TENSION:
+        return (
+            "the tension falls where the cable should be wound in; change the sign in "
+            "servos.directions"
+        )
+    if rise < CHECK_TENSION:
+        return "no tension: the cable has snapped, or is off its pulley"
+    if abs(error) > CHECK_ERROR:
+        return "it does not arrive: something is in its way, or the current is too low"
+    return ""
