@@ -356,7 +356,7 @@ def _read_fast(
     length = 1 + sum(size + 4 for _, _, size in requests)
     part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
     part += bytes((STATUS,))
-    answers = []
+    answers: list[Answer] = []
     crc = 0
     for servo, error, data in _read_in_turn(requests, servos, now):
         part += bytes((error, servo.id)) + data
