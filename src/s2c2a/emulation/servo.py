@@ -216,7 +216,7 @@ class Servo(ABC):
         return now >= max(self.silent_until, self.gone_until)
 
     def hear(self, now: float) -> None:  # noqa: B027 - most servos have no watchdog
-        """Note that an instruction for the servo arrived at a time [s]."""
+        """Note that an instruction, for whichever servo, arrived at a time [s]."""
 
     def read(self, address: int, size: int) -> bytes:
         """Return bytes of the control table.
