@@ -2,13 +2,18 @@
 
 import signal
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName
 
 app = SubcommandApp()
+
+_FAULT = tyro.conf.arg(name="fault", metavar="'TIME KIND ARGUMENTS'")
+Faults = Annotated[tuple[str, ...], _FAULT, tyro.conf.UseAppendAction]
 
 
 @app.command
@@ -19,8 +24,13 @@ def servos(
     payload: float = 0.0,
     homed: bool = False,
     firmware: int = 52,
+    faults: Faults = (),
     link: Path | None = None,
     port_file: Path | None = None,
+    status_file: Path | None = None,
+    poses_to: str = "",
+    pose_rate: float = 100.0,
+    record: Path | None = None,
     duration: float = float("inf"),
 ) -> None:
     """Emulate the servos of an arm on a pseudo-terminal, with its physics behind.
@@ -31,10 +41,21 @@ def servos(
         seed: random seed of slack, positions, noise and faults.
         payload: mass at the tip [kg].
         homed: start without slack in the cables.
-        firmware: of the servos; from 52 on, indirect data are at 208, before at 224.
+        firmware: of Dynamixel servos; from 52 on, indirect data are at 208, before at
+            224.
+        faults: a fault, such as "3 gone 4 1.5"; can be repeated. The time [s] counts
+            from the start, and from the first torque on if it reads torque+3. Kinds:
+            lost SHARE, corrupted SHARE, late SECONDS SHARE, garbage SHARE, stuffed ID,
+            gone ID [SECONDS], reboot ID, hot ID, overload ID, stalled ID, snapped ID,
+            voltage VOLTS, unplug SECONDS.
         link: symbolic link to the port, which keeps its name when the port is
             unplugged; by default in a new temporary folder.
         port_file: file to which the name of the port is written.
+        status_file: JSON file with the state of the servos, written four times a
+            second.
+        poses_to: HOST:PORT to which true poses are sent, as JSON over UDP.
+        pose_rate: poses a second, and rows a second of the record [Hz].
+        record: CSV file with the true positions of the module ends.
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
@@ -45,8 +66,13 @@ def servos(
         payload=payload,
         homed=homed,
         firmware=firmware,
+        faults=faults,
         link=link,
         port_file=port_file,
+        status_file=status_file,
+        poses_to=poses_to,
+        pose_rate=pose_rate,
+        record=record,
         duration=duration,
     )
     emulator = Emulator(load_arm(arm), options)

@@ -192,12 +192,13 @@ def answer(packet: Packet, servos: Sequence[Servo], now: float) -> list[Answer]:
     if not packet.intact:
         heard = [servo for servo in servos if servo.id == packet.id]
         return [status(servo, CRC_ERROR) for servo in heard if servo.answers_writes]
+    for servo in servos:
+        servo.hear(now)
     if packet.instruction in _SHARED:
         return _SHARED[packet.instruction](packet.parameters, servos, now)
     addressed = [servo for servo in servos if packet.id in (servo.id, BROADCAST)]
     answers = []
     for servo in sorted(addressed, key=lambda servo: servo.id):
-        servo.hear(now)
         given = _answer_alone(packet, servo, now)
         # Only a ping is answered by all.
         if given and (packet.id != BROADCAST or packet.instruction == PING):
@@ -325,7 +326,6 @@ def _read_in_turn(
         servo = by_id.get(id)
         if servo is None or not servo.answers_reads:
             return
-        servo.hear(now)
         try:
             yield servo, _alert(servo), servo.read(address, size)
         except RefusalError as refusal:
@@ -356,7 +356,7 @@ def _read_fast(
     length = 1 + sum(size + 4 for _, _, size in requests)
     part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
     part += bytes((STATUS,))
-    answers = []
+    answers: list[Answer] = []
     crc = 0
     for servo, error, data in _read_in_turn(requests, servos, now):
         part += bytes((error, servo.id)) + data
@@ -378,7 +378,6 @@ def _write_each(
         servo = by_id.get(id)
         if servo is None:
             continue
-        servo.hear(now)
         try:
             servo.write(address, data)
         except RefusalError:

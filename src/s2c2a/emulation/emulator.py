@@ -11,22 +11,30 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import Servos
-from s2c2a.emulation import dynamixel_protocol
+from s2c2a.emulation.faults import Disturbances, FaultSchedule, parse_faults
 from s2c2a.emulation.line import Line
+from s2c2a.emulation.outputs import (
+    PoseSender,
+    PositionRecord,
+    StatusFile,
+    parse_address,
+)
 from s2c2a.emulation.plant import Plant
-from s2c2a.emulation.servo import MotorState, Servo
+from s2c2a.emulation.protocols import protocol_of
+from s2c2a.emulation.servo import Drive, MotorState, Servo
 from s2c2a.emulation.winch import Winch
-from s2c2a.emulation.xl330 import XL330
+from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.robots.simulation.transmission import tick_length
 
-SUPPLY = 5.0  # V
 _LATEST = 0.2  # s; physics that is later than this loses the time
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
+_LONGEST_SLEEP = 0.1  # s
 
 _TURN_STREAM = 12
 _NOISE_STREAM = 13
+_LINE_STREAM = 14
 
 
 @dataclass(frozen=True)
@@ -38,9 +46,14 @@ class EmulatorOptions:
         seed: of slack, positions, noise and faults.
         payload: mass at the tip [kg].
         homed: whether the cables start without slack.
-        firmware: of the servos.
+        firmware: of Dynamixel servos.
+        faults: as texts (`faults.EXAMPLE`).
         link: symbolic link to the port; None: in a new temporary folder.
         port_file: file for the name of the port.
+        status_file: JSON file with the state of the servos.
+        poses_to: HOST:PORT that gets the true poses; empty: nobody.
+        pose_rate: poses and recorded positions a second [Hz].
+        record: CSV file with the true positions of the module ends.
         duration: time after which the emulator ends [s].
     """
 
@@ -49,27 +62,56 @@ class EmulatorOptions:
     payload: float = 0.0
     homed: bool = False
     firmware: int = 52
+    faults: tuple[str, ...] = ()
     link: Path | None = None
     port_file: Path | None = None
+    status_file: Path | None = None
+    poses_to: str = ""
+    pose_rate: float = 100.0
+    record: Path | None = None
     duration: float = float("inf")
+
+    def __post_init__(self):
+        if not 1 <= self.pose_rate <= 1000:
+            raise S2C2AError(
+                f"pose_rate {self.pose_rate} Hz is not allowed; give 1 to 1000 Hz"
+            )
+        if not 1 <= self.firmware <= 255:
+            raise S2C2AError(
+                f"firmware {self.firmware} is not allowed; give a version from 1 to 255"
+            )
+        if not self.duration > 0:
+            raise S2C2AError(
+                f"duration {self.duration} s is not allowed; give more than 0 s"
+            )
 
 
 def default_servos(arm: ArmSpec) -> Servos:
-    """Return the servos of an arm without a table `[servos]`: ids from 1, row by row."""
-    cables = arm.cable_count
+    """Return the servos of an arm without a table `[servos]`.
+
+    Ids count from 1, row by row.
+    """
+    count = arm.cable_count
     rows = range(arm.module_count)
-    ids = tuple(tuple(range(1 + row * cables, 1 + (row + 1) * cables)) for row in rows)
-    return Servos(ids=ids)
+    ids = tuple(tuple(range(1 + row * count, 1 + (row + 1) * count)) for row in rows)
+    return Servos.model_validate({"ids": ids})
 
 
 class Emulator:
     """Servos of an arm on a pseudo-terminal, in real time.
 
     Attributes:
+        options: of the emulator.
         plant: the arm and its motors.
         winches: servos with their cables, module by module.
         line: the port.
+        disturbances: of the line.
+        voltage: of the supply [V].
         now: time since the start [s].
+        late: time that the physics lost on a busy machine [s].
+        packet_count: instructions that arrived.
+        largest_command: largest displacement that a powered motor was sent to [m].
+        largest_current: largest current of a motor [A].
     """
 
     def __init__(self, arm: ArmSpec, options: EmulatorOptions):
@@ -80,18 +122,28 @@ class Emulator:
         """
         self.options = options
         self.table = arm.servos or default_servos(arm)
+        self._protocol = protocol_of(self.table)
+        ids = [id for row in self.table.ids for id in row]
+        faults = parse_faults(options.faults, ids)
+        self._schedule = FaultSchedule(faults)
+        if options.poses_to:
+            parse_address(options.poses_to)
         self.plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed
         )
-        self._random = np.random.default_rng([options.seed, _NOISE_STREAM])
-        self.winches = self._make_winches()
-        self.voltage = SUPPLY
-        self.now = 0.0
-        link = options.link or Path(tempfile.mkdtemp(prefix="s2c2a-servos-")) / "port"
-        self.line = Line(link, self.table.baud_rate)
-        self._decoder = dynamixel_protocol.Decoder()
+        self.disturbances = Disturbances(self._random_stream(_LINE_STREAM))
+        self._noise = self._random_stream(_NOISE_STREAM)
+        self.winches = self._make_winches(ids)
+        self.voltage = self._protocol.supply
+        self.line = Line(self._choose_link(), self.table.baud_rate)
+        self._decoder = self._protocol.decoder()
+        self._plug_time = float("inf")
         self._stopped = False
-        self._late = 0.0
+        self.now = 0.0
+        self.late = 0.0
+        self.packet_count = 0
+        self.largest_command = 0.0
+        self.largest_current = 0.0
 
     @property
     def servos(self) -> list[Servo]:
@@ -102,13 +154,23 @@ class Emulator:
         """Let `run` end soon; for signal handlers and other threads."""
         self._stopped = True
 
+    def unplug(self, seconds: float) -> None:
+        """Take the port away for a time [s]; the servos keep their power."""
+        self.line.unplug()
+        self._plug_time = self.now + seconds
+
     def run(self, on_ready: Callable[[str], None] = lambda port: None) -> None:
         """Serve the port until `stop` is called or the duration is over.
 
         Args:
             on_ready: gets the name of the port when it is open.
+
+        Raises:
+            S2C2AError: a file cannot be written.
+            SimulationError: the simulation diverged.
         """
         self.line.plug()
+        outputs = self._open_outputs()
         try:
             if self.options.port_file is not None:
                 write_atomically(f"{self.line.link}\n", self.options.port_file)
@@ -117,77 +179,130 @@ class Emulator:
             while not self._stopped and self.now < self.options.duration:
                 self._wait(start)
                 self.now = time.monotonic() - start
-                self._serve()
+                self.serve()
+                for output in outputs:
+                    output.write(self, self.now)
         finally:
             self.line.unplug()
+            for output in outputs:
+                output.close()
 
-    def _wait(self, start: float) -> None:
-        """Sleep until bytes arrive or something is due."""
-        due = min(self.line.next_time, self._late + self.plant.time + self.plant.chunk)
-        timeout = max(0.0, due - (time.monotonic() - start))
-        files = [self.line.file] if self.line.is_plugged else []
-        select.select(files, [], [], timeout)
-
-    def _serve(self) -> None:
+    def serve(self) -> None:
+        """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
+        self._schedule.apply_until(self)
+        if self.now >= self._plug_time:
+            self._plug_time = float("inf")
+            self.line.plug()
         if self.line.is_plugged:
             self._receive()
             self.line.transmit(self.now)
         self._advance()
+
+    def _wait(self, start: float) -> None:
+        """Sleep until bytes arrive or something is due."""
+        due = min(self.line.next_time, self.late + self.plant.time + self.plant.chunk)
+        timeout = due - (time.monotonic() - start)
+        files = [self.line.file] if self.line.is_plugged else []
+        select.select(files, [], [], min(max(0.0, timeout), _LONGEST_SLEEP))
 
     def _receive(self) -> None:
         data = self.line.receive()
         if not data:
             return
         self.line.occupy(len(data), self.now)
-        baud_rate = self.line.set_baud_rate()
         for packet in self._decoder.feed(data, self.now):
-            listening = [
-                servo for servo in self.servos if self._hears(servo, baud_rate)
-            ]
-            answers = dynamixel_protocol.answer(packet, listening, self.now)
-            self.line.queue(answers)
+            self.packet_count += 1
+            answers = self._protocol.answer(packet, self._listening(), self.now)
+            self.line.queue(self.disturbances.disturb(answers))
 
-    def _hears(self, servo: Servo, baud_rate: int | None) -> bool:
-        return servo.is_present(self.now) and baud_rate in (None, servo.baud_rate)
+    def _listening(self) -> list[Servo]:
+        """Return the servos that hear the line: those at its baud rate."""
+        baud_rate = self.line.set_baud_rate()
+        return [
+            servo
+            for servo in self.servos
+            if servo.is_present(self.now) and baud_rate in (None, servo.baud_rate)
+        ]
 
     def _advance(self) -> None:
         """Advance the physics by at most one chunk, towards the wall clock."""
-        late = self.now - self._late - self.plant.time
-        if late < self.plant.chunk:
+        behind = self.now - self.late - self.plant.time
+        if behind < self.plant.chunk:
             return
-        if late < _PATIENCE and self.line.next_time - self.now < _NEARLY:
+        if behind < _PATIENCE and self.line.next_time - self.now < _NEARLY:
             return
-        if late > _LATEST:
-            self._late += late - self.plant.chunk
+        if behind > _LATEST:
+            self.late += behind - self.plant.chunk
+        self.advance_chunk()
+
+    def advance_chunk(self) -> None:
+        """Advance motors, arm and servos by one chunk of physics."""
         for winch in self.winches:
             winch.set_targets(self.plant)
         self.plant.advance()
         for winch in self.winches:
-            state = winch.measure(self.plant, self.voltage, self._random)
+            state = winch.measure(self.plant, self.voltage, self._noise)
             winch.servo.update(state, self.plant.chunk, self.now)
+        self._note_extremes()
 
-    def _make_winches(self) -> list[Winch]:
+    def _note_extremes(self) -> None:
+        targets = self.plant.targets
+        driven = targets.torque & targets.follows(Drive.POSITION)
+        largest = float(np.max(np.abs(targets.goal), where=driven, initial=0.0))
+        self.largest_command = max(self.largest_command, largest)
+        current = max(abs(servo.state.current) for servo in self.servos)
+        self.largest_current = max(self.largest_current, current)
+
+    def _open_outputs(self) -> list[StatusFile | PoseSender | PositionRecord]:
+        options = self.options
+        outputs: list[StatusFile | PoseSender | PositionRecord] = []
+        if options.status_file is not None:
+            outputs.append(StatusFile(options.status_file))
+        if options.poses_to:
+            address = parse_address(options.poses_to)
+            outputs.append(PoseSender(address, options.pose_rate))
+        if options.record is not None:
+            modules = self.plant.arm.module_count
+            outputs.append(PositionRecord(options.record, modules, options.pose_rate))
+        return outputs
+
+    def _choose_link(self) -> Path:
+        if self.options.link is not None:
+            return self.options.link
+        return Path(tempfile.mkdtemp(prefix="s2c2a-servos-")) / "port"
+
+    def _random_stream(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng([self.options.seed, stream])
+
+    def _make_winches(self, ids: list[int]) -> list[Winch]:
         """Power up one servo a cable, each somewhere within its turn."""
-        motor = self.plant.arm.motor
-        random = np.random.default_rng([self.options.seed, _TURN_STREAM])
-        directions = np.ones(len(self.plant.positions), int)
+        random = self._random_stream(_TURN_STREAM)
+        directions = [1] * len(ids)
         if self.table.directions is not None:
-            directions = np.array(self.table.directions).ravel()
-        winches = []
-        for cable, id in enumerate(id for row in self.table.ids for id in row):
-            ticks = random.uniform(0, motor.ticks_per_turn)
-            servo = XL330(id, MotorState(ticks=ticks), self.options.firmware)
-            servo.baud_rate = self.table.baud_rate
-            if self.table.torque_constant is not None:
-                servo.torque_constant = self.table.torque_constant
-            winch = Winch(
-                servo,
-                cable,
-                int(directions[cable]),
-                0.0,
-                tick_length(motor),
-                motor.pulley_radius,
-            )
-            winch.home_ticks = ticks - winch.ticks(self.plant.positions[cable])
-            winches.append(winch)
-        return winches
+            directions = [one for row in self.table.directions for one in row]
+        ticks = random.uniform(0, self.plant.arm.motor.ticks_per_turn, len(ids))
+        return [
+            self._make_winch(cable, ids[cable], directions[cable], float(ticks[cable]))
+            for cable in range(len(ids))
+        ]
+
+    def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
+        motor = self.plant.arm.motor
+        servo = self._protocol.make_servo(
+            id, MotorState(ticks=ticks), self.options.firmware
+        )
+        servo.ticks_per_turn = motor.ticks_per_turn
+        servo.baud_rate = self.table.baud_rate
+        if self.table.torque_constant is not None:
+            servo.torque_constant = self.table.torque_constant
+        length = tick_length(motor)
+        start = float(self.plant.positions[cable])
+        return Winch(
+            servo=servo,
+            original_id=id,
+            cable=cable,
+            direction=direction,
+            home_ticks=ticks - direction * start / length,
+            tick_length=length,
+            pulley_radius=motor.pulley_radius,
+        )

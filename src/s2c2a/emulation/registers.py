@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,12 @@ class Register:
     values: tuple[int, ...] = ()
     sign_bit: int | None = None
 
-    @property
+    @cached_property
     def end(self) -> int:
         """Address after the last byte."""
         return self.address + self.size
 
-    @property
+    @cached_property
     def signed(self) -> bool:
         """Whether the value can be negative in two's complement."""
         return self.low < 0 and self.sign_bit is None
@@ -62,7 +63,7 @@ class Register:
         fitting = min(max(value, lowest), highest)
         return fitting.to_bytes(self.size, "little", signed=self.signed)
 
-    def decode(self, data: bytes) -> int:
+    def decode(self, data: bytes | bytearray) -> int:
         """Return the value of bytes."""
         value = int.from_bytes(data, "little", signed=self.signed)
         if self.sign_bit is None:

@@ -87,7 +87,9 @@ class Servo(ABC):
         state: latest measurement at the motor.
         temperature: [deg C].
         overheats: whether a fault heats the servo.
-        position_offset: fault that is added to the position answered [ticks].
+        registered: address and data of a write that waits for its action.
+        silent_until: end of the restart [s].
+        gone_until: time until which the servo is off the bus [s].
     """
 
     table: ControlTable
@@ -107,7 +109,7 @@ class Servo(ABC):
         self.state = state
         self.temperature = AMBIENT
         self.overheats = False
-        self.position_offset = 0
+        self._shift = 0
         self.registered: tuple[int, bytes] | None = None
         self.silent_until = 0.0
         self.gone_until = 0.0
@@ -134,7 +136,12 @@ class Servo(ABC):
     @property
     def position(self) -> float:
         """Position that the servo knows [ticks]: turns are lost in a restart."""
-        return self.state.ticks - self._turns_lost * self.ticks_per_turn
+        return self.state.ticks + self.origin
+
+    @property
+    def origin(self) -> int:
+        """Position that the servo knows where the motor is at zero [ticks]."""
+        return self._shift - self._turns_lost * self.ticks_per_turn
 
     @property
     def torque(self) -> bool:
@@ -189,8 +196,8 @@ class Servo(ABC):
         """Write the measurements into the registers."""
 
     @abstractmethod
-    def _check(self, register: Register, value: int) -> None:
-        """Check a value beyond its range.
+    def _accept(self, register: Register, value: int) -> int | None:
+        """Return the value that the servo stores instead, or None to ignore it.
 
         Raises:
             RefusalError: the servo refuses it.
@@ -209,7 +216,7 @@ class Servo(ABC):
         return now >= max(self.silent_until, self.gone_until)
 
     def hear(self, now: float) -> None:  # noqa: B027 - most servos have no watchdog
-        """Note that an instruction for the servo arrived at a time [s]."""
+        """Note that an instruction, for whichever servo, arrived at a time [s]."""
 
     def read(self, address: int, size: int) -> bytes:
         """Return bytes of the control table.
@@ -219,6 +226,7 @@ class Servo(ABC):
         """
         if size < 1 or address + size > self.table.size:
             raise RefusalError(Reason.ACCESS)
+        self._measure()
         return bytes(
             self.memory[self.resolve(part)] for part in range(address, address + size)
         )
@@ -230,23 +238,15 @@ class Servo(ABC):
             RefusalError: a value or an access is not allowed.
         """
         changes = self._split(address, data)
-        for register, value in changes:
-            if not register.writable or self.locks(register):
-                raise RefusalError(Reason.ACCESS)
-            if not register.allows(value):
-                raise RefusalError(Reason.RANGE)
-            self._check(register, value)
-        for register, value in changes:
-            self[register.name] = value
-            self._changed(register)
+        accepted = [self._accept(register, value) for register, value in changes]
+        for (register, _), value in zip(changes, accepted, strict=True):
+            if value is not None:
+                self[register.name] = value
+                self._changed(register)
 
     def resolve(self, address: int) -> int:
         """Return the address that another address stands for."""
         return address
-
-    @abstractmethod
-    def locks(self, register: Register) -> bool:
-        """Return whether a register is locked now."""
 
     def update(self, state: MotorState, seconds: float, now: float) -> None:
         """Take over measurements of the motor, and react to them.
@@ -263,7 +263,6 @@ class Servo(ABC):
         if self._overloaded_for > self.overload_time and self.torque:
             self.raise_error("overload")
         self._check_health()
-        self._measure()
 
     def restart(self, now: float) -> None:
         """Begin a restart: the servo is silent, and then as after power-up."""
@@ -272,7 +271,12 @@ class Servo(ABC):
     def forget_turns(self) -> None:
         """Take the position back into one turn."""
         self._turns_lost = int(self.state.ticks // self.ticks_per_turn)
-        self._measure()
+
+    def shift_position(self, position: int) -> None:
+        """Call the present position another one from now on [ticks]; goals follow."""
+        shift = position - round(self.position)
+        self._shift += shift
+        self["goal_position"] += shift
 
     def _restart(self, silent_until: float) -> None:
         for register in self.table.registers:

@@ -20,6 +20,7 @@ class Winch:
 
     Attributes:
         servo: the servo.
+        original_id: of the servo, at power-up.
         cable: number of the cable, module by module.
         direction: 1 where a growing position pays the cable out, -1 where it winds in.
         home_ticks: position at displacement zero [ticks].
@@ -28,6 +29,7 @@ class Winch:
     """
 
     servo: Servo
+    original_id: int
     cable: int
     direction: int
     home_ticks: float

@@ -42,6 +42,11 @@ _MODES = (
     PWM_MODE,
 )
 _GOALS = frozenset(("goal_pwm", "goal_current", "goal_velocity", "goal_position"))
+_LIMITS = {
+    "goal_current": "current_limit",
+    "goal_velocity": "velocity_limit",
+    "goal_pwm": "pwm_limit",
+}
 _ERROR_BITS = {"voltage": 0x01, "overheating": 0x04, "encoder": 0x08, "shock": 0x10}
 _ERROR_BITS["overload"] = 0x20
 _TURNS_LIMIT = 1_048_575  # ticks
@@ -208,6 +213,15 @@ class XL330(Servo):
         """See `Servo.hear`."""
         self._heard = now
 
+    @property
+    def _present_offset(self) -> int:
+        """Present position where the motor is at zero [ticks]."""
+        return self.origin + self["homing_offset"]
+
+    @property
+    def _present_position(self) -> int:
+        return round(self.state.ticks) + self._present_offset
+
     def command(self) -> MotorCommand:
         """See `Servo.command`."""
         mode = self["operating_mode"]
@@ -226,7 +240,7 @@ class XL330(Servo):
             limit = min(limit, CURRENT_UNIT * abs(self["goal_current"]))
         profile = VELOCITY_UNIT * self["profile_velocity"]
         speed = min(NO_LOAD_SPEED, profile) if profile else NO_LOAD_SPEED
-        goal = self["goal_position"] + self._turns_lost * self.ticks_per_turn
+        goal = self["goal_position"] - self._present_offset
         return MotorCommand(self.torque, Drive.POSITION, goal, speed, limit)
 
     def raise_error(self, name: str) -> None:
@@ -243,10 +257,6 @@ class XL330(Servo):
         pointer = INDIRECT_ADDRESSES + 2 * number
         return int.from_bytes(self.memory[pointer : pointer + 2], "little")
 
-    def locks(self, register: Register) -> bool:
-        """See `Servo.locks`: the EEPROM area, while the torque is on."""
-        return register.eeprom and self.torque
-
     def update(self, state: MotorState, seconds: float, now: float) -> None:
         """See `Servo.update`; the bus watchdog may stop the motor."""
         super().update(state, seconds, now)
@@ -255,7 +265,7 @@ class XL330(Servo):
             self["bus_watchdog"] = -1
             self["goal_velocity"] = 0
             self["goal_pwm"] = 0
-            self["goal_position"] = round(self.position)
+            self["goal_position"] = self._present_position
             if self["operating_mode"] == CURRENT_MODE:
                 self["goal_current"] = 0
 
@@ -264,30 +274,38 @@ class XL330(Servo):
         self._reset_goals()
 
     def _reset_goals(self) -> None:
-        self["goal_position"] = round(self.position)
+        self["goal_position"] = self._present_position
         self["goal_current"] = self["current_limit"]
         self["goal_pwm"] = self["pwm_limit"]
         self["goal_velocity"] = 0
 
-    def _check(self, register: Register, value: int) -> None:
-        name = register.name
-        if name in _GOALS and self.watchdog_tripped:
+    def _accept(self, register: Register, value: int) -> int:
+        """Refuse what is locked, out of range or beyond a configured limit."""
+        locked = register.eeprom and self.torque
+        if locked or not register.writable:
+            raise RefusalError(Reason.ACCESS)
+        if not register.allows(value) or self._is_frozen(register, value):
             raise RefusalError(Reason.RANGE)
-        if name == "torque_enable" and value:
-            if self["hardware_error"] & self["shutdown"]:
-                raise RefusalError(Reason.FAILED)
-        if name == "bus_watchdog" and value == -1:
-            raise RefusalError(Reason.RANGE)
-        if name == "goal_position" and self["operating_mode"] == POSITION_MODE:
-            if not self["min_position"] <= value <= self["max_position"]:
-                raise RefusalError(Reason.LIMIT)
-        limits = {
-            "goal_current": "current_limit",
-            "goal_velocity": "velocity_limit",
-            "goal_pwm": "pwm_limit",
-        }
-        if name in limits and abs(value) > self[limits[name]]:
+        if self._exceeds_limit(register.name, value):
             raise RefusalError(Reason.LIMIT)
+        shut_down = self["hardware_error"] & self["shutdown"]
+        if register.name == "torque_enable" and value and shut_down:
+            raise RefusalError(Reason.FAILED)
+        return value
+
+    def _is_frozen(self, register: Register, value: int) -> bool:
+        """Return whether the bus watchdog forbids a value."""
+        if register.name == "bus_watchdog":
+            return value < 0
+        return register.name in _GOALS and self.watchdog_tripped
+
+    def _exceeds_limit(self, name: str, value: int) -> bool:
+        """Return whether a goal is beyond its configured limit."""
+        if name in _LIMITS:
+            return abs(value) > self[_LIMITS[name]]
+        if name != "goal_position" or self["operating_mode"] != POSITION_MODE:
+            return False
+        return not self["min_position"] <= value <= self["max_position"]
 
     def _changed(self, register: Register) -> None:
         if register.name == "operating_mode":
@@ -305,7 +323,7 @@ class XL330(Servo):
     def _measure(self) -> None:
         state = self.state
         velocity = round(state.velocity / VELOCITY_UNIT)
-        position = round(self.position) + self.position_offset + self["homing_offset"]
+        position = self._present_position
         self["present_current"] = round(state.current / CURRENT_UNIT)
         self["present_velocity"] = velocity
         self["present_position"] = position
