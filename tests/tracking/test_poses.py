@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from s2c2a.tracking import Pose, PoseError
 
@@ -44,6 +45,12 @@ def test_composition_is_associative(a, b, c):
     left, right = (a @ b) @ c, a @ (b @ c)
     np.testing.assert_allclose(left.position, right.position, atol=1e-9)
     np.testing.assert_allclose(left.z_axis, right.z_axis, atol=1e-9)
+
+
+@given(poses(), poses())
+def test_rotations_agree_with_those_of_scipy(a, b):
+    turn = Rotation.from_quat(a.rotation) * Rotation.from_quat(b.rotation)
+    np.testing.assert_allclose((a @ b).matrix, turn.as_matrix(), atol=1e-12)
 
 
 def test_a_quaternion_within_one_percent_is_normalized():
