@@ -3,6 +3,7 @@
 from s2c2a.arm import Servos
 from s2c2a.hardware.bus import BusError, ServoBus
 from s2c2a.hardware.dynamixel import DynamixelBus
+from s2c2a.hardware.feetech import FeetechBus
 
 
 def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBus:
@@ -23,4 +24,6 @@ def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBu
             "--port), or write servos.port in the arm file. "
             "`s2c2a motors scan` lists the ports"
         )
+    if servos.protocol == "feetech":
+        return FeetechBus(name, servos.baud_rate, servos.model)
     return DynamixelBus(name, servos.baud_rate, servos.model, fast_read)

@@ -11,6 +11,7 @@ from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.hardware.bus import BusError, Mode, PortLostError, ServoBus, ServoState
 from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.calibration import default_path, load_calibration
+from s2c2a.hardware.end_tracking import EndTracking
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.hardware.winch import Winches
 from s2c2a.robots.robot import Robot, checked_action
@@ -39,6 +40,8 @@ class ServoRobot(Robot):
         calibration: file of `s2c2a motors home`; empty: the default name, in the
             current folder.
         fast_read: whether all servos answer in one packet.
+        tracking: source of true states for recordings and scores, such as "udp:8900"
+            (docs/tracking.md); none if empty.
     """
 
     own_time = False
@@ -50,8 +53,10 @@ class ServoRobot(Robot):
         port: str = "",
         calibration: str = "",
         fast_read: bool = False,
+        tracking: str = "",
     ):
         self.arm = arm
+        self._tracking = EndTracking(arm, tracking) if tracking else None
         self._geometry = ArmGeometry.of(arm)
         self._servos = servos_of(arm)
         self._check_protocol()
@@ -75,6 +80,8 @@ class ServoRobot(Robot):
         sensors = {"cables": self._declare_cables()}
         if self.arm.motor.current_noise is not None:
             sensors["tensions"] = Sensor(self._ids.shape, "N")
+        if self._tracking:
+            sensors |= self._tracking.sensors
         return sensors
 
     def open(self) -> Reading:
@@ -86,6 +93,8 @@ class ServoRobot(Robot):
         """
         if self._bus is None:
             self._connect()
+        if self._tracking:
+            self._tracking.start()
         self._go_to_rest()
         self._monitor.reset()
         self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
@@ -102,8 +111,10 @@ class ServoRobot(Robot):
         displacements = self._displacements(states)
         tensions = self._tensions(states)
         values = {"cables": displacements}
-        if "tensions" in self.sensors:
+        if self.arm.motor.current_noise is not None:
             values["tensions"] = tensions
+        if self._tracking:
+            values |= self._tracking.read()
         fault = describe_faults(states, self._servos, self._flat_ids)
         fault = fault or self._monitor.find_fault(self._goal, displacements, tensions)
         if any(state.watchdog_tripped for state in states.values()):
@@ -130,6 +141,8 @@ class ServoRobot(Robot):
 
     def close(self) -> None:
         """Hold or release the cables as configured, and close the port."""
+        if self._tracking:
+            self._tracking.close()
         bus, self._bus = self._bus, None
         if bus is None:
             return
@@ -307,8 +320,10 @@ class ServoRobot(Robot):
         )
 
     def _lost_reading(self, moment: float, fault: str) -> Reading:
-        missing = np.full(self._ids.shape, np.nan)
-        return Reading(moment, dict.fromkeys(self.sensors, missing), fault)
+        """A reading without any measurement."""
+        shapes = {name: sensor.shape for name, sensor in self.sensors.items()}
+        missing = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
+        return Reading(moment, missing, fault)
 
     def _send_positions(self, positions: np.ndarray) -> None:
         goals = zip(self._flat_ids, positions.ravel().tolist(), strict=True)

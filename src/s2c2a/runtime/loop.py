@@ -20,6 +20,7 @@ from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.oscillation import OscillationMonitor
@@ -116,6 +117,7 @@ class Loop:
         on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
         watches_vibration: bool = True,
+        emergency_stop: EmergencyStop = EMERGENCY_STOP,
     ):
         """A loop whose robot is not open yet.
 
@@ -130,6 +132,8 @@ class Loop:
             faults: fault injection for tests: changes every reading before the check.
             watches_vibration: whether vibration reduces the feedback; not for a driver
                 that plays back motions, which may vibrate on purpose.
+            emergency_stop: ends the motion within one control step; the robot then
+                stays where it is, or is released (`Robot.halt`).
 
         Raises:
             S2C2AError: the controller is for another arm, or requires a sensor that
@@ -152,6 +156,8 @@ class Loop:
         self.phase = Phase()
         self._monitor = OscillationMonitor(self.arm)
         self._watches_vibration = watches_vibration
+        self._emergency_stop = emergency_stop
+        self._halted = False
         self.use(driver)
         self._reset()
 
@@ -195,7 +201,12 @@ class Loop:
         return required
 
     def open(self) -> None:
-        """Open the robot at rest; a second call starts again from there."""
+        """Open the robot at rest; a second call starts again from there.
+
+        Raises:
+            EmergencyStopError: the emergency stop has not been reset.
+        """
+        self._emergency_stop.check()
         first_reading = self._robot.open()
         self._reset()
         self._due = self._clock.now()
@@ -212,6 +223,7 @@ class Loop:
             raise S2C2AError(self.fault)
         moment, delay = self._wait()
         with self._stop_on_error():
+            self._emergency_stop.check()
             reading = self._faults(self._read())
             fault = self._blocked or self._check_reading(reading, moment)
             self._blocked = ""
@@ -238,6 +250,9 @@ class Loop:
         self.phase = with_fault(self.phase)
         self.fault = str(error) or type(error).__name__
         self._stopped = True
+        if isinstance(error, EmergencyStopError):
+            self._halted = True
+            self._robot.halt()
 
     def release(self) -> None:
         """Begin to move the arm to rest within its limits; no reading is needed."""
@@ -278,6 +293,8 @@ class Loop:
 
     def _is_led_to_rest(self) -> bool:
         """Whether the robot moves to rest at the end; simulations only after errors."""
+        if self._halted:
+            return False
         return self._stopped or not self._robot.own_time
 
     def _reset(self) -> None:
@@ -291,6 +308,7 @@ class Loop:
         self.phase = Phase()
         self.fault = ""
         self._stopped = False
+        self._halted = False
 
     def _wait(self) -> tuple[float, float]:
         """Wait until the next step is due; return the time and the delay [s].

@@ -1,0 +1,73 @@
+"""True states of a real arm from a pose tracker, as a sensor of the robot."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.spaces import Sensor
+from s2c2a.tracking import ModuleEnds, UdpTracker
+from s2c2a.tracking.tracker import Tracker
+from s2c2a.tracking.udp import LOCALHOST
+
+MAX_AGE = 1.5  # control periods; an older frame is no measurement of this step
+
+
+class EndTracking:
+    """States of the module ends, in the base frame of the arm.
+
+    Attributes:
+        sensors: declaration of the sensor `states`.
+    """
+
+    def __init__(self, arm: ArmSpec, source: str):
+        """Tracking that has not started.
+
+        Args:
+            arm: its modules are the bodies "end-1" to "end-M", beside "base".
+            source: "udp", "udp:PORT" or "udp:HOST:PORT".
+
+        Raises:
+            S2C2AError: there is no such source.
+        """
+        self._tracker = _tracker_of(source)
+        self._ends = ModuleEnds.of(arm.module_count)
+        self._max_age = MAX_AGE * arm.control_period
+        shape = (arm.module_count, 6)
+        self.sensors: Mapping[str, Sensor] = {
+            "states": Sensor(shape, "m, 1", always=False)
+        }
+        self._missing = np.full(shape, np.nan)
+
+    def start(self) -> None:
+        """Begin to receive; see `Tracker`."""
+        self._tracker.start()
+
+    def read(self) -> dict[str, np.ndarray]:
+        """Return the states of the newest frame; NaN if it is too old, or none came."""
+        frame = self._tracker.latest()
+        if frame is None:
+            return {"states": self._missing}
+        tracked = self._ends.states(frame)
+        is_recent = tracked.age <= self._max_age
+        return {"states": tracked.states if is_recent else self._missing}
+
+    def close(self) -> None:
+        """Stop receiving; allowed more than once."""
+        self._tracker.close()
+
+
+def _tracker_of(source: str) -> Tracker:
+    protocol, *address = source.split(":")
+    if protocol != "udp" or len(address) > 2:
+        raise S2C2AError(
+            f"no tracking source '{source}'; give udp, udp:PORT or udp:HOST:PORT"
+        )
+    if not address:
+        return UdpTracker()
+    port = address.pop()
+    if not port.isdigit():
+        raise S2C2AError(f"'{port}' in '{source}' is no UDP port; give a number")
+    host = address.pop() if address else LOCALHOST
+    return UdpTracker(host, int(port))

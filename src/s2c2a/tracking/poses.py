@@ -1,0 +1,132 @@
+"""Poses: a position and a rotation, also used as a rigid transform between frames."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.errors import S2C2AError
+
+MAX_COORDINATE = 100.0  # [m]; larger values are mistakes of units
+MAX_LENGTH_ERROR = 0.01  # of a unit quaternion
+CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+class TrackingError(S2C2AError):
+    """A tracker cannot start, or its poses cannot be used."""
+
+
+class PoseError(TrackingError):
+    """A pose is not finite, too far away, or has no unit quaternion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Pose `T_a_b` of frame b in frame a, which maps coordinates of b to those of a.
+
+    Attributes:
+        position: of the origin of b [m], frame a, shape (3,).
+        rotation: unit quaternion (x, y, z, w) that turns the axes of a into those of
+            b, shape (4,); normalized when it is within 1 % of unit length.
+
+    Raises:
+        PoseError: wrong shapes, numbers that are not finite, or a quaternion that is
+            not of unit length.
+    """
+
+    position: Float[np.ndarray, "3"]
+    rotation: Float[np.ndarray, "4"]
+
+    def __post_init__(self):
+        position = _finite(self.position, "position", 3)
+        rotation = _finite(self.rotation, "rotation", 4)
+        # unlike a norm of NumPy, it does not warn of huge numbers
+        length = math.hypot(*rotation)
+        if abs(length - 1) > MAX_LENGTH_ERROR:
+            raise PoseError(
+                f"the quaternion {rotation.tolist()} has length {length:g}; "
+                "send unit quaternions in the order x, y, z, w"
+            )
+        object.__setattr__(self, "position", _read_only(position))
+        object.__setattr__(self, "rotation", _read_only(rotation / length))
+
+    @classmethod
+    def measured(cls, position, rotation) -> Self:
+        """Return a pose that a tracker measured, after a check of its range.
+
+        Args:
+            position: of the origin of b [m], frame a, three numbers.
+            rotation: unit quaternion (x, y, z, w), four numbers.
+
+        Raises:
+            PoseError: the pose is invalid, or a coordinate exceeds 100 m.
+        """
+        pose = cls(position, rotation)
+        if np.abs(pose.position).max() > MAX_COORDINATE:
+            raise PoseError(
+                f"the position {pose.position.tolist()} has a coordinate of more than "
+                f"{MAX_COORDINATE:g} m; send meters, or state the units"
+            )
+        return pose
+
+    @classmethod
+    def identity(cls) -> Self:
+        """Return the pose of a frame in itself."""
+        return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation matrix, whose columns are the axes of b, frame a, shape (3, 3)."""
+        (x, y, z, w) = self.rotation.tolist()
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    @property
+    def z_axis(self) -> Float[np.ndarray, "3"]:
+        """Unit vector of the z axis of b, frame a, shape (3,)."""
+        return self.matrix[:, 2]
+
+    def inverse(self) -> "Pose":
+        """Return `T_b_a`."""
+        conjugate = self.rotation * CONJUGATE
+        return Pose(-self.matrix.T @ self.position, conjugate)
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        """Return `T_a_c = T_a_b @ T_b_c`."""
+        position = self.position + self.matrix @ other.position
+        return Pose(position, _product(self.rotation, other.rotation))
+
+
+def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Quaternion of the second rotation followed by the first."""
+    (x, y, z, w) = first.tolist()
+    # SciPy's rotations take ten times as long for a single pair
+    matrix = np.array(
+        [[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]],
+    )
+    return matrix @ second
+
+
+def _finite(values, name: str, count: int) -> np.ndarray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise PoseError(f"a {name} is {count} numbers; send numbers only") from error
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise PoseError(
+            f"a {name} is {count} finite numbers, got {array.tolist()!r:.200}; "
+            "omit a body that is lost"
+        )
+    return array
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array

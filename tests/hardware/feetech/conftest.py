@@ -1,0 +1,19 @@
+"""A bus over three scripted servos."""
+
+import pytest
+from fake_feetech_line import FakePort
+
+from s2c2a.hardware.feetech import FeetechBus
+
+
+@pytest.fixture
+def port(monkeypatch):
+    fake = FakePort(1, 2, 3)
+    monkeypatch.setattr("s2c2a.hardware.feetech.line.Serial", lambda *_, **__: fake)
+    return fake
+
+
+@pytest.fixture
+def bus(port):
+    with FeetechBus("fake", 1_000_000) as opened:
+        yield opened
