@@ -20,6 +20,7 @@ _SLACK_RANGE = 2.0  # m; the largest travel of a cable that an arm file may stat
 _SNAPPED = 1.0  # m; paid out, so that the arm does not feel the cable
 _SETTLING_TIME = 1.0  # s
 _HOLDING_FRICTION = 2.0  # N; of a gear without power
+_DRIVING_FRICTION = 0.4  # N; of a gear that the motor drives
 _BACK_DRIVING = 0.004  # m/s per N beyond that friction
 _JAM = 0.0005  # m; goal error at which a stalled motor pulls with all its force
 
@@ -201,7 +202,10 @@ class Plant:
         return np.where(self.stalled, self.positions, moved)
 
     def _drive(self, pulls: Cables) -> Cables:
-        """Move powered motors; winding stops at the tension limit and yields above."""
+        """Move powered motors; winding stops at the tension limit, and yields above it.
+
+        The friction of the gears works against both.
+        """
         targets = self.targets
         speed = np.minimum(targets.speed, self._limit)
         lag = self.arm.motor.time_constant
@@ -217,9 +221,13 @@ class Plant:
             balance, self.positions - largest_step, self.positions + largest_step
         )
         wanted = np.where(targets.follows(Drive.CURRENT), balance, wanted)
-        at_limit = self.positions - (targets.tension - pulls) / self.stiffnesses
-        yielding = np.minimum(at_limit, self.positions + largest_step)
-        return np.maximum(wanted, yielding)
+        winding = targets.tension - _DRIVING_FRICTION - pulls
+        yielding = pulls - targets.tension - _DRIVING_FRICTION
+        innermost = self.positions - np.maximum(winding, 0.0) / self.stiffnesses
+        outward = np.maximum(yielding, 0.0) / self.stiffnesses
+        pulled_out = self.positions + np.minimum(outward, largest_step)
+        wanted = np.maximum(wanted, innermost)
+        return np.where(yielding > 0, np.maximum(wanted, pulled_out), wanted)
 
     def _back_drive(self, pulls: Cables) -> Cables:
         """Let cables turn motors without power, against the friction of the gears."""

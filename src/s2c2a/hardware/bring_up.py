@@ -22,8 +22,10 @@ from s2c2a.spaces import Actions
 
 HOME_SPEED = 0.02  # m/s
 MAX_SLACK = 0.08  # m that is wound in at most
-STILL_TICKS = 2  # change within
-STILL_TIME = 0.4  # s of a cable that is taut
+STILL_TICKS = 8  # change within
+STILL_TIME = 0.5  # s of a cable that is taut
+CURRENT_STEPS = (0.5, 0.75, 1.0)  # of the home current
+AVERAGED_READINGS = 10
 TIMEOUT = 15.0  # s of one motion
 POLL_PERIOD = 0.05  # s
 RELAXATION = 0.004  # m that a cable is paid out between repeated homings
@@ -167,7 +169,7 @@ class BringUp:
             for number in range(repeat):
                 winches = self._winches_at(ids)
                 self._take_up(ids, winches)
-                taut = self._positions(ids)
+                taut = self._mean_positions(ids)
                 at_home = Winches.of(self._arm, taut).positions(stretch)
                 for id in ids:
                     homes[id].append(int(at_home[self._ids == id][0]))
@@ -192,14 +194,19 @@ class BringUp:
         return np.where(is_module, stretch, 0.0)
 
     def _take_up(self, ids: list[int], winches: Winches) -> None:
-        """Wind cables in until all are taut.
+        """Wind cables in until all are taut, with a current that grows.
+
+        The cables that become taut first are pulled out again by the others. With the
+        last current all of them wind in, so that their backlash is on the same side.
 
         Raises:
             BusError: a cable does not become taut.
         """
         start = {id: self._displacement(winches, id) for id in ids}
-        self._send({id: place - MAX_SLACK for id, place in start.items()}, winches)
-        self._wait_until_still(ids)
+        for share in CURRENT_STEPS:
+            self._bus.set_current(ids, share * self._servos.home_current)
+            self._send({id: place - MAX_SLACK for id, place in start.items()}, winches)
+            self._wait_until_still(ids)
         for id in ids:
             wound = start[id] - self._displacement(winches, id)
             if wound > 0.95 * MAX_SLACK:
@@ -326,6 +333,11 @@ class BringUp:
         for id, state in states.items():
             positions[self._ids == id] = state.position
         return positions
+
+    def _mean_positions(self, ids: list[int]) -> np.ndarray:
+        """Mean of several readings of the positions [ticks], to average their noise."""
+        readings = [self._positions(ids) for _ in range(AVERAGED_READINGS)]
+        return np.round(np.mean(readings, axis=0)).astype(int)
 
     def _winches_at(self, ids: list[int]) -> Winches:
         """Winches whose zero is where the cables are now."""
