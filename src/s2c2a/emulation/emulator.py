@@ -11,7 +11,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import Servos
-from s2c2a.emulation.faults import Disturbances, FaultSchedule, parse_faults
+from s2c2a.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
 from s2c2a.emulation.line import Line
 from s2c2a.emulation.outputs import (
     PoseSender,
@@ -125,6 +125,7 @@ class Emulator:
         self._protocol = protocol_of(self.table)
         ids = [id for row in self.table.ids for id in row]
         faults = parse_faults(options.faults, ids)
+        self._check_stuffing(faults)
         self._schedule = FaultSchedule(faults)
         if options.poses_to:
             parse_address(options.poses_to)
@@ -144,6 +145,14 @@ class Emulator:
         self.packet_count = 0
         self.largest_command = 0.0
         self.largest_current = 0.0
+
+    def _check_stuffing(self, faults: tuple[Fault, ...]) -> None:
+        stuffed = any(fault.kind == "stuffed" for fault in faults)
+        if stuffed and not self._protocol.stuffs:
+            raise S2C2AError(
+                f"the fault 'stuffed' needs a protocol with byte stuffing, and the arm "
+                f'has servos.protocol = "{self.table.protocol}"; leave it out'
+            )
 
     @property
     def servos(self) -> list[Servo]:

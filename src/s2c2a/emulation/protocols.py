@@ -25,6 +25,7 @@ class Protocol:
         make_servo: from id, state of the motor and firmware.
         baud_rates: that the servo knows [bit/s].
         supply: voltage [V].
+        stuffs: whether packets are byte-stuffed.
     """
 
     decoder: Callable[[], Any]
@@ -32,6 +33,7 @@ class Protocol:
     make_servo: Callable[[int, MotorState, int], Servo]
     baud_rates: tuple[int, ...]
     supply: float
+    stuffs: bool
 
 
 def _make_sts3215(id: int, state: MotorState, firmware: int) -> Servo:
@@ -45,6 +47,7 @@ PROTOCOLS = {
         XL330,
         XL_BAUD_RATES,
         supply=5.0,
+        stuffs=True,
     ),
     "feetech": Protocol(
         feetech_protocol.Decoder,
@@ -52,6 +55,7 @@ PROTOCOLS = {
         _make_sts3215,
         STS_BAUD_RATES,
         supply=7.4,
+        stuffs=False,
     ),
 }
 
