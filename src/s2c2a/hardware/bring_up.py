@@ -32,7 +32,7 @@ RELAXATION = 0.004  # m that a cable is paid out between repeated homings
 CHECK_TRAVEL = 0.003  # m
 CHECK_ERROR = 0.0007  # m
 CHECK_TENSION = 0.3  # N that the tension rises by at least
-READ_ATTEMPTS = 10  # nothing hurries here
+PATIENCE = 1.0  # s for an answer; nothing hurries here
 
 Confirm = Callable[[str], bool]
 Report = Callable[[str], None]
@@ -317,11 +317,7 @@ class BringUp:
                 last = positions
 
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
-        states: dict[int, ServoState] = {}
-        for _ in range(READ_ATTEMPTS):
-            states |= self._bus.read_states([id for id in ids if id not in states])
-            if len(states) == len(ids):
-                break
+        states = self._bus.read_patiently(ids, PATIENCE)
         if fault := describe_faults(states, self._servos, ids):
             raise BusError(fault)
         return states

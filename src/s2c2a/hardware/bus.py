@@ -5,8 +5,10 @@ in ticks, signed, over several turns. All other values are in SI units, except
 temperatures in degrees Celsius.
 """
 
+import itertools
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Self
@@ -159,6 +161,30 @@ class ServoBus(ABC):
         Raises:
             PortLostError: the port is gone.
         """
+
+    def read_patiently(
+        self, ids: Sequence[int], seconds: float
+    ) -> dict[int, ServoState]:
+        """Read states; ask servos that do not answer again, at least once.
+
+        Args:
+            ids: of the servos.
+            seconds: time after which no servo is asked again.
+
+        Returns:
+            The states of the servos that answered.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        end = time.monotonic() + seconds
+        states = self.read_states(ids)
+        for attempt in itertools.count():
+            missing = [id for id in ids if id not in states]
+            if not missing or (attempt and time.monotonic() > end):
+                return states
+            states |= self.read_states(missing)
+        return states
 
     @abstractmethod
     def reboot(self, id: int) -> None:

@@ -8,12 +8,11 @@ from s2c2a.arm import Servos
 from s2c2a.hardware.bus import ServoState
 from s2c2a.spaces import Actions
 
-TAUT = 1.0  # N; of a cable that carries
-SLACK = 0.15  # N; of a cable that carries nothing, with the noise of the current
-PAID_OUT = 0.002  # m; a cable that is paid out by more may go slack
-CONFIRMATIONS = 3  # readings
+SLACK = 0.3  # N; of a cable that carries nothing, with the noise of the current
+WOUND_IN = 0.003  # m; a module with such a cable is bent by tension
+SNAP_TIME = 1.5  # s; a swinging arm has slack cables for up to 0.8 s
 FOLLOWING_ERROR = 0.004  # m
-STALL_READINGS = 10
+STALL_TIME = 1.0  # s
 
 
 def describe_faults(
@@ -55,17 +54,28 @@ def _servo_fault(state: ServoState | None, servos: Servos) -> str:
 
 
 class CableMonitor:
-    """Finds cables that snapped or left their pulley, and servos that stall."""
+    """Finds cables that snapped or left their pulley, and servos that stall.
 
-    def __init__(self, servos: Servos):
-        """A monitor before its first reading."""
+    A module is bent by the cables that are wound in. If they carry nothing because the
+    module leans on their side, under its weight or a payload, then the others hold it.
+    If none carries anything, then the one that is wound in does not reach the module.
+    """
+
+    def __init__(self, servos: Servos, control_rate: float):
+        """A monitor before its first reading.
+
+        Args:
+            servos: of the arm.
+            control_rate: readings a second [Hz].
+        """
         self._servos = servos
+        self._snap_readings = max(round(SNAP_TIME * control_rate), 3)
+        self._stall_readings = max(round(STALL_TIME * control_rate), 3)
         self.reset()
 
     def reset(self) -> None:
         """Forget all readings."""
-        self._taut_at: Actions | None = None
-        self._lost = np.zeros(np.shape(self._servos.ids), int)
+        self._slack = np.zeros(len(self._servos.ids), int)
         self._stalled = np.zeros(np.shape(self._servos.ids), int)
 
     def find_fault(
@@ -78,40 +88,37 @@ class CableMonitor:
             displacements: measured [m]; NaN where missing.
             tensions: measured [N]; NaN where missing.
         """
-        if fault := self._snapped(displacements, tensions):
-            return fault
-        return self._stall(goal, displacements)
+        return self._snapped(displacements, tensions) or self._stall(
+            goal, displacements
+        )
 
     def _snapped(self, displacements: Actions, tensions: np.ndarray) -> str:
-        """A cable that carried and carries nothing, though it was not paid out."""
-        if self._taut_at is None:
-            self._taut_at = np.full(displacements.shape, np.nan)
-        taut = tensions > TAUT
-        self._taut_at = np.where(taut, displacements, self._taut_at)
-        paid_out = displacements - self._taut_at
-        # comparisons with NaN are false: what never carried cannot be lost
-        lost = (tensions < SLACK) & (paid_out < PAID_OUT)
-        self._lost = np.where(lost, self._lost + 1, 0)
-        if (self._lost < CONFIRMATIONS).all():
+        """A module that has a cable wound in, and no tension in any."""
+        # comparisons with NaN are false: what was not measured is no fault
+        is_wound = displacements.min(axis=-1) < -WOUND_IN
+        is_slack = (tensions < SLACK).all(axis=-1)
+        self._slack = np.where(is_wound & is_slack, self._slack + 1, 0)
+        module = int(np.argmax(self._slack))
+        if self._slack[module] < self._snap_readings:
             return ""
+        cable = int(np.argmin(displacements[module]))
         return (
-            f"the cable of {self._name(self._lost)} has no tension any more: it has "
-            "snapped, or left its pulley"
+            f"the cable of {self._name(module, cable)} is wound in and has no tension: "
+            "it has snapped, or left its pulley"
         )
 
     def _stall(self, goal: Actions, displacements: Actions) -> str:
         """A servo that does not arrive."""
         away = np.abs(goal - displacements) > FOLLOWING_ERROR
         self._stalled = np.where(away, self._stalled + 1, 0)
-        if (self._stalled < STALL_READINGS).all():
+        module, cable = np.unravel_index(np.argmax(self._stalled), away.shape)
+        if self._stalled[module, cable] < self._stall_readings:
             return ""
         return (
-            f"{self._name(self._stalled)} does not follow: it is stalled, or its "
-            "current limit is reached"
+            f"{self._name(int(module), int(cable))} does not follow: it is stalled, or "
+            "its current limit is reached"
         )
 
-    def _name(self, counts: np.ndarray) -> str:
-        """The servo with the largest count."""
-        module, cable = np.unravel_index(np.argmax(counts), counts.shape)
+    def _name(self, module: int, cable: int) -> str:
         id = self._servos.ids[module][cable]
         return f"servo {id} ({self._servos.number_of(id)})"

@@ -17,7 +17,8 @@ from s2c2a.hardware.winch import Winches
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
 
-READ_ATTEMPTS = 3  # within one reading
+READ_SHARE = 0.25  # of a control period, in which servos are asked again
+PATIENCE = 1.0  # s for an answer while the arm is at rest
 REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
 REST_PERIOD = 0.02  # s between goals on that way
 SETTLING_TIME = 1.0  # s
@@ -69,7 +70,7 @@ class ServoRobot(Robot):
         self._bus: ServoBus | None = None
         self._low, self._high = _displacement_limits(arm, self._geometry)
         self._goal = self._geometry.action_neutral
-        self._monitor = CableMonitor(self._servos)
+        self._monitor = CableMonitor(self._servos, arm.control_rate)
         self._opened_at = 0.0
         self._budget = np.zeros(self._ids.shape)
         self._sent_at = 0.0
@@ -267,7 +268,7 @@ class ServoRobot(Robot):
         positions = self._winches.positions(displacements)
         self._send_positions(positions)
         self._goal = self._winches.displacements(positions)
-        states = self._read_states()
+        states = self._read_all()
         fault = describe_faults(states, self._servos, self._flat_ids)
         if fault:
             raise RobotError(f"the arm stopped on its way to rest: {fault}")
@@ -275,13 +276,8 @@ class ServoRobot(Robot):
 
     def _read_states(self) -> dict[int, ServoState]:
         """Read all servos; those that do not answer are asked again at once."""
-        states: dict[int, ServoState] = {}
-        for _ in range(READ_ATTEMPTS):
-            missing = [id for id in self._flat_ids if id not in states]
-            if not missing:
-                break
-            states |= self.bus.read_states(missing)
-        return states
+        patience = READ_SHARE * self.arm.control_period
+        return self.bus.read_patiently(self._flat_ids, patience)
 
     def _read_all(self) -> dict[int, ServoState]:
         """Read all servos.
@@ -289,7 +285,7 @@ class ServoRobot(Robot):
         Raises:
             BusError: a servo does not answer.
         """
-        states = self._read_states()
+        states = self.bus.read_patiently(self._flat_ids, PATIENCE)
         missing = [id for id in self._flat_ids if id not in states]
         if missing:
             raise BusError(f"servos {missing} do not answer; check cable and power")

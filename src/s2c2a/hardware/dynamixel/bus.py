@@ -39,7 +39,7 @@ from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
 CYCLE_MARGIN = 0.008  # s; beyond wire time and latency of the adapter, in a cycle
-EXCHANGE_MARGIN = 0.05  # s; the same, where nothing hurries
+EXCHANGE_MARGIN = 0.2  # s; the same, where nothing hurries
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
 SCAN_TIME = 0.003  # s for the answer of each possible id
@@ -156,9 +156,11 @@ class DynamixelBus(ServoBus):
             self._join_state(id)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
-        """Switch the torque; see `ServoBus`."""
+        """Switch the torque, of all servos at once; see `ServoBus`."""
+        ids = tuple(ids)
+        self._sync_write("torque", dict.fromkeys(ids, int(on)))
         for id in ids:
-            self.write(id, "torque", int(on))
+            self.write(id, "torque", int(on))  # with a confirmation
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """Set the largest current; see `ServoBus`."""
@@ -176,12 +178,11 @@ class DynamixelBus(ServoBus):
 
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions; see `ServoBus`."""
-        register = REGISTERS["goal_position"]
-        parameters = _span(register.address, register.size)
-        for id, ticks in goals.items():
-            limited = min(max(ticks, -MAX_POSITION), MAX_POSITION)
-            parameters += bytes([id]) + register.encode(limited)
-        self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
+        limited = {
+            id: min(max(ticks, -MAX_POSITION), MAX_POSITION)
+            for id, ticks in goals.items()
+        }
+        self._sync_write("goal_position", limited)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos; see `ServoBus`.
@@ -273,6 +274,14 @@ class DynamixelBus(ServoBus):
         for address in addresses:
             data += address.to_bytes(2, "little")
         self._exchange(id, Instruction.WRITE, data, "writing indirect addresses")
+
+    def _sync_write(self, name: str, values: Mapping[int, int]) -> None:
+        """Write a register of many servos in one packet, which nobody confirms."""
+        register = REGISTERS[name]
+        parameters = _span(register.address, register.size)
+        for id, value in values.items():
+            parameters += bytes([id]) + register.encode(value)
+        self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
 
     def _groups(self, ids: Iterable[int]) -> list[tuple[int, list[int]]]:
         """Servos by the address of their joined state."""
