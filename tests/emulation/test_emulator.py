@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
@@ -140,7 +141,7 @@ def test_positions_follow_from_directions_and_home(tmp_path):
         emulator.advance_chunk()
     assert winch.servo.id == 8
     paid_out = emulator.plant.positions[1] - displacement
-    assert paid_out == pytest.approx(200 * winch.tick_length, abs=5e-5)
+    assert paid_out == pytest.approx(200 * 2 * np.pi * 0.01 / 4096, abs=5e-5)
     assert winch.servo.position == pytest.approx(before - 200, abs=5)
 
 

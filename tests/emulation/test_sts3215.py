@@ -71,6 +71,13 @@ def test_wheel_mode_turns_with_a_speed(servo):
     assert command.goal == pytest.approx(-1.0, abs=1e-3)
 
 
+def test_goals_in_step_mode_are_relative(servo):
+    write(servo, "operating_mode", 3)
+    write(servo, "goal_position", 100)
+    write(servo, "goal_position", -300)
+    assert servo.command().goal == 5000 - 200
+
+
 def test_calibration_calls_the_position_2048(servo):
     write(servo, "torque_enable", 128)
     assert read(servo, "present_position") == 2048

@@ -324,7 +324,7 @@ def _read_in_turn(
     by_id = {servo.id: servo for servo in servos}
     for id, address, size in requests:
         servo = by_id.get(id)
-        if servo is None or not servo.answers_reads:
+        if servo is None or not servo.answers_reads or size > _MAX_LENGTH:
             return
         try:
             yield servo, _alert(servo), servo.read(address, size)
@@ -354,6 +354,8 @@ def _read_fast(
     """
     requests = find_requests(parameters)
     length = 1 + sum(size + 4 for _, _, size in requests)
+    if length > _MAX_LENGTH:
+        return []
     part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
     part += bytes((STATUS,))
     answers: list[Answer] = []

@@ -22,15 +22,16 @@ from s2c2a.emulation.outputs import (
 from s2c2a.emulation.plant import Plant
 from s2c2a.emulation.protocols import protocol_of
 from s2c2a.emulation.servo import Drive, MotorState, Servo
-from s2c2a.emulation.winch import Winch
+from s2c2a.emulation.winch import Pulley, Winch
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.robots.simulation.transmission import tick_length
 
 _LATEST = 0.2  # s; physics that is later than this loses the time
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
 _LONGEST_SLEEP = 0.1  # s
+
+Output = StatusFile | PoseSender | PositionRecord
 
 _TURN_STREAM = 12
 _NOISE_STREAM = 13
@@ -80,6 +81,8 @@ class EmulatorOptions:
             raise S2C2AError(
                 f"firmware {self.firmware} is not allowed; give a version from 1 to 255"
             )
+        if self.poses_to:
+            parse_address(self.poses_to)
         if not self.duration > 0:
             raise S2C2AError(
                 f"duration {self.duration} s is not allowed; give more than 0 s"
@@ -123,19 +126,15 @@ class Emulator:
         self.options = options
         self.table = arm.servos or default_servos(arm)
         self._protocol = protocol_of(self.table)
-        ids = [id for row in self.table.ids for id in row]
-        faults = parse_faults(options.faults, ids)
-        self._check_stuffing(faults)
-        self._schedule = FaultSchedule(faults)
-        if options.poses_to:
-            parse_address(options.poses_to)
+        self._schedule = FaultSchedule(self._parse_faults())
         self.plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed
         )
         self.disturbances = Disturbances(self._random_stream(_LINE_STREAM))
         self._noise = self._random_stream(_NOISE_STREAM)
-        self.winches = self._make_winches(ids)
+        self.winches = self._make_winches()
         self.voltage = self._protocol.supply
+        self._folder: Path | None = None
         self.line = Line(self._choose_link(), self.table.baud_rate)
         self._decoder = self._protocol.decoder()
         self._plug_time = float("inf")
@@ -145,14 +144,6 @@ class Emulator:
         self.packet_count = 0
         self.largest_command = 0.0
         self.largest_current = 0.0
-
-    def _check_stuffing(self, faults: tuple[Fault, ...]) -> None:
-        stuffed = any(fault.kind == "stuffed" for fault in faults)
-        if stuffed and not self._protocol.stuffs:
-            raise S2C2AError(
-                f"the fault 'stuffed' needs a protocol with byte stuffing, and the arm "
-                f'has servos.protocol = "{self.table.protocol}"; leave it out'
-            )
 
     @property
     def servos(self) -> list[Servo]:
@@ -192,9 +183,14 @@ class Emulator:
                 for output in outputs:
                     output.write(self, self.now)
         finally:
-            self.line.unplug()
-            for output in outputs:
-                output.close()
+            self._close(outputs)
+
+    def _close(self, outputs: list[Output]) -> None:
+        self.line.unplug()
+        for output in outputs:
+            output.close()
+        if self._folder is not None:
+            self._folder.rmdir()
 
     def serve(self) -> None:
         """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
@@ -262,9 +258,9 @@ class Emulator:
         current = max(abs(servo.state.current) for servo in self.servos)
         self.largest_current = max(self.largest_current, current)
 
-    def _open_outputs(self) -> list[StatusFile | PoseSender | PositionRecord]:
+    def _open_outputs(self) -> list[Output]:
         options = self.options
-        outputs: list[StatusFile | PoseSender | PositionRecord] = []
+        outputs: list[Output] = []
         if options.status_file is not None:
             outputs.append(StatusFile(options.status_file))
         if options.poses_to:
@@ -275,16 +271,32 @@ class Emulator:
             outputs.append(PositionRecord(options.record, modules, options.pose_rate))
         return outputs
 
+    def _parse_faults(self) -> tuple[Fault, ...]:
+        faults = parse_faults(self.options.faults, self._ids)
+        stuffed = any(fault.kind == "stuffed" for fault in faults)
+        if stuffed and not self._protocol.stuffs:
+            raise S2C2AError(
+                f"the fault 'stuffed' needs a protocol with byte stuffing, and the arm "
+                f'has servos.protocol = "{self.table.protocol}"; leave it out'
+            )
+        return faults
+
+    @property
+    def _ids(self) -> list[int]:
+        return [id for row in self.table.ids for id in row]
+
     def _choose_link(self) -> Path:
         if self.options.link is not None:
             return self.options.link
-        return Path(tempfile.mkdtemp(prefix="s2c2a-servos-")) / "port"
+        self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
+        return self._folder / "port"
 
     def _random_stream(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([self.options.seed, stream])
 
-    def _make_winches(self, ids: list[int]) -> list[Winch]:
+    def _make_winches(self) -> list[Winch]:
         """Power up one servo a cable, each somewhere within its turn."""
+        ids = self._ids
         random = self._random_stream(_TURN_STREAM)
         directions = [1] * len(ids)
         if self.table.directions is not None:
@@ -304,14 +316,8 @@ class Emulator:
         servo.baud_rate = self.table.baud_rate
         if self.table.torque_constant is not None:
             servo.torque_constant = self.table.torque_constant
-        length = tick_length(motor)
+        pulley = Pulley(motor.pulley_radius, self.table.layer_growth)
+        winch = Winch(servo, id, cable, direction, pulley)
         start = float(self.plant.positions[cable])
-        return Winch(
-            servo=servo,
-            original_id=id,
-            cable=cable,
-            direction=direction,
-            home_ticks=ticks - direction * start / length,
-            tick_length=length,
-            pulley_radius=motor.pulley_radius,
-        )
+        winch.home_ticks = ticks - winch.ticks(start)
+        return winch

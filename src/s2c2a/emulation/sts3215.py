@@ -117,7 +117,8 @@ class STS3215(Servo):
     """An STS3215. It has no bus watchdog, and takes the nearest value that it can.
 
     While the lock is set, changes of EEPROM registers last until the next restart. The
-    position counts several turns in position mode with both angle limits zero.
+    position counts several turns in position mode with both angle limits zero, and in
+    step mode, in which goals are relative.
     """
 
     table = TABLE
@@ -127,6 +128,7 @@ class STS3215(Servo):
     def __init__(self, id: int, state: MotorState):
         """Power the servo up; arguments as those of `Servo`."""
         self._stored: dict[str, int] = {}
+        self._step_goal = 0
         super().__init__(id, state)
         self._store()
 
@@ -176,6 +178,8 @@ class STS3215(Servo):
         # Speed zero stands for the largest one.
         speed = min(NO_LOAD_SPEED, abs(demanded)) or NO_LOAD_SPEED
         goal = self["goal_position"]
+        if self["operating_mode"] == STEP_MODE:
+            goal = self._step_goal
         if not self.counts_turns:
             goal = min(max(goal, self["min_position"]), self["max_position"])
         goal -= self._present_offset
@@ -216,6 +220,11 @@ class STS3215(Servo):
     def _changed(self, register: Register) -> None:
         if register.eeprom and not self["lock"]:
             self._stored[register.name] = self[register.name]
+        if register.name == "operating_mode":
+            self["goal_position"] = self._present_position
+            self._step_goal = self._present_position
+        if register.name == "goal_position":
+            self._step_goal += self["goal_position"]
         if register.name == "torque_enable" and self["torque_enable"] == CALIBRATION:
             self["torque_enable"] = 0
             offset = self["homing_offset"] + self._present_position - _MIDDLE

@@ -50,6 +50,7 @@ _LIMITS = {
 _ERROR_BITS = {"voltage": 0x01, "overheating": 0x04, "encoder": 0x08, "shock": 0x10}
 _ERROR_BITS["overload"] = 0x20
 _TURNS_LIMIT = 1_048_575  # ticks
+_TICKS = 32_768  # ms; after which the time starts again
 
 
 def _stored(name, address, size, initial, low, high, values=()) -> Register:
@@ -260,6 +261,7 @@ class XL330(Servo):
     def update(self, state: MotorState, seconds: float, now: float) -> None:
         """See `Servo.update`; the bus watchdog may stop the motor."""
         super().update(state, seconds, now)
+        self["realtime_tick"] = int(1000 * now) % _TICKS
         period = WATCHDOG_UNIT * self["bus_watchdog"]
         if period > 0 and self.torque and now - self._heard > period:
             self["bus_watchdog"] = -1
