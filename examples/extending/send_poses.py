@@ -1,4 +1,7 @@
-"""Send the poses of an arm with one module to S2C2A, as JSON datagrams over UDP."""
+"""Send the pose of a module's end to S2C2A, in the frame of the arm's base.
+
+python send_poses.py 9763 500     # port, number of frames
+"""
 
 import json
 import socket
@@ -6,9 +9,8 @@ import sys
 import time
 
 sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-still = {"position": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
-for frame in range(int(sys.argv[2])):  # replace the poses by those of your tracker
-    bodies = {"base": still, "end-1": still | {"position": [0.01, 0.0, 0.2]}}
-    datagram = {"time": time.time(), "frame": frame, "bodies": bodies}
-    sender.sendto(json.dumps(datagram).encode(), ("127.0.0.1", int(sys.argv[1])))
+for frame in range(int(sys.argv[2])):
+    end = {"position": [0.001 * frame, 0.0, 0.2], "rotation": [0.0, 0.0, 0.0, 1.0]}
+    message = {"time": time.time(), "frame": frame, "bodies": {"end-1": end}}
+    sender.sendto(json.dumps(message).encode(), ("127.0.0.1", int(sys.argv[1])))
     time.sleep(0.01)

@@ -145,5 +145,10 @@ def test_the_example_sender_moves_a_module_end(tracker):
     port = str(tracker.address[1])
     subprocess.run([sys.executable, EXAMPLE, port, "3"], check=True)
     wait_until(lambda: tracker.counts.accepted == 3)
-    (state,) = ModuleEnds.of(1).states(tracker.latest()).states
-    assert state.tolist() == pytest.approx([0.01, 0, 0.2, 0, 0, 1])
+    (state,) = ModuleEnds.of(1, base=None).states(tracker.latest()).states
+    assert state.tolist() == pytest.approx([0.002, 0, 0.2, 0, 0, 1])
+
+
+def test_the_example_sender_has_ten_lines_of_code():
+    (_, _, code) = EXAMPLE.read_text().split('"""')
+    assert len([line for line in code.splitlines() if line]) == 10

@@ -94,6 +94,10 @@ class FakePort:
             self._received += data
         self._execute(data[2], data[4], data[5:-1])
 
+    def receive(self, data: bytes) -> None:
+        """Add bytes that come without an instruction."""
+        self._received += data
+
     def close(self) -> None:
         self.closed = True
 

@@ -112,5 +112,17 @@ def test_a_changed_byte_spoils_an_answer(position):
     assert take_answers(damaged, {1}, 2) == []
 
 
+def test_an_echoed_read_is_no_answer():
+    echo = packets.read_packet(1, tables.TORQUE_ENABLE)
+    assert take_answers(bytearray(echo), {1}, 1) == []
+    assert take_answers(bytearray(echo), {1}, 0) == []
+
+
+def test_an_answer_of_another_length_is_no_answer():
+    # two bytes of data are announced; the checksum fits after one
+    longer = bytes.fromhex("ff ff 01 04 00 10 ea")
+    assert take_answers(bytearray(longer), {1}, 1) == []
+
+
 def test_an_answer_of_another_servo_is_no_answer():
     assert take_answers(bytearray(ANSWER), {2}, 2) == []
