@@ -136,12 +136,12 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
         (
             "own_term.py:ElbowHigh",
             "parameters = { height = -1.0 }",
-            "-1.0 height asked for",
+            "height = -1.0 was given",
         ),
         ("own_term.py:ElbowHigh", "height = 0.3", "height"),
         ("own_solver.py:Descent", "", "is no term"),
         ("Evenness", "wieght = 0.3", "wieght"),
-        ("Evenness", "weight = nan", "nan weight asked for"),
+        ("Evenness", "weight = nan", "weight = nan was given"),
     ],
 )
 def test_invalid_components_are_rejected_when_the_recipe_is_read(
