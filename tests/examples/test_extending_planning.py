@@ -108,9 +108,7 @@ def test_a_strategy_file_imports_no_code(
     save_strategy(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
     loaded = load_strategy(tmp_path / "own.safetensors", TWIN)
     assert loaded.recipe.planner == own.planner
-    with pytest.raises(
-        S2C2AError, match="is code, which a strategy file cannot ask for"
-    ):
+    with pytest.raises(S2C2AError, match="is code, which a strategy file cannot load"):
         s2c2a_strategy(loaded)
     assert planning_as(loaded, own).recipe.planner.build()[1][-1].height == 0.42
 

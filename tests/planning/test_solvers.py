@@ -118,7 +118,7 @@ def test_invalid_parameters_of_components_are_rejected(part, number):
     [
         (lambda: Adam(learning_rate=0.0), "learning_rate = 0.0 was given"),
         (lambda: Adam(iterations=0), "iterations = 0 was given .*; choose 1 to 10000"),
-        (lambda: LeastSquares(10_001), "take 1 to 10000"),
+        (lambda: LeastSquares(10_001), "choose 1 to 10000"),
         (lambda: replace(BEST.terms[0], unit=0.0), "unit = 0.0 was given"),
         (lambda: replace(BEST, terms=()), "at least one"),
     ],

@@ -66,7 +66,7 @@ def test_names_and_files_are_told_apart(tmp_path):
         ),
         (
             lambda text: text.replace("iterations = 20", "iterations = 0"),
-            "0 iterations",
+            "iterations = 0 was given",
         ),
         (
             lambda text: text.replace("iterations = 20", "iterations = 'many'"),
