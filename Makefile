@@ -2,7 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench format setup browser clean
+# Checks of types and imports, and the installation of the browser, run side by side.
+MAKEFLAGS += --jobs=2
+
+.PHONY: demo test check style types imports bench format setup browser clean
 
 demo: setup  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
@@ -10,10 +13,16 @@ demo: setup  ## from nothing to a table, a figure and a replay page
 test: check browser  ## style, types, imports, tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-check: setup  ## style, types, imports
+check: style types imports  ## style, types, imports
+
+style: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+
+types: setup
 	$(BIN)/mypy
+
+imports: setup
 	$(BIN)/lint-imports
 
 bench: setup  ## how fast everything is, one process a file; options in BENCH="..."

@@ -16,10 +16,11 @@ def test_9000_samples(benchmark, arm, tmp_path):
     cores = all_cores()
     assert how.episodes * how.samples == 9000
 
-    def body(seed: int) -> SimulatedRobot:
+    def make_robot(seed: int) -> SimulatedRobot:
         return SimulatedRobot(arm, "fast", seed)
 
     file = tmp_path / "recording.episodes"
     benchmark.pedantic(
-        lambda: collect(file, arm, body, how, threads=cores, overwrite=True), rounds=5
+        lambda: collect(file, arm, make_robot, how, threads=cores, overwrite=True),
+        rounds=5,
     )

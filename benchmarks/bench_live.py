@@ -112,13 +112,13 @@ def test_control_steps_with_nobody_there(benchmark, live):
     watch_steps(benchmark, live[0])
 
 
-@pytest.mark.asked("within 20 % of those with nobody there")
+@pytest.mark.asked("within 20 % of those without a browser")
 def test_control_steps_with_three_watching_that_draw_elsewhere(benchmark, live):
     with readers(live[1], 3):
         watch_steps(benchmark, live[0])
 
 
-@pytest.mark.asked("within 20 % of those with nobody there")
+@pytest.mark.asked("within 20 % of those without a browser")
 def test_control_steps_with_three_browsers_that_draw_here(benchmark, live, browser):
     control, page = live
     tabs = [looking(browser, page.gate.address) for _ in range(3)]
@@ -158,14 +158,14 @@ def test_flood_of_10_000_messages(benchmark, live):
     ):
         pass
     assert page.gate.refused["origin"] == 1
-    calm = steps(control, 10.0)
+    undisturbed = steps(control, 10.0)
     sender = threading.Thread(target=flood, args=(page,))
     sender.start()
     upset = benchmark.pedantic(steps, args=(control, 10.0))
     sender.join()
     benchmark.extra_info |= {
         "control step, 99 % [ms]": upset[0],
-        "before [ms]": calm[0],
+        "before [ms]": undisturbed[0],
     }
 
 

@@ -1,4 +1,4 @@
-"""One plan: the paper's own way beside it, and what the room for obstacles costs."""
+"""One plan: the paper's own way beside it, and the cost of unused obstacle capacity."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from s2c2a.tasks import circle
 from driving import following, module_with, planner_of, straight, times_over
 
 COMPARED = 50  # plans
-# PyTorch leaves the caches to nobody: a single plan right after one of its takes twice
+# PyTorch fills the caches: a single plan right after one of its takes twice
 # as long
 TOGETHER = 10
 
@@ -33,9 +33,9 @@ def test_ten_plans_beside_eager_pytorch(in_turn, networks_of):
     )
 
 
-@pytest.mark.asked("over no room at most 1.1, so the ratio at least 0.91")
+@pytest.mark.asked("over no capacity at most 1.1, so the ratio at least 0.91")
 def test_plan_beside_one_without_room_for_obstacles(in_turn, networks):
-    """No obstacle in use: room for as many as a goal holds, then for none."""
+    """No obstacle in use: capacity for as many as a goal holds, then for none."""
     planner = planner_of(networks)
     goals = circle(networks.arm).goals
     small = [
@@ -43,7 +43,7 @@ def test_plan_beside_one_without_room_for_obstacles(in_turn, networks):
         for goal in goals
     ]
     in_turn(
-        following(planner, goals), following(planner, small), "no room", rounds=1000
+        following(planner, goals), following(planner, small), "no capacity", rounds=1000
     )
 
 

@@ -17,7 +17,7 @@ from s2c2a.tasks import circle
 from driving import Call, following, planner_of, straight
 
 TURNS = 100  # of a piece within one call, so that the call itself does not count
-SQUARE = 256  # rows of the matrices whose product says what this core can do
+SQUARE = 256  # rows of the matrices whose product measures the peak speed of this core
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ STARTS = 5
 def start(
     benchmark, code: str, *arguments: str, rounds: int = STARTS, **environment: str
 ) -> None:
-    """Time processes that run the code; what JAX is told is a user's."""
+    """Time processes that run the code; JAX has a user's settings."""
     bare = {
         name: value for name, value in os.environ.items() if not name.startswith("JAX_")
     } | environment

@@ -22,14 +22,14 @@ def _one_thread():
 
 
 class Course:
-    """Epochs of each network, and what an epoch took [s], as training tells them."""
+    """Epochs of each network, and what an epoch took [s], as training reports them."""
 
     def __init__(self):
         self.epochs = {"C2S": 0, "C2A": 0}
         self.seconds = {"C2S": [], "C2A": []}
         self._resumed = time.perf_counter()
 
-    def told(self, network: str, epoch: int, most: int, loss: float) -> None:
+    def on_epoch(self, network: str, epoch: int, most: int, loss: float) -> None:
         """One call of ours is several epochs."""
         now = time.perf_counter()
         self.seconds[network].append(
@@ -47,7 +47,9 @@ def trained(benchmark, arm, recipe: Recipe) -> tuple:
     """Train once; the recording, and the course of the training."""
     recording = made(RecordingArtifact(arm, recipe.collect_options()), Cache())
     course = Course()
-    networks = benchmark.pedantic(train_s2c2a, args=(recording, recipe, 0, course.told))
+    networks = benchmark.pedantic(
+        train_s2c2a, args=(recording, recipe, 0, course.on_epoch)
+    )
     for name, epochs in course.epochs.items():
         benchmark.extra_info[f"epochs of {name}"] = (
             f"{epochs} to {networks.percent[name][0]:.2f} %"

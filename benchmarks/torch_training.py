@@ -167,14 +167,14 @@ def c2a_training(
 
 
 def _check_same(ours: C2A, theirs: TorchC2A, batch: Batch) -> None:
-    """Both networks say the same, or comparing them says nothing."""
+    """Both networks predict the same, so their times are comparable."""
     desired, configurations, actions = (
         batch[name] for name in ("desired", "configurations", "actions")
     )
     with torch.no_grad():
-        said = theirs(desired, configurations, actions).numpy()
+        predicted = theirs(desired, configurations, actions).numpy()
     history = History(configurations.numpy(), actions.numpy())
-    np.testing.assert_allclose(said, ours(desired.numpy(), history), atol=1e-5)
+    np.testing.assert_allclose(predicted, ours(desired.numpy(), history), atol=1e-5)
 
 
 def _normalized(samples: Samples, layer: SumAndRange) -> Samples:

@@ -77,6 +77,9 @@ def pytest_configure(config):
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)
+    # for workers of xdist and commands, which start with it: two threads of each of
+    # them wait for each other on two cores
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_collection_modifyitems(items):

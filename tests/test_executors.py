@@ -94,7 +94,7 @@ def test_a_killed_process_is_reported():
 
 @pytest.mark.parametrize("kind", [Threads, Processes])
 def test_fewer_than_one_worker_is_rejected(kind):
-    with pytest.raises(S2C2AError, match="0 side by side"):
+    with pytest.raises(S2C2AError, match="0 workers"):
         kind(0)
 
 

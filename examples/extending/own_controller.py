@@ -24,14 +24,14 @@ class ArmPCC(PCC, FromArm):
 
 
 class Linear(eqx.Module):
-    """Bends of all modules to bends that the cables must stand for."""
+    """Matrix from desired bends to the bends that PCC converts to cables."""
 
     matrix: jnp.ndarray
     pcc: ArmPCC
 
 
 class LinearController(Controller):
-    """Inverse PCC behind a matrix."""
+    """A matrix, then inverse PCC."""
 
     network: Linear
 

@@ -15,23 +15,23 @@ from s2c2a.estimation import Estimate, EstimatorOptions, StateEstimator
 from s2c2a.kinematics import bends_from_configurations, bends_from_states
 
 
-def update(configuration_map, model, share, inputs, measured, memory):
-    """One step in JAX: the configuration, and the memory after it."""
+def update(configuration_map, model, gain, inputs, measured, memory):
+    """One filter step in JAX: the configuration and the new memory."""
     hysteresis, biases = memory
     configuration = configuration_map(inputs)
     predicted = bends_from_states(model.predict(configuration, hysteresis))
-    missing = bends_from_configurations(measured) - predicted
-    biases = biases + share * (missing - biases)
+    residual = bends_from_configurations(measured) - predicted
+    biases = biases + gain * (residual - biases)
     return configuration, (model.observe(configuration, hysteresis), biases)
 
 
 class SlowBiases(StateEstimator):
     """Configurations from encoders, bend biases from motion capture."""
 
-    def __init__(self, configuration_map, model, share):
+    def __init__(self, configuration_map, model, gain):
         self.map = configuration_map
         self.model = model
-        self.compiled_update = compiled(update, configuration_map, model, share)
+        self.compiled_update = compiled(update, configuration_map, model, gain)
 
     @property
     def sensors(self):
@@ -51,9 +51,9 @@ class SlowBiases(StateEstimator):
 
 @dataclass(frozen=True)
 class Integrator(EstimatorOptions):
-    """The share of the missing bends that is learned in every control step."""
+    """Gain of the integrator: share of the residual that each control step adds."""
 
-    share: float = 0.05
+    gain: float = 0.05
 
     def build(self, arm, configuration_map, model, networks, settings):
-        return SlowBiases(configuration_map, model, self.share)
+        return SlowBiases(configuration_map, model, self.gain)

@@ -21,7 +21,7 @@ from s2c2a.training import FitOptions, Trained, TrainingData, quiet, train
 
 
 class Arcs(MemorylessModel):
-    """All arrays are trained, except those in a submodule of type `Fixed`."""
+    """PCC plus a residual; all arrays are trained, except those of type `Fixed`."""
 
     arcs: PCCForwardModel
     network: eqx.nn.MLP
@@ -30,13 +30,13 @@ class Arcs(MemorylessModel):
         """States [m, 1], shape (*batch, modules, 6), base frame."""
         bends = bends_from_configurations(configurations)  # (*batch, modules, 2)
         flat = bends.reshape(-1, bends.shape[-2] * bends.shape[-1])
-        left_out = jax.vmap(self.network)(flat).reshape(*configurations.shape[:-1], 6)
-        return self.arcs.predict(configurations, memory) + 0.1 * left_out
+        residual = jax.vmap(self.network)(flat).reshape(*configurations.shape[:-1], 6)
+        return self.arcs.predict(configurations, memory) + 0.1 * residual
 
 
 @dataclass(frozen=True)
 class ArcsOptions(ForwardOptions):
-    """Its options and constructor; options and arm determine the shapes of its arrays."""
+    """Options that build and train it; with the arm they determine all array shapes."""
 
     hidden: int = 32
 

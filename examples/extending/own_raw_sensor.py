@@ -34,7 +34,7 @@ def string_lengths(bends):
 
 
 class Strings(FormulaSensor):
-    """Strings beside the center line become shorter as the module bends towards them."""
+    """Lengths of strings; a string shortens as the module bends towards it."""
 
     std = NOISE
 
@@ -43,7 +43,7 @@ class Strings(FormulaSensor):
 
 
 class StringArm(SimulatedRobot):
-    """The simulated arm with such strings."""
+    """The simulated arm with these strings."""
 
     @property
     def sensors(self):

@@ -17,6 +17,8 @@ from s2c2a.spaces import Reading, Sensor
 
 
 class LaggingArm(Robot):
+    """PCC arm whose cables follow commands with a first-order lag [s]."""
+
     def __init__(self, arm: ArmSpec, lag: float = 0.05, seed: int = 0):
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
@@ -27,10 +29,10 @@ class LaggingArm(Robot):
 
     @property
     def sensors(self):
-        # what is still plausible beyond the limits
-        room = 0.1 * np.abs(self._geometry.action_scale)[:, None]
-        low = self._geometry.action_low - room
-        high = self._geometry.action_high + room
+        # plausible readings exceed the limits by this margin
+        margin = 0.1 * np.abs(self._geometry.action_scale)[:, None]
+        low = self._geometry.action_low - margin
+        high = self._geometry.action_high + margin
         return {
             "cables": Sensor(low.shape, "m", low, high),
             "states": Sensor((self.arm.module_count, 6), "m, 1"),
@@ -55,21 +57,21 @@ class LaggingArm(Robot):
         return self._command.copy()
 
     def close(self) -> None:
-        pass  # a real arm lets go of its motors here; it opens its bus in `open`
+        pass  # a real arm disables its motors here and opens its bus in `open`
 
     def _cables(self):
-        left = np.exp(-(time.perf_counter() - self._sent_at) / self._lag)
-        return self._command + left * (self._start - self._command)
+        remaining = np.exp(-(time.perf_counter() - self._sent_at) / self._lag)
+        return self._command + remaining * (self._start - self._command)
 
     def _states(self):
-        """Of arcs, module by module: what motion capture would see."""
-        pulled = self._cables() / self._geometry.cable_radii[:, None]
+        """States of constant-curvature arcs, as motion capture measures them."""
+        displacements = self._cables() / self._geometry.cable_radii[:, None]
         turn = Rotation.identity()
         end = 0.0
         states = []
         for length, bend in zip(
             self._geometry.lengths,
-            self._geometry.bend_matrices @ pulled[..., None],
+            self._geometry.bend_matrices @ displacements[..., None],
             strict=True,
         ):
             (x, y) = bend[:, 0]

@@ -39,7 +39,7 @@ class FlexMap(ConfigurationMap):
 
 
 class FlexArm(SimulatedRobot):
-    """The simulated arm with such strips along its modules; they are a little noisy."""
+    """The simulated arm with two flex sensors a module, which have noise."""
 
     @property
     def sensors(self):

@@ -34,30 +34,32 @@ class Descent(Solver):
 
     Attributes:
         iterations: in a control step.
-        first: step, times the slope.
+        first_step: initial step size, a factor of the gradient.
     """
 
     iterations: int = 40
-    first: float = 0.1
+    first_step: float = 0.1
 
     def solve(self, problem: Problem) -> Configurations:
         """See `Solver`."""
-        cost = jax.value_and_grad(lambda bends: jnp.sum(problem.stacked(bends) ** 2))
+        cost_and_gradient = jax.value_and_grad(
+            lambda bends: jnp.sum(problem.stacked(bends) ** 2)
+        )
 
-        def iterate(_, now):
-            bends, value, slope, step = now
-            tried = problem.within_step(bends - step * slope)
-            there = cost(tried)
-            better = there[0] < value
+        def iterate(_, state):
+            bends, cost, gradient, step = state
+            trial = problem.within_step(bends - step * gradient)
+            trial_cost, trial_gradient = cost_and_gradient(trial)
+            better = trial_cost < cost
             kept = jax.tree.map(
                 lambda new, old: jnp.where(better, new, old),
-                (tried, *there),
-                (bends, value, slope),
+                (trial, trial_cost, trial_gradient),
+                (bends, cost, gradient),
             )
             return *kept, step * jnp.where(better, 1.5, 0.5)
 
         bends = problem.situation.last.bends
-        begun = bends, *cost(bends), jnp.asarray(self.first)
+        initial = bends, *cost_and_gradient(bends), jnp.asarray(self.first_step)
         return configurations_from_bends(
-            jax.lax.fori_loop(0, self.iterations, iterate, begun)[0]
+            jax.lax.fori_loop(0, self.iterations, iterate, initial)[0]
         )

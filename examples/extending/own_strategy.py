@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from s2c2a.arm import ArmGeometry
 from s2c2a.estimation import EncoderEstimator, EncoderMap
 from s2c2a.kinematics import PCC, bends_from_configurations, limit_lengths
 from s2c2a.kinematics.chain import states_from_bends
@@ -42,7 +43,7 @@ class ResolvedRate(StrategyOptions):
 
 
 class Driver:
-    """What the control loop calls: estimate, plan, act."""
+    """Interface to the control loop: estimate, plan, act."""
 
     name = "resolved-rate"
 
@@ -51,14 +52,14 @@ class Driver:
         self.estimator = EncoderEstimator(EncoderMap(self.pcc))
         self.sensors = self.estimator.sensors
         lengths = jnp.asarray([module.length for module in arm.modules])
-        max_step = np.deg2rad(arm.step_limit_deg)
+        step_limit = ArmGeometry.of(arm).step_limit
 
         def next_bends(bends, target):
             tip = lambda bends: states_from_bends(gains * bends, lengths)[-1, :3]  # noqa: E731
             jacobian = jax.jacfwd(tip)(bends).reshape(3, -1)
             square = jacobian @ jacobian.T + damping**2 * jnp.eye(3)
             change = jacobian.T @ jnp.linalg.solve(square, target - tip(bends))
-            return bends + limit_lengths(change.reshape(-1, 2), max_step)
+            return bends + limit_lengths(change.reshape(-1, 2), step_limit)
 
         self.next_bends = jax.jit(next_bends)
 

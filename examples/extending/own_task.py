@@ -28,7 +28,9 @@ def figure_of_eight(arm: ArmSpec) -> Task:
     y = WIDTH * np.sin(angle)
     # [m], base frame
     path = arm.length * np.stack([x, y, HEIGHT - 0.7 * (x**2 + y**2)], axis=-1)
-    nothing = Goal.of(arm.module_count)
-    goals = tuple(nothing.with_position(point) for point in path)
-    begun = np.arange(steps) >= arm.control_rate
-    return Task("eight", goals, (Score("position", steps=begun), Score("path length")))
+    empty = Goal.of(arm.module_count)
+    goals = tuple(empty.with_position(point) for point in path)
+    counted = np.arange(steps) >= arm.control_rate
+    return Task(
+        "eight", goals, (Score("position", steps=counted), Score("path length"))
+    )

@@ -1,4 +1,4 @@
-"""A cost term of your own: it keeps the elbow of the arm above a height.
+"""A cost term of your own: the elbow of the arm stays above a height.
 
 own_term.toml is based on the recipe `best` and adds the term:
 
@@ -29,12 +29,12 @@ from s2c2a.spaces import POSITION
 
 @dataclass(frozen=True)
 class ElbowHigh(Term):
-    """The end of a module above a height.
+    """Penalty where the end of a module is below a height.
 
     Attributes:
         height: along the straight arm [m].
         module: whose end.
-        weight: mu, of what is missing in parts of the arm's length.
+        weight: mu of the missing height as a share of the arm's length.
     """
 
     height: float = 0.3
@@ -42,7 +42,7 @@ class ElbowHigh(Term):
     weight: float = 1.0
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
-        """What is missing, one group of one axis."""
+        """Missing height as a share of the arm's length, shape (1, 1)."""
         height = candidate.states[self.module, POSITION][2]
         missing = jnp.maximum(self.height - height, 0.0) / situation.length
         return self.weight, missing.reshape(1, 1)

@@ -45,7 +45,7 @@ class Component:
         highest = MAX_VALUES.get(name, 1_000_000)
         if not lowest <= value <= highest:
             raise S2C2AError(
-                f"{value} {name} asked for in {self}; take {lowest} to {highest}"
+                f"{name} = {value} was given in {self}; choose {lowest} to {highest}"
             )
 
 
@@ -127,8 +127,8 @@ class ComponentRegistry(NamedTuple):
     def _import(self, custom: CustomComponent, own_code: bool) -> Any:
         if ":" in custom.name and not own_code:
             raise S2C2AError(
-                f"the {self.name} {custom.name} is code, which a strategy file cannot "
-                "ask for; name it in a recipe file of your own and give that with "
+                f"the {self.name} {custom.name} is code, which a strategy file "
+                "cannot load; name it in a recipe file of your own and give that with "
                 "--recipe"
             )
         try:

@@ -125,8 +125,8 @@ def validated_worker_count(count: int | None, otherwise: Callable[[], int]) -> i
         return otherwise()
     if count < 1:
         raise S2C2AError(
-            f"{count} side by side asked for; take at least one, or leave it out for "
-            "all cores"
+            f"{count} workers were given; give at least one, or leave the number out "
+            "for all cores"
         )
     return count
 

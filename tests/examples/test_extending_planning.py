@@ -108,9 +108,7 @@ def test_a_strategy_file_imports_no_code(
     save_strategy(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
     loaded = load_strategy(tmp_path / "own.safetensors", TWIN)
     assert loaded.recipe.planner == own.planner
-    with pytest.raises(
-        S2C2AError, match="is code, which a strategy file cannot ask for"
-    ):
+    with pytest.raises(S2C2AError, match="is code, which a strategy file cannot load"):
         s2c2a_strategy(loaded)
     assert planning_as(loaded, own).recipe.planner.build()[1][-1].height == 0.42
 
@@ -136,12 +134,12 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
         (
             "own_term.py:ElbowHigh",
             "parameters = { height = -1.0 }",
-            "-1.0 height asked for",
+            "height = -1.0 was given",
         ),
         ("own_term.py:ElbowHigh", "height = 0.3", "height"),
         ("own_solver.py:Descent", "", "is no term"),
         ("Evenness", "wieght = 0.3", "wieght"),
-        ("Evenness", "weight = nan", "nan weight asked for"),
+        ("Evenness", "weight = nan", "weight = nan was given"),
     ],
 )
 def test_invalid_components_are_rejected_when_the_recipe_is_read(

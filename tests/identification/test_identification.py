@@ -73,13 +73,13 @@ def fit(start, truth):
 def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
     fit, truth
 ):
-    off = (fit.coordinates - truth) / fit.belief.std
+    off = (fit.coordinates - truth) / fit.posterior.std
     assert np.abs(off).max() < 3
     assert np.sqrt(np.mean(off**2)) < 1.5
 
 
 def test_the_recording_reduces_the_uncertainty_of_most_numbers(fit):
-    assert np.median(fit.belief.std) < 0.2
+    assert np.median(fit.posterior.std) < 0.2
 
 
 def test_the_error_on_held_out_rows_is_close_to_the_noise(fit):
@@ -118,7 +118,7 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
     seen = recorded(arm, 8, how=how, moved=False)
     unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
     texts = undetermined_combinations(
-        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).belief
+        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).posterior
     )
     assert len(texts) == 1
     assert "modules.0.bending_stiffness" in texts[0]

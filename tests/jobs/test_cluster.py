@@ -359,7 +359,7 @@ def test_an_invalid_address_is_rejected(monkeypatch):
 
 
 def test_a_worker_count_is_for_this_machine_only():
-    with pytest.raises(S2C2AError, match="3 side by side asked for; how many workers"):
+    with pytest.raises(S2C2AError, match="--jobs 3 was given, but the workers"):
         make_executor(3, "tcp://127.0.0.1:9")
 
 

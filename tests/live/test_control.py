@@ -64,9 +64,9 @@ def test_a_task_is_played_paused_and_stepped(control):
 
 def test_payload_and_external_force_move_the_tip_and_end(control):
     drive(control, stopped=True)
-    control.ask(push=(1.0, 0.0, 0.0), payload=0.05)
+    control.ask(force=(1.0, 0.0, 0.0), payload=0.05)
     until(lambda: tip(control)[0] > 0.01, what="deflection")
-    control.ask(push=(0.0, 0.0, 0.0), payload=0.0)
+    control.ask(force=(0.0, 0.0, 0.0), payload=0.0)
     until(lambda: abs(tip(control)[0]) < 0.01, what="return")
 
 

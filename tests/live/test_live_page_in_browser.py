@@ -111,10 +111,10 @@ def test_sliders_of_faults_disturb_the_arm(control, page, open_tab):
     thumb.focus()
     for _ in range(12):
         tab.page.keyboard.press("ArrowRight")
-    until(lambda: control.request.push[0] > 0.5, what="the force")
+    until(lambda: control.request.force[0] > 0.5, what="the force")
     until(lambda: tip(control)[0] > 0.01, what="deflection")
     tab.page.get_by_role("button", name="Clear all faults").click()
-    until(lambda: control.request.push == (0.0, 0.0, 0.0), what="the end of the force")
+    until(lambda: control.request.force == (0.0, 0.0, 0.0), what="the end of the force")
     tab.page.get_by_role("tab", name="Plan").click()
     tab.page.get_by_role("slider").first.wait_for()
     tab.keep("wide-plan")

@@ -23,11 +23,11 @@ def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(tmp_p
         page,
     ):
         until(lambda: MODEL_DRAWN in page._status.content, what="the notice")
-        assert control.limits.payload == control.limits.push == 0.0
+        assert control.limits.payload == control.limits.force == 0.0
         recorder = Recorder(control, tmp_path)
         recorder.start()
         control.ask(
-            driven=True, target=(0.15, 0.0, 0.55), payload=9.0, push=(9.0, 0.0, 0.0)
+            driven=True, target=(0.15, 0.0, 0.55), payload=9.0, force=(9.0, 0.0, 0.0)
         )
         until(
             lambda: control.latest.stage is Stage.RUN and control.latest.error < 0.02,

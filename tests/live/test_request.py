@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from s2c2a.live.goals import goal_of
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
 
-LIMITS = RequestLimits(reach=1.2, payload=0.24, push=2.0, noise=0.1, tasks=("circle",))
+LIMITS = RequestLimits(reach=1.2, payload=0.24, force=2.0, noise=0.1, tasks=("circle",))
 ANYTHING = st.one_of(
     st.none(),
     st.booleans(),
@@ -26,7 +26,7 @@ NAMES = (
     "obstacles",
     "weights",
     "payload",
-    "push",
+    "force",
     "coupling",
     "noise",
 )
@@ -42,7 +42,7 @@ def test_no_value_exceeds_the_limits(changes):
     assert request.axis is None or np.linalg.norm(request.axis) == pytest.approx(1.0)
     assert request.task in (None, "circle")
     assert 0 <= request.payload <= LIMITS.payload
-    assert np.abs(request.push).max() <= LIMITS.push
+    assert np.abs(request.force).max() <= LIMITS.force
     assert 0 <= request.coupling <= 1
     assert 0 <= request.noise <= LIMITS.noise
     goal_of(request, 3, None)  # raises for values that are not finite

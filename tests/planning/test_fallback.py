@@ -159,7 +159,7 @@ def test_the_planner_of_the_paper_has_no_fallback():
     "numbers", [{"iterations": 0}, {"least": -1.0}, {"starts": -1}]
 )
 def test_invalid_parameters_are_rejected(numbers):
-    with pytest.raises(S2C2AError, match="asked for"):
+    with pytest.raises(S2C2AError, match="was given"):
         FallbackSearch(**numbers)
 
 

@@ -109,17 +109,17 @@ def test_plans_of_every_solver_stay_within_the_limits_of_the_arm():
 )
 def test_invalid_parameters_of_components_are_rejected(part, number):
     for name in vars(part).keys() - {"name"}:
-        with pytest.raises(S2C2AError, match=f"{name} asked for"):
+        with pytest.raises(S2C2AError, match=f"{name} = .* was given"):
             replace(part, **{name: number})
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Adam(learning_rate=0.0), "0.0 learning_rate asked for"),
-        (lambda: Adam(iterations=0), "0 iterations asked for .*; take 1 to 10000"),
-        (lambda: LeastSquares(10_001), "take 1 to 10000"),
-        (lambda: replace(BEST.terms[0], unit=0.0), "0.0 unit asked for"),
+        (lambda: Adam(learning_rate=0.0), "learning_rate = 0.0 was given"),
+        (lambda: Adam(iterations=0), "iterations = 0 was given .*; choose 1 to 10000"),
+        (lambda: LeastSquares(10_001), "choose 1 to 10000"),
+        (lambda: replace(BEST.terms[0], unit=0.0), "unit = 0.0 was given"),
         (lambda: replace(BEST, terms=()), "at least one"),
     ],
 )

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import CommandLimits, Loop, StepRequest
-from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import circle

@@ -77,7 +77,7 @@ def test_a_controller_that_vibrates_is_recorded_and_then_held(puppet, actor, clo
 
 
 def test_a_player_may_vibrate(puppet, actor, clock):
-    with Loop(puppet, actor, clock, watches_vibration=False) as loop:
+    with Loop(puppet, actor, clock, monitors_vibration=False) as loop:
         for number in range(60):
             actor.share = 0.3 + 0.05 * (-1) ** number
             loop.tick(StepRequest())

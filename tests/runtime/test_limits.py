@@ -6,8 +6,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.runtime import CommandLimits
-from s2c2a.runtime.limits import DEFAULT_ACCELERATION_RATIO, acceleration_limit_deg
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -105,7 +105,7 @@ def test_no_step_exceeds_a_limit_whatever_is_desired(make_arm, kind, seed):
     assert np.isfinite(commands).all()
     assert (commands >= geometry.action_low - tolerance).all()
     assert (commands <= geometry.action_high + tolerance).all()
-    turn = acceleration_limit_deg(arm)
+    turn = np.rad2deg(geometry.acceleration_limit)
     for change, turned in zip(changes[1:], np.diff(changes, axis=0), strict=True):
         assert size_deg(change, geometry).max() <= arm.step_limit_deg * SLACK
         assert size_deg(turned, geometry).max() <= turn * SLACK
@@ -257,7 +257,7 @@ def test_the_return_to_rest_is_within_the_limits_and_ends(make_arm, kind, seed):
     commands, changes = follow(limits, random_commands(geometry, seed, 15))
     last = commands[-1]
     change = changes[-1]
-    turn = acceleration_limit_deg(arm)
+    turn = np.rad2deg(geometry.acceleration_limit)
     most = (
         20
         + 4 * np.sqrt(300.0 / min(turn, arm.step_limit_deg))

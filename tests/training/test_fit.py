@@ -234,5 +234,5 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     ],
 )
 def test_invalid_options_are_refused(wrong):
-    with pytest.raises(TrainingError, match="was asked for; choose"):
+    with pytest.raises(TrainingError, match="was given; choose"):
         FitOptions(**wrong)

@@ -56,6 +56,9 @@ def balanced_pull(
 
 # Share of the bend limit that plans may use by encoders, which do not see lost motion.
 _PLANNED_SHARE = 1.5
+DEFAULT_ACCELERATION_RATIO = 1.5
+"""Acceleration limit, in step limits, of an arm file that states none: as fast as
+plans of the paper's recipe reverse."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,9 @@ class ArmGeometry:
         planned_bends: largest sensed bend of a plan [rad], shape (modules,). Encoders
             do not see lost motion, so it exceeds the bend limit by up to a half if the
             cable travel allows it.
+        step_limit: largest change of a module's bend in one control step [rad]; the
+            planner and the command limits share it.
+        acceleration_limit: largest difference of two such changes in a row [rad].
         cable_springs: bending stiffness of taut cables with fixed motors [N m/rad],
             zero for tension arms, shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape
@@ -95,6 +101,8 @@ class ArmGeometry:
     bend_limits: np.ndarray
     action_bends: np.ndarray
     planned_bends: np.ndarray
+    step_limit: float
+    acceleration_limit: float
     cable_springs: np.ndarray
     pretensions: np.ndarray
     action_neutral: np.ndarray
@@ -124,6 +132,8 @@ class ArmGeometry:
         planned_bends = bend_limits
         if arm.sensing == "encoders":
             planned_bends = np.minimum(bends, _PLANNED_SHARE * bend_limits)
+        default_deg = DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg
+        acceleration_deg = arm.acceleration_limit_deg or default_deg
         return cls(
             lengths=per_module(arm, "length"),
             cable_radii=radii,
@@ -132,6 +142,8 @@ class ArmGeometry:
             bend_limits=bend_limits,
             action_bends=bends,
             planned_bends=planned_bends,
+            step_limit=float(np.deg2rad(arm.step_limit_deg)),
+            acceleration_limit=float(np.deg2rad(acceleration_deg)),
             cable_springs=springs * (0.0 if tension else 1.0),
             pretensions=pretensions,
             action_neutral=neutral,

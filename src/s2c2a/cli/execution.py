@@ -75,8 +75,8 @@ def make_executor(jobs: int | None = None, cluster: str | None = None) -> Execut
 
     if jobs is not None and cluster != LOCAL:
         raise S2C2AError(
-            f"{jobs} side by side asked for; how many workers {cluster} has is set "
-            "where they start. Leave out --jobs"
+            f"--jobs {jobs} was given, but the workers of {cluster} are started "
+            "elsewhere; leave out --jobs"
         )
     return Cluster(cluster, jobs)
 
@@ -97,7 +97,7 @@ def run_directory(
         label: name of a directory that the user does not name.
         options: options of the command, saved in the directory.
         folder: where the directory is; with `_WorkOptions`, also the executor.
-        alone: whether to work in this process, whatever `folder` says.
+        alone: whether to work in this process, whatever `folder` states.
         resume: whether to continue a directory with the same options.
         own_data: whether to keep recordings and networks in the directory, not in the
             cache.

@@ -150,7 +150,7 @@ def stability(
     seeds: int = 1,
     work: Work = ALL_CORES,
 ) -> None:
-    """Vibration of held points and pushed circles, over arms, sensors and payloads.
+    """Vibration over arms, sensors and payloads: held points, circles with a force.
 
     The payloads are unknown; encoders alone that know them are compared. Repeat the
     command to continue an interrupted run.

@@ -149,7 +149,7 @@ def _print_result(result: "Fit", errors: "dict[str, TipErrors]") -> None:
     ]
     header = ("parameter", "start", "fitted", "+-", "")
     print_table("Fitted parameters (SI units, deg)", header, rows, left_aligned=True)
-    if combinations := undetermined_combinations(result.belief):
+    if combinations := undetermined_combinations(result.posterior):
         print("Poorly identifiable combinations (the prior outweighs the recording):")
         for combination in combinations:
             print(f"  {combination}")

@@ -14,7 +14,7 @@ RETRY_DELAY = 0.1  # s
 
 
 def exit_on_interrupt() -> None:
-    """Let an interrupt end the process silently, before the work starts or after it."""
+    """Let an interrupt end the process without a message, before the work starts or after it."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
 

@@ -60,8 +60,7 @@ def open_window(what: tuple[str, ...], port: int) -> "Window":
         return _window_on_episodes(what, port)
     if len(what) > 1:
         raise S2C2AError(
-            f"{len(what)} things to look at, and not all are runs; give runs, or one "
-            "thing alone"
+            f"{len(what)} names, and not all are runs; give runs, or a single name"
         )
     if what[0].endswith(".safetensors"):
         return viewing.view_training(load_strategy(what[0]), port)

@@ -234,7 +234,7 @@ def _run_episode(
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
     steps = []
-    with Loop(robot, player, limits=limits, watches_vibration=False) as loop:
+    with Loop(robot, player, limits=limits, monitors_vibration=False) as loop:
         for _ in actions:
             step = loop.tick(StepRequest())
             steps.append(step)

@@ -471,7 +471,7 @@ class DisturbanceFilter(eqx.Module):
         return jnp.where(is_present, usual, before), jnp.where(is_seen, 0.0, elapsed)
 
     def is_unused(self, state: FilterState) -> Bool[Array, " sensors"]:
-        """Whether each sensor is rejected, or silent for too long."""
+        """Whether each sensor is rejected, or has given no measurement for too long."""
         longest = jnp.array([sensor.max_silence for sensor in self.sensors])
         return (state.rejected_for > 0.0) | (state.unseen_for > longest)
 

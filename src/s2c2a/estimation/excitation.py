@@ -13,7 +13,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
 from s2c2a.runtime import Loop, StepRecord, StepRequest
-from s2c2a.runtime.limits import acceleration_limit_deg
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
 # frequency range of a chirp, in parts of the expected frequency
@@ -70,17 +69,16 @@ def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
         frequency: expected frequency of the first mode [Hz].
     """
     period = arm.control_period
-    max_step = np.deg2rad(arm.step_limit_deg)
-    max_turn = np.deg2rad(acceleration_limit_deg(arm))
+    geometry = ArmGeometry.of(arm)
     high = min(LAST_FREQUENCY * frequency, MAX_FREQUENCY / period)
     low = min(FIRST_FREQUENCY * frequency, high / 4.0)
     duration = max(CHIRP_PERIODS / frequency, CHIRP_PERIODS / 3.0 / low)
     shares = np.linspace(0.0, 1.0, round(duration / period))
     phase_steps = 2.0 * np.pi * low * (high / low) ** shares * period
-    amplitudes = AMPLITUDE * ArmGeometry.of(arm).bend_limits
+    amplitudes = AMPLITUDE * geometry.bend_limits
     amplitudes *= min(1.0, MAX_TILT / amplitudes.sum())
-    by_rate = max_step / phase_steps
-    by_acceleration = max_turn / phase_steps**2
+    by_rate = geometry.step_limit / phase_steps
+    by_acceleration = geometry.acceleration_limit / phase_steps**2
     allowed = LIMIT_SHARE * np.minimum(by_rate, by_acceleration)
     fade = np.minimum(1.0, np.minimum(shares, 1.0 - shares) / FADE)
     wave = fade * np.sin(np.cumsum(phase_steps))
@@ -129,7 +127,7 @@ def excite(
     required = (sensor,) if robot.sensors[sensor].always else ()
     steps: list[StepRecord] = []
     player = Player(arm, required, actions)
-    with Loop(robot, player, watches_vibration=False) as loop:
+    with Loop(robot, player, monitors_vibration=False) as loop:
         for number in range(len(actions)):
             steps.append(loop.tick(StepRequest()))
             if steps[-1].stage is not Stage.RUN:

@@ -96,13 +96,10 @@ def fit_response(
         return components @ weights - outputs[known], weights
 
     results = []
-    for frequency, delay, backlash in STARTS:
-        start = np.array(
-            [frequency * expected, FIRST_DAMPING, delay * high[2], backlash * high[3]]
-        )
+    for start in _starts(expected, low, high):
         result = least_squares(
             lambda parameters: fit_weights(parameters)[0],
-            start.clip(low, high),
+            start,
             bounds=(low, high),
             x_scale=high - low,
         )
@@ -128,6 +125,22 @@ def _bounds(
     max_backlash = MAX_BACKLASH * np.abs(inputs).max()
     low = np.array([min_frequency, DAMPING_RATIOS[0], 0.0, 0.0])
     return low, np.array([max_frequency, DAMPING_RATIOS[1], max_delay, max_backlash])
+
+
+def _starts(
+    expected: float, low: np.ndarray, high: np.ndarray
+) -> Float[np.ndarray, "starts 4"]:
+    """Different starting points within the limits.
+
+    For a mode that is fast for the control rate, many frequencies of `STARTS` are
+    beyond the limit and become the same point.
+    """
+    frequency, delay, backlash = np.transpose(STARTS)
+    damping = np.full_like(frequency, FIRST_DAMPING)
+    delay = delay * high[2]
+    backlash = backlash * high[3]
+    starts = np.stack([frequency * expected, damping, delay, backlash], axis=1)
+    return np.unique(starts.clip(low, high), axis=0)
 
 
 def _components(

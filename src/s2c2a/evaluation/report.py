@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
@@ -135,7 +136,7 @@ def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
     misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
     largest_miss = np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
     missed = largest_miss > SIGNIFICANT * episode.arm.length
-    step_limit = np.deg2rad(episode.arm.step_limit_deg)
+    step_limit = ArmGeometry.of(episode.arm).step_limit
     return missed & (largest_change > WHOLE_STEP * step_limit)
 
 

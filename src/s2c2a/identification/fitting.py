@@ -67,13 +67,13 @@ class Fit:
     Attributes:
         problem: the problem.
         coordinates: coordinates of the numbers, and of the frame if it is fitted.
-        belief: their uncertainty.
+        posterior: their uncertainty.
         finished: whether the fit converged, before the limit of rounds or an interrupt.
     """
 
     problem: Problem
     coordinates: Float[np.ndarray, " coordinates"]
-    belief: Posterior = field(repr=False)
+    posterior: Posterior = field(repr=False)
     finished: bool
 
     @property

@@ -118,7 +118,7 @@ def fitted_numbers(fit: Fit) -> list[FittedNumber]:
     """All fitted numbers, those of the frame last [rad, m]."""
     unknowns = fit.problem.unknowns
     count = len(unknowns)
-    std = fit.belief.std
+    std = fit.posterior.std
     numbers = []
     for index, unknown in enumerate(unknowns):
         coordinate = fit.coordinates[index]
@@ -130,7 +130,7 @@ def fitted_numbers(fit: Fit) -> list[FittedNumber]:
             )
         )
     scales = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
-    for index, name in enumerate(fit.belief.names[count:], count):
+    for index, name in enumerate(fit.posterior.names[count:], count):
         scale = scales[index - count]
         value = scale * fit.coordinates[index]
         deviation = scale * std[index]

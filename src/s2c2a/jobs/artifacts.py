@@ -66,7 +66,7 @@ class Artifact(ABC, Generic[Made]):
 
     @property
     def needs(self) -> "tuple[Artifact, ...]":
-        """What it is made from; nothing unless a subclass says more."""
+        """What it is made from; nothing unless a subclass overrides it."""
         return ()
 
     @property

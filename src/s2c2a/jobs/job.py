@@ -198,7 +198,7 @@ class Job(Artifact[Run]):
         """
         has_obstacles = self.task.obstacles().size > 0
         return self.conditions.robot.make(
-            self.arm, seed=self.seed, jitter=START_JITTER, watched=has_obstacles
+            self.arm, seed=self.seed, jitter=START_JITTER, center_line=has_obstacles
         )
 
     def load(self, cache: Cache) -> Run:

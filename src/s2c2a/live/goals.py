@@ -86,14 +86,14 @@ class Disturbances:
 
     def begin(self) -> None:
         """Forget the force, since a reopened robot has none."""
-        self._request = replace(self._request, push=Request.push)
+        self._request = replace(self._request, force=Request.force)
 
     def apply(self, request: Request) -> None:
         """Apply changes of the force and payload to the robot."""
         if self._robot is not None and request.payload != self._request.payload:
             self._robot.set_payload(request.payload)
-        if self._robot is not None and request.push != self._request.push:
-            self._robot.apply_force(np.array(request.push))
+        if self._robot is not None and request.force != self._request.force:
+            self._robot.apply_force(np.array(request.force))
         self._request = request
 
     def corrupt(self, reading: Reading) -> Reading:

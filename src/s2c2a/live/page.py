@@ -237,7 +237,7 @@ class LivePage(Window):
         driven = session.driver is not None
         watching = len(session.present) - driven
         head = f"**{self.arm.name}** · {latest.strategy} · "
-        head += "one browser drives" if driven else "nobody drives"
+        head += "one browser drives" if driven else "no driver"
         if watching:
             head += f", {watching} watching"
         if latest.stage is Stage.FAULT:

@@ -40,8 +40,8 @@ OBSTACLE_HINT = (
 )
 TASK_HINTS = {
     "circle": ": the tip follows a circle",
-    "tilt": ": the tip follows a circle, tilted from the vertical as the name says",
-    "hold": ": the tip stays, and a module's end moves as the name says",
+    "tilt": ": the tip follows a circle, tilted from the vertical by the angle in the name",
+    "hold": ": the tip stays, and the end of a named module moves",
     "reach": ": the tip reaches a point past as many obstacles",
     "risk": ": the tip reaches a point near an obstacle",
     "flee": ": an obstacle approaches the arm",
@@ -245,7 +245,7 @@ class Panel:
 
         def clear() -> None:
             self._control.ask(
-                payload=0.0, push=(0.0, 0.0, 0.0), noise=0.0, coupling=0.0
+                payload=0.0, force=(0.0, 0.0, 0.0), noise=0.0, coupling=0.0
             )
             for slider in sliders:
                 slider.value = 0.0  # type: ignore[misc] # viser hides the setter

@@ -4,7 +4,7 @@ Two threads of one Python process wait for each other; two processes do not. Req
 and commands go to the control process through a pipe, snapshots come back.
 
 Both processes send heartbeats: the control process its snapshots, the page's process
-its request. Without the page's heartbeat, for example because its process hangs, nobody
+its request. Without the page's heartbeat, for example because its process hangs, no user
 can press Stop: the control process stops the arm and ignores earlier requests to move
 until the page has received the notice of the stop and the driver resumes.
 

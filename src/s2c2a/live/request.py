@@ -51,7 +51,7 @@ class Request:
         obstacles: added by the driver to the task's obstacles.
         weights: factors of the cost terms.
         payload: at the tip [kg].
-        push: external force at the tip [N], base frame.
+        force: external force at the tip [N], base frame.
         coupling: part of the paper's coupling between the modules' sensors (eq. (11)),
             0 to 1.
         noise: standard deviation of the sensors' noise, in parts of the full range.
@@ -67,7 +67,7 @@ class Request:
     obstacles: tuple[Obstacle, ...] = ()
     weights: Weights = UNCHANGED
     payload: float = 0.0
-    push: Point = (0.0, 0.0, 0.0)
+    force: Point = (0.0, 0.0, 0.0)
     coupling: float = 0.0
     noise: float = 0.0
 
@@ -79,14 +79,14 @@ class RequestLimits:
     Attributes:
         reach: largest distance of a target or an obstacle from the base [m].
         payload: largest payload [kg].
-        push: largest force along each axis [N].
+        force: largest force along each axis [N].
         noise: largest noise, in parts of the full range.
         tasks: names of the tasks.
     """
 
     reach: float
     payload: float
-    push: float
+    force: float
     noise: float
     tasks: tuple[str, ...]
 
@@ -96,13 +96,13 @@ class RequestLimits:
     ) -> "RequestLimits":
         """Limits of an arm: twice its length for targets, its weight for loads.
 
-        Without `disturbed`, payload and push are zero.
+        Without `disturbed`, payload and force are zero.
         """
         mass = sum(module.mass for module in arm.modules) if disturbed else 0.0
         return cls(
             reach=2.0 * arm.length,
             payload=round(mass, 3),
-            push=round(9.81 * mass, 2),
+            force=round(9.81 * mass, 2),
             noise=0.1,
             tasks=tasks,
         )
@@ -133,7 +133,7 @@ class RequestLimits:
             "task": partial(_optional, self._task),
             "obstacles": self._obstacles,
             "weights": lambda value: Weights(*_clip(value, *WEIGHT_FACTORS, (4,))),
-            "push": lambda value: point(_clip(value, -self.push, self.push, (3,))),
+            "force": lambda value: point(_clip(value, -self.force, self.force, (3,))),
         }
 
     def _task(self, name: Any) -> str:
@@ -208,14 +208,16 @@ def fault_sliders(limits: RequestLimits, coupled: bool) -> tuple[RequestSlider, 
         limits: of the requests.
         coupled: whether the paper's sensor coupling fits the arm.
     """
-    push = limits.push
+    force = limits.force
     coupling = 100.0 if coupled else 0.0
     return (
         RequestSlider(
             "Payload [g]", 0.0, 1000 * limits.payload, 5.0, "payload", scale=1000
         ),
         *(
-            RequestSlider(f"Force {axis} [N]", -push, push, push / 20, "push", element)
+            RequestSlider(
+                f"Force {axis} [N]", -force, force, force / 20, "force", element
+            )
             for element, axis in enumerate("xyz")
         ),
         RequestSlider(

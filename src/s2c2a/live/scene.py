@@ -98,7 +98,7 @@ class ArmScene:
             faces=tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
             visible=False,
         )
-        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "push": WARNING}
+        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "force": WARNING}
         self._lines = {
             name: add_line(name=f"/trails/{name}", color=color)
             for name, color in colors.items()
@@ -176,11 +176,11 @@ class ArmScene:
             radius = BALL_RADIUS * self._size * share ** (1 / 3)
             self._payload.scale = radius
             self._payload.position = np.subtract(tip, 1.4 * radius * self._up)
-        push = np.array(request.push)
-        if not push.any():
-            return self._draw_line("push")
-        start = np.subtract(tip, 0.4 * self._size * push / limits.push)
-        self._draw_line("push", start, tip)
+        force = np.array(request.force)
+        if not force.any():
+            return self._draw_line("force")
+        start = np.subtract(tip, 0.4 * self._size * force / limits.force)
+        self._draw_line("force", start, tip)
 
     def draw_obstacles(
         self,
@@ -356,7 +356,7 @@ def _add_surroundings(scene: SceneApi, arm: ArmSpec) -> Surroundings:
         "/lights/sun", color=(255, 250, 240), intensity=2.0, position=tuple(SUN @ turn)
     )
     scene.world_axes.visible = False
-    _add_grid(scene, surroundings.grid, GRID_HALF_WIDTH * size)
+    _add_grid(scene, surroundings, GRID_HALF_WIDTH * size)
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
     for name, position in surroundings.names.items():
         scene.add_label(
@@ -372,21 +372,22 @@ def _add_gravity(scene: SceneApi, start, end, size: float) -> None:
     """Add an arrow in the direction of gravity."""
     line = np.linspace(start, end, 12)
     vertices = threads(line[None], 0.006 * size)
-    _add_mesh(scene, "/gravity/line", vertices, tube_faces(1, 12, 3), INK)
+    faces = tube_faces(1, len(line), THREAD_SIDES)
+    _add_mesh(scene, "/gravity/line", vertices, faces, INK)
     _add_ball(scene, "/gravity/end", 0.018 * size, INK, visible=True, position=end)
     scene.add_label("/gravity/word", "gravity", position=start, font_screen_scale=0.8)
 
 
-def _add_grid(
-    scene: SceneApi, grid: Float[np.ndarray, "lines 2 3"], half_width: float
-) -> None:
+def _add_grid(scene: SceneApi, surroundings: Surroundings, half_width: float) -> None:
     """Add grid lines of two triangles each.
 
     A shader's grid costs a browser without a graphics card a sixth of its time.
     """
-    middle = np.abs(grid.sum(axis=1)[:, :2]).max(axis=-1) < half_width
-    _add_grid_lines(scene, "/floor/fine", grid[~middle], GRID, half_width)
-    _add_grid_lines(scene, "/floor/strong", grid[middle], GRID_STRONG, half_width)
+    strong = surroundings.through_origin
+    fine_lines = surroundings.grid[~strong]
+    strong_lines = surroundings.grid[strong]
+    _add_grid_lines(scene, "/floor/fine", fine_lines, GRID, half_width)
+    _add_grid_lines(scene, "/floor/strong", strong_lines, GRID_STRONG, half_width)
 
 
 def _add_grid_lines(

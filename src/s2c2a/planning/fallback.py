@@ -49,11 +49,14 @@ class Outcome(IntEnum):
 
     sentence: str
 
-    SOLVED = 0, "The plan is the solver's."
-    KEPT = 1, "The plan stays, since the solver's plan moves away from the goal."
-    RESTARTED = 2, "The plan is that of a restart within the step limit."
-    FALLBACK = 3, "The plan moves towards a better shape from the fallback search."
-    STUCK = 4, "The plan is stuck, although a better shape is known."
+    SOLVED = 0, "The plan is the result of the solver."
+    KEPT = 1, "The plan is kept, because the solver's result is farther from the goal."
+    RESTARTED = 2, "The plan is the result of a random restart within the step limit."
+    FALLBACK = (
+        3,
+        "The plan moves towards a better shape that the fallback search found.",
+    )
+    STUCK = 4, "The plan makes no progress, although a better shape is known."
 
     def __new__(cls, value: int, sentence: str) -> "Outcome":
         """A number with a sentence."""

@@ -296,13 +296,13 @@ class Step(NamedTuple):
         predict = self._predictor(last, self.options.engaged_slopes)
         configurations = last.configurations
         candidate = predict(configurations, bends_from_configurations(configurations))
-        limits = ArmGeometry.of(self.arm).planned_bends
+        geometry = ArmGeometry.of(self.arm)
         situation = Situation(
             goal,
             candidate,
             self.arm.length,
-            jnp.asarray(limits, dtype=jnp.float32),
-            float(np.deg2rad(self.arm.step_limit_deg)),
+            jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
+            geometry.step_limit,
             self.options.on_sphere,
             shape=candidate.bends,
             shape_weight=jnp.zeros(()),

@@ -88,7 +88,7 @@ def solve_least_squares(
         project: projection onto the feasible set; the identity if there is none.
         iterations: maximum number; below zero, the start is not evaluated.
         enough: relative gain; the loop ends after two iterations in a row that gain or
-            promise less. Zero disables this rule.
+            predict less. Zero disables this rule.
 
     Returns:
         The point, and the sum there; infinite where it was not evaluated.
@@ -117,8 +117,8 @@ def solve_least_squares(
         kept = jax.tree.map(
             lambda new, old: jnp.where(accepted, new, old), trial, current
         )
-        promised = 2.0 * jnp.vdot(current.gradient, step)
-        gain = jnp.where(accepted, current.cost - cost, promised)
+        predicted = 2.0 * jnp.vdot(current.gradient, step)
+        gain = jnp.where(accepted, current.cost - cost, predicted)
         small = gain < enough * (current.cost + NEGLIGIBLE)
         idle = jnp.where(small, state.idle + 1, 0)
         kept = kept._replace(damping=damping)

@@ -66,8 +66,8 @@ class Situation(NamedTuple):
         length: of the arm [m].
         bend_limits: of every module as sensed (`ArmGeometry.planned_bends`) [rad],
             shape (modules,).
-        longest_step: step limit: largest change of a module's bend in a control step
-            [rad].
+        longest_step: largest change of a module's bend in a control step
+            (`ArmGeometry.step_limit`) [rad].
         on_sphere: whether configurations are kept at unit length.
         shape: bends that a guide desires [rad], shape (modules, 2).
         shape_weight: one if a guide desires that shape, else zero.

@@ -1,7 +1,7 @@
 """How much of its feedback a controller may use, after vibrations.
 
 The share falls to a half within a second of a vibration, and to zero if the vibration
-goes on. It returns slowly once the arm is calm; after the second vibration it returns
+goes on. It returns slowly once the vibration has ended; after the second vibration it returns
 to less, and so on. Without feedback, commands follow from the goal alone, so they cannot
 feed a vibration.
 """

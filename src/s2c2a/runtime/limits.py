@@ -14,16 +14,7 @@ from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
 EQUAL = 1e-6  # of the full bend; commands that differ by less are the same
-DEFAULT_ACCELERATION_RATIO = 1.5
-"""Acceleration limit, in step limits, of an arm file that states none: as fast as
-plans of the paper's recipe reverse."""
 PerModule = Float[np.ndarray, "modules 1"]
-
-
-def acceleration_limit_deg(arm: ArmSpec) -> float:
-    """Largest change of a module's step between two control steps [deg of bend]."""
-    default = DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg
-    return arm.acceleration_limit_deg or default
 
 
 @dataclass(frozen=True)
@@ -52,7 +43,8 @@ class CommandLimits:
         Without `acceleration_limit_deg`, the arm reaches its largest rate in one step
         and reverses in two.
         """
-        return cls.from_degrees(arm, arm.step_limit_deg, acceleration_limit_deg(arm))
+        geometry = ArmGeometry.of(arm)
+        return cls._of_bends(geometry, geometry.step_limit, geometry.acceleration_limit)
 
     @classmethod
     def from_degrees(
@@ -60,9 +52,16 @@ class CommandLimits:
     ) -> "CommandLimits":
         """Limits of rate and acceleration other than the arm's own, in bends [deg]."""
         geometry = ArmGeometry.of(arm)
+        return cls._of_bends(
+            geometry, np.deg2rad(step_deg), np.deg2rad(acceleration_deg)
+        )
+
+    @classmethod
+    def _of_bends(
+        cls, geometry: ArmGeometry, step: float, acceleration: float
+    ) -> "CommandLimits":
         ranges = geometry.action_bends[:, None]
-        step_limit = np.deg2rad(step_deg) / ranges
-        return cls(geometry, step_limit, np.deg2rad(acceleration_deg) / ranges)
+        return cls(geometry, step / ranges, acceleration / ranges)
 
     @property
     def rest(self) -> Actions:

@@ -116,7 +116,7 @@ class Loop:
         patience: Patience | None = None,
         on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
-        watches_vibration: bool = True,
+        monitors_vibration: bool = True,
         emergency_stop: EmergencyStop = EMERGENCY_STOP,
     ):
         """A loop whose robot is not open yet.
@@ -130,7 +130,7 @@ class Loop:
             patience: time limits for unsound readings and for an absent operator.
             on_step: called with the record of every step; it must be quick.
             faults: fault injection for tests: changes every reading before the check.
-            watches_vibration: whether vibration reduces the feedback; not for a driver
+            monitors_vibration: whether vibration reduces the feedback; not for a driver
                 that plays back motions, which may vibrate on purpose.
             emergency_stop: ends the motion within one control step; the robot then
                 stays where it is, or is released (`Robot.halt`).
@@ -155,7 +155,7 @@ class Loop:
         self.late_steps = 0
         self.phase = Phase()
         self._monitor = OscillationMonitor(self.arm)
-        self._watches_vibration = watches_vibration
+        self._monitors_vibration = monitors_vibration
         self._emergency_stop = emergency_stop
         self._halted = False
         self.use(driver)
@@ -359,7 +359,7 @@ class Loop:
         estimate = self.driver.estimate(reading, self._limiter.command)
         plan = self.driver.plan(estimate, goal)
         desired = self.driver.act(plan, estimate)
-        self._watch_vibration(desired, reading, goal)
+        self._monitor_vibration(desired, reading, goal)
         self._tick_time = time.perf_counter() - began
         command = self._limiter.limit(self._allowed(desired))
         sent = self._send(command)
@@ -367,9 +367,11 @@ class Loop:
             self.driver.sent(command)
         return sent
 
-    def _watch_vibration(self, desired: Actions, reading: Reading, goal: Goal) -> None:
+    def _monitor_vibration(
+        self, desired: Actions, reading: Reading, goal: Goal
+    ) -> None:
         """Lower the feedback while the arm vibrates, and let it return afterwards."""
-        if not self._watches_vibration:
+        if not self._monitors_vibration:
             return
         vibration = self._monitor.update(desired, reading, goal)
         period = self.arm.control_period

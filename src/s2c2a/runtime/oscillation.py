@@ -1,9 +1,9 @@
-"""Oscillation monitor: sustained vibration that the goal does not ask for.
+"""Oscillation monitor: sustained vibration that the goal does not require.
 
 Half-waves of every signal are evaluated as in T. Hägglund, "A control-loop performance
 monitor", Control Engineering Practice 3 (1995): a signal oscillates where significant
 half-waves follow each other without a pause or decay. The monitor needs no model and no
-estimate. It watches the commands and, as bends, what encoders and bend sensors
+estimate. It monitors the commands and, as bends, what encoders and bend sensors
 measure, at any control rate: from the slowest mode of a soft arm to a command that
 reverses in every step.
 """
@@ -175,7 +175,7 @@ class OscillationMonitor:
         return found
 
     def _command_bends(self, command: Actions) -> Channels:
-        """Bends that a command asks for [rad], one module after another."""
+        """Bends that a command requests [rad], one module after another."""
         geometry = self._geometry
         parts = (command - geometry.action_neutral) / geometry.action_scale[:, None]
         shares = np.einsum("mkn,mn->mk", geometry.bend_matrices, parts)

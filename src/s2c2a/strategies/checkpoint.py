@@ -1,9 +1,9 @@
 """Format of files of trained networks: safetensors with JSON metadata, safe to open.
 
 Only what was learned or fitted to data is read from the arrays; what follows from the
-arm is built from its description, so a file cannot make a controller speak other cables
-than its arm has. A digest of the whole file tells of damage; sizes and numbers are
-limited, for a digest tells nothing of who made it.
+arm is built from its description, so a file cannot make a controller command other
+cables than its arm has. A digest of the whole file detects damage; sizes and numbers are
+limited, since a digest does not show who made the file.
 """
 
 import json

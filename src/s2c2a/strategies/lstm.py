@@ -215,9 +215,10 @@ class _Policy(eqx.Module):
 
     @classmethod
     def of(cls, arm: ArmSpec, network: TipLSTM) -> "_Policy":
-        units = HEADROOM * ArmGeometry.of(arm).bend_limits[:, None]
-        longest_step = float(np.deg2rad(arm.step_limit_deg))
-        return cls(network, jnp.asarray(units, dtype=jnp.float32), longest_step)
+        geometry = ArmGeometry.of(arm)
+        units = HEADROOM * geometry.bend_limits[:, None]
+        bend_units = jnp.asarray(units, dtype=jnp.float32)
+        return cls(network, bend_units, geometry.step_limit)
 
     def start(self, tip: Float[Array, "3"]) -> _Memory:
         """A history of rest, as before every episode of the training data."""

@@ -1,8 +1,8 @@
 """The strategy of the paper: C2S in the planner, C2A as the controller.
 
 Networks for both presets come with the package (recipe `best`, seed 0); docs/live.md
-says how they were made. A file holds what was learned; how to plan with it is up to the
-recipe.
+describes their training. A file contains what was learned; the recipe defines how to plan
+with it.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ SENSOR_KEY = 2
 
 @dataclass(frozen=True)
 class S2C2A(StrategyOptions):
-    """State to configuration to action, as the recipe says."""
+    """State to configuration to action, as the recipe defines it."""
 
     name = "s2c2a"
     supports = frozenset(
@@ -105,7 +105,7 @@ def train_s2c2a(
     """Train all networks of the strategy on a recording.
 
     Args:
-        recording: with true states; the arm file says how configurations are sensed.
+        recording: with true states; the arm file names the sensor of the configurations.
         recipe: sizes and options.
         seed: of everything random.
         progress: called with network, epoch, number of epochs, validation loss.

@@ -1,7 +1,7 @@
 """Stability: whether the loop makes the arm vibrate, over arms, sensors and payloads.
 
 A point is held for a minute, since vibration can take half a minute to build up; and
-the circle is followed while the tip is pushed. The unknown payload is compared with
+the circle is followed while a force acts on the tip. The unknown payload is compared with
 encoders alone that know it.
 """
 

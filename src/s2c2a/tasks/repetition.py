@@ -35,8 +35,8 @@ def end_sensor(robot: Robot) -> str:
     """Name of the sensor that measures module ends while a task runs.
 
     Args:
-        robot: that repeats a task. The true states of a simulated arm count only if its
-            arm file says that they are sensed.
+        robot: that repeats a task. The true states of a simulated arm are used only if its
+            arm file lists them as sensed.
 
     Raises:
         S2C2AError: the robot has no such sensor.

@@ -239,8 +239,8 @@ def check_limits(
         if len(values) > MAX_VALUES:
             raise error(
                 f"{len(values)} values of {name} were "
-                f"asked for; choose at most {MAX_VALUES}"
+                f"given; choose at most {MAX_VALUES}"
             )
         # false for NaN
         if not all(low <= number <= high for number in values):
-            raise error(f"{name} = {value} was asked for; choose {low:g} to {high:g}")
+            raise error(f"{name} = {value} was given; choose {low:g} to {high:g}")

@@ -19,7 +19,7 @@ from matplotlib.patches import Circle, Polygon
 from s2c2a.arm import ArmSpec
 from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.charts import draw_arrow, save_figure
-from s2c2a.viz.colors import FAINT, INK, MUTED, module_colors
+from s2c2a.viz.colors import BASE, FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mounting import SIDE, Mounting
 
 MAX_DESCRIPTION = 104  # characters
@@ -59,7 +59,6 @@ QUANTITIES = (  # attribute of a module, factor, heading
 )
 
 GRAVITY_TAIL = (-0.45, 0.4)  # in axes from -1 to 1 around the base frame's origin
-BASE_COLOR = "#7d8795"
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +253,7 @@ def _draw_side(axes: Axes, arm: ArmSpec, view: SideView) -> None:
         axes.plot(*disc.T, color=INK, linewidth=1.8, solid_capstyle="butt")
     bottom = -BASE_HEIGHT * view.per_inch
     base_radius = BASE_RADIUS * arm.modules[0].cable_radius
-    _draw_box(axes, view, (bottom, 0.0), base_radius, BASE_COLOR)
+    _draw_box(axes, view, (bottom, 0.0), base_radius, BASE)
     _number_boundaries(axes, ends, view, _width_needed(arm) / view.per_inch / 2)
 
 

@@ -76,7 +76,7 @@ def get_fidelity(name: str) -> Fidelity:
 
 
 def build_model(
-    arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0, watched: bool = False
+    arm: ArmSpec, fidelity: Fidelity, payload: float = 0.0, center_line: bool = False
 ) -> mujoco.MjModel:
     """Compile the model of an arm.
 
@@ -87,12 +87,12 @@ def build_model(
         arm: the description, with its mismatch.
         fidelity: the discretization.
         payload: mass at the tip [kg].
-        watched: whether sensors measure the points of the center line.
+        center_line: whether sensors measure the points of the center line.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     _set_options(spec, arm)
-    _add_chain(spec, arm, fidelity, payload, watched)
+    _add_chain(spec, arm, fidelity, payload, center_line)
     _add_cables(spec, arm, fidelity)
     if arm.sensors.imu is not None:
         _add_inertial_sensors(spec, arm.module_count)
@@ -187,7 +187,11 @@ class _HalfSegment(NamedTuple):
 
 
 def _add_chain(
-    spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity, payload: float, watched: bool
+    spec: mujoco.MjSpec,
+    arm: ArmSpec,
+    fidelity: Fidelity,
+    payload: float,
+    center_line: bool,
 ) -> None:
     """Add the bodies; each reaches from one joint to the next.
 
@@ -217,7 +221,7 @@ def _add_chain(
                 following = halves[number + 1] if number + 1 < len(halves) else None
             _set_inertia(body, half, following, payload)
             _add_cable_sites(body, arm, modules, (number, segment + 1), half.length)
-            if watched and (segment + 1) % segments_per_point == 0:
+            if center_line and (segment + 1) % segments_per_point == 0:
                 name = f"center_{number}_{segment}"
                 _add_center_line_sensor(spec, body, name, half.length)
             end = half.length

@@ -24,12 +24,11 @@ def declare_sensors(
         samples: samples of the center line in a control step; zero if not recorded.
     """
     modules = arm.module_count
+    max_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
     sensors = {
         "cables": _declare_cables(arm, geometry),
         "states": Sensor((modules, 6), "m, 1"),
-        "configurations": Sensor(
-            (modules, 3), "1", -1.01, 1.01, RATE_FACTOR * _rate_limit(arm)
-        ),
+        "configurations": Sensor((modules, 3), "1", -1.01, 1.01, max_rate),
     }
     if arm.motor.current_noise is not None:
         sensors["tensions"] = Sensor((modules, arm.cable_count), "N")
@@ -50,7 +49,8 @@ def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
         deviation = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
     noise = NOISE_LIMIT * deviation
     scale = np.abs(geometry.action_scale)[:, None]
-    rate = RATE_FACTOR * scale / geometry.action_bends[:, None] * _rate_limit(arm)
+    bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
+    rate = scale / geometry.action_bends[:, None] * bend_rate
     margin = 0.25 * scale + noise
     return Sensor(
         geometry.action_neutral.shape,
@@ -59,8 +59,3 @@ def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
         high=geometry.action_high + margin,
         fastest=rate + noise * arm.control_rate,
     )
-
-
-def _rate_limit(arm: ArmSpec) -> float:
-    """Return the largest rate of commands [rad/s]."""
-    return float(np.deg2rad(arm.step_limit_deg)) * arm.control_rate

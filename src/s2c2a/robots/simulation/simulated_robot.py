@@ -50,7 +50,7 @@ class SimulatedRobot(Robot):
         jitter: initial displacement of every module in a random direction, as a share
             of the full bend (0 to 1). The arm then settles at rest with another state
             of its hysteresis.
-        watched: whether readings contain the center line at every physics step, at a
+        center_line: whether readings contain the center line at every physics step, at a
             small cost in time.
         aged: share of the drift in the arm's model mismatch that has developed (0 to
             1). Data are collected at 0.
@@ -73,7 +73,7 @@ class SimulatedRobot(Robot):
         seed: int = 0,
         payload: float = 0.0,
         jitter: float = 0.0,
-        watched: bool = False,
+        center_line: bool = False,
         aged: float = 0.0,
         twin: str = "",
         events: str | Sequence[str] = "",
@@ -89,7 +89,7 @@ class SimulatedRobot(Robot):
         self._true_arm = load_twin(arm, twin) if twin else arm
         self._seed = seed
         self._jitter = jitter
-        self._watched = watched
+        self._has_center_line = center_line
         self._aged = aged
         self._open_count = 0
         self._initial_payload = payload
@@ -105,7 +105,7 @@ class SimulatedRobot(Robot):
         self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
         self._center_line_size = 0
-        if watched:
+        if center_line:
             self._center_line_size = 3 * CENTER_LINE_POINTS * arm.module_count
         self._relaxes = per_module(self._true_arm, "mismatch.relaxing").any()
         self._relaxation = Relaxation(self._true_arm, self.model)
@@ -157,7 +157,7 @@ class SimulatedRobot(Robot):
     def sensors(self) -> dict[str, Sensor]:
         """See `Robot.sensors`."""
         samples = 0
-        if self._watched:
+        if self._has_center_line:
             samples = len(self._physics_times(self.arm.control_period)) + 1
         sensors = declare_sensors(self.arm, self._geometry, samples)
         return sensors | declare_extra_sensors(self._true_arm)
@@ -258,7 +258,7 @@ class SimulatedRobot(Robot):
             return
         # MuJoCo evaluates sensors at the start of a physics step.
         samples = np.vstack([measurements, self.data.sensordata])
-        if self._watched:
+        if self._has_center_line:
             points = samples[:, : self._center_line_size]
             self._center_line = points.reshape(len(samples), -1, 3)
         self._extra_sensors.sample_inertial(samples[1:, self._center_line_size :])
@@ -336,7 +336,9 @@ class SimulatedRobot(Robot):
             raise S2C2AError(
                 f"payload {payload} kg is not between 0 and {MAX_PAYLOAD:g} kg"
             )
-        model = build_model(self._true_arm, self._fidelity, payload, self._watched)
+        model = build_model(
+            self._true_arm, self._fidelity, payload, self._has_center_line
+        )
         model.actuator_gainprm[0, 0] *= self._remaining_stiffness
         model.actuator_biasprm[0, :2] *= self._remaining_stiffness
         return model

@@ -126,7 +126,7 @@ def _include_points(
 
 
 def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
-    """Draw the arm at moments when all of it is known, a color for each module."""
+    """Draw the arm at moments when all states are known, a color for each module."""
     known = np.isfinite(trace.states).all(axis=(1, 2))
     if not known.any():
         charts.write_placeholder(axes, "the shape of the arm was not recorded")

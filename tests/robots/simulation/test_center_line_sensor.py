@@ -1,4 +1,4 @@
-"""What a watched robot tells of its center line, and that watching changes nothing."""
+"""The center-line sensor: its values, and that it does not change the simulation."""
 
 from itertools import pairwise
 
@@ -12,10 +12,10 @@ from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 STEPS = 4
 
 
-def driven(arm, fidelity, watched):
+def driven(arm, fidelity, center_line):
     """Readings of a robot that is driven at random from rest."""
     geometry, random = ArmGeometry.of(arm), np.random.default_rng(0)
-    robot = SimulatedRobot(arm, fidelity, watched=watched)
+    robot = SimulatedRobot(arm, fidelity, center_line=center_line)
     readings = [robot.open()]
     for _ in range(STEPS):
         robot.step(random.uniform(geometry.action_low, geometry.action_high))
@@ -30,15 +30,15 @@ def driven(arm, fidelity, watched):
     ],
 )
 def both(request):
-    """A watched and an unwatched robot after the same actions, and their readings."""
+    """A robot with and one without the sensor after the same actions, and their readings."""
     arm = request.getfixturevalue(request.param[0])
-    return driven(arm, request.param[1], watched=True), driven(
-        arm, request.param[1], watched=False
+    return driven(arm, request.param[1], center_line=True), driven(
+        arm, request.param[1], center_line=False
     )
 
 
 def test_recording_the_center_line_changes_nothing(both):
-    """The watched robot has sensors, the other has none."""
+    """The first robot has sensors, the other has none."""
     (_, watched), (_, unwatched) = both
     for one, other in zip(watched, unwatched, strict=True):
         np.testing.assert_array_equal(one["states"], other["states"])
@@ -116,7 +116,7 @@ def test_the_center_line_from_states_is_near_the_recorded_one(both):
 
 def test_the_center_line_of_an_arm_of_another_size_is_recorded(make_arm):
     with SimulatedRobot(
-        make_arm(5, 4, {"bending_stiffness": 0.5}), watched=True
+        make_arm(5, 4, {"bending_stiffness": 0.5}), center_line=True
     ) as robot:
         robot.step(np.zeros((5, 4)))
         line = robot.read()["center_line"]
