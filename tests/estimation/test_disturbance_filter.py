@@ -138,7 +138,7 @@ def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(jump):
     update = eqx.filter_jit(camera.update)
     ends = shown_ends(camera)
     state = after(update, start(camera), ends(), 60)
-    lasting = after(update, state, ends(jump * ARM.length), 150)
+    lasting = after(update, state, ends(jump * ARM.length), 60)
     offset = np.asarray(lasting.offsets[0])[-1]
     believed = jump * ARM.length - offset
     assert 0.0 < believed < 2.0 * MAX_CHANGE * ARM.length
