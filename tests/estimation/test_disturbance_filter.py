@@ -11,6 +11,7 @@ from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.estimation import EstimationSettings
 from s2c2a.estimation.disturbance_filter import REJECTION_TIME
+from s2c2a.estimation.sensor_models.camera import MAX_CHANGE
 from s2c2a.kinematics import bends_from_states, configurations_from_bends
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import estimator_of, shipped_networks
@@ -129,6 +130,45 @@ def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():
     assert float(np.abs(wrong.mean[1:7]).max()) < 0.1
     lasting = after(update, state, shifted, 80)
     assert not camera.is_unused(lasting)[0]
+
+
+@pytest.mark.parametrize("jump", [0.1, 0.3])
+def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(jump):
+    camera = camera_filter()
+    update = eqx.filter_jit(camera.update)
+    ends = shown_ends(camera)
+    state = after(update, start(camera), ends(), 60)
+    lasting = after(update, state, ends(jump * ARM.length), 60)
+    offset = np.asarray(lasting.offsets[0])[-1]
+    believed = jump * ARM.length - offset
+    assert 0.0 < believed < 2.0 * MAX_CHANGE * ARM.length
+    repaired = after(update, lasting, ends(), 100)
+    assert not camera.is_unused(repaired)[0]
+    assert abs(float(repaired.offsets[0][-1])) < 0.02
+
+
+def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, update):
+    measured = measured_at(disturbance_filter, PAYLOAD)
+    state = after(update, start(disturbance_filter), measured, 60)
+    exchanged = {name: values[::-1].copy() for name, values in measured.items()}
+    wrong = after(update, state, exchanged, 2)
+    assert disturbance_filter.is_unused(wrong)[0]
+
+
+@pytest.mark.parametrize("fault", ["negated", "offset"])
+def test_currents_that_no_tension_explains_are_rejected(fault):
+    motor = ARM.motor.model_copy(update={"current_noise": 0.15})
+    arm = ARM.model_copy(update={"sensors": Sensors(), "motor": motor})
+    networks = replace(shipped_networks(arm), arm=arm)
+    current = estimator_of(networks, EstimationSettings()).filter
+    update = eqx.filter_jit(current.update)
+    state = start(current)
+    tensions = current.model.tensions(CONFIGURATION, state.hysteresis, state.moments)
+    measured = np.asarray(tensions, np.float32)
+    state = after(update, state, {"tensions": measured}, 40)
+    assert not current.is_unused(state)[0]
+    wrong = -measured if fault == "negated" else measured + 5.0
+    assert current.is_unused(after(update, state, {"tensions": wrong}, 1))[0]
 
 
 def test_a_silent_sensor_is_unused():

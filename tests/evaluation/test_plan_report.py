@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import describe_plans, describe_vibrations
+from s2c2a.evaluation import describe_overload, describe_plans, describe_vibrations
 
 TWIN = load_arm("twin_arm")
 
@@ -55,6 +55,44 @@ def test_plans_that_the_step_limit_holds_back_are_counted():
         "the step limit of 4 deg held the plan back (a slower --pace avoids that) "
         "in 1 of 4 steps"
     )
+
+
+def loaded(payload, miss, desired=(0.2, 0.0, 0.5)):
+    """Twenty steps with a payload [kg] whose plan stays a distance [m] below its goal."""
+    planned = np.tile([0.0, 0.0, 1.0], (20, 3, 1))
+    goals = np.full((20, 3, 3), np.nan)
+    goals[:, -1] = desired
+    predicted = np.zeros((20, 3, 6))
+    predicted[:, -1, :3] = np.subtract(desired, [0.0, 0.0, miss])
+    steps = {"time": 0.1 * np.arange(20), "actions": np.zeros((20, 3, 3))}
+    columns = {
+        "payload": np.full(20, payload),
+        "planned": planned,
+        "predicted": predicted,
+        "desired_positions": goals,
+    }
+    return Episode(TWIN, steps | columns)
+
+
+def test_a_payload_that_the_arm_cannot_carry_is_described():
+    assert describe_overload(loaded(0.15, 0.08)) == (
+        "the arm cannot carry 150 g (estimated) to its goals: in 20 of 20 steps the "
+        "best plan stays up to 8.0 cm away"
+    )
+
+
+@pytest.mark.parametrize(
+    "episode",
+    [
+        loaded(0.15, 0.01),
+        loaded(0.0, 0.08),
+        loaded(0.15, 0.08, desired=(0.9, 0.0, 0.45)),
+        make_episode(),
+    ],
+    ids=["near its goal", "no payload", "a goal out of reach", "no plan"],
+)
+def test_other_runs_are_not_described_as_overloaded(episode):
+    assert describe_overload(episode) == ""
 
 
 def test_vibrations_are_described_with_the_steps_of_reduced_feedback():

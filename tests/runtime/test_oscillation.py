@@ -112,3 +112,46 @@ def test_missing_and_broken_readings_are_ignored(twin):
     for values in (np.full(shape, np.nan), np.zeros(2), None):
         reading = Reading(0.0, {"cables": values})
         assert monitor.update(command_of(twin, 0.0), reading, goal) is None
+
+
+def turning(twin, time, degrees):
+    """Angular velocities of a second module that vibrates at 1 Hz."""
+    rates = np.zeros((5, twin.module_count, 3))
+    amplitude = np.deg2rad(degrees) * 2 * np.pi
+    rates[:, 1, 1] = 0.02 + amplitude * np.cos(2 * np.pi * time)
+    return {"angular_velocities": rates}
+
+
+def pictures(twin, time, degrees):
+    """Pictures of the tip at half the control rate, as far as `degrees` around 1 Hz."""
+    positions = np.full((twin.module_count, 3), np.nan)
+    if round(time * twin.control_rate) % 2 == 0:
+        swing = np.deg2rad(degrees) * twin.length
+        positions[-1] = [swing * np.sin(2 * np.pi * time), 0.0, twin.length]
+    return {"camera_positions": positions}
+
+
+@pytest.mark.parametrize(
+    ("sensed", "name", "module"),
+    [(turning, "angular_velocities", 1), (pictures, "camera_positions", 2)],
+)
+def test_inertial_sensors_and_a_camera_show_a_vibration(twin, sensed, name, module):
+    assert first_found(twin, sensed, 0.1) is None
+    time, vibration = first_found(twin, sensed, 4.0)
+    assert 5.0 < time < 10.0
+    assert (vibration.signal, vibration.module) == (name, module)
+    assert vibration.frequency == pytest.approx(1.0, rel=0.3)
+
+
+def first_found(twin, sensed, degrees):
+    """Time and vibration that the monitor reports while the command rests."""
+    monitor = OscillationMonitor(twin)
+    rest = command_of(twin, 0.0)
+    goal = Goal.of(twin.module_count)
+    for number in range(round(20.0 * twin.control_rate)):
+        time = number * twin.control_period
+        reading = Reading(time, sensed(twin, time, degrees))
+        vibration = monitor.update(rest, reading, goal)
+        if vibration:
+            return time, vibration
+    return None

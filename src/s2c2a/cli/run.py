@@ -214,6 +214,7 @@ def _report(
     describe_all = (
         evaluation.describe_plans,
         evaluation.describe_estimates,
+        evaluation.describe_overload,
         evaluation.describe_vibrations,
     )
     for run in runs:

@@ -34,6 +34,7 @@ GATE = 6.0  # standard deviations; a larger innovation is an outlier
 REJECTION_TIME = 0.5  # s; time for which a sensor is rejected after an outlier
 AVERAGING_TIME = 0.3  # s; time constant of a sensor's average innovation
 SLOW_AVERAGING_TIME = 2.0  # s; time constant of its usual residual
+OFFSET_MEMORY = 60.0  # s; after which a lasting offset counts as true
 MAX_VALUE = 1e6  # of any measurement, in any unit
 START_ITERATIONS = 3  # of the moments of a known payload and the shape
 MIN_HISTORY = 3  # control steps
@@ -85,8 +86,10 @@ class FilterState(NamedTuple):
         lags: memory of each sensor's hysteresis.
         average_innovation: average normalized innovation of each sensor, shape
             (sensors,).
-        usual_residuals: slow average of each sensor's residual, as far as the payload
-            does not explain it; `MAX_VALUE` before the first measurement.
+        usual_residuals: slow average of each sensor's residual against the encoders
+            and the payload; `MAX_VALUE` before the first measurement.
+        offsets: by how much each sensor's usual residual moved while it was rejected;
+            they are subtracted from its measurements.
         unseen_for: time since each sensor's last measurement [s], shape (sensors,).
         rejected_for: remaining time of rejection of each sensor [s], shape (sensors,).
     """
@@ -101,8 +104,25 @@ class FilterState(NamedTuple):
     lags: tuple[Array | np.ndarray, ...]
     average_innovation: Float[Array, " sensors"]
     usual_residuals: tuple[Array | np.ndarray, ...]
+    offsets: tuple[Array | np.ndarray, ...]
     unseen_for: Float[Array, " sensors"]
     rejected_for: Float[Array, " sensors"]
+
+
+class _History(NamedTuple):
+    """A sensor compared with its own past.
+
+    Attributes:
+        usual: slow average of its residual, shape (values,).
+        offset: what that average moved while the sensor was rejected, shape (values,).
+        unseen_for: time since its last measurement [s].
+        has_changed: whether the residual has left its average.
+    """
+
+    usual: Float[Array, " values"]
+    offset: Float[Array, " values"]
+    unseen_for: Float[Array, ""]
+    has_changed: Bool[Array, ""]
 
 
 class DisturbanceFilter(eqx.Module):
@@ -168,6 +188,7 @@ class DisturbanceFilter(eqx.Module):
             usual_residuals=tuple(
                 jnp.full(sensor.value_count, MAX_VALUE) for sensor in self.sensors
             ),
+            offsets=tuple(jnp.zeros(sensor.value_count) for sensor in self.sensors),
             unseen_for=jnp.zeros(len(self.sensors)),
             rejected_for=jnp.zeros(len(self.sensors)),
         )
@@ -361,9 +382,8 @@ class DisturbanceFilter(eqx.Module):
         average = self._average_innovation(state, number, smallest, is_present)
         is_outlier = jnp.maximum(average, smallest) > GATE
         is_outlier |= jnp.any(jnp.abs(unexplained) > innovation.max_residual)
-        usual, unseen_for = self._usual_residual(state, number, unexplained, is_present)
-        deviation = jnp.where(is_present, unexplained - usual, 0.0)
-        is_outlier |= jnp.any(jnp.abs(deviation) > innovation.max_change)
+        history = self._history(state, number, innovation, unexplained, is_present)
+        is_outlier |= history.has_changed
         remaining = jnp.maximum(state.rejected_for[number] - self.period, 0.0)
         rejected_for = jnp.where(is_outlier, REJECTION_TIME, remaining)
         is_used = rejected_for <= 0.0
@@ -378,14 +398,17 @@ class DisturbanceFilter(eqx.Module):
         lags = list(state.lags)
         lags[number] = innovation.lag
         usual_residuals = list(state.usual_residuals)
-        usual_residuals[number] = usual
+        usual_residuals[number] = history.usual
+        offsets = list(state.offsets)
+        offsets[number] = history.offset
         return state._replace(
             mean=mean,
             covariance=(new_covariance + new_covariance.T) / 2.0,
             lags=tuple(lags),
             average_innovation=state.average_innovation.at[number].set(average),
             usual_residuals=tuple(usual_residuals),
-            unseen_for=state.unseen_for.at[number].set(unseen_for),
+            offsets=tuple(offsets),
+            unseen_for=state.unseen_for.at[number].set(history.unseen_for),
             rejected_for=state.rejected_for.at[number].set(rejected_for),
         )
 
@@ -411,6 +434,7 @@ class DisturbanceFilter(eqx.Module):
         if biases.start < biases.stop:
             jacobian = jacobian.at[:, biases].set(jnp.eye(len(residual)))
             residual = residual - state.mean[biases]
+        residual = residual - state.offsets[number]
         residual = jnp.where(is_present, residual, 0.0)
         return residual, jnp.where(is_present[:, None], jacobian, 0.0), is_present
 
@@ -450,25 +474,40 @@ class DisturbanceFilter(eqx.Module):
         average = state.average_innovation[number]
         return average + weight * (size - average)
 
-    def _usual_residual(
+    def _history(
         self,
         state: FilterState,
         number: int,
+        innovation: Innovation,
         unexplained: Float[Array, " values"],
         is_present: Bool[Array, " values"],
-    ) -> tuple[Float[Array, " values"], Float[Array, ""]]:
-        """Slow average of a sensor's residual, and the time without measurement [s].
+    ) -> "_History":
+        """Compare a sensor with its own past, by its residual against the encoders.
 
-        A residual that leaves its average shows a fault of the sensor: drift, wrong
-        latency or a jump. A lasting one becomes the average, as after an external force.
+        A residual that leaves its slow average shows a fault: drift, wrong latency or a
+        jump. The bend biases count as residual, so a fault that moves them shows, too.
+        After an external force the average follows. What it moves while the sensor is
+        rejected becomes an offset, so that a jump moves the estimate by little more
+        than `max_change`, whatever its size.
         """
         elapsed = state.unseen_for[number] + self.period
         before = state.usual_residuals[number]
-        start = jnp.where(before == MAX_VALUE, unexplained, before)
+        biases = state.mean[1 : 1 + innovation.jacobian.shape[-1]]
+        residual = unexplained + state.offsets[number] + innovation.jacobian @ biases
+        start = jnp.where(before == MAX_VALUE, residual, before)
         share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
-        usual = start + share * (unexplained - start)
-        is_seen = is_present.any()
-        return jnp.where(is_present, usual, before), jnp.where(is_seen, 0.0, elapsed)
+        change = jnp.where(is_present, share * (residual - start), 0.0)
+        usual = start + change
+        deviation = jnp.where(is_present, residual - usual, 0.0)
+        has_changed = jnp.any(jnp.abs(deviation) > innovation.max_change)
+        fading = np.exp(-self.period / OFFSET_MEMORY)
+        offset = fading * state.offsets[number] + jnp.where(has_changed, change, 0.0)
+        return _History(
+            usual=jnp.where(is_present, usual, before),
+            offset=offset,
+            unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
+            has_changed=has_changed,
+        )
 
     def is_unused(self, state: FilterState) -> Bool[Array, " sensors"]:
         """Whether each sensor is rejected, or has given no measurement for too long."""

@@ -10,5 +10,10 @@ from s2c2a.evaluation.metrics import (
     score_run,
     tilts_deg,
 )
-from s2c2a.evaluation.report import Row, describe_plans, describe_vibrations
+from s2c2a.evaluation.report import (
+    Row,
+    describe_overload,
+    describe_plans,
+    describe_vibrations,
+)
 from s2c2a.evaluation.rollout import repeated_rollout, rollout

@@ -9,7 +9,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmGeometry
@@ -17,6 +17,7 @@ from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
+from s2c2a.planning import reach_gaps
 from s2c2a.spaces import POSITION
 
 MAX_BYTES = 20_000_000
@@ -29,6 +30,10 @@ PLAN_OUTCOMES = {
 """What the planner did in a step, by its `outcome`; 0, solved, is not reported."""
 SIGNIFICANT = 0.01  # of the arm's length
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
+PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
+MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
+OVERLOAD = 0.05  # of the arm's length, between a goal and the plan
+OVERLOAD_TIME = 1.0  # s
 _LATEX_ESCAPES = str.maketrans(
     {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
 )
@@ -124,20 +129,55 @@ def describe_vibrations(episode: Episode) -> str:
     )
 
 
+def describe_overload(episode: Episode) -> str:
+    """Describe that the arm cannot carry its payload to its goals; empty if it can.
+
+    The estimated payload then bends the predicted tip away from a goal that the arm
+    reaches without it, and the plan is not held back by the step limit.
+    """
+    if not {"payload", *PLAN_COLUMNS} <= episode.columns.keys():
+        return ""
+    payloads = episode.ran("payload")
+    mass = sum(module.mass for module in episode.arm.modules)
+    misses = _planned_misses(episode)
+    overloaded = (payloads > MIN_LOAD * mass) & ~_whole_steps(episode)
+    overloaded &= misses > OVERLOAD * episode.arm.length
+    if overloaded.sum() < OVERLOAD_TIME * episode.arm.control_rate:
+        return ""
+    goals = episode.ran("desired_positions")[overloaded, -1]
+    gaps = reach_gaps(episode.arm, goals[np.isfinite(goals).all(axis=-1)])
+    if gaps.size and np.median(gaps) > SIGNIFICANT * episode.arm.length:
+        return ""
+    largest = 100 * misses[overloaded].max()
+    return (
+        f"the arm cannot carry {1000 * payloads[overloaded].max():.0f} g (estimated) "
+        f"to its goals: in {overloaded.sum()} of {len(payloads)} steps the best plan "
+        f"stays up to {largest:.1f} cm away"
+    )
+
+
 def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
     """Steps whose plan moved by the whole step limit and still missed its target."""
-    required = {"planned", "predicted", "desired_positions"}
-    if not required <= episode.columns.keys() or not len(episode.running):
+    if not episode.columns.keys() >= PLAN_COLUMNS or not len(episode.running):
         return np.zeros(0, dtype=bool)
+    missed = _planned_misses(episode) > SIGNIFICANT * episode.arm.length
+    return missed & _whole_steps(episode)
+
+
+def _whole_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    """Steps whose plan moved by the whole step limit."""
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
     changes = np.diff(bends, axis=0, prepend=bends[:1])
     largest_change = np.linalg.norm(changes, axis=-1).max(axis=-1)
+    step_limit = ArmGeometry.of(episode.arm).step_limit
+    return largest_change > WHOLE_STEP * step_limit
+
+
+def _planned_misses(episode: Episode) -> Float[np.ndarray, " steps"]:
+    """Largest distance of the predicted ends from their goals [m]; 0 without goal."""
     ends = episode.ran("predicted")[..., POSITION]
     misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
-    largest_miss = np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
-    missed = largest_miss > SIGNIFICANT * episode.arm.length
-    step_limit = ArmGeometry.of(episode.arm).step_limit
-    return missed & (largest_change > WHOLE_STEP * step_limit)
+    return np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

@@ -3,9 +3,9 @@
 Half-waves of every signal are evaluated as in T. Hägglund, "A control-loop performance
 monitor", Control Engineering Practice 3 (1995): a signal oscillates where significant
 half-waves follow each other without a pause or decay. The monitor needs no model and no
-estimate. It monitors the commands and, as bends, what encoders and bend sensors
-measure, at any control rate: from the slowest mode of a soft arm to a command that
-reverses in every step.
+estimate. It watches the commands and, as angles, what encoders, bend sensors, inertial
+sensors and a camera measure, at any control rate: from the slowest mode of a soft arm to
+a command that reverses in every step.
 """
 
 from dataclasses import dataclass
@@ -133,7 +133,7 @@ class HalfWaves:
 
 
 class OscillationMonitor:
-    """Detects vibration of commands and of sensed bends."""
+    """Detects vibration of commands and of sensed motion."""
 
     def __init__(self, arm: ArmSpec):
         """A monitor of an arm at rest."""
@@ -148,6 +148,8 @@ class OscillationMonitor:
         channels = 2 * count
         self._commands = HalfWaves(channels, period)
         self._sensed: dict[str, HalfWaves] = {}
+        self._turned = np.zeros((count, 2))
+        self._seen = np.full((count, 3), np.nan)
         self._goal = HalfWaves(6 * count, period)
 
     def update(
@@ -165,14 +167,44 @@ class OscillationMonitor:
         threshold = max(MIN_AMPLITUDE, asked)
         self._commands.update(self._command_bends(command), threshold)
         found = _vibration("commands", self._commands, MIN_DURATION)
-        for name, bends in self._sensed_bends(reading).items():
+        signals = {
+            **self._sensed_bends(reading),
+            **self._turned_angles(reading),
+            **self._camera_angles(reading),
+        }
+        for name, angles in signals.items():
             waves = self._sensed.get(name)
             if waves is None:
-                waves = HalfWaves(bends.size, self._arm.control_period)
+                waves = HalfWaves(angles.size, self._arm.control_period)
                 self._sensed[name] = waves
-            waves.update(bends, threshold)
-            found = found or _vibration(name, waves, MIN_SENSED_DURATION)
+            waves.update(angles.reshape(-1), threshold)
+            each = angles.size // self._arm.module_count
+            found = found or _vibration(name, waves, MIN_SENSED_DURATION, each)
         return found
+
+    def _turned_angles(self, reading: Reading) -> dict[str, np.ndarray]:
+        """Angles by which the modules' ends turned since the start [rad].
+
+        They drift with the bias of the gyroscopes; only their vibration counts.
+        """
+        rates = reading.get("angular_velocities")
+        shape = (self._arm.module_count, 3)
+        if not isinstance(rates, np.ndarray) or rates.shape[1:] != shape:
+            return {}
+        if not len(rates) or not np.isfinite(rates).all():
+            return {}
+        mean_rates = rates[..., :2].astype(float).mean(axis=0)
+        self._turned = self._turned + self._arm.control_period * mean_rates
+        return {"angular_velocities": self._turned}
+
+    def _camera_angles(self, reading: Reading) -> dict[str, np.ndarray]:
+        """Last seen positions of the ends over the arm's length; 1 is a radian."""
+        shape = (self._arm.module_count, 3)
+        positions = _array(reading, "camera_positions", shape)
+        if positions is not None:
+            is_seen = np.isfinite(positions)
+            self._seen = np.where(is_seen, positions / self._arm.length, self._seen)
+        return {} if np.isnan(self._seen).all() else {"camera_positions": self._seen}
 
     def _command_bends(self, command: Actions) -> Channels:
         """Bends that a command requests [rad], one module after another."""
@@ -181,7 +213,7 @@ class OscillationMonitor:
         shares = np.einsum("mkn,mn->mk", geometry.bend_matrices, parts)
         return (shares * geometry.action_bends[:, None]).reshape(-1)
 
-    def _sensed_bends(self, reading: Reading) -> dict[str, Channels]:
+    def _sensed_bends(self, reading: Reading) -> dict[str, np.ndarray]:
         """Bends that encoders and bend sensors measure [rad], by sensor."""
         signals = {}
         modules = self._arm.module_count
@@ -201,15 +233,17 @@ class OscillationMonitor:
         return np.concatenate([positions.reshape(-1), goal.desired_axes().reshape(-1)])
 
 
-def _vibration(name: str, waves: HalfWaves, min_duration: float) -> Vibration | None:
-    """The largest vibration of a group of signals, if any."""
+def _vibration(
+    name: str, waves: HalfWaves, min_duration: float, channels: int = 2
+) -> Vibration | None:
+    """The largest vibration of a group of signals, if any; `channels` a module."""
     oscillates = waves.oscillates(min_duration)
     if not oscillates.any():
         return None
     channel = int(np.argmax(np.where(oscillates, waves.amplitudes, -1.0)))
     amplitude = float(waves.amplitudes[channel])
     frequency = float(waves.frequencies()[channel])
-    return Vibration(name, channel // 2, amplitude, frequency)
+    return Vibration(name, channel // channels, amplitude, frequency)
 
 
 def _array(reading: Reading, name: str, shape: tuple[int, ...]) -> np.ndarray | None:

@@ -53,7 +53,8 @@ class Innovation(NamedTuple):
         jacobian: derivative of the prediction by the bends, shape (values, 2 modules).
         std: standard deviation of the measurement noise, shape (values,).
         max_residual: a larger residual is a fault of the sensor, shape () or (values,).
-        max_change: a residual that differs more from its slow average is a fault.
+        max_change: a residual that differs more from its slow average is a fault, shape
+            () or (values,).
         lag: memory of the sensor's hysteresis after this measurement.
     """
 
@@ -61,7 +62,7 @@ class Innovation(NamedTuple):
     jacobian: Float[Array, "values bends"]
     std: Float[Array, " values"]
     max_residual: float | Float[Array, "..."] = np.inf
-    max_change: float | Float[Array, ""] = np.inf
+    max_change: float | Float[Array, "..."] = np.inf
     lag: Array | np.ndarray = EMPTY
 
 

@@ -20,7 +20,7 @@ from s2c2a.models.forward_model import ForwardModel
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
 NOMINAL_RATE = 5.0  # Hz; more frequent pictures weigh less each
 MAX_RESIDUAL = 0.5  # of the length from the base to the end
-MAX_CHANGE = 0.08  # of the arm's length, in some seconds
+MAX_CHANGE = 0.06  # of the arm's length, in some seconds
 MAX_AGE = 0.7  # s; older pictures are not used
 
 

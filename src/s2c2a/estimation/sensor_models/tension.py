@@ -16,6 +16,8 @@ from s2c2a.models.forward_model import ForwardModel
 
 MIN_NOISE = 0.05  # N
 MODEL_STD = 0.1  # rad; friction between motor and module hides most of the tension
+MAX_CHANGE = 0.04  # rad; in some seconds, of the stretch that a tension means
+LOWEST = -5.0  # standard deviations of the noise; no cable pushes
 
 
 class TensionSensor(SensorModel):
@@ -52,7 +54,7 @@ class TensionSensor(SensorModel):
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
         """See `SensorModel`."""
-        modules = len(self.stiffness)
+        modules, cables = self.matrices.shape[:2]
         stretch = jnp.einsum("mnk,mk->mn", self.matrices, expected.bend_biases)
         predicted = jnp.maximum(expected.tensions + self.stiffness * stretch, 0.0)
         measured = measurements["tensions"]
@@ -64,6 +66,10 @@ class TensionSensor(SensorModel):
             (measured - predicted).reshape(-1),
             jacobian.reshape(predicted.size, -1),
             jnp.broadcast_to(std, predicted.shape).reshape(-1),
+            max_residual=jnp.where(
+                jnp.min(measured) < LOWEST * self.noise, 0.0, jnp.inf
+            ),
+            max_change=jnp.repeat(MAX_CHANGE * self.stiffness[:, 0], cables),
         )
 
     def missing(self) -> dict[str, np.ndarray]:
