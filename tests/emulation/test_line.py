@@ -58,9 +58,9 @@ def test_a_slower_line_takes_longer(line, user):
 
 
 def test_the_baud_rate_is_unknown_until_the_user_sets_it(line, user):
-    assert line.set_baud_rate() is None
+    assert line.user_baud_rate() is None
     set_baud_rate(user, termios.B1000000)
-    assert line.set_baud_rate() == 1_000_000
+    assert line.user_baud_rate() == 1_000_000
 
 
 def test_a_lost_answer_leaves_its_gap(line):

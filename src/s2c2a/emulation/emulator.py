@@ -222,7 +222,7 @@ class Emulator:
 
     def _listening(self) -> list[Servo]:
         """Return the servos that hear the line: those at its baud rate."""
-        baud_rate = self.line.set_baud_rate()
+        baud_rate = self.line.user_baud_rate()
         return [
             servo
             for servo in self.servos

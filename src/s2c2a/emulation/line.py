@@ -85,7 +85,7 @@ class Line:
         self._pending.clear()
         self._wire_free = 0.0
 
-    def set_baud_rate(self) -> int | None:
+    def user_baud_rate(self) -> int | None:
         """Return the speed that the user of the port set [bit/s], None if unknown."""
         try:
             speed = _BAUD_RATES.get(termios.tcgetattr(self.file)[5], 0)
@@ -135,5 +135,5 @@ class Line:
                 os.write(self.file, data)
 
     def _duration(self, size: int) -> float:
-        baud_rate = self.set_baud_rate() or self.default_baud_rate
+        baud_rate = self.user_baud_rate() or self.default_baud_rate
         return size * BITS_PER_BYTE / baud_rate
