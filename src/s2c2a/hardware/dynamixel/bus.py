@@ -18,6 +18,7 @@ from s2c2a.hardware.dynamixel.packets import (
     StatusPacket,
     StatusReader,
     encode,
+    unstuffed,
 )
 from s2c2a.hardware.dynamixel.tables import (
     BAUD_RATES,
@@ -187,15 +188,15 @@ class DynamixelBus(ServoBus):
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos; see `ServoBus`.
 
-        Servos that have not answered before are asked last, so that an absent one does
-        not delay the others.
+        Every servo waits for the answer of the one before, so an absent servo silences
+        those behind it. It is asked last from then on.
         """
         order = sorted(ids, key=lambda id: self._misses.get(id, 0))
         found: dict[int, ServoState] = {}
-        for group in self._groups(order):
-            found |= self._read_group(*group)
-        for id in order:
-            self._misses[id] = 0 if id in found else self._misses.get(id, 0) + 1
+        for address, group in self._groups(order):
+            answers = self._read_group(address, group)
+            self._count_misses(group, answers)
+            found |= answers
         return found
 
     def reboot(self, id: int) -> None:
@@ -282,6 +283,14 @@ class DynamixelBus(ServoBus):
         for id, value in values.items():
             parameters += bytes([id]) + register.encode(value)
         self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
+
+    def _count_misses(self, asked: list[int], found: Collection[int]) -> None:
+        """Blame the first servo that did not answer, not those behind it."""
+        for id in found:
+            self._misses[id] = 0
+        missing = [id for id in asked if id not in found]
+        if missing:
+            self._misses[missing[0]] = self._misses.get(missing[0], 0) + 1
 
     def _groups(self, ids: Iterable[int]) -> list[tuple[int, list[int]]]:
         """Servos by the address of their joined state."""
@@ -417,6 +426,8 @@ def _blocks(packet: StatusPacket, count: int) -> Iterator[tuple[int, bytes]]:
         return
     size = STATE_SIZE + 4
     joint = bytes([packet.error]) + packet.data + bytes(2)
+    if len(joint) != count * size:
+        joint = unstuffed(joint)
     if len(joint) != count * size:
         return
     for start in range(0, len(joint), size):

@@ -47,7 +47,9 @@ class StatusPacket:
     Attributes:
         id: of the servo; `BROADCAST` for the joint answer to a fast sync read.
         error: error number; the highest bit is an alert of the hardware.
-        data: without error, stuffing and CRC.
+        data: without error, stuffing and CRC. The joint answer may hold stuffing: the
+            first servo states the length before it knows the data of the others, so
+            firmware may not stuff it.
     """
 
     id: int
@@ -91,6 +93,11 @@ def encode(id: int, instruction: Instruction, parameters: bytes = b"") -> bytes:
     length = len(body) + 2
     packet = HEADER + bytes([id]) + length.to_bytes(2, "little") + body
     return packet + crc16(packet).to_bytes(2, "little")
+
+
+def unstuffed(data: bytes) -> bytes:
+    """Return data without the bytes that were stuffed in."""
+    return data.replace(STUFFED, PATTERN)
 
 
 class StatusReader:
@@ -165,5 +172,8 @@ class StatusReader:
             return None
         if packet[PREFIX] != Instruction.STATUS:
             return None
-        body = content[PREFIX:].replace(STUFFED, PATTERN)
-        return StatusPacket(packet[4], body[1], body[2:])
+        id = packet[4]
+        body = content[PREFIX:]
+        if id != BROADCAST:
+            body = unstuffed(body)
+        return StatusPacket(id, body[1], body[2:])
