@@ -15,6 +15,7 @@ from s2c2a.arm import (
     save_arm,
 )
 from s2c2a.cli.console import Arm, File, print_table
+from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import RobotName, RobotOptions, robot_factory_for
 
 app = SubcommandApp()
@@ -203,8 +204,9 @@ def check_contract(
     check_response_options(response, weights=weights, out=out)
     factory = robot_factory_for(robot, robot_option)
     opened = factory.seeded(load_arm(arm), 0)
-    if response:
-        return check_response(opened, weights, out)
-    for result in check_robot(opened):
-        print(f"ok: {result}")
+    with emergency_controls(factory):
+        if response:
+            return check_response(opened, weights, out)
+        for result in check_robot(opened):
+            print(f"ok: {result}")
     print(f"{factory} fulfills the interface contract")

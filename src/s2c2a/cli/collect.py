@@ -8,6 +8,7 @@ from typing import Literal
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
+from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     Address,
     RobotName,
@@ -77,6 +78,7 @@ def collect(
     with (
         make_executor(threads, cluster) if cluster else nullcontext() as executor,
         progress_bar() as progress,
+        emergency_controls(factory),
     ):
         recording = data.collect(
             out,

@@ -1,4 +1,8 @@
-"""Handling of Ctrl-C (SIGINT) at any time, without a traceback."""
+"""Handling of Ctrl-C (SIGINT) at any time, without a traceback.
+
+Requests to end (SIGTERM, SIGHUP) are handled in the same way, so that a real arm is led
+to rest and closed.
+"""
 
 import os
 import signal
@@ -11,6 +15,7 @@ from types import FrameType
 
 INTERRUPTED = 130  # exit code
 RETRY_DELAY = 0.1  # s
+REQUESTS_TO_END = ("SIGTERM", "SIGHUP")
 
 
 def exit_on_interrupt() -> None:
@@ -43,11 +48,31 @@ def interrupts_as_exceptions() -> Iterator[None]:
     try:
         if replaces_handler:
             signal.signal(signal.SIGINT, _on_interrupt)
-        yield
+        with _requests_to_end(in_main_thread):
+            yield
     finally:
         if replaces_handler:
             signal.signal(signal.SIGINT, handler)
         sys.unraisablehook = previous_hook
+
+
+@contextmanager
+def _requests_to_end(in_main_thread: bool) -> Iterator[None]:
+    """Treat requests to end as interrupts, unless the process handles or ignores them."""
+    # not every system has all of them
+    known = [vars(signal)[name] for name in REQUESTS_TO_END if name in vars(signal)]
+    handled = [
+        number
+        for number in known
+        if in_main_thread and signal.getsignal(number) is signal.SIG_DFL
+    ]
+    for number in handled:
+        signal.signal(number, _on_interrupt)
+    try:
+        yield
+    finally:
+        for number in handled:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _on_interrupt(_: int, frame: FrameType | None) -> None:

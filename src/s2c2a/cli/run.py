@@ -16,6 +16,7 @@ from s2c2a.cli.console import (
     StrategyNames,
     print_results,
 )
+from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     ALL_CORES,
     RobotName,
@@ -137,9 +138,12 @@ def run(
         work.out is not None and not (work.out / f"{spec.name}.html").exists()
     )
     label = f"{paced.name}-{spec.name}"
-    with run_directory(
-        label, options, work, alone=one_process, resume=is_unfinished
-    ) as (directory, make):
+    with (
+        run_directory(
+            label, options, work, alone=one_process, resume=is_unfinished
+        ) as (directory, make),
+        emergency_controls(factory),
+    ):
         runs = make(job_list)
     _report(runs, directory, f"{paced.name} with {spec.name}", video)
 

@@ -25,7 +25,15 @@ from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.models.registry import MODELS
 from s2c2a.planning import Guard
 from s2c2a.robots import Robot, RobotFactory
-from s2c2a.runtime import Driver, Loop, Patience, StepRecord, StepRequest, WallClock
+from s2c2a.runtime import (
+    EMERGENCY_STOP,
+    Driver,
+    Loop,
+    Patience,
+    StepRecord,
+    StepRequest,
+    WallClock,
+)
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
     STRATEGIES,
@@ -172,6 +180,7 @@ class ArmControl(Control):
 
     def _reopen(self) -> None:
         """Open the robot again at rest and rewind the task."""
+        EMERGENCY_STOP.reset()
         self._loop.open()
         self._disturbances.begin()
         self._task_name = None

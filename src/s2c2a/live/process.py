@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -237,13 +237,20 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
             control.start()
             _raise_priority()
             threading.Thread(target=control.prepare, daemon=True).start()
-            _obey(control, pipe, messages)
+            with _stopped_by_signal():
+                _obey(control, pipe, messages)
         finally:
             control.stop()
     except S2C2AError as error:
         messages.put(error)
     messages.put(None)
     sender.join(PATIENCE)
+
+
+def _stopped_by_signal() -> AbstractContextManager[None]:
+    from s2c2a.runtime.emergency import stop_on_signal  # noqa: PLC0415  # not yet loaded
+
+    return stop_on_signal()
 
 
 def _raise_priority() -> None:

@@ -37,6 +37,7 @@ from s2c2a.runtime.stages import (
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Stage
 
 LATE = 0.1  # of a control period; a step with a longer delay counts as late
+INTERRUPTS = ("SIGINT", "SIGTERM", "SIGHUP")  # not every system has all
 BLOCKED_PERIODS = 2.5  # control periods; a robot that takes longer to answer blocks
 
 
@@ -448,13 +449,17 @@ class Loop:
 
 @contextmanager
 def _ignored_interrupts() -> Iterator[None]:
-    # only the main thread receives interrupts
+    # only the main thread receives signals
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numbers = [getattr(signal, name, None) for name in INTERRUPTS]
+    handlers = {
+        number: signal.signal(number, signal.SIG_IGN) for number in numbers if number
+    }
     try:
         yield
     finally:
-        # None if the handler was not set from Python
-        signal.signal(signal.SIGINT, handler or signal.SIG_DFL)
+        for number, handler in handlers.items():
+            # None if the handler was not set from Python
+            signal.signal(number, handler or signal.SIG_DFL)
