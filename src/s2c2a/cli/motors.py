@@ -6,11 +6,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, load_arm, servos_of
-from s2c2a.cli.console import Arm, print_table
+from s2c2a.cli.console import Arm, print_table, progress_bar
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -237,6 +238,47 @@ def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
     with _bus(spec, port) as bus:
         bus.set_torque(ids, on=False)
     print(f"the torque of {len(ids)} servos is off")
+
+
+@app.command
+def timing(
+    arm: Arm = "twin_arm",
+    port: PortName = "",
+    rate: float = 50.0,
+    cycles: int = 1000,
+    fast_read: bool = False,
+) -> None:
+    """Measure how long the bus takes to send all goals and read all servos.
+
+    The torque is off: nothing moves, and a bent arm falls back.
+
+    Args:
+        arm: a preset or an arm file.
+        port: serial port; by default that of the arm file.
+        rate: cycles a second [Hz].
+        cycles: number of cycles.
+        fast_read: let all servos answer in one packet.
+    """
+    from s2c2a.hardware.buses import open_bus
+    from s2c2a.hardware.timing import measure_timing
+
+    if not (1 <= rate <= 1000 and 1 <= cycles <= 1_000_000):
+        raise S2C2AError(
+            f"{cycles} cycles at {rate:g} Hz were given; choose 1 to 1000 Hz and 1 to "
+            "1000000 cycles"
+        )
+    servos = servos_of(load_arm(arm))
+    with open_bus(servos, port, fast_read) as bus, progress_bar() as progress:
+        result = measure_timing(bus, servos, rate, cycles, progress)
+    quantiles = 1000 * np.quantile(result.durations, (0.5, 0.99, 1.0))
+    print(
+        "goals out and states in: median {:.2f} ms, 99 % {:.2f} ms, "
+        "longest {:.2f} ms".format(*quantiles)
+    )
+    print(
+        f"{result.late} of {cycles} cycles began late at {rate:g} Hz; in "
+        f"{result.incomplete} a servo did not answer at the first request"
+    )
 
 
 @contextmanager
