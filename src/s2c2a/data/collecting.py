@@ -4,7 +4,7 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -17,6 +17,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions, fastest
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
+from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
@@ -27,6 +28,7 @@ from s2c2a.spaces import Actions, Reading, Stage
 MAX_EPISODES = 100_000
 MAX_SAMPLES = 100_000
 MAX_SEED = 2**63
+MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
 MakeRobot = Callable[[int], Robot]
 
@@ -234,20 +236,42 @@ def _run_episode(
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
     steps = []
+    gap = 0
     with Loop(robot, player, limits=limits, monitors_vibration=False) as loop:
         for _ in actions:
             step = loop.tick(StepRequest())
             steps.append(step)
-            if step.stage is not Stage.RUN:
+            gap = gap + 1 if step.stage is Stage.HOLD else 0
+            if gap > MAX_GAP or step.stage not in (Stage.RUN, Stage.HOLD):
                 raise RecordingError(
                     f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
                     "correct that, then continue (--resume)"
                 )
         episode = build_episode(steps, arm)
+    columns = _without_gaps(episode, player.sensors)
     # without computing times, the file is identical on any machine
-    columns = dict(episode.columns)
     columns.pop("tick_time", None)
     return replace(episode, columns=columns)
+
+
+def _without_gaps(episode: Episode, sensors: Iterable[str]) -> dict[str, np.ndarray]:
+    """Columns in which short gaps of sensors are interpolated.
+
+    The arm is held in a step with a missing measurement, such as a lost packet; the
+    stage of the step is `HOLD`.
+    """
+    columns = dict(episode.columns)
+    if (episode.columns["stage"] == Stage.RUN).all():
+        return columns
+    times = episode.columns["time"]
+    for name in sensors:
+        values = columns[SENSOR + name].copy()
+        series = values.reshape(len(values), -1)
+        for column in series.T:
+            is_known = np.isfinite(column)
+            column[:] = np.interp(times, times[is_known], column[is_known])
+        columns[SENSOR + name] = values
+    return columns
 
 
 def _required_sensors(robot: Robot) -> tuple[str, ...]:
