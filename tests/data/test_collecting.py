@@ -18,7 +18,7 @@ from s2c2a.episodes import EpisodeWriter
 from s2c2a.episodes import file as episode_file
 from s2c2a.errors import RecordingError, RobotError
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.spaces import Sensor
+from s2c2a.spaces import Sensor, Stage
 
 TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=4, samples=12, seed=3)
@@ -185,11 +185,31 @@ def test_an_episode_with_a_failed_sensor_is_dropped_and_can_be_resumed(
 
     with pytest.raises(
         RecordingError,
-        match=r"episode 3, step 9: 'cables' is .*; correct that, then continue \(--res",
+        match=r"episode 3, step 12: 'cables' is .*; correct that, then continue \(--res",
     ):
         collect(tmp_path / "one.episodes", TWIN, make, SMALL, threads=1)
     assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
     assert_same(gather(resume=True), gather("whole.episodes"))
+
+
+def test_a_short_gap_is_interpolated_and_marked_by_its_stage(gather):
+    lost_steps = (4, 5)
+
+    class Lossy(SimulatedRobot):
+        def read(self):
+            reading = super().read()
+            step = round(reading.time * TWIN.control_rate)
+            if step in lost_steps:
+                reading.sensors["cables"][:] = np.nan
+            return reading
+
+    recording = gather(make=Lossy)
+    episode = recording.episodes[0]
+    cables = episode["sensor.cables"]
+    assert np.isfinite(cables).all()
+    expected = np.linspace(cables[3], cables[6], 4)
+    np.testing.assert_allclose(cables[3:7], expected, atol=1e-5)
+    assert np.flatnonzero(episode["stage"] == Stage.HOLD).tolist() == [4, 5]
 
 
 def test_a_full_disk_loses_no_complete_episode(gather, tmp_path, monkeypatch):

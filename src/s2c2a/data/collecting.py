@@ -257,18 +257,19 @@ def _run_episode(
 def _without_gaps(episode: Episode, sensors: Iterable[str]) -> dict[str, np.ndarray]:
     """Columns in which short gaps of sensors are interpolated.
 
-    The arm is held in a step with a missing measurement, such as a lost packet; the
+    The arm is held in a step with an unsound reading, such as after a lost packet; the
     stage of the step is `HOLD`.
     """
     columns = dict(episode.columns)
-    if (episode.columns["stage"] == Stage.RUN).all():
+    is_sound = episode.columns["stage"] == Stage.RUN
+    if is_sound.all():
         return columns
     times = episode.columns["time"]
     for name in sensors:
         values = columns[SENSOR + name].copy()
         series = values.reshape(len(values), -1)
         for column in series.T:
-            is_known = np.isfinite(column)
+            is_known = is_sound & np.isfinite(column)
             column[:] = np.interp(times, times[is_known], column[is_known])
         columns[SENSOR + name] = values
     return columns
