@@ -20,7 +20,7 @@ _SLACK_RANGE = 2.0  # m; the largest travel of a cable that an arm file may stat
 _SNAPPED = 1.0  # m; paid out, so that the arm does not feel the cable
 _SETTLING_TIME = 1.0  # s
 _HOLDING_FRICTION = 2.0  # N; of a gear without power
-_DRIVING_FRICTION = 0.4  # N; of a gear that the motor drives
+DRIVING_FRICTION = 0.4  # N; of a gear that the motor drives
 _BACK_DRIVING = 0.004  # m/s per N beyond that friction
 _JAM = 0.0005  # m; goal error at which a stalled motor pulls with all its force
 
@@ -221,8 +221,8 @@ class Plant:
             balance, self.positions - largest_step, self.positions + largest_step
         )
         wanted = np.where(targets.follows(Drive.CURRENT), balance, wanted)
-        winding = targets.tension - _DRIVING_FRICTION - pulls
-        yielding = pulls - targets.tension - _DRIVING_FRICTION
+        winding = targets.tension - DRIVING_FRICTION - pulls
+        yielding = pulls - targets.tension - DRIVING_FRICTION
         innermost = self.positions - np.maximum(winding, 0.0) / self.stiffnesses
         outward = np.maximum(yielding, 0.0) / self.stiffnesses
         pulled_out = self.positions + np.minimum(outward, largest_step)
