@@ -5,7 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
@@ -63,7 +63,7 @@ class Strategy:
         self._plan: Plan | None = None
         self._estimate: Estimate
         self._slow_disturbances: Disturbances | None = None
-        self._memory: Any
+        self._controller_memory: Any
         self._command: Actions
         self._warm_up()
 
@@ -108,8 +108,8 @@ class Strategy:
         Returns:
             Displacements [m] or tensions [N], shape (modules, cables).
         """
-        command, self._memory = self._act(
-            plan.configurations, estimate.configuration, self._memory
+        command, self._controller_memory = self._act(
+            plan.configurations, estimate.configuration, self._controller_memory
         )
         self._command = np.asarray(command, dtype=np.float64)
         return self._command
@@ -127,7 +127,7 @@ class Strategy:
     def sent(self, action: Actions) -> None:
         """Learn that a limit changed the last command into another one [m or N]."""
         self._command = action
-        self._memory = self._sent(np.asarray(action, np.float32), self._memory)
+        self._controller_memory = self._sent(np.asarray(action, np.float32), self._controller_memory)
 
     def diagnostics(self) -> dict[str, np.ndarray]:
         """Estimate, plan and prediction of the last step, by column of an episode.
@@ -180,8 +180,8 @@ class Strategy:
         self._estimate = estimate
         self._slow_disturbances = estimate.disturbances
         self._plan = self._planner.start(estimate)
-        self._memory = self._start_controller(estimate.configuration)
-        self._command = np.zeros((self.arm.module_count, self.arm.cable_count))
+        self._controller_memory = self._start_controller(estimate.configuration)
+        self._command = ArmGeometry.of(self.arm).action_neutral
 
     def _check_started(self) -> Plan:
         if self._plan is None:
