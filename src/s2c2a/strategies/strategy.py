@@ -127,7 +127,9 @@ class Strategy:
     def sent(self, action: Actions) -> None:
         """Learn that a limit changed the last command into another one [m or N]."""
         self._command = action
-        self._controller_memory = self._sent(np.asarray(action, np.float32), self._controller_memory)
+        self._controller_memory = self._sent(
+            np.asarray(action, np.float32), self._controller_memory
+        )
 
     def diagnostics(self) -> dict[str, np.ndarray]:
         """Estimate, plan and prediction of the last step, by column of an episode.
