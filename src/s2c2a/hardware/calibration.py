@@ -37,7 +37,7 @@ class CalibratedServo(BaseModel):
 
     id: int = Field(ge=0, le=252)
     model: str = Field(max_length=40)
-    firmware: int = Field(ge=0, le=255)
+    firmware: int = Field(ge=0, le=2**16 - 1)
     home: int = Field(ge=-(2**31), le=2**31)
     spread: float | None = Field(default=None, ge=0)
 
