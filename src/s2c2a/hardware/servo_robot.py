@@ -141,7 +141,10 @@ class ServoRobot(Robot):
         limited = self._limited(np.clip(wanted, self._low, self._high))
         positions = self._winches.positions(limited)
         self._send_positions(positions)
-        self._goal = self._winches.displacements(positions)
+        sent = self._winches.displacements(positions)
+        # of what is sent, in whole ticks, so that rounding does not add up
+        self._budget -= np.abs(sent - self._goal)
+        self._goal = sent
         return self._goal.copy()
 
     def halt(self) -> None:
@@ -369,9 +372,8 @@ class ServoRobot(Robot):
         speed = self._servos.limits.speed
         most = 2.0 * speed * self.arm.control_period
         self._budget = np.minimum(self._budget + speed * elapsed, most)
-        change = np.clip(wanted - self._goal, -self._budget, self._budget)
-        self._budget -= np.abs(change)
-        return self._goal + change
+        reach = np.maximum(self._budget, 0.0)
+        return self._goal + np.clip(wanted - self._goal, -reach, reach)
 
     def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
         """Let servos that stopped by their watchdog return to the last goal and obey."""
