@@ -20,6 +20,7 @@ REFUSALS: tuple[type[Exception], ...] = (*PORT_FAILURES, ValueError)
 
 BITS_PER_BYTE = 10  # with start and stop bit
 POLL_PERIOD = 0.002  # s; a read returns at once when a byte arrives
+LONGEST_DRAIN = 0.1  # s
 WRITE_TIMEOUT = 0.1  # s; enough for the longest packet at the lowest speed
 LATENCY_TIMER = "/sys/bus/usb-serial/devices/{name}/latency_timer"
 """Of an FTDI adapter on Linux [ms]: how long it collects bytes before it sends them."""
@@ -99,7 +100,8 @@ class SerialLine:
             deadline: on the clock of `time.monotonic` [s].
 
         Returns:
-            The bytes; none if the deadline has passed.
+            The bytes; none if none have arrived at the deadline. What arrived before
+            a call that comes late is returned.
 
         Raises:
             PortLostError: the port is gone.
@@ -115,10 +117,13 @@ class SerialLine:
     def drain(self, quiet_time: float) -> None:
         """Drop what arrives until the line was quiet for a time [s].
 
+        A line that is never quiet is left after `LONGEST_DRAIN`.
+
         Raises:
             PortLostError: the port is gone.
         """
-        while self.read(time.monotonic() + quiet_time):
+        end = time.monotonic() + LONGEST_DRAIN
+        while self.read(time.monotonic() + quiet_time) and time.monotonic() < end:
             continue
 
     def close(self) -> None:

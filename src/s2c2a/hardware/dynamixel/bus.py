@@ -40,7 +40,9 @@ from s2c2a.hardware.dynamixel.tables import (
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
-CYCLE_MARGIN = 0.008  # s; beyond wire time and latency of the adapter, in a cycle
+CYCLE_MARGIN = 0.02
+"""Wait beyond wire time and latency of the adapter, in a cycle [s]; many adapters keep
+bytes for up to 16 ms and do not say so."""
 EXCHANGE_MARGIN = 0.2  # s; the same, where nothing hurries
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
@@ -190,7 +192,8 @@ class DynamixelBus(ServoBus):
         """Read the states of servos; see `ServoBus`.
 
         Every servo waits for the answer of the one before, so an absent servo silences
-        those behind it. It is asked last from then on.
+        those behind it. It is asked last from then on, and no joint answer is asked
+        for, which would lack all of them.
         """
         order = sorted(ids, key=lambda id: self._misses.get(id, 0))
         found: dict[int, ServoState] = {}
@@ -324,16 +327,17 @@ class DynamixelBus(ServoBus):
 
     def _read_group(self, address: int, ids: list[int]) -> dict[int, bytes]:
         """Joined blocks of servos."""
+        is_joint = self._fast_read and not any(self._misses.get(id) for id in ids)
         instruction = Instruction.SYNC_READ
-        if self._fast_read:
+        if is_joint:
             instruction = Instruction.FAST_SYNC_READ
         parameters = _span(address, STATE_SIZE) + bytes(ids)
         self._line.write(encode(BROADCAST, instruction, parameters))
         expected = len(ids) * (STATUS_OVERHEAD + STATE_SIZE)
-        reader = StatusReader(expected if self._fast_read else 2 * STATE_SIZE)
+        reader = StatusReader(expected if is_joint else 2 * STATE_SIZE)
         duration = self._line.wire_time(len(parameters) + expected)
         found: dict[int, bytes] = {}
-        awaited = {BROADCAST} if self._fast_read else set(ids)
+        awaited = {BROADCAST} if is_joint else set(ids)
         duration += self._line.latency + CYCLE_MARGIN
         for packet in self._receive(reader, duration, awaited):
             for id, data in _blocks(packet, len(ids)):
@@ -426,6 +430,9 @@ class DynamixelBus(ServoBus):
                 yield packet
             if awaited and not remaining:
                 return
+            # a line that never gets quiet must not hold the caller
+            if time.monotonic() > deadline:
+                break
         yield from reader.flush()
 
 

@@ -284,6 +284,9 @@ class FeetechBus(ServoBus):
             buffer += data
             for answer in take_answers(buffer, set(ids), size):
                 answers[answer.id] = answer
+            # a line that never gets quiet must not hold the caller
+            if time.monotonic() > deadline:
+                break
         return answers
 
     def _identify(self, id: int) -> ServoInfo | None:
